@@ -1,13 +1,16 @@
 //! Animated PNG files: each frame holds only what has changed since the one before.
 //!
 //! In: pictures of one size. Out: the bytes of an APNG file, as every browser shows it. Pixels that changed by no more than
-//! [`UNSEEN`] are left as they are, so that noise costs nothing; what is shown never differs by more.
+//! [`UNSEEN`] are left as they are, so that noise costs nothing; what is shown never differs by more than that and half of
+//! [`COARSE`].
 
 use image::{Rgba, RgbaImage};
 use png::{BlendOp, ColorType, DisposeOp, Encoder, EncodingError, Writer};
 
 /// Steps of 255 in a channel by which a pixel may differ from what it should be.
-const UNSEEN: u8 = 3;
+const UNSEEN: u8 = 4;
+/// Colours are multiples of this: even slopes of a background then take little space.
+const COARSE: u8 = 4;
 
 /// An animation on its way into memory.
 pub struct Animation<'a> {
@@ -38,9 +41,10 @@ impl<'a> Animation<'a> {
 
     /// Adds a picture.
     pub fn push(&mut self, picture: &RgbaImage) -> Result<(), EncodingError> {
+        let picture = coarse(picture);
         let (place, part) = match self.is_first {
-            true => ([0, 0], picture.clone()),
-            false => changes(&self.seen, picture),
+            false => changes(&self.seen, &picture),
+            true => ([0, 0], picture),
         };
         self.is_first = false;
         self.writer.reset_frame_position()?;
@@ -55,6 +59,13 @@ impl<'a> Animation<'a> {
     pub fn finish(self) -> Result<(), EncodingError> {
         self.writer.finish()
     }
+}
+
+/// The picture in fewer colours.
+fn coarse(picture: &RgbaImage) -> RgbaImage {
+    let round = |value: u8| value.saturating_add(COARSE / 2) / COARSE * COARSE;
+    let of = |Rgba([r, g, b, _]): &Rgba<u8>| Rgba([round(*r), round(*g), round(*b), 255]);
+    RgbaImage::from_fn(picture.width(), picture.height(), |x, y| of(picture.get_pixel(x, y)))
 }
 
 /// The rectangle that holds all that changed, by its corner and its pixels; those that did not are transparent.
@@ -108,7 +119,7 @@ mod tests {
             let part = RgbaImage::from_raw(info.width, info.height, part).unwrap();
             image::imageops::overlay(&mut seen, &part, control.x_offset.into(), control.y_offset.into());
             assert!(k == 0 || info.width < 20, "only what changed: {} pixels wide", info.width);
-            let differs = |(a, b): (&u8, &u8)| a.abs_diff(*b) > UNSEEN;
+            let differs = |(a, b): (&u8, &u8)| a.abs_diff(*b) > UNSEEN + COARSE;
             assert!(!seen.as_raw().iter().zip(picture(k).as_raw()).any(differs), "frame {k}");
         }
     }

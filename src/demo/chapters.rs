@@ -13,8 +13,10 @@ pub struct Chapter {
     pub title: &'static str,
     /// One or two sentences that stay as long as the chapter.
     pub text: &'static str,
-    /// A built-in scene, whose script tells the chapter.
+    /// A built-in scene.
     pub scene: &'static str,
+    /// A built-in script that tells the chapter; `None` for the scene's own.
+    pub script: Option<&'static str>,
     /// Effects of all its bodies besides those that the scene lists.
     pub effects: &'static [&'static str],
     /// A built-in stage that has one window.
@@ -24,8 +26,9 @@ pub struct Chapter {
     pub springs_back_s: Option<f64>,
     /// How long its end is shown in the window before the next chapter, s.
     pub holds_s: f64,
-    /// What is measured in a frame; an empty text says nothing.
-    pub numbers: fn(&Scene, &World) -> String,
+    /// What is measured in a frame, with the time that the mechanics of the last frame took that moved anything, s; an empty
+    /// text says nothing.
+    pub numbers: fn(&Scene, &World, f64) -> String,
     /// The times of the script at which pictures are taken, s.
     pub stills_s: &'static [f64],
 }
@@ -45,6 +48,7 @@ pub const CHAPTERS: &[Chapter] = &[
         title: "A hose is bent, and let go",
         text: "The hand feels the force of finite elements: a weighted sum of Green's functions that were solved beforehand.",
         scene: "hose",
+        script: None,
         effects: &[],
         stage: "demo",
         looks: Looks::AtScreens,
@@ -59,6 +63,7 @@ pub const CHAPTERS: &[Chapter] = &[
         text: "Linear theory against its formula. Poisson's ratio is 0 here: the bar grows no thinner, and its clamped ends change \
                nothing. In brackets: what a St. Venant-Kirchhoff body of that length would pull.",
         scene: "bar",
+        script: None,
         effects: &[],
         stage: "demo",
         looks: Looks::AtScreens,
@@ -72,32 +77,35 @@ pub const CHAPTERS: &[Chapter] = &[
         title: "A soft bear in two hands",
         text: "Three control elements, 36 Green's functions. A frame costs the same however many nodes lie inside.",
         scene: "bear",
+        script: None,
         effects: &[],
         stage: "demo",
         looks: Looks::AtScreens,
         springs_back_s: Some(7.5),
         holds_s: 1.5,
         numbers: measure::hands,
-        stills_s: &[2.6, 6.0],
+        stills_s: &[2.6, 5.1],
     },
     Chapter {
         name: "ghost",
         title: "How far is that from the truth?",
-        text: "While the hands rest, nonlinear static equilibrium of the very pose is solved on the whole mesh: the pink ghost.",
+        text: "Once the hands rest, St. Venant–Kirchhoff equilibrium of the very pose is solved on the whole mesh: the pink ghost.",
         scene: "bear",
+        script: Some("raise"),
         effects: &["ghost_equilibrium"],
         stage: "demo",
         looks: Looks::AtScreens,
         springs_back_s: None,
-        holds_s: 30.0,
+        holds_s: 15.0,
         numbers: measure::ghost,
-        stills_s: &[6.5],
+        stills_s: &[3.5],
     },
     Chapter {
         name: "room",
         title: "The room from outside",
         text: "The same tube over a two-sided workbench: each eye sees each screen off-axis, from where the tracked head is.",
         scene: "tube",
+        script: None,
         effects: &[],
         stage: "workbench",
         looks: Looks::AtRoom,
@@ -109,8 +117,10 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "workbench",
         title: "What the workbench shows",
-        text: "Left eye and right eye, wall above table. `greenstage view tube` opens these four pictures as windows.",
+        text: "Left: what the left eye sees, wall above table; right: the right eye. `greenstage view tube` opens a window for each \
+               of these four pictures.",
         scene: "tube",
+        script: None,
         effects: &[],
         stage: "workbench-in-a-window",
         looks: Looks::AtScreens,
@@ -127,10 +137,13 @@ pub fn workbench() -> usize {
 }
 
 impl Chapter {
-    /// The scene with the chapter's own effects, which must require no columns beyond the scene's: its .green file serves several
-    /// chapters.
+    /// The scene with the chapter's own script and effects, which must require no columns beyond the scene's: its .green file
+    /// serves several chapters.
     pub fn scene(&self) -> Result<Scene, Failure> {
         let mut scene = Scene::load(Path::new(self.scene))?;
+        if let Some(script) = self.script {
+            scene.script = Some(script.into());
+        }
         for body in scene.body.values_mut() {
             body.effects.extend(self.effects.iter().map(|effect| (*effect).to_owned()));
         }

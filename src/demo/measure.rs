@@ -1,5 +1,6 @@
 //! What the captions of the demo measure: each function reads the world as it is in this frame.
 
+use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
 use crate::deform::{ControlPose, reach};
 use crate::scene::{Generate, Scene};
@@ -25,7 +26,7 @@ fn expected_part(body: &PlacedBody) -> Option<f64> {
 }
 
 /// The bend of the first body in degrees, and the force in newtons with the error to expect of it.
-pub fn bend(_: &Scene, world: &World) -> String {
+pub fn bend(_: &Scene, world: &World, _: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let angle = body.deformer.largest_turn().to_degrees();
     let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
@@ -39,7 +40,7 @@ pub fn bend(_: &Scene, world: &World) -> String {
 
 /// The pull of the first body, a generated block without lateral contraction, along x: the model's force beside E A ΔL / L, and
 /// that of a St. Venant-Kirchhoff body, E A (λ³ - λ)/2.
-pub fn pull(scene: &Scene, world: &World) -> String {
+pub fn pull(scene: &Scene, world: &World, _: f64) -> String {
     let (Some(body), Some(asked)) = (world.bodies.first(), scene.body.values().next()) else {
         return String::new();
     };
@@ -61,8 +62,8 @@ pub fn pull(scene: &Scene, world: &World) -> String {
     )
 }
 
-/// How far the hands are apart, and what a frame of the mechanics takes.
-pub fn hands(_: &Scene, world: &World) -> String {
+/// How far the hands are apart, and what the mechanics of a frame take that moves them.
+pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let controls = &body.deformer.controls;
     let now = |c: usize| controls[c].origin + body.deformer.poses[c].translation;
@@ -70,26 +71,26 @@ pub fn hands(_: &Scene, world: &World) -> String {
         (0..controls.len()).filter(|&c| body.controls[c].grab == crate::scene::Grab::Dragger).collect();
     let [a, b] = paws[..] else { return String::new() };
     let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
-    format!(
-        "paws {:.0} mm apart, at rest {:.0} mm     mechanics of this frame {}",
-        1e3 * apart,
-        1e3 * rest,
-        table::seconds(world.times.total_s())
-    )
-}
-
-/// Whether the equilibrium is there; its plate tells the difference.
-pub fn ghost(_: &Scene, world: &World) -> String {
-    let is_still = world.bodies.iter().all(|body| moved(body).is_none());
-    match world.ghosts.is_empty() {
-        false => "the difference stands on the picture, in millimetres".into(),
-        true if is_still => String::new(),
-        true => "solved in the background, once the hands rest …".into(),
+    let paws = format!("paws {:.0} mm apart, at rest {:.0} mm", 1e3 * apart, 1e3 * rest);
+    match mechanics_s {
+        0.0 => paws,
+        _ => format!("{paws}     mechanics of a frame {}", table::seconds(mechanics_s)),
     }
 }
 
+/// What the plate of the equilibrium says: how far it is solved, or how far the model is from it.
+pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
+    let Some(plate) = world.plates.iter().find(|plate| plate.anchor == Anchor::LowerLeft) else {
+        return String::new();
+    };
+    let said = |line: &Vec<(String, Tone)>| line.iter().map(|(text, _)| text.as_str()).collect::<String>();
+    // Its last line says where it stands; the head of an answer is the chapter's text.
+    let lines = &plate.lines[if plate.lines.len() > 2 { plate.lines.len() - 1 } else { 0 }..];
+    lines.iter().map(said).collect::<Vec<_>>().join("     ")
+}
+
 /// The screens of the stage and where the head is.
-pub fn room(_: &Scene, world: &World) -> String {
+pub fn room(_: &Scene, world: &World, _: f64) -> String {
     let stage = &world.stage;
     let head = world.room_from_head.translation.vector;
     let sizes = stage

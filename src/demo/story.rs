@@ -7,6 +7,7 @@
 use super::chapters::{CHAPTERS, Chapter, Looks, workbench};
 use super::preparation::{Preparation, Readiness, Ready};
 use crate::base::failure::Failure;
+use crate::base::plates::Anchor;
 use crate::display::bodies::GpuBodies;
 use crate::display::caption::Caption;
 use crate::display::device;
@@ -54,6 +55,8 @@ struct Shown {
     /// `None` while what it needs is made.
     scene: Option<Arc<Scene>>,
     sprang_back: bool,
+    /// Time of the mechanics of the last frame that moved anything, s.
+    mechanics_s: f64,
     /// The camera of a chapter that looks at the room rests, because somebody has turned it.
     camera_rests: bool,
 }
@@ -181,6 +184,8 @@ impl Story {
         self.advance(step_s)?;
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
+        // The caption stands where these would, and says what they say.
+        session.world.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
         screens.overlays.caption = Some(Box::new(caption));
         let mut frame = WindowFrame { windows, session, bodies, edited: None, step_s, track_s: 0.0 };
         screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
@@ -204,6 +209,10 @@ impl Story {
             shown.session.world.act(Action::SnapBack);
         }
         shown.session.advance(end_s.map_or(self.clock_s, |end_s| self.clock_s.min(end_s + AFTER_S)))?;
+        let times = shown.session.world.times;
+        if times.deform_s > 0.0 {
+            shown.mechanics_s = times.total_s();
+        }
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
             let camera = Camera::of(&shown.session.world.stage);
             // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
@@ -229,8 +238,8 @@ impl Story {
         session.attach_mouse();
         let bodies = GpuBodies::new(gpu, &mut session.world, self.device)?;
         let screens = ScreenWindows::new(&session.world.stage, None);
-        let (sprang_back, camera_rests) = (false, false);
-        self.shown = Some(Shown { session, screens, bodies, scene, sprang_back, camera_rests });
+        let (sprang_back, mechanics_s, camera_rests) = (false, 0.0, false);
+        self.shown = Some(Shown { session, screens, bodies, scene, sprang_back, mechanics_s, camera_rests });
         self.clock_s = 0.0;
         Ok(())
     }
@@ -264,7 +273,7 @@ impl Story {
                 if let Some((shown, scene)) =
                     self.shown.as_ref().and_then(|shown| Some((shown, shown.scene.as_ref()?)))
                 {
-                    caption.numbers = numbers(scene, &shown.session.world);
+                    caption.numbers = numbers(scene, &shown.session.world, shown.mechanics_s);
                     let is_told = self.is_told();
                     caption.share = self.duration_s().map_or(1.0, |end_s| self.clock_s / end_s);
                     if !is_told {

@@ -169,6 +169,9 @@ impl Overlays {
             let camera = orbit.as_ref()?.camera;
             let mut room = StageModel::new(frame.stage, &frame.room_from_head, &camera.eye());
             room.add_sensors(frame.reports);
+            if caption.is_some() {
+                room.note.clear();
+            }
             Some((camera, room))
         };
         let rooms: Vec<Option<(Camera, StageModel)>> = outside.iter().map(of).collect();

@@ -69,10 +69,11 @@ struct StylusKey {
 }
 
 /// The built-in scripts, by name.
-pub const BUILT_IN: [(&str, &str); 4] = [
+pub const BUILT_IN: [(&str, &str); 5] = [
     ("bend", include_str!("../../configs/scripts/bend.toml")),
     ("pull", include_str!("../../configs/scripts/pull.toml")),
     ("two-hands", include_str!("../../configs/scripts/two-hands.toml")),
+    ("raise", include_str!("../../configs/scripts/raise.toml")),
     ("models", include_str!("../../configs/scripts/models.toml")),
 ];
 

@@ -72,13 +72,15 @@ fn stages() {
 
 #[test]
 fn scripts() {
-    holds("scripts", &["bend.toml", "models.toml", "pull.toml", "two-hands.toml"]);
+    holds("scripts", &["bend.toml", "models.toml", "pull.toml", "raise.toml", "two-hands.toml"]);
     let script = Script::load(&config("scripts/bend.toml")).unwrap();
     assert_eq!(script.duration_s, 4.0);
     let stage = Stage::find("workbench").unwrap();
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
-    for (file, duration_s, styli) in [("pull.toml", 6.5, 1), ("two-hands.toml", 8.5, 2)] {
+    for (file, duration_s, styli) in
+        [("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)]
+    {
         let script = Script::load(&config("scripts").join(file)).unwrap();
         assert_eq!(script.duration_s, duration_s, "{file}");
         assert_eq!(
@@ -147,14 +149,14 @@ fn an_end_is_turned_by_a_whole_turn() {
     }
 }
 
-/// The demo's bear is one piece of 10 to 20 thousand nodes without slivers, and both paws and the seat hold some of them.
+/// The demo's bear is one piece of 8 to 15 thousand nodes without slivers, and both paws and the seat hold some of them.
 #[test]
 fn the_bear_is_round_and_whole() {
     let scene = Scene::load(&config("scenes/bear.toml")).unwrap();
     let body = &scene.body["bear"];
     let mesh = scene.load_mesh("bear", body).unwrap().mesh;
     println!("{} nodes, {} tetrahedra", mesh.nodes.len(), mesh.tets.len());
-    assert!((10_000..20_000).contains(&mesh.nodes.len()), "{}", mesh.nodes.len());
+    assert!((8_000..15_000).contains(&mesh.nodes.len()), "{}", mesh.nodes.len());
     assert_eq!(quality::components(&mesh).nodes.len(), 1);
     let least = (0..mesh.tets.len()).map(|tet| quality::quality(&mesh.corners(tet))).fold(1.0, f64::min);
     assert!(least > 0.1, "{least}");

@@ -36,7 +36,7 @@ fn the_bar_of_the_demo_pulls_as_its_formula_says() {
         longest = longest.max(longer);
     }
     assert!((0.015..0.025).contains(&longest), "pulled by {longest} m");
-    let told = (chapter.numbers)(&scene, &session.world);
+    let told = (chapter.numbers)(&scene, &session.world, 0.0);
     let newtons = format!(
         "{:.2} N",
         1.0e5 * 0.03 * 0.03 * session.world.bodies[0].deformer.poses[1].translation.x / 0.2

@@ -240,8 +240,10 @@ pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel
             write(painter, (place, Align2::CENTER_CENTER), &label.text, size * label.size, colours);
         }
     }
-    let corner = pos2(rect.min.x + size, rect.max.y - size);
-    write(painter, (corner, Align2::LEFT_BOTTOM), &room.note, size, [QUIET, DARK.gamma_multiply(0.8)]);
+    if !room.note.is_empty() {
+        let corner = pos2(rect.min.x + size, rect.max.y - size);
+        write(painter, (corner, Align2::LEFT_BOTTOM), &room.note, size, [QUIET, DARK.gamma_multiply(0.8)]);
+    }
 }
 
 fn eye_ink(eye: Eye) -> Color32 {

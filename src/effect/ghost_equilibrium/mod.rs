@@ -233,7 +233,7 @@ impl Found {
             Ok(Solved { largest_m, rms_m, .. }) => {
                 let [largest, rms] = [largest_m, rms_m].map(|m| quantity(*m, "m"));
                 let found = format!("{}, found in {:.1} s", title(law), self.answer.seconds);
-                let off = format!("{model} {was} off by {largest} at most, {rms} RMS");
+                let off = format!("the model {model} {was} off by {largest} at most, {rms} RMS");
                 vec![
                     vec![(format!("{name}: static equilibrium {of}"), tone)],
                     vec![(found, Tone::Quiet)],
