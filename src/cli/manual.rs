@@ -133,6 +133,8 @@ mod tests {
                     "tetrahedralise" => "mesh = \"part.stl\"",
                     _ => "mesh = \"part.msh\"",
                 };
+                let slots = ["mesh", "generate", "material", "region", "solver", "tetrahedralise", "accuracy", "nodes"];
+                let other = if slots.contains(&key) { "" } else { line };
                 let scene = format!(
                     "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
                     or("material", "material = { young = 1.0, poisson = 0.3 }"),
@@ -140,7 +142,7 @@ mod tests {
                     or("solver", ""),
                     or("tetrahedralise", ""),
                     or("accuracy", ""),
-                    or("place", ""),
+                    other,
                     or("nodes", "nodes = { group = \"left\" }"),
                 );
                 if key != "mesh" {

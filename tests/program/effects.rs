@@ -162,7 +162,7 @@ fn without_stress_there_is_no_section_and_no_word_of_a_limit() {
         (listed("stress-plain", ""), listed("stress", r#""stress""#));
     assert!(!told.contains("PASSED") && !plain.join("out.stress.csv").exists(), "{told}");
     assert!(of_stress.contains("body.tube: von Mises stress at most"), "{of_stress}");
-    assert!(of_stress.contains("its limit of 0.100 % is PASSED in"), "{of_stress}");
+    assert!(of_stress.contains("its limit of 0.10 % is PASSED in"), "{of_stress}");
     let table = std::fs::read_to_string(stressed.join("out.stress.csv")).unwrap();
     let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
     let [strain, of_limit, passed] = [3, 5, 6].map(|k: usize| row[k].parse::<f64>().unwrap());
