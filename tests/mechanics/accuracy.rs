@@ -310,7 +310,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
     assert!(met > 10 && held > 2, "demands were met: {met}, {held} of them for forces");
 }
 
-/// All but times is the same in two runs.
+/// All but times is the same in two runs. Which settings are drawn on the body is chosen by times.
 #[test]
 fn the_same_seed_gives_the_same_numbers() {
     let (_, scene) = &bodies()[0];
@@ -321,6 +321,7 @@ fn the_same_seed_gives_the_same_numbers() {
         }
         report.trials.rows.iter_mut().for_each(|trial| trial.frame_s = 0.0);
         report.effects.iter_mut().for_each(|effect| (effect.offline_s, effect.frame_s) = (0.0, 0.0));
+        report.shapes.iter_mut().for_each(|shapes| shapes.errors.clear());
         report
     };
     let [one, two] = ["same-1", "same-2"].map(|name| timeless(report(name, scene, &[0.2])));

@@ -161,7 +161,9 @@ fn worst_wrench_error(
 
 /// Neither `linear` nor `rotation` has the force of a bar that is bent by 60°. What is chosen has it, against an equilibrium
 /// that the planner did not see, and the file holds the families of its model and no others. What nothing reaches is refused
-/// from the same table.
+/// from the same table: of 5 % the table says that `reduced` with tet10 reaches them, where the bar is pressed with 100 N, but in
+/// a pose that takes 4 N in all its mesh alone is wrong by 1 N, and the verification finds it (−2.53, −3.46 and −3.85 N along
+/// the bar on the mesh, refined once and twice).
 #[test]
 fn a_demand_for_force_chooses_a_model_that_meets_it() {
     let folder = folder("plan-force");
@@ -172,16 +174,21 @@ fn a_demand_for_force_chooses_a_model_that_meets_it() {
         (output, said)
     };
     let (output, said) = ask("0.05");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("body.bar: tet10, cholesky, f32, reduced itself, in 3 further poses"), "{said}");
+    let (output, said) = ask("0.3");
     assert!(output.status.success() && said.contains("body.bar: chosen: "), "{said}");
     let asking = Scene::load(&folder.join("bar.toml")).unwrap();
-    let (poses, _) = scripted_or_random(&asking, "bar", None, true).unwrap();
+    let (mut poses, _) = scripted_or_random(&asking, "bar", None, true).unwrap();
     assert_eq!(poses.last().unwrap().0, "turned 60°");
+    let (further, _) = scripted_or_random(&asking, "bar", None, false).unwrap();
+    poses.extend(further.into_iter().rev().take(3));
     let chosen = settle_from_file(asking).unwrap();
     let model = chosen.body["bar"].model.clone();
     assert!(["reduced", "substructured", "rod"].contains(&model.as_str()), "{model}");
     let error = worst_wrench_error(&chosen, &model, &poses);
     println!("{model} with {}: {error:.4}", chosen.body["bar"].element.name);
-    assert!(error < 0.05, "{model}: {error}");
+    assert!(error < 0.3, "{model}: {error}");
     let file = GreenFile::open(&folder.join("bar.green")).unwrap();
     let own = Requirements::of(find_model(&model).unwrap().requirements);
     assert_eq!(file.meta.bodies["bar"].requirements, own);
