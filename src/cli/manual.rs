@@ -133,7 +133,16 @@ mod tests {
                     "tetrahedralise" => "mesh = \"part.stl\"",
                     _ => "mesh = \"part.msh\"",
                 };
-                let slots = ["mesh", "generate", "material", "region", "solver", "tetrahedralise", "accuracy", "nodes"];
+                let slots = [
+                    "mesh",
+                    "generate",
+                    "material",
+                    "region",
+                    "solver",
+                    "tetrahedralise",
+                    "accuracy",
+                    "nodes",
+                ];
                 let other = if slots.contains(&key) { "" } else { line };
                 let scene = format!(
                     "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
