@@ -218,7 +218,8 @@ mod tests {
     #[test]
     fn an_exact_setting_has_no_error_and_a_wrong_one_is_found() {
         let exact = verified("model = \"linear\"", 1e-4);
-        assert!(exact.shape < 1e-3 && exact.held.unwrap() < 1e-3, "{exact:?}");
+        // The force of `linear` errs in the first power of the turn, by some tens of per cent at one degree.
+        assert!(exact.shape < 1e-3 && exact.held.unwrap() < 0.01, "{exact:?}");
         let turned = verified("model = \"reduced\"", 0.3);
         assert!(turned.shape < 0.01 && turned.held.unwrap() < 0.05, "{turned:?}");
         let wrong = verified("model = \"linear\"", 1.0);

@@ -83,7 +83,7 @@ impl Kept {
     }
 }
 
-/// Removes what [`Kept`] wrote in a folder, and the folder where nothing else is in it.
+/// Removes what `Kept` wrote in a folder, and the folder where nothing else is in it.
 pub fn remove(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
