@@ -1,6 +1,6 @@
 //! Numbers in a fixed width with fixed digits, so that nothing jumps or collides while they change.
 //!
-//! In: any number, also infinite or none. Out: text of so many letters as were asked for, never more; a [`Quantity`] begins with
+//! In: any number, also infinite or none. Out: text of so many letters as were asked for, never more; a quantity begins with
 //! a blank and has its prefix and unit in a column of their own: `  12.34 mN `.
 
 /// A kind of quantity: its unit, and the powers of a thousand for which it has prefixes.
