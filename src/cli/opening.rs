@@ -1,5 +1,6 @@
 //! What a command opens: a scene file, or a mesh or surface file for which a scene is proposed.
 
+use crate::base::cache;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
@@ -46,7 +47,7 @@ fn is_a_person_there() -> bool {
 }
 
 /// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
-/// and .green file then go to a folder of their own ([`cache_folder`]), so that nothing appears beside the mesh.
+/// and .green file then go to a folder of their own ([`cache::folder`]), so that nothing appears beside the mesh.
 pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
     if !is_mesh_or_surface(path) {
         let is_guessed = guess.unit.is_some() || guess.material.is_some();
@@ -75,18 +76,9 @@ pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
 /// The scene file for a mesh that has none: named after it, and after the folder that it is in.
 fn place_of(mesh: &Path) -> Result<PathBuf, Failure> {
     let real = mesh.canonicalize().unwrap_or_else(|_| mesh.to_owned());
-    let folder = cache_folder();
-    output::make_folder(&folder)?;
     let hash = blake3::hash(real.as_os_str().as_encoded_bytes()).to_hex();
     let stem = mesh.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(folder.join(format!("{stem}-{}.toml", &hash[..8])))
-}
-
-/// `$XDG_CACHE_HOME/greenstage`, else `~/.cache/greenstage`, else a folder among the temporary files.
-fn cache_folder() -> PathBuf {
-    let from = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let cache = from("XDG_CACHE_HOME").or_else(|| from("HOME").map(|home| home.join(".cache")));
-    cache.unwrap_or_else(std::env::temp_dir).join("greenstage")
+    Ok(cache::folder().join(format!("{stem}-{}.toml", &hash[..8])))
 }
 
 /// Only a scene is overwritten, even by force.

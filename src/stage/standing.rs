@@ -52,6 +52,9 @@ const SUNK_M: f64 = 1e-3;
 const HALVINGS: usize = 14;
 const LEAST: f64 = 0.01;
 
+/// How far a point is below a table or a floor, m.
+type Depth<'a> = Box<dyn Fn(&Point3<f64>) -> f64 + 'a>;
+
 impl Standing {
     /// Whether there is nothing to tell: all but some points at the border is seen, and nothing is sunk.
     pub fn is_right(&self, stage: &Stage) -> bool {
@@ -129,8 +132,7 @@ impl Stage {
     }
 
     /// Tables and floors, with how far a point is below one: of a screen only under its picture.
-    #[allow(clippy::type_complexity, reason = "a name and a function")]
-    fn levels(&self) -> impl Iterator<Item = (String, Box<dyn Fn(&Point3<f64>) -> f64 + '_>)> {
+    fn levels(&self) -> impl Iterator<Item = (String, Depth<'_>)> {
         let of_screen = |screen: &'_ Screen| {
             let [right, up, normal] = screen.axes();
             let (corner, size) = (screen.lower_left, [screen.width_m(), screen.height_m()]);
@@ -142,11 +144,11 @@ impl Stage {
             }
         };
         let tables = self.screens.iter().filter(|screen| is_level(screen)).map(move |screen| {
-            let depth: Box<dyn Fn(&Point3<f64>) -> f64> = Box::new(of_screen(screen));
+            let depth: Depth<'_> = Box::new(of_screen(screen));
             (format!("screen `{}`", screen.name), depth)
         });
         let floor = self.grid.map(|grid| {
-            let depth: Box<dyn Fn(&Point3<f64>) -> f64> = Box::new(move |place| grid.height_m - place.y);
+            let depth: Depth<'_> = Box::new(move |place| grid.height_m - place.y);
             ("the grid".to_owned(), depth)
         });
         tables.chain(floor)
