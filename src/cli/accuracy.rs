@@ -40,7 +40,7 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// A report within a minute: fewer poses and angles, no refinement, each offline time measured once, and what does not fit is
+    /// A report in about a minute: fewer poses and angles, no refinement, each offline time measured once, and what does not fit is
     /// left out and named
     #[arg(long)]
     pub quick: bool,

@@ -202,7 +202,7 @@ fn the_steel_bar_yields_where_beam_theory_says() {
     let reached = stressed.reached(&found);
     let yields = 1e3 * moved / reached.limit.unwrap().0;
     println!("{count} nodes, yields after {yields:.2} mm, by a beam after {:.2} mm", 250e6 / most);
-    assert!((1.8..3.2).contains(&yields), "{yields}: at the clamp, where it is no beam");
+    assert!((2.6..3.0).contains(&yields), "{yields}: at the clamp, where it is no beam");
 }
 
 /// The whole line, offline and online: the demo's scene as it is, its script on its stage, and where the tube's right
