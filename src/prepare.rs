@@ -8,8 +8,8 @@ use crate::base::progress::Progress;
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, Statics, find_model};
 use crate::effect::{self, EffectEntry, expected, find_effect};
-use crate::fem::Law;
-use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
+use crate::fem::{Dilatation, Law};
+use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements, UPDATES};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
@@ -34,7 +34,29 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         Statics::suits(scene, name, law).map_err(Failure::request)?;
     }
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    Ok(effect::requirements(model, effects(body)))
+    let required = effect::requirements(model, effects(body));
+    if body.updates.is_none() {
+        return Ok(required);
+    }
+    if let Some(family) = required.families().find(|family| !green::is_derived(family)) {
+        let message = format!(
+            "a body that is changed while it is shown has its columns and its handle stiffness found again, but not the \
+             family {family}, which model = \"{}\" with these effects needs: write model = \"linear\", or leave updates out",
+            body.model
+        );
+        return Err(wrong(scene, name, "updates", message));
+    }
+    if !body.updates.iter().all(|updates| updates.modulus.is_empty())
+        && body.element.dilatation == Dilatation::Nodal
+    {
+        let message = format!(
+            "element = \"{}\" averages the pressure across the border of regions, so that the modulus of one cannot be \
+             changed by itself: write element = \"tet4\" or \"tet10\"",
+            body.element.name
+        );
+        return Err(wrong(scene, name, "updates.modulus", message));
+    }
+    Ok(required.and(Requirements::of(&[UPDATES])))
 }
 
 /// The same of a body that is measured; refuses the models that others are measured against.
@@ -115,6 +137,7 @@ pub fn green_path(scene: &Scene) -> PathBuf {
 ///
 /// A damaged file is an error, not a reason: it is never replaced without a word.
 pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
+    let scene = &scene.as_prepared();
     let file = match GreenFile::open(path) {
         Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
             return Ok(Err(GreenError::Io { path: path.to_owned(), source }));
@@ -148,6 +171,7 @@ pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failur
 pub type Teller<'a> = &'a dyn Fn(&str) -> Box<dyn Progress>;
 
 fn precompute_telling(scene: &Scene, teller: Teller<'_>) -> Result<Vec<Precomputed>, Failure> {
+    let scene = &scene.as_prepared();
     scene
         .body
         .iter()
@@ -175,6 +199,20 @@ pub fn green_file_telling(
     named: Option<&Path>,
     teller: Teller<'_>,
 ) -> Result<Arc<GreenFile>, Failure> {
+    updated(prepared_file(scene, named, teller)?, scene)
+}
+
+/// The file of a scene after what is released and changed of it now.
+fn updated(base: Arc<GreenFile>, scene: &Scene) -> Result<Arc<GreenFile>, Failure> {
+    if !scene.body.values().any(Body::is_updated) {
+        return Ok(base);
+    }
+    let sections =
+        |file: &GreenFile, name: &str| effect::sections_after_change(file, name, &scene.body[name]);
+    Ok(Arc::new(green::derive(base, scene, &sections)?))
+}
+
+fn prepared_file(scene: &Scene, named: Option<&Path>, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
     if let Some(path) = named {
         return Ok(Arc::new(fresh(scene, path)??));
     }
@@ -201,6 +239,17 @@ pub fn green_file_telling(
 /// The .green file of a scene that is changed while it is shown. Bodies that one of `known` holds as they are now are taken
 /// from there; the others are precomputed, and the file is made at `path`. It is one of `known` where that holds them all.
 pub fn changed_file(
+    scene: &Scene,
+    path: &Path,
+    known: &[Arc<GreenFile>],
+    progress: &dyn Progress,
+) -> Result<Arc<GreenFile>, Failure> {
+    let known: Vec<_> =
+        known.iter().flat_map(|file| [Some(file), file.base.as_ref()]).flatten().cloned().collect();
+    updated(changed_base(&scene.as_prepared(), path, &known, progress)?, scene)
+}
+
+fn changed_base(
     scene: &Scene,
     path: &Path,
     known: &[Arc<GreenFile>],

@@ -20,7 +20,7 @@ pub use running::RunningEffect;
 
 use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
-use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements};
+use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
 use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 use crate::world::World;
@@ -74,6 +74,19 @@ pub fn add_sections<'a>(
         body.sections.extend(tensors.into_iter().map(named));
     }
     Ok(())
+}
+
+/// The sections of a body of which something was released or changed since: what was measured of it holds no more, the
+/// others stay.
+pub fn sections_after_change(file: &GreenFile, name: &str, body: &Body) -> Vec<(String, Tensor)> {
+    let Some(meta) = file.meta.bodies.get(name) else { return Vec::new() };
+    let sections = meta.requirements.sections().flat_map(|effect| file.section_tensors(name, effect));
+    sections
+        .map(|(tensor, content)| match expected::is_measured(&tensor) {
+            true => (tensor, expected::not_measured(body)),
+            false => (tensor, content),
+        })
+        .collect()
 }
 
 /// The effect of `entry` where a body of the scene lists it.

@@ -123,8 +123,16 @@ pub fn solve_prepared(
         Some(factor) => factor.solve(b, progress).map(|(x, _)| x).map_err(failed),
         None => Ok(NodeFields::zeros(b.nodes, b.columns)),
     };
-    let assembled =
-        Assembled { place: &place, body, lame: &lame, k: &k, partition: &partition, solve: &solve };
+    let assembled = Assembled {
+        place: &place,
+        scene,
+        name,
+        body,
+        lame: &lame,
+        k: &k,
+        partition: &partition,
+        solve: &solve,
+    };
     for entry in families {
         if let Some(compute) = entry.compute {
             compute(&assembled, &mut solution, progress)?;

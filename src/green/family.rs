@@ -7,13 +7,15 @@ use super::solution::{Precomputed, Solution};
 use super::tensor::Tensor;
 use crate::base::columns::ColumnGroup;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
-use crate::scene::Body;
+use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 
 /// What a family is made from beside the affine fields.
 pub struct Assembled<'a> {
     /// `scene: body.name`, for errors.
     pub place: &'a str,
+    pub scene: &'a Scene,
+    pub name: &'a str,
     /// The scene's settings of the body.
     pub body: &'a Body,
     pub lame: &'a [Lame],

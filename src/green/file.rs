@@ -16,6 +16,7 @@ use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Version of the container's contents; a file of another version is refused.
 pub const FORMAT: u32 = 3;
@@ -101,6 +102,8 @@ pub struct GreenFile {
     pub meta: Meta,
     pub(super) bytes: Bytes,
     pub(super) tensors: Tensors,
+    /// The file that this one was derived from, where a control element was released or a modulus changed.
+    pub base: Option<Arc<GreenFile>>,
 }
 
 impl GreenFile {
@@ -119,9 +122,14 @@ impl GreenFile {
             ErrorKind::InvalidData => damaged(source.to_string()),
             _ => failed(source),
         })?;
-        let (meta, tensors) = read_container(bytes.as_slice()).map_err(damaged)?;
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors };
-        file.check().map_err(damaged)?;
+        GreenFile::of(path, bytes).map_err(damaged)
+    }
+
+    /// The error says what is wrong.
+    pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
+        let (meta, tensors) = read_container(bytes.as_slice())?;
+        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, base: None };
+        file.check()?;
         Ok(file)
     }
 

@@ -30,6 +30,7 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
         "solver": body.solver,
         "parts": body.parts,
         "controls": selections,
+        "updates": body.updates.as_ref().map(|updates| (&updates.release, &updates.modulus)),
         "requirements": requirements,
     });
     let mut hasher = blake3::Hasher::new();

@@ -9,6 +9,7 @@ mod basis;
 mod bytes;
 mod check;
 mod control;
+mod derive;
 mod error;
 mod families;
 mod family;
@@ -28,15 +29,17 @@ mod rigid;
 mod solution;
 pub mod substructure;
 mod tensor;
+pub mod update;
 mod validate;
 mod write;
 
 pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
+pub use derive::{derive, is_derived};
 pub use error::GreenError;
 pub use families::{
     AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
-    SUBSTRUCTURES, VOLUME, Volume,
+    SUBSTRUCTURES, UPDATES, VOLUME, Volume,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};

@@ -55,6 +55,13 @@ impl Requirements {
         Requirements { families: self.families.clone(), sections: BTreeSet::new() }
     }
 
+    /// All but this family.
+    pub fn without(&self, family: Family) -> Requirements {
+        let mut rest = self.clone();
+        rest.families.remove(family.name);
+        rest
+    }
+
     pub fn has(&self, family: Family) -> bool {
         self.families.contains(family.name)
     }

@@ -3,6 +3,7 @@
 //! In: precomputed bodies. Out: a safetensors container with the tensors of the surface, of the families that each body
 //! requires and of its effects, and the metadata sealed by their hash.
 
+use super::bytes::Bytes;
 use super::control::{ControlElement, FIELD_NAMES, FIELDS};
 use super::error::GreenError;
 use super::families::FAMILIES;
@@ -16,6 +17,7 @@ use nalgebra::Vector3;
 use safetensors::tensor::TensorView;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Writes all bodies of a scene to `path`, whole or not at all ([`output::write`]). Returns its size.
 pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
@@ -30,39 +32,94 @@ pub fn write_with(
 ) -> Result<u64, GreenError> {
     let failed = |source| GreenError::Io { path: path.to_owned(), source };
     let mut tensors = BTreeMap::new();
-    let mut meta = Meta {
-        format: FORMAT,
-        program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
-        units: "SI (m, N, Pa)".into(),
-        bodies: BTreeMap::new(),
-        blake3: BTreeMap::new(),
-    };
+    let mut meta = Meta::empty();
     for body in bodies {
         let mut own = body_meta(body);
         add_tensors(body, &mut own, &mut tensors);
         meta.bodies.insert(body.name.clone(), own);
     }
     for (file, body) in kept {
-        let own = format!("{body}/");
-        for (name, (dtype, shape, place)) in file.tensors.iter().filter(|(name, _)| name.starts_with(&own)) {
-            let bytes = file.bytes.as_slice()[place.clone()].to_vec();
-            tensors.insert(name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), bytes });
-        }
+        tensors.extend(file.tensors_of(body));
         meta.bodies.extend(file.meta.bodies.get(*body).map(|meta| ((*body).to_owned(), meta.clone())));
     }
-    for (name, tensor) in &tensors {
-        meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
-    }
-    let bytes = container(&meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
+    let bytes = sealed(meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
     output::make_folder_of(path)?;
     output::write(path, &GREEN, |file| file.write_all(&bytes))?;
     Ok(bytes.len() as u64)
 }
 
-fn container(
-    meta: &Meta,
+impl Meta {
+    fn empty() -> Meta {
+        Meta {
+            format: FORMAT,
+            program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
+            units: "SI (m, N, Pa)".into(),
+            bodies: BTreeMap::new(),
+            blake3: BTreeMap::new(),
+        }
+    }
+}
+
+impl GreenFile {
+    /// The tensors of a body as they are there, by their names in the file.
+    fn tensors_of(&self, body: &str) -> impl Iterator<Item = (String, Tensor)> {
+        let own = format!("{body}/");
+        self.tensors.iter().filter(move |(name, _)| name.starts_with(&own)).map(
+            |(name, (dtype, shape, place))| {
+                let bytes = self.bytes.as_slice()[place.clone()].to_vec();
+                (name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), bytes })
+            },
+        )
+    }
+
+    /// The tensors of an effect's section, by `EFFECT/TENSOR`.
+    pub fn section_tensors(&self, body: &str, effect: &str) -> Vec<(String, Tensor)> {
+        let (own, section) = (format!("{body}/"), format!("{body}/{effect}/"));
+        let named = |(name, tensor): (String, Tensor)| Some((name.strip_prefix(&own)?.to_owned(), tensor));
+        self.tensors_of(body).filter(|(name, _)| name.starts_with(&section)).filter_map(named).collect()
+    }
+
+    /// One tensor of a body.
+    pub(super) fn tensor(&self, body: &str, name: &str) -> Option<Tensor> {
+        let (dtype, shape, place) = self.tensors.get(&format!("{body}/{name}"))?;
+        let bytes = self.bytes.as_slice()[place.clone()].to_vec();
+        Some(Tensor { dtype: *dtype, shape: shape.clone(), bytes })
+    }
+
+    /// A file in memory alone, in which some bodies of this one have other tensors and say something else of themselves.
+    pub(super) fn with_bodies(
+        self: Arc<Self>,
+        others: BTreeMap<String, (BodyMeta, BTreeMap<String, Tensor>)>,
+    ) -> Result<GreenFile, GreenError> {
+        let mut meta = Meta::empty();
+        let mut tensors = BTreeMap::new();
+        for (name, own) in &self.meta.bodies {
+            let Some((changed, content)) = others.get(name) else {
+                meta.bodies.insert(name.clone(), own.clone());
+                tensors.extend(self.tensors_of(name));
+                continue;
+            };
+            meta.bodies.insert(name.clone(), changed.clone());
+            tensors.extend(content.iter().map(|(tensor, of)| (format!("{name}/{tensor}"), of.clone())));
+        }
+        let damaged = |reason: String| GreenError::Damaged { path: self.path.clone(), reason };
+        let bytes = sealed(meta, &tensors).map_err(|error| damaged(error.to_string()))?;
+        let bytes = Bytes::read(&mut bytes.as_slice(), bytes.len() as u64)
+            .map_err(|source| GreenError::Io { path: self.path.clone(), source })?;
+        let file = GreenFile::of(&self.path, bytes).map_err(damaged)?;
+        Ok(GreenFile { base: Some(self), ..file })
+    }
+}
+
+/// The bytes of a file.
+fn sealed(
+    mut meta: Meta,
     tensors: &BTreeMap<String, Tensor>,
 ) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
+    for (name, tensor) in tensors {
+        meta.blake3.insert(name.clone(), blake3::hash(&tensor.bytes).to_hex().to_string());
+    }
+    let meta = &meta;
     let content = serde_json::value::to_raw_value(meta)?;
     let seal = blake3::hash(content.get().as_bytes()).to_hex().to_string();
     let sealed = serde_json::to_string(&Sealed { blake3: seal, content: &content })?;

@@ -13,6 +13,7 @@ pub mod materials;
 mod parts;
 pub mod proposal;
 mod select;
+mod updates;
 pub mod write;
 
 pub use crate::base::columns::Storage;
@@ -21,6 +22,7 @@ pub use limit::{LegendSettings, Limit, Quantity};
 pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;
 pub use select::Nodes;
+pub use updates::Updates;
 
 use crate::base::failure::Failure;
 use crate::config::{self, ConfigError};
@@ -100,6 +102,9 @@ pub struct Body {
     pub region: BTreeMap<String, Material>,
     #[serde(default = "linear")]
     pub model: String,
+    /// What may be changed while the body is shown, without computing it anew.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub updates: Option<Updates>,
     /// How the model `substructured` cuts the body; `{ along = 8 }` where it is left out.
     pub parts: Option<Parts>,
     #[serde(default)]
@@ -326,18 +331,21 @@ impl Scene {
         if is_mesh_or_surface(path) {
             return Err(SceneError::IsMesh { path: path.to_owned() });
         }
-        let mut scene: Scene = config::load(path)?;
-        scene.path = path.to_owned();
-        scene.check()?;
-        Ok(scene)
+        let scene: Scene = config::load(path)?;
+        scene.begin(path)
     }
 
     /// Parses a scene from text; `path` is where its relative paths start and what errors name.
     pub fn parse(text: &str, path: &Path) -> Result<Scene, SceneError> {
-        let mut scene: Scene = config::parse(text, path)?;
-        scene.path = path.to_owned();
-        scene.check()?;
-        Ok(scene)
+        let scene: Scene = config::parse(text, path)?;
+        scene.begin(path)
+    }
+
+    fn begin(mut self, path: &Path) -> Result<Scene, SceneError> {
+        path.clone_into(&mut self.path);
+        self.check()?;
+        self.body.values_mut().for_each(Body::begin_updates);
+        Ok(self)
     }
 
     /// A path of the scene file, relative to its folder.
@@ -401,6 +409,7 @@ impl Scene {
         }
         look::check(body.lines, body.texture.as_ref(), body.crease)
             .map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
+        self.check_updates(&entity, body)?;
         if let Some(parts) = body.parts {
             parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }

@@ -18,4 +18,5 @@ mod report;
 mod report_common;
 mod series;
 mod statics;
+mod updates;
 mod verify;

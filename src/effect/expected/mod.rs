@@ -77,6 +77,20 @@ pub(super) fn haptic_section(
     Ok(vec![(TENSOR.into(), written(&errors))])
 }
 
+/// Whether a tensor of a section, `EFFECT/TENSOR`, holds what was measured.
+pub(super) fn is_measured(tensor: &str) -> bool {
+    tensor.ends_with(&format!("/{TENSOR}"))
+}
+
+/// The tensor of a body of which something was released or changed since it was measured.
+pub(super) fn not_measured(body: &Body) -> Tensor {
+    let mut errors = of(body);
+    errors
+        .left_out
+        .push("a control element was released, or a modulus changed, since they were measured".into());
+    written(&errors)
+}
+
 fn written(errors: &ExpectedErrors) -> Tensor {
     let text = serde_json::to_vec(errors).unwrap_or_default();
     Tensor::new(&[text.len()], text)

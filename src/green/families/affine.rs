@@ -11,7 +11,7 @@ use super::super::requirements::Family;
 use super::super::solution::Precomputed;
 use super::super::tensor::Tensor;
 use super::columns::{self, Names};
-use crate::base::columns::ColumnGroup;
+use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use nalgebra::DMatrix;
 
 pub const AFFINE: Family = Family { name: "affine", from: &[] };
@@ -38,9 +38,20 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
         let stored = columns::stored(body, FIELDS, &|row, column| fields.row(row)[FIELDS * e + column]);
         meta.accuracy.storage_error = meta.accuracy.storage_error.max(stored.relative_error());
         meta.controls[e].storage_errors.clone_from(&stored.errors);
-        tensors.extend(columns::write(body, names(&control.name), stored));
+        let surface_nodes = body.solution.surface.nodes.len();
+        tensors.extend(tensors_of(&control.name, surface_nodes, body.storage, stored));
     }
     tensors
+}
+
+/// The tensors of one control element.
+pub fn tensors_of(
+    control: &str,
+    surface_nodes: usize,
+    storage: Storage,
+    stored: StoredColumns,
+) -> Vec<(String, Tensor)> {
+    columns::write(storage, surface_nodes, names(control), stored)
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {

@@ -27,14 +27,19 @@ pub fn stored(body: &Precomputed, count: usize, value: &dyn Fn(usize, usize) -> 
 }
 
 /// The tensors of stored columns.
-pub fn write(body: &Precomputed, names: Names, stored: StoredColumns) -> Vec<(String, Tensor)> {
+pub fn write(
+    storage: Storage,
+    surface_nodes: usize,
+    names: Names,
+    stored: StoredColumns,
+) -> Vec<(String, Tensor)> {
     let mut tensors = Vec::new();
     let count = stored.sizes.len();
     if !stored.scales.is_empty() {
         let scales = stored.scales.iter().copied();
         tensors.push((names.scale, Tensor::new(&[count], scales)));
     }
-    let (dtype, shape) = (dtype(body.storage), vec![count, body.solution.surface.nodes.len(), 3]);
+    let (dtype, shape) = (dtype(storage), vec![count, surface_nodes, 3]);
     tensors.push((names.basis, Tensor { dtype, shape, bytes: stored.into_bytes() }));
     tensors
 }

@@ -10,14 +10,17 @@ mod screw_paths;
 mod stiffness;
 mod substructures;
 mod table;
+mod updates;
 mod volume;
 
 pub use affine::AFFINE;
+pub(super) use affine::tensors_of as affine_tensors;
 pub use cubic::CUBIC;
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
+pub use updates::UPDATES;
 pub use volume::{VOLUME, Volume};
 
 use super::family::FamilyEntry;
@@ -34,6 +37,7 @@ pub const FAMILIES: &[FamilyEntry] = &[
     perturbation::ENTRY,
     substructures::ENTRY,
     volume::ENTRY,
+    updates::ENTRY,
 ];
 
 impl GreenFile {

@@ -132,7 +132,7 @@ fn write(body: &Precomputed, _: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let mut tensors = table::write(body, QUARTIC);
     if let Some(fields) = body.solution.tables.get(FIELDS_TABLE) {
         let stored = columns::stored(body, fields.ncols(), &|row, column| fields[(row, column)]);
-        tensors.extend(columns::write(body, names(), stored));
+        tensors.extend(columns::write(body.storage, body.solution.surface.nodes.len(), names(), stored));
     }
     tensors
 }
