@@ -1,12 +1,14 @@
 //! `greenstage deform`: computes displacements and forces for a list of poses.
 
+use super::parsers;
 use super::print::print;
 use crate::base::failure::Failure;
+use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::export::batch::{self, Asked};
 use crate::export::{Files, ResultSet};
 use crate::prepare;
-use crate::scene::Scene;
+use crate::scene::{Scene, Updates};
 use crate::tuning;
 use std::path::PathBuf;
 
@@ -41,10 +43,16 @@ pub struct Args {
     /// mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,
+    /// A control element that holds nothing, BODY.CONTROL, found without factoring again (scenes with updates); again for more
+    #[arg(long, value_name = "BODY.CONTROL", value_parser = parsers::of_body)]
+    pub release: Vec<(String, String)>,
+    /// Young's modulus of a region, BODY.REGION=PA, in the same way
+    #[arg(long, value_name = "BODY.REGION=PA", value_parser = parsers::modulus)]
+    pub young: Vec<(String, String, f64)>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Scene::load(&args.scene)?;
+    let scene = updated(Scene::load(&args.scene)?, args)?;
     let poses = pose_file::load(&args.poses)?;
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
@@ -60,6 +68,39 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&set.stress_lines())?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
+}
+
+/// The scene with what is asked to be released and changed of it.
+fn updated(mut scene: Scene, args: &Args) -> Result<Scene, Failure> {
+    let named = args.release.iter().map(|(body, what)| (body, what, None));
+    let named = named.chain(args.young.iter().map(|(body, what, young)| (body, what, Some(*young))));
+    for (name, what, young) in named {
+        let known = scene.body.keys().map(String::as_str);
+        let unknown = unknown_name("body", name, known);
+        let path = scene.path.clone();
+        let wrong = |message: String| Failure::wrong(format!("{}: {message}", path.display()));
+        let body = scene.body.get_mut(name).ok_or_else(|| wrong(unknown))?;
+        let listed = |names: fn(&Updates) -> &Vec<String>| {
+            body.updates.as_ref().is_some_and(|updates| names(updates).iter().any(|listed| listed == what))
+        };
+        match young {
+            None if listed(|updates| &updates.release) => {
+                body.release(what);
+            }
+            Some(young) if listed(|updates| &updates.modulus) => {
+                body.region.get_mut(what).into_iter().for_each(|region| region.young = young);
+            }
+            _ => {
+                let (key, option) =
+                    if young.is_some() { ("modulus", "--young") } else { ("release", "--release") };
+                return Err(wrong(format!(
+                    "{option}: {name}.{what} was not prepared for it: write updates = {{ {key} = [\"{what}\"] }} into \
+                     [body.{name}]"
+                )));
+            }
+        }
+    }
+    Ok(scene.checked()?)
 }
 
 /// Whether everything can be written, before anything is solved.

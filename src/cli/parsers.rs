@@ -35,6 +35,22 @@ pub fn positive(text: &str) -> Result<f64, String> {
         .ok_or("a positive number".into())
 }
 
+/// BODY.NAME
+pub fn of_body(text: &str) -> Result<(String, String), String> {
+    let parts = text.split_once('.').filter(|(body, name)| !body.is_empty() && !name.is_empty());
+    let (body, name) = parts.ok_or("a body and one of its parts, as in tube.right")?;
+    Ok((body.to_owned(), name.to_owned()))
+}
+
+/// BODY.REGION=PA
+pub fn modulus(text: &str) -> Result<(String, String, f64), String> {
+    let parts =
+        text.split_once('=').and_then(|(region, young)| Some((of_body(region).ok()?, positive(young).ok()?)));
+    let ((body, region), young) =
+        parts.ok_or("a body's region and its modulus in pascals, as in liver.tumour=2e4")?;
+    Ok((body, region, young))
+}
+
 pub fn scale(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|scale| (0.01..=4.0).contains(scale)).ok_or("a number from 0.01 to 4".into())
 }

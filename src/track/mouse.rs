@@ -38,6 +38,10 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("P", "put the body under the cursor aside, or back"),
     ("M", "set one end of a ruler, then the other, on what the cursor points at; again: take it away"),
     ("C", "clear the force curve"),
+    (
+        "L",
+        "release the control element under the cursor; beside all of them: it holds again (scenes with updates)",
+    ),
     ("Home", "the scene and all bodies back to their places"),
     ("W A S D, arrow keys", "move the head forward, left, back, right"),
     ("Q, E", "move the head down, up"),

@@ -98,6 +98,12 @@ impl World {
         touched.or_else(|| self.hit_anywhere(i).map(|hit| hit.target))
     }
 
+    /// The control element that can be grabbed at which stylus `i` points: body and element.
+    pub fn pointed_element(&self, i: usize) -> Option<(usize, usize)> {
+        let hit = self.graph.get(self.fields.styli.get(i)?.hit).as_ref()?;
+        self.fields.targets.get(hit.target).copied()
+    }
+
     /// The control element that a ray passes nearest, as `tube.right`, of those that can be grabbed; how far it passes from
     /// its nearest node, and within how far it would take it, m.
     pub fn nearest_element(&self, ray: &PickRay) -> Option<(String, f64, f64)> {

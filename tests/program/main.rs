@@ -17,3 +17,4 @@ mod stage_check;
 mod stage_files;
 mod stage_seams;
 mod surface_export;
+mod updates;

@@ -13,6 +13,7 @@ pub mod keep;
 mod messages;
 mod order;
 mod panel;
+mod release;
 mod style;
 mod units;
 pub mod video;
@@ -27,9 +28,11 @@ use crate::render::Overlay;
 use crate::render::window::Button;
 use crate::render::window::{AppError, Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, RenderError};
+use crate::scene::Scene;
 use crate::session::change::Step;
 use crate::session::keys::scale;
 use crate::session::{Change, Session};
+use crate::stage::Stage;
 use editor::{Editor, Loading};
 use egui::Popup;
 use input::PanelInput;
@@ -165,6 +168,10 @@ impl Desk {
                     }
                     return true;
                 }
+                Key::Char('l') if is_free && !self.input.modifiers.ctrl => {
+                    self.orders.extend(pressed.then_some(Order::Release));
+                    return true;
+                }
                 Key::Function(number @ (9 | 11 | 12)) => {
                     if pressed {
                         self.window = if self.is_open { self.window } else { window };
@@ -255,6 +262,17 @@ impl Desk {
                     self.messages.wrong(&format!("Not changed: {}", said(&failure)));
                 }
             }
+            Order::Release => match release::scene(session) {
+                Ok((scene, told)) => {
+                    let begun = self
+                        .path()
+                        .and_then(|path| self.change_to(scene, session.world.stage.clone(), path, session));
+                    self.messages.say(
+                        begun.map(|()| told).map_err(|failure| format!("Not changed: {}", said(&failure))),
+                    );
+                }
+                Err(why) => self.messages.wrong(&why),
+            },
             Order::GiveUp => self.change = None,
             Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
             Order::Picture => self.keeper.want_picture(),
@@ -285,6 +303,17 @@ impl Desk {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
         let path = self.path()?;
+        self.change_to(scene, stage, path, session)
+    }
+
+    /// Begins to compute another scene.
+    fn change_to(
+        &mut self,
+        scene: Scene,
+        stage: Stage,
+        path: PathBuf,
+        session: &Session,
+    ) -> Result<(), Failure> {
         let known = session.file.iter().chain(&self.known).cloned().collect();
         self.change = Some(Change::begin(session, scene, stage, path, known)?);
         Ok(())

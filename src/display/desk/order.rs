@@ -16,6 +16,8 @@ pub enum Order {
     /// The bodies as they are, in the format of this name.
     Export(&'static str),
     Close,
+    /// Let go of the control element under the cursor, or hold the one again that was let go of last.
+    Release,
     /// Make control elements on the body of this name, or end that.
     Edit(Option<String>),
     /// Write the scene to the file of this name.
