@@ -68,8 +68,9 @@ impl Body {
         };
         let Some((place, name, taken)) = self.control.shift_remove_full(control) else { return false };
         // Places count all of them, those that are loose included.
-        let before = updates.loose.iter().filter(|(other, ..)| *other <= place).count();
-        updates.loose.push((place + before, name, taken));
+        let among_all =
+            updates.loose.iter().fold(place, |place, (loose, ..)| place + usize::from(*loose <= place));
+        updates.loose.push((among_all, name, taken));
         updates.loose.sort_by_key(|(place, ..)| *place);
         true
     }
