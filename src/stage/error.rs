@@ -142,6 +142,9 @@ pub const MAX_SIDE_M: f64 = 100.0;
 pub const MAX_SKEW: f64 = 1e-3;
 pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
 
+/// The longest way from a sensor to the head or the stylus that it is on, m.
+pub const MAX_MOUNT_M: f64 = 0.5;
+
 /// A fault, and the line where the table at fault begins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
@@ -153,6 +156,20 @@ fn did_you_mean(nearest: &Option<&'static str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
+fn length(position: &[f64; 3]) -> f64 {
+    position.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The same numbers as metres, where they look like centimetres or millimetres.
+fn in_metres(position: &[f64; 3]) -> String {
+    let read = |(unit, scale): &(&str, f64)| {
+        let metres = position.map(|x| (x * scale * 1e6).round() / 1e6 + 0.0);
+        let fits = length(&metres) <= MAX_MOUNT_M;
+        fits.then(|| format!("; were these {unit}? Then write {metres:?}"))
+    };
+    [("centimetres", 0.01), ("millimetres", 0.001)].iter().find_map(read).unwrap_or_default()
+}
+
 fn place(point: &Point3<f64>) -> String {
     format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
 }
@@ -162,7 +179,7 @@ fn place(point: &Point3<f64>) -> String {
 pub enum TrackingFault {
     #[error("{what} is {value}: it must be a number{unit} between {min} and {max}")]
     Range { what: String, value: f64, unit: &'static str, min: f64, max: f64 },
-    #[error("{what} has `rotation` and `axes`: keep one")]
+    #[error("{what} has several of `rotation`, `rotation_degrees` and `axes`: keep one")]
     TwoRotations { what: String },
     #[error(
         "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°, so they are no rotation: measure \
@@ -176,6 +193,14 @@ pub enum TrackingFault {
     LeftHanded { what: String },
     #[error("{what}: the {axis} axis has no length: say where in the room it points")]
     NoAxis { what: String, axis: char },
+    #[error("{who} has `sensor_from_body` and `body_from_sensor`, its inverse: keep one")]
+    TwoMounts { who: String },
+    #[error(
+        "`position` in {what} is {:.2} m from the sensor, which is at most {MAX_MOUNT_M} m from what it is mounted on: it is in \
+         metres{}",
+        length(position), in_metres(position)
+    )]
+    FarBody { what: String, position: [f64; 3] },
     #[error("{who}: {message}")]
     UnknownName { who: String, message: String },
     #[error(
