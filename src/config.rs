@@ -47,8 +47,11 @@ pub fn read(path: &Path) -> Result<String, ConfigError> {
 pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
     let parsed = toml::Deserializer::parse(text).and_then(|document| T::deserialize(Strict(document)));
     parsed.map_err(|error| {
-        let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
-        ConfigError::Parse { path: path.to_owned(), line, column, message: explain(error.message()) }
+        let at = error.span().map_or(0, |span| span.start);
+        let (line, column) = line_and_column(text, at);
+        let advice = if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
+        let message = explain(error.message()) + advice;
+        ConfigError::Parse { path: path.to_owned(), line, column, message }
     })
 }
 
@@ -64,6 +67,19 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
     let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |i| i + 1);
     (line, before.len() - start + 1)
+}
+
+/// Whether an error stands at the comma of `key = 0,063`.
+fn has_decimal_comma(text: &str, at: usize) -> bool {
+    let line = text.get(..at).and_then(|before| before.rsplit('\n').next()).unwrap_or_default();
+    let rest = text.get(at..).and_then(|after| after.lines().next()).unwrap_or_default();
+    let Some((_, value)) = line.rsplit_once('=') else { return false };
+    let whole = value.trim_end_matches(',').trim();
+    let rest = rest.trim_start_matches(',');
+    !whole.is_empty()
+        && whole.trim_start_matches(['-', '+']).chars().all(|c| c.is_ascii_digit())
+        && rest.starts_with(|c: char| c.is_ascii_digit())
+        && (value.ends_with(',') || text[at..].starts_with(','))
 }
 
 /// serde's messages as a user of TOML reads them: its names of types, and "did you mean" after an unknown key or value.
@@ -151,6 +167,19 @@ mod tests {
         }
         let text = parse::<Body>("material = 3\n", Path::new("a.toml")).unwrap_err().to_string();
         assert_eq!(text, "a.toml:1:12: invalid type: integer `3`, expected a table");
+    }
+
+    #[test]
+    fn a_decimal_comma_is_named() {
+        let told = |text: &str| parse::<Material>(text, Path::new("a.toml")).unwrap_err().to_string();
+        for text in ["young = 0,063\npoisson = 0.3\n", "poisson = 0.3\nyoung = -12,5"] {
+            let told = told(text);
+            assert!(told.contains("written with a point, as 0.063"), "{told}");
+        }
+        for text in ["young = 1.0, poisson = 0.3\n", "young = [1,2\n", "young = a,5", "young = 1.0 2\n"] {
+            let told = told(text);
+            assert!(!told.contains("with a point"), "{told}");
+        }
     }
 
     #[test]

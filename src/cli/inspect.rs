@@ -10,6 +10,7 @@ use crate::mesh::length_unit::implausible;
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
 use crate::scene::Scene;
+use crate::scene::built_in::{self, BUILT_IN};
 use crate::scene::materials::implausible_young;
 use crate::session::open;
 use crate::stage::Stage;
@@ -23,6 +24,10 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The file, whose kind is recognised by its name and content; or the name of a built-in stage
     pub file: PathBuf,
+    /// Print the file of a built-in stage or scene as it stands, to start one of your own from it: greenstage inspect workbench
+    /// --toml > bench.toml
+    #[arg(long, conflicts_with_all = ["json", "graph"])]
+    pub toml: bool,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -38,6 +43,9 @@ pub enum GraphFormat {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if args.toml {
+        return print(&built_in_text(&args.file)?);
+    }
     if let Some(format) = args.graph {
         return graph(&args.file, format);
     }
@@ -46,6 +54,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "green" => green(&args.file)?,
         "toml" if is_stage(&args.file)? => stage(&args.file)?,
         "toml" => scene(&args.file)?,
+        "" if is_built_in_scene(&args.file) => scene(&args.file)?,
         "" if !args.file.exists() => stage(&args.file)?,
         _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
         _ => mesh(&args.file)?,
@@ -53,9 +62,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print(&format!("{value:#}\n")) } else { print(&text) }
 }
 
+/// The text of a built-in stage or scene, or of a file.
+fn built_in_text(name: &Path) -> Result<String, Failure> {
+    match BUILT_IN.iter().find(|(known, _)| is_built_in_scene(name) && *known == name.as_os_str()) {
+        Some((_, text)) => Ok((*text).to_owned()),
+        None => Ok(Stage::text(&name.display().to_string()).map_err(Failure::request)?.into_owned()),
+    }
+}
+
+/// Whether this is the name of a built-in scene, and no file's.
+pub fn is_built_in_scene(name: &Path) -> bool {
+    matches!(built_in::named(name), Some(Ok(_)))
+}
+
 /// A TOML file with a stage's tables describes a stage, any other a scene; a name without extension, of which there is
-/// no file, is a built-in stage's.
+/// no file, is a built-in stage's, if it is no built-in scene's.
 pub fn is_stage(path: &Path) -> Result<bool, Failure> {
+    if is_built_in_scene(path) {
+        return Ok(false);
+    }
     if path.extension().is_none() && !path.exists() {
         return Ok(true);
     }
@@ -284,7 +309,8 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
 
 /// The data flow of the bodies that are shown in windows, with one hand.
 fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
-    if path.extension().is_none_or(|extension| extension != "toml") || is_stage(path)? {
+    let is_toml = path.extension().is_some_and(|extension| extension == "toml");
+    if !is_built_in_scene(path) && (!is_toml || is_stage(path)?) {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
     let scene = tuning::settle_from_file(Scene::load(path)?)?;

@@ -7,8 +7,9 @@ use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::TrackerSet;
 use crate::track::device::now_s;
+use crate::track::vrpn::address::PORT;
 use crate::track::vrpn::{Server, ServerCounters};
-use crate::track::{Script, ScriptSource, Source};
+use crate::track::{Script, StandIn};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
@@ -16,8 +17,6 @@ use std::time::Duration;
 pub const DEFAULT_PLACE: &str = "127.0.0.1:3883";
 /// How often sources and clients are polled while serving, s.
 pub const STEP_S: f64 = 0.001;
-/// The device of a script.
-const SCRIPT_DEVICE: &str = "Tracker0";
 
 /// A running server, and the notices that were given about its clients.
 pub struct Service {
@@ -86,7 +85,7 @@ impl Service {
     }
 }
 
-/// Serves a script again and again, at the workspace of `stage`, for `limit_s` or for ever.
+/// Serves a script again and again in place of the trackers of `stage`, for `limit_s` or for ever.
 pub fn script(
     place: SocketAddr,
     name: &str,
@@ -95,12 +94,25 @@ pub fn script(
     limit_s: Option<f64>,
 ) -> Result<(), Failure> {
     let script = Script::find(name).map_err(Failure::request)?;
-    let mut source = ScriptSource::new(name, script, stage, rate_hz);
-    let mut service = Service::open(place, [SCRIPT_DEVICE])?;
-    source.legend().iter().for_each(|line| notice!("  {line}"));
+    let mut stand_in = StandIn::new(script, stage, rate_hz);
+    let mut service = Service::open(place, stand_in.devices.iter().map(|device| device.name.as_str()))?;
+    stand_in.legend().iter().for_each(|line| notice!("  {line}"));
+    for left_out in &stand_in.left_out {
+        notice!("note: the script moves {left_out}");
+    }
+    let trackers: Vec<&String> = stand_in.devices.iter().flat_map(|device| &device.trackers).collect();
+    if !trackers.is_empty() {
+        let here = if place.ip().is_unspecified() { "THIS-MACHINE".to_owned() } else { place.ip().to_string() };
+        let here = if place.port() == PORT { here } else { format!("{here}:{}", place.port()) };
+        let options: Vec<String> = trackers.iter().map(|name| format!("--tracker {name}={here}")).collect();
+        notice!("note: track, view and stage-view take the poses from here with {}", options.join(" "));
+    }
     let started_s = now_s();
     while limit_s.is_none_or(|limit_s| now_s() - started_s < limit_s) {
-        service.server.publish(0, source.latest());
+        stand_in.take_due();
+        for (index, device) in stand_in.devices.iter().enumerate() {
+            service.server.publish(index, &device.state);
+        }
         service.tick().iter().for_each(|notice| notice!("note: {notice}"));
         std::thread::sleep(Duration::from_secs_f64(STEP_S));
     }

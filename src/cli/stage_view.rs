@@ -1,8 +1,11 @@
 //! `greenstage stage-view`: shows the room from outside, in a window of its own or as a picture.
 
+use super::inspect::{is_built_in_scene, is_stage};
 use super::parsers;
 use super::print::print;
+use super::track::Redirects;
 use crate::base::failure::Failure;
+use crate::base::notice::notice;
 use crate::base::output;
 use crate::display::application::{self, Options, Shows};
 use crate::display::device;
@@ -24,12 +27,14 @@ use std::path::PathBuf;
 /// zooms, and Escape or closing the window quits.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Scene file (TOML), or a stage: a built-in one (workbench, cyberstage, cave6, …), or a stage file
+    /// Scene file (TOML), or a built-in scene (tube, bear, …); or a stage: a built-in one (workbench, cyberstage, cave6, …), or a
+    /// stage file
     pub scene_or_stage: PathBuf,
     /// Stage on which a scene is shown; default: the scene's
     #[arg(long)]
     pub stage: Option<String>,
-    /// A PNG file instead of a window; overwrites a PNG file, and nothing else
+    /// A PNG file instead of a window, of the stage as its file has it, without live trackers; overwrites a PNG file, and
+    /// nothing else
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Where to look from, metres in the room: x,y,z; default: behind the viewer, above and to the right
@@ -51,6 +56,8 @@ pub struct Args {
     /// long
     #[arg(long, default_value = "auto", value_parser = parsers::samples)]
     pub samples: Samples,
+    #[command(flatten)]
+    pub redirects: Redirects,
 }
 
 fn place(text: &str) -> Result<[f64; 3], String> {
@@ -82,10 +89,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => Camera::of(stage),
     };
     if let Some(path) = &args.output {
+        if !session.world.stage.tracking.trackers.is_empty() {
+            notice!("note: the picture shows head and stylus as the files have them; without -o a window shows the trackers live");
+        }
         play(&mut session, args.time)?;
         save(&picture(&mut session, &camera, args.size, args.samples, device::Args::default())?, path)?;
         return print(&format!("{}\n", path.display()));
     }
+    args.redirects.apply(&mut session.world.stage)?;
     session.start_trackers()?;
     let shows = Shows::Model(Box::new(ModelWindow::new(camera, args.size)));
     let options = Options {
@@ -101,7 +112,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// A scene on its stage, or a stage alone.
 fn open(args: &Args) -> Result<Session, Failure> {
     let path = &args.scene_or_stage;
-    let is_scene = path.extension().is_some_and(|e| e == "toml") && !super::inspect::is_stage(path)?;
+    let is_scene = is_built_in_scene(path)
+        || path.extension().is_some_and(|extension| extension == "toml") && !is_stage(path)?;
     if !is_scene {
         if let Some(stage) = &args.stage {
             let text = format!("{} is a stage itself: leave out --stage {stage}", path.display());

@@ -7,9 +7,11 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::Table;
 use crate::session::trackers;
-use crate::track::Signal;
+use crate::stage::Stage;
 use crate::track::device::{Link, now_s};
+use crate::track::doubts::{self, Doubt};
 use crate::track::tracker_set::{SensorReport, TrackerReport, TrackerSet};
+use crate::track::{Redirect, Signal};
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -19,8 +21,9 @@ use std::time::Duration;
 
 /// Show live what the trackers of a stage report: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
 ///
-/// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. The
-/// columns: `greenstage manual tracking`.
+/// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. With --once
+/// or --seconds the status is 1 if at the end a tracker is not there or a sensor of the stage was never heard. The columns:
+/// `greenstage manual tracking`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A stage file, or the name of a built-in stage; with --script, whose workspace the script refers to
@@ -45,24 +48,46 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, value_parser = serve::place,
           default_missing_value = serve::DEFAULT_PLACE)]
     pub serve: Option<SocketAddr>,
-    /// Serve a script in place of trackers, as the device Tracker0: bend, or a .toml file
+    /// Serve a script in place of the stage's trackers, in their own frames and units, as the devices that the stage names
+    /// (where it names none, as Tracker0): bend, or a .toml file
     #[arg(long, requires = "serve")]
     pub script: Option<String>,
     /// Readings of the script per second
     #[arg(long, default_value_t = 120.0, value_parser = parsers::positive)]
     pub rate: f64,
+    #[command(flatten)]
+    pub redirects: Redirects,
+}
+
+/// Where the trackers of a stage are taken from instead.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Redirects {
+    /// Take a tracker's poses from another VRPN server than the stage file says: lab=127.0.0.1, or lab=Tracker1@host:3884;
+    /// may be given again for another tracker
+    #[arg(long = "tracker", value_name = "NAME=HOST")]
+    pub redirects: Vec<Redirect>,
+}
+
+impl Redirects {
+    pub fn apply(&self, stage: &mut Stage) -> Result<(), Failure> {
+        self.redirects
+            .iter()
+            .try_for_each(|redirect| redirect.apply(&mut stage.tracking))
+            .map_err(|message| Failure::wrong(format!("--tracker: {message}")))
+    }
 }
 
 /// How often the sources are asked, s: what comes between two frames of a display is not missed.
 const STEP_S: f64 = 0.005;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let stage = args.stage.as_deref();
+    let named = args.stage.as_deref().unwrap_or("workbench");
+    let mut stage = crate::track::find_stage(named).map_err(Failure::request)?;
+    args.redirects.apply(&mut stage)?;
     if let (Some(script), Some(place)) = (&args.script, args.serve) {
-        let stage = crate::track::find_stage(stage.unwrap_or("workbench")).map_err(Failure::request)?;
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
-    let mut trackers = start_trackers(stage.unwrap_or_default())?;
+    let mut trackers = start_trackers(&stage)?;
     let names: Vec<String> = trackers.devices().map(|(name, _)| name.to_owned()).collect();
     let service = args.serve.map(|place| Service::open(place, names.iter().map(String::as_str)));
     let mut service = service.transpose()?;
@@ -72,6 +97,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let interval_s = if args.once { f64::INFINITY } else { args.interval };
     let in_place = !args.json && !args.once && std::io::stdout().is_terminal();
     let mut next_s = started_s + interval_s;
+    let mut missing = None;
     let mut height = 0;
     watch(&mut trackers, step_s, limit_s, |trackers, now_s, is_last| {
         let served = service.iter_mut().flat_map(|service| service.pass_on(trackers)).collect::<Vec<_>>();
@@ -85,20 +111,39 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         next_s = now_s + interval_s;
         let reports = trackers.report(now_s);
+        missing = missing_parts(&reports);
+        let doubts = doubts::doubts(&stage, &reports);
         if args.json {
-            return print(&format!("{}\n", json(&reports, now_s - started_s)));
+            return print(&format!("{}\n", json(&reports, &doubts, now_s - started_s)));
         }
-        let text = text(&reports, args.raw);
+        let mut text = text(&reports, args.raw);
+        text.extend(doubts.iter().map(|doubt| format!("warning: {}\n", doubt.text)));
         let above = if in_place { height } else { 0 };
         height = text.lines().count();
         print_over(above, &format!("{text}{}", if in_place { "" } else { "\n" }))
-    })
+    })?;
+    match missing {
+        Some(missing) => Err(Failure::work(std::io::Error::other(missing))),
+        None => Ok(()),
+    }
+}
+
+/// Trackers that are not there, and sensors of the stage that were never heard.
+fn missing_parts(reports: &[TrackerReport]) -> Option<String> {
+    let of = |report: &TrackerReport| {
+        let is_there = matches!(report.link, Link::Up | Link::Quiet);
+        let unheard = report.sensors.iter().filter(|sensor| sensor.count == 0);
+        let unheard = unheard.filter_map(|sensor| Some(format!("sensor {} was never heard", sensor.name.as_ref()?)));
+        let link = (!is_there).then(|| format!("tracker {} is {}", report.name, link(&report.link)));
+        link.into_iter().chain(unheard).collect::<Vec<_>>()
+    };
+    let missing: Vec<String> = reports.iter().flat_map(of).collect();
+    (!missing.is_empty()).then(|| missing.join("; "))
 }
 
 /// Starts the trackers of a stage.
-fn start_trackers(stage: &str) -> Result<TrackerSet, Failure> {
-    let stage = crate::track::find_stage(stage).map_err(Failure::request)?;
-    trackers::start(&stage, &mut [])?.ok_or_else(|| {
+fn start_trackers(stage: &Stage) -> Result<TrackerSet, Failure> {
+    trackers::start(stage, &mut [])?.ok_or_else(|| {
         Failure::wrong(format!(
             "stage {} names no tracker: add a [tracker.NAME] table to its file (`greenstage manual tracking`)",
             stage.name
@@ -134,7 +179,7 @@ fn text(reports: &[TrackerReport], raw: bool) -> String {
         "id",
         "tracker",
         "position (m)",
-        "rotation (rad)",
+        "rotation (°)",
         "Hz",
         "age (ms)",
         "jitter (ms)",
@@ -189,8 +234,10 @@ fn text(reports: &[TrackerReport], raw: bool) -> String {
 fn sensor_row(table: &mut Table, report: &TrackerReport, sensor: &SensorReport, raw: bool) {
     let pose = if raw { sensor.raw } else { sensor.in_room };
     let three = |v: nalgebra::Vector3<f64>| format!("{:>7.3} {:>7.3} {:>7.3}", v.x, v.y, v.z);
+    let degrees = |v: nalgebra::Vector3<f64>| v.map(|x| (x.to_degrees() * 10.0).round() / 10.0 + 0.0);
+    let turn = |v| degrees(v).iter().map(|x| format!("{x:>6.1}")).collect::<Vec<_>>().join(" ");
     let [place, turn] = match pose {
-        Some(pose) => [three(pose.translation.vector), three(pose.rotation.scaled_axis())],
+        Some(pose) => [three(pose.translation.vector), turn(pose.rotation.scaled_axis())],
         None => [String::new(), String::new()],
     };
     let is_heard = sensor.count > 0;
@@ -231,7 +278,7 @@ fn link(link: &Link) -> String {
     }
 }
 
-fn json(reports: &[TrackerReport], time_s: f64) -> Value {
+fn json(reports: &[TrackerReport], doubts: &[Doubt], time_s: f64) -> Value {
     let trackers: Vec<Value> = reports
         .iter()
         .map(|report| {
@@ -256,7 +303,8 @@ fn json(reports: &[TrackerReport], time_s: f64) -> Value {
             })
         })
         .collect();
-    json!({ "time_s": time_s, "trackers": trackers })
+    let doubts: Vec<&str> = doubts.iter().map(|doubt| doubt.text.as_str()).collect();
+    json!({ "time_s": time_s, "trackers": trackers, "warnings": doubts })
 }
 
 fn sensor_json(sensor: &SensorReport) -> Value {

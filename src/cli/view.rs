@@ -4,6 +4,7 @@ use super::opening;
 use super::parsers;
 use super::print::print;
 use super::session_args::SessionArgs;
+use super::track::Redirects;
 use crate::base::failure::Failure;
 use crate::display::application::{self, Finished, Options, Shows};
 use crate::display::device;
@@ -50,6 +51,8 @@ pub struct Args {
     #[arg(long, default_value = "out/demo")]
     pub offscreen: PathBuf,
     #[command(flatten)]
+    pub redirects: Redirects,
+    #[command(flatten)]
     pub device: device::Args,
 }
 
@@ -90,6 +93,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{}\n", keys::bindings()))?;
         session.attach_mouse();
         session.start_effects(&scene)?;
+        args.redirects.apply(&mut session.world.stage)?;
         session.start_trackers()?;
     }
     let stage = &session.world.stage;

@@ -11,6 +11,7 @@ use crate::render::{
 };
 use crate::session::Session;
 use crate::stage::Stage;
+use crate::track::doubts::doubts;
 use image::RgbaImage;
 
 /// A window that looks at the stage from outside.
@@ -70,7 +71,9 @@ fn model(session: &mut Session, camera: &Camera) -> StageModel {
     let reports = session.input.tracker_reports();
     let world = &session.world;
     let mut model = StageModel::new(&world.stage, &world.room_from_head, &camera.eye());
+    model.add_measures(&world.stage);
     model.add_sensors(&reports);
+    model.add_notes(doubts(&world.stage, &reports).into_iter().map(|doubt| doubt.text));
     model
 }
 

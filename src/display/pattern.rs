@@ -204,20 +204,20 @@ impl Pattern<'_> {
         let unit = self.unit();
         let Screen { name, .. } = self.screen;
         let [x, y] = self.pixels_per_m().map(|density| 1e3 / density);
-        let top = pos2(self.rect.center().x, self.rect.min.y + 6.0 * unit);
+        // The ruler's labels stay free between the name and what is told of it.
+        let top = pos2(self.rect.center().x, self.rect.min.y + 7.0 * unit);
         let size = self.rect.size();
-        self.write(top, Align2::CENTER_TOP, name, 6.0 * unit, INK);
+        self.write(top - vec2(3.0 * unit, 0.0), Align2::RIGHT_TOP, name, 6.0 * unit, INK);
+        let [width_m, height_m] = [self.screen.width_m(), self.screen.height_m()];
         let lines = [
-            format!("{}   {:.3} × {:.3} m", self.stage, self.screen.width_m(), self.screen.height_m()),
-            format!("{} × {} pixels of {x:.3} × {y:.3} mm", size.x, size.y),
-            format!(
-                "grid {}, ticks {}, circle {} across; rulers in cm",
-                length(self.cell_m()),
-                length(self.tick_m()),
-                length(2.0 * self.radius_m())
-            ),
+            format!("{}   {width_m:.3} × {height_m:.3} m", self.stage),
+            format!("both diagonals {:.3} m", width_m.hypot(height_m)),
+            format!("{} × {} pixels", size.x, size.y),
+            format!("of {x:.3} × {y:.3} mm", ),
+            format!("grid {}, ticks {}", length(self.cell_m()), length(self.tick_m())),
+            format!("circle {} across, rulers in cm", length(2.0 * self.radius_m())),
         ];
-        self.write(top + vec2(0.0, 8.0 * unit), Align2::CENTER_TOP, &lines.join("\n"), 1.8 * unit, QUIET);
+        self.write(top + vec2(7.0 * unit, 0.0), Align2::LEFT_TOP, &lines.join("\n"), 1.6 * unit, QUIET);
     }
 
     /// The corners of what is shown by their names, where the stage file has them in the room.
@@ -241,6 +241,9 @@ impl Pattern<'_> {
     fn eye_marks(&self) {
         let (unit, center) = (self.unit(), self.rect.center());
         let radius = 6.0 * unit;
+        // Square and round on the screen, whose pixels may not be square.
+        let [x, y] = self.pixels_per_m().map(|density| density as f32);
+        let shape = vec2(x, y) / (x * y).sqrt();
         let sides = [(Eye::Left, -1.0, LEFT, "L", "left eye"), (Eye::Right, 1.0, RIGHT, "R", "right eye")];
         if self.eye == Eye::Centre {
             let place = center + vec2(-0.27 * self.rect.width(), -0.22 * self.rect.height());
@@ -256,7 +259,7 @@ impl Pattern<'_> {
             };
             self.painter.add(match eye {
                 Eye::Left => {
-                    let square = Rect::from_center_size(place, vec2(2.0 * radius, 2.0 * radius));
+                    let square = Rect::from_center_size(place, 2.0 * radius * shape);
                     Shape::Rect(egui::epaint::RectShape::new(
                         square,
                         0,
@@ -265,17 +268,18 @@ impl Pattern<'_> {
                         egui::StrokeKind::Inside,
                     ))
                 }
-                _ => Shape::Circle(egui::epaint::CircleShape {
+                _ => Shape::Ellipse(egui::epaint::EllipseShape {
                     center: place,
-                    radius: 1.1 * radius,
+                    radius: 1.1 * radius * shape,
                     fill,
                     stroke,
+                    angle: 0.0,
                 }),
             });
             if own {
                 let font = FontId::proportional(9.0 * unit);
                 self.painter.text(place, Align2::CENTER_CENTER, letter, font, DARK);
-                self.write(place + vec2(0.0, 1.3 * radius), Align2::CENTER_TOP, name, 3.0 * unit, color);
+                self.write(place + vec2(0.0, 1.3 * radius * shape.y), Align2::CENTER_TOP, name, 3.0 * unit, color);
             }
         }
     }

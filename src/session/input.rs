@@ -9,6 +9,7 @@ use super::trackers;
 use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;
+use crate::track::doubts::{DoubtKind, doubts};
 use crate::track::tracker_set::TrackerReport;
 use crate::track::{Mouse, Script, TrackerSet, TrackerState};
 
@@ -24,6 +25,9 @@ pub struct InputSource {
     round: u32,
     /// When the last state was made, s.
     last_s: f64,
+    /// Sensors that were told to be far away, and when they are looked at next.
+    told_far: Vec<String>,
+    next_look_s: f64,
 }
 
 /// Who moves head and styli now.
@@ -39,6 +43,9 @@ pub enum Leader {
 
 /// Pause between two rounds of a script, each of which starts at rest, s.
 const PAUSE_S: f64 = 1.0;
+
+/// How often it is looked whether sensors are where anyone can be, s.
+const LOOK_S: f64 = 1.0;
 
 /// What a script's end or new round asks of the world before the frame's state is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,6 +116,16 @@ impl InputSource {
             state = trackers::merge(trackers, state);
             for told in trackers.take_notices() {
                 notice!("note: {told}");
+            }
+            if now_s() >= self.next_look_s {
+                self.next_look_s = now_s() + LOOK_S;
+                let doubts = doubts(stage, &trackers.report(now_s())).into_iter();
+                for doubt in doubts.filter(|doubt| doubt.kind == DoubtKind::Far) {
+                    if !self.told_far.contains(&doubt.sensor) {
+                        notice!("warning: {}", doubt.text);
+                        self.told_far.push(doubt.sensor);
+                    }
+                }
             }
             if trackers.has_spoken() {
                 changes.extend(self.take_over());

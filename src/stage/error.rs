@@ -49,16 +49,19 @@ pub enum StageFault {
     #[error("screen `{screen}` has {width} × {height} pixels: each must be between 1 and {MAX_PIXELS}")]
     Pixels { screen: String, width: u32, height: u32 },
     #[error(
-        "screen `{screen}` is {width_m:.4} × {height_m:.4} m: each side must be between {MIN_SIDE_M} and {MAX_SIDE_M} m; \
-         lower_left, lower_right and upper_left must be three different corners, in metres"
+        "screen `{screen}` is {width_m:.4} × {height_m:.4} m: each side must be between {MIN_SIDE_M} and {MAX_SIDE_M} m; {}",
+        side_advice([*width_m, *height_m])
     )]
     Size { screen: String, width_m: f64, height_m: f64 },
     #[error(
-        "screen `{screen}` is no rectangle: its edges meet at {degrees:.2}° instead of 90°; upper_left {} would be \
-         right",
-        place(upper_left)
+        "screen `{screen}` is no rectangle: its edges meet at {degrees:.2}° instead of 90°. Its lower edge is {:.3} m long, its \
+         left one {:.3} m, and upper_left is {:.1} mm off along the lower edge (up to {:.0} mm is straightened); if the other \
+         corners are right, upper_left {} would be right",
+        sides_m[0], sides_m[1], off_m * 1e3, STRAIGHTENED_M * 1e3, place(upper_left)
     )]
-    Skewed { screen: String, degrees: f64, upper_left: Point3<f64> },
+    Skewed { screen: String, degrees: f64, off_m: f64, sides_m: [f64; 2], upper_left: Box<Point3<f64>> },
+    #[error("screen `{screen}`: {message}")]
+    Screen { screen: String, message: String },
     #[error(
         "screen `{screen}`: {what}. Write lower_left = {}, lower_right = {}, upper_left = {}",
         place(&corners[0]), place(&corners[1]), place(&corners[2])
@@ -137,10 +140,14 @@ pub const MAX_PIXELS: u32 = 16384;
 pub const PLACES: std::ops::RangeInclusive<i32> = -32768..=32767;
 pub const MIN_SIDE_M: f64 = 0.01;
 pub const MAX_SIDE_M: f64 = 100.0;
-/// Cosine of the angle between a screen's edges up to which it counts as rectangular: one millimetre of
-/// measuring error on a metre.
-pub const MAX_SKEW: f64 = 1e-3;
+/// A corner that is off a rectangle by so much is a slip of the tape, m, which is straightened …
+pub const STRAIGHTENED_M: f64 = 5e-3;
+/// … unless the screen is so small that its edges meet at an angle with a greater cosine: 0.57°.
+pub const MAX_SKEW: f64 = 1e-2;
 pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
+
+/// The longest way from a sensor to the head or the stylus that it is on, m.
+pub const MAX_MOUNT_M: f64 = 0.5;
 
 /// A fault, and the line where the table at fault begins.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,6 +160,31 @@ fn did_you_mean(nearest: &Option<&'static str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
+fn side_advice(sides_m: [f64; 2]) -> String {
+    let read = |(unit, scale): &(&str, f64)| {
+        let [width_m, height_m] = sides_m.map(|side| side * scale);
+        let fits = [width_m, height_m].iter().all(|side| (0.1..=10.0).contains(side));
+        fits.then(|| format!("these look like {unit}: {width_m:.3} × {height_m:.3} m"))
+    };
+    [("centimetres", 0.01), ("millimetres", 0.001)].iter().find_map(read).unwrap_or_else(|| {
+        "lower_left, lower_right and upper_left must be three different corners, in metres".to_owned()
+    })
+}
+
+fn length(position: &[f64; 3]) -> f64 {
+    position.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The same numbers as metres, where they look like centimetres or millimetres.
+fn in_metres(position: &[f64; 3]) -> String {
+    let read = |(unit, scale): &(&str, f64)| {
+        let metres = position.map(|x| (x * scale * 1e6).round() / 1e6 + 0.0);
+        let fits = length(&metres) <= MAX_MOUNT_M;
+        fits.then(|| format!("; were these {unit}? Then write {metres:?}"))
+    };
+    [("centimetres", 0.01), ("millimetres", 0.001)].iter().find_map(read).unwrap_or_default()
+}
+
 fn place(point: &Point3<f64>) -> String {
     format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
 }
@@ -162,7 +194,7 @@ fn place(point: &Point3<f64>) -> String {
 pub enum TrackingFault {
     #[error("{what} is {value}: it must be a number{unit} between {min} and {max}")]
     Range { what: String, value: f64, unit: &'static str, min: f64, max: f64 },
-    #[error("{what} has `rotation` and `axes`: keep one")]
+    #[error("{what} has several of `rotation`, `rotation_degrees` and `axes`: keep one")]
     TwoRotations { what: String },
     #[error(
         "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°, so they are no rotation: measure \
@@ -176,6 +208,14 @@ pub enum TrackingFault {
     LeftHanded { what: String },
     #[error("{what}: the {axis} axis has no length: say where in the room it points")]
     NoAxis { what: String, axis: char },
+    #[error("{who} has `sensor_from_body` and `body_from_sensor`, its inverse: keep one")]
+    TwoMounts { who: String },
+    #[error(
+        "`position` in {what} is {:.2} m from the sensor, which is at most {MAX_MOUNT_M} m from what it is mounted on: it is in \
+         metres{}",
+        length(position), in_metres(position)
+    )]
+    FarBody { what: String, position: [f64; 3] },
     #[error("{who}: {message}")]
     UnknownName { who: String, message: String },
     #[error(

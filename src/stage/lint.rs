@@ -4,10 +4,10 @@
 //! shapes of pixels, where the viewer stands, windows on their monitors.
 
 use super::description::Stage;
-use super::error::{IPD_M, MAX_SKEW};
+use super::error::IPD_M;
 use super::overlap::{Overlap, overlaps};
 use super::screen::{MIN_EYE_DISTANCE_M, Screen};
-use super::seam::Seam;
+use super::seam::{Apart, Seam};
 use super::stereo::Stereo;
 use super::viewer::Eye;
 use super::window::{Monitor, Window};
@@ -23,6 +23,12 @@ const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
 pub(super) const CLOSED_M: f64 = 0.0005;
 /// Corners that are off a rectangle by more than this are reported, m.
 const SKEW_M: f64 = 0.0005;
+/// … as a warning from here on.
+const SLIP_M: f64 = 0.001;
+/// Screens that lean forward, or fall to their upper edge, by more than this are reported, degrees.
+const LEANS: f64 = 0.5;
+/// A viewer farther from every screen than this is no viewer, m.
+const FARTHEST_M: f64 = 20.0;
 /// A point up to here, in half widths and heights of a screen, may still lie behind a bezel.
 const ABOUT_SHOWN: f32 = 1.02;
 /// Screens that are seen under a smaller angle to their plane are reported, radians.
@@ -42,9 +48,12 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
         }
     }
     found.extend(overlaps.iter().map(|overlap| twice(stage, overlap)));
+    let overlaps_none = |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
+    found.extend(stage.apart().iter().filter(|&lone| overlaps_none(lone)).map(|lone| apart(stage, lone)));
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
+    tracking::lint(stage, &mut found);
     found
 }
 
@@ -67,14 +76,41 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
         );
         push(found, Severity::Warning, &entity, message);
     }
-    let across = screen.lower_right - screen.lower_left;
-    let upward = screen.upper_left - screen.lower_left;
-    let off_m = (across.dot(&upward) / across.norm()).abs();
-    // The loader refuses what is worse.
-    if off_m > SKEW_M && off_m <= MAX_SKEW * upward.norm() {
-        let advice = "the projection takes the lower edge and the height as they are";
-        let message = format!("upper_left is {:.1} mm off a rectangle: {advice}", off_m * 1e3);
-        push(found, Severity::Note, &entity, message);
+    // The loader refuses what is worse than a slip.
+    let off_m = screen.off_rectangle_m();
+    if off_m > SKEW_M {
+        let upright = screen.lower_left + screen.axes()[1] * screen.height_m();
+        let message = format!(
+            "upper_left is {:.1} mm off a rectangle: the picture is drawn straight, on the lower edge, as if it were [{:.4}, \
+             {:.4}, {:.4}]; write that, or measure again",
+            off_m * 1e3,
+            upright.x,
+            upright.y,
+            upright.z
+        );
+        let severity = if off_m > SLIP_M { Severity::Warning } else { Severity::Note };
+        push(found, severity, &entity, message);
+    }
+    push(found, Severity::Note, &entity, screen.measures());
+    let tilt = screen.tilt_degrees();
+    let up_m = screen.axes()[1] * screen.height_m();
+    if (90.0 + LEANS..135.0).contains(&tilt) {
+        let message = format!(
+            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. Where it leans back, the z of both is \
+             exchanged, or tilt_degrees is {:.1}",
+            screen.posture(),
+            up_m.xz().norm() * 1e3,
+            180.0 - tilt
+        );
+        push(found, Severity::Warning, &entity, message);
+    }
+    if (-45.0..-LEANS).contains(&tilt) {
+        let message = format!(
+            "it {}, which is {:.0} mm lower than its lower edge, at the viewer: is it tilted the other way?",
+            screen.posture(),
+            -up_m.y * 1e3
+        );
+        push(found, Severity::Warning, &entity, message);
     }
     let eye = Point3::from(stage.viewer.room_from_head.translation.vector);
     let distance_m = screen.distance_m(&eye);
@@ -121,6 +157,18 @@ fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     Diagnostic::new(severity, format!("seam.{}-{}", names[0], names[1]), format!("{a} and {b} {what}{along}"))
 }
 
+/// A screen that meets no other.
+fn apart(stage: &Stage, apart: &Apart) -> Diagnostic {
+    let names = apart.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
+    let message = format!(
+        "it meets no other screen: the nearest edges, {}, are {:.0} mm apart. Right where it really stands alone, else measure \
+         both again",
+        apart.told(stage),
+        apart.distance_m * 1e3
+    );
+    Diagnostic::new(Severity::Warning, format!("screen.{}", names[0]), message)
+}
+
 /// Two screens show part of one plane, or all of it, twice.
 fn twice(stage: &Stage, overlap: &Overlap) -> Diagnostic {
     let [a, b] = overlap.screens.map(|screen| stage.screens[screen].name.as_str());
@@ -155,7 +203,8 @@ fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
     let nearest_m = to_glass.fold(f64::INFINITY, f64::min);
     if nearest_m > 10.0 {
         let message = format!("the nearest screen is {nearest_m:.1} m away: are all numbers metres?");
-        push(found, Severity::Warning, "viewer.position", message);
+        let severity = if nearest_m > FARTHEST_M { Severity::Error } else { Severity::Warning };
+        push(found, severity, "viewer.position", message);
     }
     let centre = stage.workspace.centre;
     let is_shown = |screen: &Screen| {
@@ -180,6 +229,13 @@ fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
 fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
     if stage.swap_eyes {
         push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see");
+    }
+    for window in &stage.windows {
+        let swapped: Vec<&str> = window.tiles.iter().filter(|tile| tile.swap_eyes).map(|tile| stage.screens[tile.screen].name.as_str()).collect();
+        if !swapped.is_empty() {
+            let message = format!("on {}, each eye is shown what the other should see", swapped.join(", "));
+            push(found, Severity::Note, &format!("window.{}.swap_eyes", window.name), message);
+        }
     }
     let layout = stage.layout();
     let mut orders: Vec<(String, bool)> = Vec::new();
@@ -213,8 +269,8 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
             }
         }
     }
-    if let Some((screen, _)) = orders.iter().find(|(_, is_left_first)| !is_left_first) {
-        let others = orders.iter().filter(|(_, is_left_first)| *is_left_first).count();
+    let others = orders.iter().filter(|(_, is_left_first)| *is_left_first).count();
+    for (screen, _) in orders.iter().filter(|(_, is_left_first)| !is_left_first) {
         let message = format!(
             "the left eye's window stands right of the right eye's{}: are the eyes swapped?",
             if others > 0 { format!(", unlike those of {others} other screen(s)") } else { String::new() }
@@ -254,9 +310,16 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         }
         for (other, place) in &places[..i] {
             let shared = place.map_or(0, |(other_at, other_size)| common(at, size, other_at, other_size));
+            let other_area = place.map_or(0, |(_, [width, height])| i64::from(width) * i64::from(height));
             if shared > 0 {
-                let message = format!("{shared} of its pixels lie under or over window `{}`", other.name);
-                push(found, Severity::Warning, &entity, message);
+                let (severity, message) = match shared == area && shared == other_area {
+                    true => (Severity::Error, format!("it and window `{}` stand in one place: one hides the other", other.name)),
+                    false => (
+                        Severity::Warning,
+                        format!("{shared} of its pixels lie under or over window `{}`", other.name),
+                    ),
+                };
+                push(found, severity, &entity, message);
             }
         }
     }
@@ -317,6 +380,8 @@ fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]
     };
     along(0) * along(1)
 }
+
+mod tracking;
 
 #[cfg(test)]
 mod tests;

@@ -92,6 +92,17 @@ impl Screen {
         (point - self.lower_left).dot(&self.axes()[2])
     }
 
+    /// Distance of a point to the nearest point of the picture, m.
+    pub fn away_m(&self, point: &Point3<f64>) -> f64 {
+        let ([right, up, normal], from_corner) = (self.axes(), point - self.lower_left);
+        let beyond = |axis: &Vector3<f64>, side_m: f64| {
+            let along_m = from_corner.dot(axis);
+            along_m - along_m.clamp(0.0, side_m)
+        };
+        let aside = [beyond(&right, self.width_m()), beyond(&up, self.height_m()), from_corner.dot(&normal)];
+        Vector3::from(aside).norm()
+    }
+
     /// The point on the screen with these normalised device coordinates (x right, y up, -1..1), metres in the room.
     pub fn point(&self, ndc: [f64; 2]) -> Point3<f64> {
         self.lower_left

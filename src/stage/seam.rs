@@ -31,6 +31,28 @@ pub struct Seam {
     pub along_m: [f64; 2],
 }
 
+/// A screen that no other one's edge runs beside, and the nearest edges to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Apart {
+    /// The lone screen's, and the other's.
+    pub edges: [(usize, Edge); 2],
+    /// Between their ends, at the end where it is greater, m.
+    pub distance_m: f64,
+}
+
+impl Apart {
+    /// The lone screen, and the other one.
+    pub fn screens(&self) -> [usize; 2] {
+        self.edges.map(|(screen, _)| screen)
+    }
+
+    /// `upper edge of table and lower edge of wall`.
+    pub fn told(&self, stage: &Stage) -> String {
+        let [a, b] = self.edges.map(|(screen, edge)| format!("{} edge of {}", edge.name(), stage.screens[screen].name));
+        format!("{a} and {b}")
+    }
+}
+
 /// Edges that are further apart than this fraction of the longer one do not meet.
 const NEAR: f64 = 0.08;
 /// Cosine of the largest angle between edges that meet: 5°.
@@ -79,6 +101,32 @@ impl Seam {
 }
 
 impl Stage {
+    /// The screens without a seam, each once: of two that are nearest to each other only the first.
+    pub fn apart(&self) -> Vec<Apart> {
+        let seams = self.seams();
+        let mut found: Vec<Apart> = Vec::new();
+        for (i, a) in self.screens.iter().enumerate() {
+            if seams.iter().any(|seam| seam.edges.iter().any(|(screen, _)| *screen == i)) {
+                continue;
+            }
+            let others = self.screens.iter().enumerate().filter(|(j, _)| *j != i);
+            let pairs = others.flat_map(|(j, b)| {
+                Edge::ALL.into_iter().flat_map(move |edge| {
+                    Edge::ALL.map(|other| Apart {
+                        edges: [(i, edge), (j, other)],
+                        distance_m: between(edge.ends(a), other.ends(b)),
+                    })
+                })
+            });
+            let nearest = pairs.min_by(|x, y| x.distance_m.total_cmp(&y.distance_m));
+            let is_told = |apart: &Apart| found.iter().any(|told| told.screens() == [apart.screens()[1], i]);
+            if let Some(nearest) = nearest.filter(|apart| !is_told(apart)) {
+                found.push(nearest);
+            }
+        }
+        found
+    }
+
     /// All pairs of edges of different screens that run beside each other, within 5° and 8 % of the longer one's length,
     /// for at least half the shorter one's. Only the nearest pair of two screens counts.
     pub fn seams(&self) -> Vec<Seam> {
@@ -92,6 +140,12 @@ impl Stage {
         }
         found
     }
+}
+
+/// The greater distance of the ends of two edges, in the order in which they are nearer.
+fn between([a, b]: [Point3<f64>; 2], [c, d]: [Point3<f64>; 2]) -> f64 {
+    let far = |c: Point3<f64>, d: Point3<f64>| (c - a).norm().max((d - b).norm());
+    far(c, d).min(far(d, c))
 }
 
 fn seam(a: &Screen, edge: Edge, b: &Screen, other: Edge, screens: [usize; 2]) -> Option<Seam> {

@@ -5,7 +5,7 @@ use crate::config;
 
 /// How the two eyes' pictures of a screen reach its display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(try_from = "String")]
 pub enum Stereo {
     /// One window per eye.
     Separate,
@@ -41,6 +41,30 @@ pub enum Stereo {
     Right,
 }
 
+/// Words of catalogues for what projectors and glasses do, and which kinds show that.
+const OTHER_WORDS: [(&[&str], &str); 2] = [
+    (
+        &["active", "quad_buffered", "quad", "quadbuffer", "shutter", "frame_sequential"],
+        "frame-sequential pictures by a quad-buffered window are not supported. A projector or display that drives shutter \
+         glasses itself takes both eyes in one picture: \"side_by_side_half\", \"top_bottom_half\" or \"frame_packing\", as its \
+         3D menu says",
+    ),
+    (
+        &["passive", "polarised", "polarized", "polarisation", "3d", "stereo"],
+        "polarised glasses go with several kinds: two projectors on one screen with a window or tile each, \"left\" and \
+         \"right\"; one that takes both eyes, \"side_by_side_half\" or \"top_bottom_half\"; a flat panel with polarised rows, \
+         \"rows\"",
+    ),
+];
+
+impl TryFrom<String> for Stereo {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        Self::named(&name)
+    }
+}
+
 impl Stereo {
     /// All kinds, with their names in a stage file.
     pub const ALL: [(&str, Stereo); 16] = [
@@ -71,7 +95,12 @@ impl Stereo {
     pub fn named(name: &str) -> Result<Self, String> {
         let names = || Self::ALL.iter().map(|(known, _)| *known);
         let found = Self::ALL.iter().find(|(known, _)| *known == name);
-        found.map(|(_, kind)| *kind).ok_or_else(|| config::unknown_name("kind of stereo", name, names()))
+        let word = name.to_lowercase().replace(['-', ' '], "_");
+        let known_as = OTHER_WORDS.iter().find(|(words, _)| words.contains(&word.as_str()));
+        found.map(|(_, kind)| *kind).ok_or_else(|| match known_as {
+            Some((_, advice)) => format!("unknown kind of stereo \"{name}\": {advice} (`greenstage manual stages`)"),
+            None => config::unknown_name("kind of stereo", name, names()),
+        })
     }
 
     /// The eyes for which a screen is drawn, in the order of drawing.

@@ -1,8 +1,10 @@
-//! A stage described as text: sizes, pixels, distances, fields of view, seams, trackers and sensors.
+//! A stage described as text: sizes, pixels, distances, fields of view, tilts, seams, windows, trackers and sensors.
 
 use super::description::Stage;
 use super::lint::CLOSED_M;
-use nalgebra::Point3;
+use super::tracking::{ButtonId, TrackerFrame};
+use super::window::{Monitor, Tile, Window};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::fmt;
 
 impl fmt::Display for Stage {
@@ -45,6 +47,9 @@ impl fmt::Display for Stage {
                 format!("{across:.1} × {upward:.1}"),
             )?;
         }
+        for screen in &self.screens {
+            writeln!(f, "screen {}: {}", screen.name, screen.measures())?;
+        }
         for seam in self.seams() {
             let [a, b] = seam.edges.map(|(screen, _)| self.screens[screen].name.as_str());
             let length_m = (seam.ends[1] - seam.ends[0]).norm();
@@ -55,8 +60,49 @@ impl fmt::Display for Stage {
                 _ => writeln!(f)?,
             }
         }
+        for apart in self.apart() {
+            writeln!(f, "no seam: {} are {:.0} mm apart", apart.told(self), apart.distance_m * 1000.0)?;
+        }
+        if self.swap_eyes {
+            writeln!(f, "swap_eyes: each eye is shown what the other should see")?;
+        }
+        self.windows.iter().try_for_each(|window| self.write_window(f, window))?;
+        for Monitor { name, at: [x, y], size: [width, height] } in &self.monitors {
+            writeln!(f, "monitor {name}: {width} × {height} at ({x}, {y})")?;
+        }
+        self.write_tracking(f)
+    }
+}
+
+impl Stage {
+    fn write_window(&self, f: &mut fmt::Formatter<'_>, window: &Window) -> fmt::Result {
+        let [width, height] = window.size;
+        let at = window.at.map_or(String::new(), |[x, y]| format!(" at ({x}, {y})"));
+        let on = window.monitor.as_ref().map_or(String::new(), |monitor| format!(" on monitor {monitor}"));
+        let tile = |tile: &Tile| {
+            let swapped = if tile.swap_eyes { ", eyes swapped" } else { "" };
+            let (screen, [x, y, width, height]) = (&self.screens[tile.screen].name, tile.rect);
+            let part = if window.tiles.len() > 1 { format!(" in {width} × {height} at ({x}, {y})") } else { String::new() };
+            format!("{screen}{part}, {}{swapped}", tile.stereo.name())
+        };
+        let tiles: Vec<String> = window.tiles.iter().map(tile).collect();
+        let size = if window.fills { "fills it".to_owned() } else { format!("{width} × {height}") };
+        writeln!(f, "window {}: {size}{at}{on}: {}", window.name, tiles.join("; "))
+    }
+
+    fn write_tracking(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (name, tracker) in &self.tracking.trackers {
-            writeln!(f, "tracker {name}: {}", tracker.source)?;
+            let TrackerFrame { mirror, room_from_tracker } = tracker.frame;
+            let Isometry3 { translation, rotation } = room_from_tracker.isometry;
+            let mirrored = mirror.map_or(String::new(), |axis| format!(", {axis:?} mirrored").to_lowercase());
+            writeln!(
+                f,
+                "tracker {name}: {}; its unit is {} m{mirrored}, its origin at {} m, its {}",
+                tracker.source,
+                room_from_tracker.scaling(),
+                numbers(&translation.vector, 3),
+                axes(&rotation, "axes point")
+            )?;
         }
         for (name, sensor) in &self.tracking.sensors {
             let is_head = self.tracking.head.as_ref() == Some(name);
@@ -67,10 +113,41 @@ impl fmt::Display for Stage {
                 .chain(styli.map(|(stylus, _)| format!("stylus {stylus}")))
                 .collect();
             let used = if used.is_empty() { "not used".to_owned() } else { used.join(", ") };
-            writeln!(f, "sensor {name}: number {} of {}: {used}", sensor.id, sensor.tracker)?;
+            let body_from_sensor = sensor.sensor_from_body.inverse();
+            writeln!(
+                f,
+                "sensor {name}: number {} of {}: {used}; mounted at {} m on it, its {}",
+                sensor.id,
+                sensor.tracker,
+                numbers(&body_from_sensor.translation.vector, 3),
+                axes(&body_from_sensor.rotation, "axes there")
+            )?;
+        }
+        for (name, stylus) in &self.tracking.styli {
+            let button = |what: &str, id: &Option<ButtonId>| match id {
+                Some(ButtonId { tracker, button }) => format!("{what} by button {button} of {tracker}"),
+                None => format!("no {what}"),
+            };
+            let (grab, second) = (button("grab", &stylus.grab), button("second button", &stylus.second));
+            writeln!(f, "stylus {name}: sensor {}, {grab}, {second}", stylus.sensor)?;
         }
         Ok(())
     }
+}
+
+/// `(0.890, 0.000, -0.100)`.
+fn numbers(vector: &Vector3<f64>, digits: usize) -> String {
+    let half = 0.5 * 10f64.powi(-(digits as i32));
+    // No -0.000.
+    let text = vector.iter().map(|x| format!("{:.digits$}", if x.abs() < half { 0.0 } else { *x }));
+    format!("({})", text.collect::<Vec<_>>().join(", "))
+}
+
+/// Where the axes of a frame point, as a file has them: `axes point x (1.00, 0.00, 0.00), y …`.
+fn axes(rotation: &UnitQuaternion<f64>, what: &str) -> String {
+    let axes = [("x", Vector3::x()), ("y", Vector3::y()), ("z", Vector3::z())];
+    let told = axes.map(|(name, axis)| format!("{name} {}", numbers(&(rotation * axis), 2)));
+    format!("{what} {}", told.join(", "))
 }
 
 #[cfg(test)]

@@ -134,8 +134,22 @@ impl TrackerFrame {
     /// room_from_sensor of a reading p, q: with the mirror D and room_from_tracker (s, R, t) the place is
     /// t + s R D p and the orientation R D q D.
     pub fn room_from_sensor(&self, tracker_from_sensor: &Isometry3<f64>) -> Isometry3<f64> {
-        let mut place = Point3::from(tracker_from_sensor.translation.vector);
-        let mut q = *tracker_from_sensor.rotation.quaternion();
+        let mirrored = self.mirrored(tracker_from_sensor);
+        let place = self.room_from_tracker * Point3::from(mirrored.translation.vector);
+        let rotation = self.room_from_tracker.isometry.rotation * mirrored.rotation;
+        Isometry3::from_parts(Translation3::from(place.coords), rotation)
+    }
+
+    /// The reading of a sensor that is at a place in the room: the inverse of [`TrackerFrame::room_from_sensor`].
+    pub fn tracker_from_sensor(&self, room_from_sensor: &Isometry3<f64>) -> Isometry3<f64> {
+        let place = self.room_from_tracker.inverse() * Point3::from(room_from_sensor.translation.vector);
+        let rotation = self.room_from_tracker.isometry.rotation.inverse() * room_from_sensor.rotation;
+        self.mirrored(&Isometry3::from_parts(Translation3::from(place.coords), rotation))
+    }
+
+    /// D p and D q D.
+    fn mirrored(&self, pose: &Isometry3<f64>) -> Isometry3<f64> {
+        let (mut place, mut q) = (pose.translation.vector, *pose.rotation.quaternion());
         if let Some(axis) = self.mirror {
             let axis = axis as usize;
             place[axis] = -place[axis];
@@ -144,9 +158,7 @@ impl TrackerFrame {
                 q.coords[other] = -q.coords[other];
             }
         }
-        let place = self.room_from_tracker * place;
-        let rotation = self.room_from_tracker.isometry.rotation * UnitQuaternion::new_unchecked(q);
-        Isometry3::from_parts(Translation3::from(place.coords), rotation)
+        Isometry3::from_parts(Translation3::from(place), UnitQuaternion::new_unchecked(q))
     }
 }
 

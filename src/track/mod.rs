@@ -11,6 +11,7 @@
 //! [`TrackerSet`].
 
 pub mod device;
+pub mod doubts;
 pub mod dtrack;
 mod fake_source;
 pub mod fastrak;
@@ -24,9 +25,10 @@ pub mod osc;
 mod publisher;
 mod rate_limiter;
 pub mod script;
-mod script_source;
+pub mod redirect;
 pub mod source_entry;
 mod sources;
+pub mod stand_in;
 mod state;
 pub mod tracker_set;
 pub mod udp;
@@ -40,9 +42,10 @@ pub use listen::{Listen, is_only_late};
 pub use mouse::{Mouse, MouseInput};
 pub use open_error::OpenError;
 pub use script::{Script, ScriptError};
-pub use script_source::ScriptSource;
+pub use redirect::Redirect;
 pub use source_entry::SourceEntry;
 pub use sources::{SOURCES, checked, find_stage, open, source_faults};
+pub use stand_in::StandIn;
 pub use state::{HeldPose, Signal, StylusState, TrackerState, normalised, usable};
 pub use tracker_set::TrackerSet;
 pub use worker::{Publisher, Worker};

@@ -49,7 +49,7 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
         "ends are -20.0 and 0.0 mm off along it",
         "warning: screen.table: no window shows it",
         "of the file: 0 is `DP-1`, 1920 × 1080 at (0, 0)",
-        "4 errors, 3 warnings, 2 notes",
+        "4 errors, 3 warnings, 4 notes",
     ] {
         assert!(said.contains(part), "no `{part}` in\n{said}");
     }

@@ -65,6 +65,10 @@ pub(super) fn frame_rows(readings: &Readings, history: &History) -> Vec<Ranked> 
 }
 
 fn sensor_row(sensor: &SensorReading) -> Row {
+    let name = format!("{:<14}", clipped(&sensor.name, 13));
+    if !sensor.heard {
+        return Row::Words(vec![(name, INK), ("never heard".into(), BAD)]);
+    }
     let (state, ink) = match sensor.signal {
         Signal::Live => ("live", GOOD),
         Signal::Held { .. } => ("held", FAIR),
@@ -75,7 +79,7 @@ fn sensor_row(sensor: &SensorReading) -> Row {
         s => format!("{} s ", fixed(s, 6, 0)),
     };
     Row::Words(vec![
-        (format!("{:<14}", clipped(&sensor.name, 13)), INK),
+        (name, INK),
         (format!("{} Hz{age}  ", fixed(sensor.rate_hz, 6, 1)), INK),
         (state.into(), ink),
     ])

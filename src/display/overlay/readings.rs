@@ -40,6 +40,8 @@ pub struct SensorReading {
     pub rate_hz: f64,
     pub age_s: f64,
     pub signal: Signal,
+    /// Whether it ever reported.
+    pub heard: bool,
 }
 
 /// A stylus, as the stage names it.
@@ -108,7 +110,8 @@ impl SensorReading {
         let sensors = reports.iter().flat_map(|report| &report.sensors);
         let named = sensors.filter_map(|sensor| {
             let name = sensor.name.clone()?;
-            Some(Self { name, rate_hz: sensor.rate_hz, age_s: sensor.age_s, signal: sensor.signal })
+            let (rate_hz, age_s, signal) = (sensor.rate_hz, sensor.age_s, sensor.signal);
+            Some(Self { name, rate_hz, age_s, signal, heard: sensor.count > 0 })
         });
         named.collect()
     }

@@ -31,7 +31,7 @@ fn readings(turn: f64) -> Readings {
         }),
     };
     let sensor =
-        |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal };
+        |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal, heard: true };
     Readings {
         stage: "workbench".into(),
         device: "a device by Vulkan".into(),

@@ -23,6 +23,10 @@ const OPENING: f64 = 40.0 * TAU / 360.0;
 const MARGIN: f64 = 0.93;
 const NARROWEST: f64 = 4.0 / 3.0;
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
+/// From above this elevation, a place is overhead, rad.
+const OVERHEAD: f64 = 80.0 * TAU / 360.0;
+/// How far the first view is to the right of the viewer's, rad.
+const ASIDE: f64 = 0.8;
 
 impl Camera {
     /// From the viewer's side, above and to the right, so far away that everything is in the picture.
@@ -31,7 +35,7 @@ impl Camera {
         let viewer = stage.viewer.room_from_head.translation.vector - stage.workspace.centre.coords;
         let behind = if viewer.xz().norm() > 1e-3 { viewer.x.atan2(viewer.z) } else { 0.0 };
         let (target, _) = ball_about(&points);
-        let mut camera = Self { target, azimuth: behind + 0.8, elevation: 0.42, distance_m: 1.0 };
+        let mut camera = Self { target, azimuth: behind + ASIDE, elevation: 0.42, distance_m: 1.0 };
         let away = camera.eye() - target;
         let right = Vector3::y().cross(&away).normalize();
         let up = away.cross(&right);
@@ -45,13 +49,20 @@ impl Camera {
         camera
     }
 
-    /// Looks at the same target from another place; from a place on the target itself, from its side.
+    /// Looks at the same target from another place; from a place on the target itself, from its side. From a place high above,
+    /// straight down, with the viewer's side below, as a plan is drawn.
     pub fn from(stage: &Stage, place: Point3<f64>) -> Self {
         let camera = Self::of(stage);
         let away = place - camera.target;
         let distance_m = away.norm();
         if distance_m < 1e-6 {
             return camera;
+        }
+        let behind = camera.azimuth - ASIDE;
+        if away.y > OVERHEAD.sin() * distance_m {
+            let target = Point3::new(place.x, camera.target.y, place.z)
+                - Vector3::new(behind.sin(), 0.0, behind.cos()) * (away.y / STEEPEST.tan());
+            return Self { target, azimuth: behind, elevation: STEEPEST, distance_m: (place - target).norm() };
         }
         Self {
             azimuth: away.x.atan2(away.z),
@@ -174,6 +185,22 @@ mod tests {
         }
         orbit.handle(&Input::Wheel { window: 0, lines: f32::INFINITY });
         assert!(orbit.camera.view(1.0).is_some(), "{orbit:?}");
+    }
+
+    #[test]
+    fn a_plan_has_the_viewer_below() {
+        let stage = Stage::find("workbench").unwrap();
+        for place in [[0.05, 4.5, 0.2], [-0.05, 4.5, 0.9], [0.0, 4.5, 0.6]] {
+            let camera = Camera::from(&stage, place.into());
+            assert!((camera.eye() - Point3::from(place)).norm() < 1e-9, "{place:?}");
+            let view = camera.view(1.0).unwrap();
+            let height = |place: Point3<f64>| {
+                let clip = view.clip_from_room * place.cast::<f32>().to_homogeneous();
+                clip.y / clip.w
+            };
+            let viewer = Point3::from(stage.viewer.room_from_head.translation.vector);
+            assert!(height(viewer) < height(stage.screens[1].lower_left), "{place:?}");
+        }
     }
 
     #[test]

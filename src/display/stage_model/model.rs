@@ -26,6 +26,8 @@ const AXES: [Colour; 3] = [[0.85, 0.10, 0.07, 1.0], [0.12, 0.60, 0.10, 1.0], [0.
 const BALL: Colour = [0.20, 0.25, 0.31, 1.0];
 /// Length of a sensor's axes, m.
 const SENSOR_M: f64 = 0.08;
+/// Length of a tracker's axes against the room's.
+const TRACKER_LENGTHS: f64 = 1.7;
 /// Sides of the polygon that stands for a circle.
 const CIRCLE: u32 = 64;
 
@@ -71,12 +73,36 @@ impl StageModel {
             room.label(end, letter, QUIET, 0.85);
         }
         for (name, tracker) in &stage.tracking.trackers {
+            // Longer than the room's, so that both are seen where they have one origin.
             let room_from_tracker = tracker.frame.room_from_tracker.isometry;
-            room.add_axes(&room_from_tracker, length_m);
-            let origin = Point3::from(room_from_tracker.translation.vector);
-            room.label(origin, &format!("tracker {name}"), QUIET, 0.85);
+            room.add_axes(&room_from_tracker, TRACKER_LENGTHS * length_m);
+            for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+                let mut end = Point3::origin();
+                end[axis] = (TRACKER_LENGTHS + 0.15) * length_m;
+                room.label(room_from_tracker * end, &format!("{name} {letter}"), QUIET, 0.85);
+            }
         }
         room
+    }
+
+    /// Adds what a tape measure tells of each screen: sides, tilt and heights.
+    pub fn add_measures(&mut self, stage: &Stage) {
+        for screen in &stage.screens {
+            let sides = format!("{:.3} × {:.3} m\n{}", screen.width_m(), screen.height_m(), screen.posture());
+            self.label(screen.point([0.0, 0.1]), &sides, QUIET, 0.85);
+            for edge in [-1.0, 1.0] {
+                let place = screen.point([0.0, 0.9 * edge]);
+                let height = format!("{:.3} m high", screen.point([0.0, edge]).y);
+                self.label(place, &height, QUIET, 0.85);
+            }
+        }
+    }
+
+    /// Adds sentences to the note in the corner.
+    pub fn add_notes(&mut self, notes: impl IntoIterator<Item = String>) {
+        for note in notes {
+            self.note = format!("{note}\n{}", self.note);
+        }
     }
 
     /// Adds every sensor that ever reported a pose, at its place, with the stage's name for it or its number.

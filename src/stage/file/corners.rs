@@ -3,7 +3,8 @@
 //! In: a screen, the viewer's place, and what else tells on which side of it people stand: the workspace and the other
 //! screens. Out: corners that were named for each other, a viewer behind the screen, or a mirrored screen.
 
-use crate::stage::error::{MAX_SKEW, StageFault};
+use super::screen::odd_number;
+use crate::stage::error::{MAX_SKEW, STRAIGHTENED_M, StageFault};
 use crate::stage::screen::{MIN_EYE_DISTANCE_M, Screen};
 use crate::stage::workspace::Workspace;
 use nalgebra::{Point3, Vector3};
@@ -19,7 +20,8 @@ pub struct Surroundings<'a> {
 /// The first fault of a screen that spans an area.
 pub fn check(screen: &Screen, around: &Surroundings<'_>) -> Result<(), StageFault> {
     if let Err(skewed) = check_shape(screen) {
-        return Err(named_for_each_other(screen, around).unwrap_or(skewed));
+        let better = odd_number(screen).or_else(|| named_for_each_other(screen, around));
+        return Err(better.unwrap_or(skewed));
     }
     match around.viewer {
         Some(viewer) => check_side(screen, &viewer, around),
@@ -34,12 +36,15 @@ fn cosine(corners: &[Point3<f64>; 3]) -> f64 {
 
 fn check_shape(screen: &Screen) -> Result<(), StageFault> {
     let cosine = cosine(&[screen.lower_left, screen.lower_right, screen.upper_left]);
-    if cosine.abs() > MAX_SKEW {
+    let off_m = screen.off_rectangle_m();
+    if cosine.abs() > MAX_SKEW || off_m > STRAIGHTENED_M {
         let up: Vector3<f64> = screen.axes()[1];
         return Err(StageFault::Skewed {
             screen: screen.name.clone(),
             degrees: cosine.acos().to_degrees(),
-            upper_left: screen.lower_left + up * screen.height_m(),
+            off_m,
+            sides_m: [screen.width_m(), screen.height_m()],
+            upper_left: Box::new(screen.lower_left + up * screen.height_m()),
         });
     }
     Ok(())
@@ -58,7 +63,7 @@ fn named_for_each_other(screen: &Screen, around: &Surroundings<'_>) -> Option<St
     ];
     let is_right = |corners: &[Point3<f64>; 3]| {
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-        let is_upright = corners[2].y - corners[0].y > -MAX_SKEW * (corners[2] - corners[0]).norm();
+        let is_upright = corners[2].y - corners[0].y > -1e-3 * (corners[2] - corners[0]).norm();
         cosine(corners).abs() <= MAX_SKEW && (viewer - corners[0]).dot(&normal) > 0.0 && is_upright
     };
     let (what, corners) = readings.into_iter().find(|(_, corners)| is_right(corners))?;

@@ -4,17 +4,19 @@
 mod corners;
 mod haptic;
 mod mount;
+mod screen;
 mod tracking;
 mod window;
 
 use self::corners::Surroundings;
 use self::haptic::HapticFile;
+use self::screen::{ScreenFile, screen};
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::window::{MonitorFile, WindowFile};
 use super::built_in::text_of;
 use super::description::Stage;
 use super::error::{
-    IPD_M, Located, MAX_PIXELS, MAX_SIDE_M, MIN_SIDE_M, StageError, StageFault, TrackingFault,
+    IPD_M, Located, MAX_SIDE_M, StageError, StageFault, TrackingFault,
 };
 use super::haptic::Haptic;
 use super::screen::{ROOM_LIMIT_M, Screen};
@@ -87,22 +89,17 @@ struct GridFile {
     half_size: f64,
 }
 
-#[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ScreenFile {
-    name: String,
-    lower_left: [f64; 3],
-    lower_right: [f64; 3],
-    upper_left: [f64; 3],
-    pixels: [u32; 2],
-}
-
 impl Stage {
     /// The built-in stage of this name, or the stage in a file: anything that ends in `.toml` is a path. The keys of the
     /// trackers' sources are not checked here, because `stage` does not know the sources: `track::checked` checks them.
     pub fn find(name_or_path: &str) -> Result<Self, StageError> {
         let (text, path) = text_of(name_or_path)?;
         Self::parse(&text, &path)
+    }
+
+    /// The text of the built-in stage of this name, or of a file.
+    pub fn text(name_or_path: &str) -> Result<std::borrow::Cow<'static, str>, StageError> {
+        Ok(text_of(name_or_path)?.0)
     }
 
     /// The same with all faults instead of the first one only.
@@ -172,8 +169,9 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
     if file.screens.is_empty() {
         faults.push(0, StageFault::NoScreen);
     }
+    let names: Vec<String> = file.screens.iter().map(|screen| screen.get_ref().name.clone()).collect();
     let screens = screens(file.screens, viewer.as_ref(), workspace.as_ref(), &mut faults);
-    let windows = windows(file.windows, &screens, file.stereo, &mut faults);
+    let windows = windows(file.windows, &screens, &names, file.stereo, &mut faults);
     let mut kinds = windows.iter().flat_map(|window| &window.tiles).map(|tile| tile.stereo);
     let is_mono = file.stereo == Stereo::Mono && kinds.all(|kind| kind == Stereo::Mono);
     faults.keep(start, check_ipd(file.viewer.get_ref().ipd, is_mono));
@@ -255,15 +253,24 @@ fn screens(
     screens.into_iter().map(|(_, screen)| screen).collect()
 }
 
+/// The windows of usable screens; `names` are those of all screens in the file.
 fn windows(
     files: Vec<Spanned<WindowFile>>,
     screens: &[Screen],
+    names: &[String],
     stereo: Stereo,
     faults: &mut FaultList<'_>,
 ) -> Vec<Window> {
     let mut windows: Vec<Window> = Vec::new();
     for (i, found) in files.into_iter().enumerate() {
         let start = found.span().start;
+        // A screen that is refused is one fault, not another one in each of its windows.
+        let is_refused = |name: &str| {
+            names.iter().any(|known| known == name) && screens.iter().all(|screen| screen.name != name)
+        };
+        if found.get_ref().shows().any(is_refused) {
+            continue;
+        }
         let made = window::window(found.into_inner(), i + 1, screens, stereo);
         let Some(window) = faults.keep(start, made) else { continue };
         if windows.iter().any(|other| other.name == window.name) {
@@ -330,32 +337,6 @@ fn check_ipd(ipd_m: f64, is_mono: bool) -> Result<(), StageFault> {
         true => Ok(()),
         false => Err(StageFault::Ipd { ipd_m }),
     }
-}
-
-/// A screen whose corners span an area.
-fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
-    let ScreenFile { name, lower_left, lower_right, upper_left, pixels } = file;
-    check_name("screen", &name)?;
-    let corner = |corner: &str, coordinates| point(&format!("{corner} of screen `{name}`"), coordinates);
-    let screen = Screen {
-        lower_left: corner("lower_left", lower_left)?,
-        lower_right: corner("lower_right", lower_right)?,
-        upper_left: corner("upper_left", upper_left)?,
-        pixels,
-        name,
-    };
-    let [width, height] = pixels;
-    if !(1..=MAX_PIXELS).contains(&width) || !(1..=MAX_PIXELS).contains(&height) {
-        return Err(StageFault::Pixels { screen: screen.name, width, height });
-    }
-    let side = MIN_SIDE_M..=MAX_SIDE_M;
-    let (width_m, height_m) = (screen.width_m(), screen.height_m());
-    let across = screen.lower_right - screen.lower_left;
-    let area = across.cross(&(screen.upper_left - screen.lower_left)).norm();
-    if !side.contains(&width_m) || !side.contains(&height_m) || area < 1e-6 * width_m * height_m {
-        return Err(StageFault::Size { screen: screen.name, width_m, height_m });
-    }
-    Ok(screen)
 }
 
 #[cfg(test)]

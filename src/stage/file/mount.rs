@@ -1,4 +1,4 @@
-//! A rigid motion as a stage file writes it: `position` with `rotation`, or with the three measured `axes`.
+//! A rigid motion as a stage file writes it: `position` with `rotation`, `rotation_degrees`, or the three measured `axes`.
 
 use super::super::error::TrackingFault;
 use super::super::screen::ROOM_LIMIT_M;
@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 pub struct MountFile {
     pub position: Option<[f64; 3]>,
     pub rotation: Option<[f64; 3]>,
+    pub rotation_degrees: Option<[f64; 3]>,
     pub axes: Option<[[f64; 3]; 3]>,
 }
 
@@ -30,16 +31,20 @@ pub fn isometry(what: &str, file: &MountFile) -> Result<Isometry3<f64>, Tracking
         Ok(numbers.into())
     };
     let position = numbers("position", file.position.unwrap_or_default(), " of metres", ROOM_LIMIT_M)?;
-    let rotation = match (file.rotation, file.axes) {
-        (Some(_), Some(_)) => return Err(TrackingFault::TwoRotations { what: what.to_owned() }),
-        (Some(vector), None) => {
+    let rotation = match (file.rotation, file.rotation_degrees, file.axes) {
+        (None, None, None) => UnitQuaternion::identity(),
+        (Some(vector), None, None) => {
             UnitQuaternion::from_scaled_axis(numbers("rotation", vector, " of radians", 6.3)?)
         }
-        (None, Some([x, y, z])) => {
+        (None, Some(vector), None) => {
+            let degrees = numbers("rotation_degrees", vector, " of degrees", 361.0)?;
+            UnitQuaternion::from_scaled_axis(degrees.map(f64::to_radians))
+        }
+        (None, None, Some([x, y, z])) => {
             let axis = |axis| numbers("axes", axis, "", ROOM_LIMIT_M);
             rotation_from_axes(what, [axis(x)?, axis(y)?, axis(z)?])?
         }
-        (None, None) => UnitQuaternion::identity(),
+        _ => return Err(TrackingFault::TwoRotations { what: what.to_owned() }),
     };
     Ok(Isometry3::from_parts(Translation3::from(position), rotation))
 }

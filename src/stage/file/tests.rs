@@ -110,7 +110,7 @@ fn unknown_keys_name_the_line_and_the_nearest_key() {
     let error = refusal("upper_left", "uper_left");
     assert!(error.contains("did you mean `upper_left`?"), "{error}");
     let error = refusal("stereo = \"separate\"", "stereo = \"side-by-side\"");
-    assert!(error.contains("did you mean `side_by_side`?"), "{error}");
+    assert!(error.contains("did you mean \"side_by_side\"?"), "{error}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! Out: a checked [`Tracking`], in which the keys of a tracker's source are kept unread for `track::SOURCES`.
 
-use super::super::error::TrackingFault;
+use super::super::error::{MAX_MOUNT_M, TrackingFault};
 use super::super::tracking::{
     Axis, ButtonId, LostPolicy, OneEuro, Sensor, SourceTable, Stylus, Tracker, TrackerFrame, TrackerSource,
     Tracking,
@@ -10,7 +10,7 @@ use super::super::tracking::{
 use super::mount::{MountFile, isometry, range};
 use crate::config;
 use indexmap::IndexMap;
-use nalgebra::Similarity3;
+use nalgebra::{Isometry3, Similarity3};
 use std::path::Path;
 use toml::Spanned;
 
@@ -30,6 +30,7 @@ struct FrameFile {
     scale: Option<f64>,
     position: Option<[f64; 3]>,
     rotation: Option<[f64; 3]>,
+    rotation_degrees: Option<[f64; 3]>,
     axes: Option<[[f64; 3]; 3]>,
 }
 
@@ -38,8 +39,8 @@ struct FrameFile {
 pub struct SensorFile {
     tracker: String,
     id: i32,
-    #[serde(default)]
-    sensor_from_body: MountFile,
+    sensor_from_body: Option<MountFile>,
+    body_from_sensor: Option<MountFile>,
     filter: Option<FilterFile>,
     #[serde(default)]
     predict: f64,
@@ -132,11 +133,11 @@ struct Names {
 }
 
 fn tracker(name: &str, file: TrackerFile, path: &Path, line: usize) -> Result<Tracker, TrackingFault> {
-    let FrameFile { mirror, scale, position, rotation, axes } = file.room_from_tracker;
+    let FrameFile { mirror, scale, position, rotation, rotation_degrees, axes } = file.room_from_tracker;
     let what = format!("room_from_tracker of tracker `{name}`");
     let scale = range(&format!("scale in {what}"), scale.unwrap_or(1.0), "", 1e-6, 1e6)?;
-    let room_from_tracker =
-        Similarity3::from_isometry(isometry(&what, &MountFile { position, rotation, axes })?, scale);
+    let mount = MountFile { position, rotation, rotation_degrees, axes };
+    let room_from_tracker = Similarity3::from_isometry(isometry(&what, &mount)?, scale);
     let source = TrackerSource::Table(SourceTable { keys: file.source, path: path.to_owned(), line });
     Ok(Tracker { source, frame: TrackerFrame { mirror, room_from_tracker } })
 }
@@ -176,13 +177,34 @@ fn sensor(name: &str, file: SensorFile, names: &Names, tracking: &Tracking) -> R
         return Err(TrackingFault::LostOrder { sensor: name.to_owned(), after_s, warn_s });
     }
     Ok(Sensor {
-        sensor_from_body: isometry(&format!("sensor_from_body of {who}"), &file.sensor_from_body)?,
+        sensor_from_body: sensor_from_body(&who, file.sensor_from_body, file.body_from_sensor)?,
         filter,
         predict_s: range(&format!("predict of {who}"), file.predict, " of seconds", 0.0, 0.1)?,
         lost: LostPolicy { after_s, warn_s },
         tracker: file.tracker,
         id: file.id,
     })
+}
+
+/// The mount by either of the two keys for it; bodies are near their sensors.
+fn sensor_from_body(
+    who: &str,
+    sensor_from_body: Option<MountFile>,
+    body_from_sensor: Option<MountFile>,
+) -> Result<Isometry3<f64>, TrackingFault> {
+    let (key, mount) = match (&sensor_from_body, &body_from_sensor) {
+        (None, None) => return Ok(Isometry3::identity()),
+        (Some(_), Some(_)) => return Err(TrackingFault::TwoMounts { who: who.to_owned() }),
+        (Some(mount), None) => ("sensor_from_body", mount),
+        (None, Some(mount)) => ("body_from_sensor", mount),
+    };
+    let what = format!("{key} of {who}");
+    let read = isometry(&what, mount)?;
+    let position = read.translation.vector;
+    if position.norm() > MAX_MOUNT_M {
+        return Err(TrackingFault::FarBody { what, position: position.into() });
+    }
+    Ok(if body_from_sensor.is_some() { read.inverse() } else { read })
 }
 
 fn stylus(name: &str, file: StylusFile, names: &Names, tracking: &Tracking) -> Result<Stylus, TrackingFault> {

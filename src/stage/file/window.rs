@@ -45,6 +45,13 @@ pub struct MonitorFile {
     size: [u32; 2],
 }
 
+impl WindowFile {
+    /// The names of the screens that it shows.
+    pub fn shows(&self) -> impl Iterator<Item = &str> {
+        self.screen.as_deref().into_iter().chain(self.tiles.iter().map(|tile| tile.screen.as_str()))
+    }
+}
+
 pub fn monitor(file: MonitorFile) -> Result<Monitor, StageFault> {
     let MonitorFile { name, at, size } = file;
     match check_place(at).and_then(|()| check_size(size)) {

@@ -249,6 +249,9 @@ impl TrackerSet {
             running.there_since_s = is_there(&state.link).then_some(since_s);
             if state.link != running.link {
                 let what = match &state.link {
+                    Link::Down(why) if running.link == Link::Waiting => {
+                        Some(format!("not there: {why}; it is tried again"))
+                    }
                     Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
                     Link::Up if matches!(running.link, Link::Down(_)) => Some("back".to_owned()),
                     _ => None,

@@ -173,7 +173,8 @@ impl Connection {
 
     fn connect(&self) -> Result<TcpStream, String> {
         let Address { host, port, .. } = &self.address;
-        let server = resolve(&self.address).map_err(|error| format!("{host}: {error}"))?;
+        let server = resolve(&self.address)
+            .map_err(|error| format!("no host is known by the name {host}: try its IP address ({error})"))?;
         match self.transport {
             Transport::Tcp => {
                 TcpStream::connect_timeout(&server, Duration::from_secs_f64(self.timing.connect_s))
