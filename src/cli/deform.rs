@@ -43,6 +43,9 @@ pub struct Args {
     pub surface: Vec<String>,
 }
 
+/// The forces of more poses are in the file alone.
+const MOST_LINES: usize = 24;
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Scene::load(&args.scene)?;
     let poses = pose_file::load(&args.poses)?;
@@ -57,6 +60,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
+        // Those that were solved are in the table.
+        if tables.is_empty() && set.results.len() <= MOST_LINES {
+            print(&set.force_lines())?;
+        }
         print(&set.stress_lines())?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }

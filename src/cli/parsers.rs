@@ -1,5 +1,6 @@
 //! Parses the values of options that several subcommands share.
 
+use crate::mesh::length_unit::find_unit;
 use crate::render::Samples;
 use crate::scene::Storage;
 
@@ -33,6 +34,16 @@ pub fn positive(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|value: &f64| value.is_finite() && *value > 0.0)
         .ok_or("a positive number".into())
+}
+
+/// `5mm`, `0.2 in`: in metres.
+pub fn length(text: &str) -> Result<f64, String> {
+    let at = text.find(|c: char| c.is_alphabetic() && c != 'e' && c != 'E').unwrap_or(text.len());
+    let (number, unit) = text.split_at(at);
+    if unit.is_empty() {
+        return Err("a length with its unit, such as 5mm".into());
+    }
+    Ok(positive(number.trim())? * find_unit(unit)?.metres)
 }
 
 pub fn scale(text: &str) -> Result<f64, String> {

@@ -5,7 +5,6 @@
 //! files for other programs. Messages are told in the window for a few seconds. As long as the panel is hidden and nothing is
 //! told, nothing is laid out or drawn.
 
-pub mod apng;
 mod editor;
 mod editor_panel;
 pub mod input;

@@ -7,10 +7,12 @@ mod doubt;
 mod ends;
 mod filling;
 mod grouped;
+mod pull;
 mod telling;
 mod wishes;
 
 pub use doubt::{ProposalError, UnitDoubt};
+pub use pull::{length, poses_path};
 pub use wishes::Wishes;
 
 use super::materials::{MATERIALS, find_material};
@@ -68,7 +70,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }
     let model = model(&mut telling, &key, &mesh, element == &TET4, wishes);
-    telling.comment(&key("effects"), "\"haptics\" would add force and torque");
+    effects(&mut telling, &key, wishes);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let body = Body {
         mesh: Some(relative(file, scene_path)),
@@ -78,6 +80,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         element,
         material,
         model,
+        effects: wishes.effects.clone(),
         control,
         ..least_body()?
     };
@@ -253,6 +256,19 @@ fn model(
             .into(),
     );
     "rotation".to_owned()
+}
+
+fn effects(telling: &mut Telling, key: &impl Fn(&str) -> String, wishes: &Wishes) {
+    if wishes.effects.is_empty() {
+        telling.comment(&key("effects"), "[\"haptics\", \"stress\"]: forces in newtons, colours by stress");
+        return;
+    }
+    let known = [("haptics", "forces in newtons"), ("stress", "colours by stress")];
+    let listed = known.into_iter().filter(|(name, _)| wishes.effects.iter().any(|effect| effect == name));
+    let mut told: Vec<&str> = listed.map(|(_, what)| what).collect();
+    told.push("all effects: `greenstage manual scene`");
+    telling.comment(&key("effects"), &told.join(", "));
+    telling.reason(format!("effects: {}, as you asked", wishes.effects.join(", ")));
 }
 
 /// A body at all its defaults.
