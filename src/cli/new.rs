@@ -7,7 +7,8 @@ use crate::base::output;
 use crate::base::output::Kind;
 use crate::effect::{find_effect, haptics, stress};
 use crate::mesh::formats::files_of;
-use crate::scene::proposal::{Proposal, Wishes, length, poses_path};
+use crate::scene::proposal::pull::{self, length, poses_path};
+use crate::scene::proposal::{Proposal, Wishes};
 use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
@@ -110,7 +111,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let text = proposal.text()?;
     output::write(&path, &SCENE, |file| file.write_all(text.as_bytes()))?;
     if let Some((by_m, poses)) = &poses {
-        let text = proposal.poses(*by_m, &path)?;
+        let text = pull::poses(&proposal.scene, &proposal.mesh, *by_m)?;
         output::write(poses, &POSES, |file| file.write_all(text.as_bytes()))?;
     }
     print(&told(&proposal, &path, args.pull))
@@ -125,12 +126,12 @@ fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
     let named = path.display();
     let reasons: String = proposal.reasons.iter().map(|reason| format!("  {reason}\n")).collect();
     let mut warnings: String = proposal.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
-    if let Some(by_m) = pull_m.filter(|by_m| proposal.is_much(*by_m)) {
+    if let Some(by_m) = pull_m.filter(|by_m| pull::is_much(&proposal.mesh, *by_m)) {
         let by = length(by_m);
         warnings +=
             &format!("note: {by} is more than a quarter of the body: the models do not tell when it tears\n");
     }
-    let by_m = pull_m.unwrap_or_else(|| proposal.usual_pull_m());
+    let by_m = pull_m.unwrap_or_else(|| pull::usual_m(&proposal.mesh));
     let force = match pull_m {
         Some(_) => {
             let stem = path.file_stem().unwrap_or_default().display();

@@ -26,7 +26,7 @@ fn elements(ui: &mut Ui, editor: &mut Editor) {
                 ui.painter().rect_filled(rect, 3.0, Color32::from_rgb(r, g, b));
                 let element = &mut editor.sketch.elements[number];
                 if is_chosen {
-                    ui.add(TextEdit::singleline(&mut element.name).desired_width(92.0).hint_text("name"));
+                    ui.add_sized([100.0, 22.0], TextEdit::singleline(&mut element.name).hint_text("name"));
                 } else if ui.add_sized([100.0, 22.0], Button::new(&element.name)).clicked() {
                     editor.sketch.chosen = number;
                 }

@@ -254,7 +254,7 @@ impl Desk {
                     self.messages.wrong(&format!("Not changed: {}", said(&failure)));
                 }
             }
-            Order::GiveUp => self.change = None,
+            Order::GiveUp => (self.change, self.loading) = (None, None),
             Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),

@@ -7,12 +7,11 @@ mod doubt;
 mod ends;
 mod filling;
 mod grouped;
-mod pull;
+pub mod pull;
 mod telling;
 mod wishes;
 
 pub use doubt::{ProposalError, UnitDoubt};
-pub use pull::{length, poses_path};
 pub use wishes::Wishes;
 
 use super::materials::{MATERIALS, find_material};
@@ -58,7 +57,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         (filled.loaded, Some(Tetrahedralise { cell: filled.cell }))
     } else {
         let loaded = mesh::load(file)?;
-        plausible(file, extent(&loaded.mesh), asked)?;
+        plausible(file, pull::extent(&loaded.mesh), asked)?;
         (asked.unwrap_or(Scale::ONE).applied(loaded), None)
     };
     let Loaded { mesh, notices } = loaded;
@@ -110,11 +109,6 @@ impl Proposal {
     pub fn text(&self) -> Result<String, SceneError> {
         write::text(&self.scene, &self.comments)
     }
-}
-
-fn extent(mesh: &TetMesh) -> f64 {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
-    (high - low).amax()
 }
 
 /// The body is called as the file, in letters that need no quotes.

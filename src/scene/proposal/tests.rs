@@ -196,9 +196,9 @@ fn poses_pull_push_and_move_across_what_can_be_grabbed() {
     let proposal = proposed("part.msh", &bar([0.2, 0.02, 0.02], [20, 2, 2]), &wishes).unwrap();
     assert_eq!(proposal.scene.body["part"].effects, ["haptics", "stress"]);
     assert!(proposal.text().unwrap().contains("forces in newtons, colours by stress"));
-    assert_eq!(proposal.usual_pull_m(), 0.005);
-    assert!(proposal.is_much(0.06) && !proposal.is_much(0.04));
-    let text = proposal.poses(0.005, Path::new("part.toml")).unwrap();
+    assert_eq!(pull::usual_m(&proposal.mesh), 0.005);
+    assert!(pull::is_much(&proposal.mesh, 0.06) && !pull::is_much(&proposal.mesh, 0.04));
+    let text = pull::poses(&proposal.scene, &proposal.mesh, 0.005).unwrap();
     let poses: toml::Table = toml::from_str(&text).unwrap();
     let moved = poses["pose"].as_array().unwrap().iter().map(|pose| {
         let way = pose["control"]["right"]["translation"].as_array().unwrap();
@@ -212,8 +212,6 @@ fn poses_pull_push_and_move_across_what_can_be_grabbed() {
         ("move right 5 mm along z", vec![0.0, 0.0, 0.005]),
     ];
     assert_eq!(moved.collect::<Vec<_>>(), expected);
-    assert_eq!(
-        (length(0.0025), length(1.5), length(0.5)),
-        ("2.5 mm".into(), "1.5 m".into(), "500 mm".into())
-    );
+    let written = [0.0025, 1.5, 0.5].map(pull::length);
+    assert_eq!(written, ["2.5 mm", "1.5 m", "500 mm"]);
 }
