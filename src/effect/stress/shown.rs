@@ -173,7 +173,7 @@ impl Shown {
             let name = &shown.name;
             let out_of_range = world.bodies[shown.index].out_of_range;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
-                _ if out_of_range => format!("{name}: bent further than its model holds: no values"),
+                _ if out_of_range => format!("{name}: beyond its model: no values"),
                 Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };
