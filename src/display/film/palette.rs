@@ -90,6 +90,10 @@ impl Cube {
     /// Sum of squares of what its colours differ from their mean, per channel.
     fn squares(&self) -> [f64; 3] {
         let mean = self.mean();
+        // By rounding, the mean of one colour may differ from it.
+        if self.0.len() < 2 {
+            return [0.0; 3];
+        }
         [0, 1, 2].map(|channel| {
             let square = |(colour, weight): &(Colour, f64)| {
                 weight * (f64::from(colour[channel]) - mean[channel]).powi(2)
@@ -112,15 +116,15 @@ fn chosen(histogram: &Histogram, most: usize) -> Vec<Colour> {
     let weighed = histogram.iter().map(|(colour, count)| (*colour, f64::from(*count).sqrt())).collect();
     let mut cubes: Vec<(f64, Cube)> = Vec::new();
     if most > 0 && !histogram.is_empty() {
-        cubes.push((f64::INFINITY, Cube(weighed)));
+        let all = Cube(weighed);
+        cubes.push((all.squares().iter().sum(), all));
     }
     while cubes.len() < most {
         let worst = (0..cubes.len()).max_by(|&a, &b| cubes[a].0.total_cmp(&cubes[b].0)).unwrap_or(0);
         if cubes.get(worst).is_none_or(|(error, _)| *error <= 0.0) {
             break;
         }
-        let [low, high] = cubes.swap_remove(worst).1.halves();
-        let parts = [low, high].into_iter().filter(|cube| !cube.0.is_empty());
+        let parts = cubes.swap_remove(worst).1.halves().into_iter().filter(|cube| !cube.0.is_empty());
         cubes.extend(parts.map(|cube| (cube.squares().iter().sum(), cube)));
     }
     let colour = |(_, cube): &(f64, Cube)| cube.mean().map(|channel| channel.round() as u8);
