@@ -31,8 +31,9 @@ cp "$out/demo/contact-sheet.png" "$book/src/pictures/demo.png"
 $program stage-view workbench -o "$book/src/pictures/room.png"
 $program pattern workbench --output "$out/pattern" --scale 0.5
 cp "$(ls "$out"/pattern/*.png | head -n 1)" "$book/src/pictures/pattern.png"
-$program render tube --stage demo --overlay --frames 1 -o "$out/overlay"
-cp "$(ls "$out"/overlay/frame*.png | head -n 1)" "$book/src/pictures/overlay.png"
+# Bent and held: before that all numbers are 0.
+$program render hose --stage demo --overlay --frames 24 -o "$out/overlay"
+cp "$out"/overlay/frame0018-*.png "$book/src/pictures/overlay.png"
 cp assets/models.png assets/accuracy.svg "$book/src/pictures/"
 
 # picture CHAPTER FILE TEXT: stands below the chapter's title.

@@ -51,6 +51,9 @@ pub struct Args {
     pub young: Vec<(String, String, f64)>,
 }
 
+/// The forces of more poses are in the file alone.
+const MOST_LINES: usize = 24;
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = updated(Scene::load(&args.scene)?, args)?;
     let poses = pose_file::load(&args.poses)?;
@@ -65,6 +68,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
+        // Those that were solved are in the table.
+        if tables.is_empty() && set.results.len() <= MOST_LINES {
+            print(&set.force_lines())?;
+        }
         print(&set.stress_lines())?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }

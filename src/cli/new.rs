@@ -1,10 +1,13 @@
 //! `greenstage new`: from a mesh or surface file to a scene file, with the reason for every choice.
 
-use super::opening::{self, Guess, SCENE};
+use super::opening::{self, Guess, SCENE, quoted};
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
+use crate::base::output::Kind;
+use crate::effect::{find_effect, haptics, stress};
 use crate::mesh::formats::files_of;
+use crate::scene::proposal::pull::{self, length, poses_path};
 use crate::scene::proposal::{Proposal, Wishes};
 use std::path::{Path, PathBuf};
 
@@ -13,6 +16,7 @@ Examples:
   greenstage new part.msh                                   beside it, part.toml
   greenstage new part.stl --unit mm --material steel        a surface is filled with tetrahedra
   greenstage new part.msh --fixed base --grab tip -o scenes/part.toml
+  greenstage new part.stl --unit mm --pull 5mm              how much force for 5 mm?
 
 Then `greenstage view part.toml`. Every line of the file has its reason beside it; change what you
 like. `greenstage manual materials` lists the materials, `greenstage inspect part.msh` the node groups.";
@@ -44,6 +48,13 @@ pub struct Args {
     /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` tells them apart
     #[arg(long)]
     pub model: Option<String>,
+    /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress); `greenstage manual scene` lists them
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
+    pub effects: Vec<String>,
+    /// How much force does this take? Lists the effects haptics and stress, and writes poses that pull and push each control
+    /// element that can be grabbed by so much, such as 5mm, for `greenstage deform`
+    #[arg(long, value_name = "LENGTH", value_parser = super::parsers::length)]
+    pub pull: Option<f64>,
     /// Where it is shown: a built-in stage or a stage file
     #[arg(long)]
     pub stage: Option<String>,
@@ -54,6 +65,11 @@ pub struct Args {
     #[arg(long)]
     pub force: bool,
 }
+
+/// The effects that answer how much force something takes.
+const ANSWER: [&str; 2] = [haptics::live::ENTRY.name, stress::NAME];
+const POSES: Kind =
+    Kind { name: "a pose file", recognizes: |head| head.windows(8).any(|window| window == b"[[pose]]") };
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let path = args.output.clone().unwrap_or_else(|| args.mesh.with_extension("toml"));
@@ -68,7 +84,21 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     output::make_folder_of(&path)?;
     output::try_path(&path, &SCENE, &files_of(&args.mesh))?;
+    let poses = args.pull.map(|by_m| (by_m, poses_path(&path)));
+    if let Some((_, poses)) = &poses {
+        if poses.exists() && !args.force {
+            return Err(Failure::wrong(format!(
+                "{}: is there already; --force overwrites it",
+                poses.display()
+            )));
+        }
+        output::try_path(poses, &POSES, &files_of(&args.mesh))?;
+    }
+    let mut effects = args.effects.clone();
+    let asked = ANSWER.iter().filter(|_| args.pull.is_some()).map(|name| (*name).to_owned());
+    effects.extend(asked.filter(|name| !args.effects.contains(name)));
     let wishes = Wishes {
+        effects,
         scale: args.scale,
         model: args.model.clone(),
         stage: args.stage.clone(),
@@ -80,19 +110,46 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let proposal = opening::propose(&args.mesh, &path, wishes)?;
     let text = proposal.text()?;
     output::write(&path, &SCENE, |file| file.write_all(text.as_bytes()))?;
-    print(&told(&proposal, &path))
+    if let Some((by_m, poses)) = &poses {
+        let text = pull::poses(&proposal.scene, &proposal.mesh, *by_m)?;
+        output::write(poses, &POSES, |file| file.write_all(text.as_bytes()))?;
+    }
+    print(&told(&proposal, &path, args.pull))
 }
 
-fn told(proposal: &Proposal, path: &Path) -> String {
+/// The name of an effect.
+fn effect(name: &str) -> Result<String, String> {
+    find_effect(name).map(|effect| effect.name.to_owned())
+}
+
+fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
     let named = path.display();
     let reasons: String = proposal.reasons.iter().map(|reason| format!("  {reason}\n")).collect();
-    let warnings: String = proposal.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
+    let mut warnings: String = proposal.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
+    if let Some(by_m) = pull_m.filter(|by_m| pull::is_much(&proposal.mesh, *by_m)) {
+        let by = length(by_m);
+        warnings +=
+            &format!("note: {by} is more than a quarter of the body: the models do not tell when it tears\n");
+    }
+    let by_m = pull_m.unwrap_or_else(|| pull::usual_m(&proposal.mesh));
+    let force = match pull_m {
+        Some(_) => {
+            let stem = path.file_stem().unwrap_or_default().display();
+            format!("greenstage deform {named} --poses {} -o out/{stem}", poses_path(path).display())
+        }
+        // The same again, with the question.
+        None => {
+            let same = std::env::args().skip(1).filter(|word| word != "--force").map(|word| quoted(&word));
+            let by = length(by_m).replace(' ', "");
+            format!("greenstage {} --pull {by} --force", same.collect::<Vec<_>>().join(" "))
+        }
+    };
     let next = [
+        (force, &*format!("how much force for {}, and what stress", length(by_m))),
         (format!("greenstage view {named}"), "solves it once, then you bend it"),
         (format!("greenstage check {named}"), "what can be found wrong, without solving"),
         ("an editor".to_owned(), "every line of the scene has its reason beside it"),
     ];
-    let width = next.iter().map(|(command, _)| command.chars().count()).max().unwrap_or(0) + 2;
-    let next: String = next.iter().map(|(command, what)| format!("  {command:<width$}{what}\n")).collect();
+    let next: String = next.iter().map(|(command, what)| format!("  {command}\n      {what}\n")).collect();
     format!("{named}: written\n{reasons}{warnings}\nNext:\n{next}")
 }

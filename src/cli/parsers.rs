@@ -1,5 +1,6 @@
 //! Parses the values of options that several subcommands share.
 
+use crate::mesh::length_unit::find_unit;
 use crate::render::Samples;
 use crate::scene::Storage;
 
@@ -49,6 +50,16 @@ pub fn modulus(text: &str) -> Result<(String, String, f64), String> {
     let ((body, region), young) =
         parts.ok_or("a body's region and its modulus in pascals, as in liver.tumour=2e4")?;
     Ok((body, region, young))
+}
+
+/// `5mm`, `0.2 in`: in metres.
+pub fn length(text: &str) -> Result<f64, String> {
+    let at = text.find(|c: char| c.is_alphabetic() && c != 'e' && c != 'E').unwrap_or(text.len());
+    let (number, unit) = text.split_at(at);
+    if unit.is_empty() {
+        return Err("a length with its unit, such as 5mm".into());
+    }
+    Ok(positive(number.trim())? * find_unit(unit)?.metres)
 }
 
 pub fn scale(text: &str) -> Result<f64, String> {

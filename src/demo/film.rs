@@ -1,8 +1,7 @@
 //! The demo without a display: a picture of each moment that the chapters name, a contact sheet of them, and a film.
 //!
-//! The film is an animated PNG, and an MP4 file too where `ffmpeg` is there.
+//! The film is an animated PNG, and an MP4 file too where `ffmpeg` is there ([`crate::display::film`]).
 
-use super::animation::Animation;
 use super::chapters::CHAPTERS;
 use super::preparation::Preparation;
 use super::story::Story;
@@ -11,13 +10,14 @@ use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::table;
 use crate::display::device;
+use crate::display::film::apng::Apng;
+use crate::display::film::mp4::{Mp4, PROGRAM};
 use crate::display::pictures::{PNG, save};
 use crate::render::Samples;
 use crate::render::window::Windows;
-use image::{RgbaImage, imageops};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use image::{DynamicImage, RgbaImage, imageops};
+use std::io::{Cursor, ErrorKind};
+use std::path::PathBuf;
 
 /// What is made, and where.
 #[derive(Clone, Debug)]
@@ -59,9 +59,9 @@ impl Request {
     /// Makes the pictures and the film; tells what was written.
     pub fn make(&self) -> Result<String, Failure> {
         self.try_folder()?;
-        let stills = self.stills()?;
-        let film = if self.film { self.film()? } else { String::new() };
-        Ok(format!("{stills}{film}"))
+        let (told, stills) = self.stills()?;
+        let film = if self.film { self.film(&stills)? } else { String::new() };
+        Ok(format!("{told}{film}"))
     }
 
     fn windows(&self, size: [u32; 2]) -> Result<Windows, Failure> {
@@ -75,11 +75,11 @@ impl Request {
         Ok(Story::new(preparation, 0, self.device).without_keys())
     }
 
-    fn stills(&self) -> Result<String, Failure> {
+    /// The pictures, and what is told of them.
+    fn stills(&self) -> Result<(String, Vec<RgbaImage>), Failure> {
         let (mut windows, mut story) = (self.windows(self.size)?, self.story()?);
         notice!("demo: drawing on {}", windows.gpu.describe());
         let mut pictures = Vec::new();
-        let mut names = Vec::new();
         for &chapter in &self.chapters {
             story.begin(chapter, &windows)?;
             for (k, &at_s) in CHAPTERS[chapter].stills_s.iter().enumerate() {
@@ -91,59 +91,70 @@ impl Request {
                 save(&picture, &self.folder.join(&name))?;
                 notice!("{}", self.folder.join(&name).display());
                 pictures.push(picture);
-                names.push(name);
             }
         }
         let sheet = self.folder.join(SHEET);
         save(&contact_sheet(&pictures), &sheet)?;
-        Ok(format!("{} pictures in {}, all on {}\n", names.len(), self.folder.display(), sheet.display()))
+        let (count, folder) = (pictures.len(), self.folder.display());
+        Ok((format!("{count} pictures in {folder}, all on {}\n", sheet.display()), pictures))
     }
 
-    fn film(&self) -> Result<String, Failure> {
+    /// `stills` tell which colours it has.
+    fn film(&self, stills: &[RgbaImage]) -> Result<String, Failure> {
         let size = self.size.map(|side| (side / 2).max(2) & !1);
         let (mut windows, mut story) = (self.windows(size)?, self.story()?);
-        let mp4 = self.folder.join(MP4);
-        let mut video = Video::start(&mp4, size);
+        let path = self.folder.join(MP4);
+        let mut video = match Mp4::start(PROGRAM, &path, size, u32::from(RATE_HZ) * FINER) {
+            Ok(video) => Some(video),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => return Err(Failure::work(error)),
+        };
         let finer = if video.is_some() { FINER } else { 1 };
-        let rate_hz = f64::from(RATE_HZ) * f64::from(finer);
+        let step_s = 1.0 / (f64::from(RATE_HZ) * f64::from(finer));
         let mut counts = Vec::new();
         for &chapter in &self.chapters {
             story.begin(chapter, &windows)?;
             let length_s = story.duration_s().unwrap_or(1.0) + END_S;
             counts.push((length_s * f64::from(RATE_HZ)) as u32 * finer);
         }
-        let all: u32 = counts.iter().sum();
-        let bar = indicatif::ProgressBar::new(all.into()).with_message("film");
-        let mut bytes = Vec::new();
-        let failed = |error: png::EncodingError| Failure::work(error);
-        let mut animation = Animation::new(&mut bytes, size, all / finer, RATE_HZ).map_err(failed)?;
+        let bar = indicatif::ProgressBar::new(counts.iter().map(|&count| u64::from(count)).sum())
+            .with_message("film");
+        let mut animation = Apng::new(Cursor::new(Vec::new()));
+        let rgb = |still: &RgbaImage| DynamicImage::from(still.clone()).to_rgb8();
+        animation.expect(&stills.iter().map(rgb).collect::<Vec<_>>());
         for (&chapter, count) in self.chapters.iter().zip(counts) {
             story.begin(chapter, &windows)?;
             let last_s = CHAPTERS[chapter].stills_s.last().copied().unwrap_or(f64::INFINITY);
             for frame in 0..count {
-                let at_s = f64::from(frame) / rate_hz;
+                let at_s = f64::from(frame) * step_s;
                 story.tell_until(at_s)?;
                 // From the last moment on: what is solved for every pose of a motion would take minutes.
                 if at_s >= last_s {
                     story.wait_for_effects();
                 }
                 story.frame(&mut windows, 0.0)?;
-                let picture = windows.read()?;
+                let picture = DynamicImage::from(windows.read()?).to_rgb8();
                 if frame % finer == 0 {
-                    animation.push(&picture).map_err(failed)?;
+                    animation.add(&picture, 1.0 / f64::from(RATE_HZ)).map_err(Failure::work)?;
                 }
-                video.as_mut().map_or(Ok(()), |video| video.push(&picture))?;
+                let at_s = bar.position() as f64 * step_s;
+                if let Some(Err(error)) = video.as_mut().map(|video| video.add(&picture, at_s)) {
+                    // Where it takes no more pictures, it knows why.
+                    let known = video.and_then(|video| video.finish().err());
+                    return Err(Failure::work(known.unwrap_or(error)));
+                }
                 bar.inc(1);
             }
         }
         bar.finish_and_clear();
-        animation.finish().map_err(failed)?;
-        let path = self.folder.join(FILM);
-        output::write(&path, &PNG, |file| file.write_all(&bytes))?;
-        let mut told = format!("film {} ({})\n", path.display(), table::bytes(bytes.len() as f64));
+        let bytes = animation.finish().map_err(Failure::work)?.into_inner();
+        let png = self.folder.join(FILM);
+        output::write(&png, &PNG, |file| file.write_all(&bytes))?;
+        let mut told = format!("film {} ({})\n", png.display(), table::bytes(bytes.len() as f64));
         if let Some(video) = video {
-            video.finish()?;
-            told += &format!("film {}\n", mp4.display());
+            video.finish().map_err(Failure::work)?;
+            let size = std::fs::metadata(&path).map_or(0, |of| of.len());
+            told += &format!("film {} ({})\n", path.display(), table::bytes(size as f64));
         }
         Ok(told)
     }
@@ -180,46 +191,4 @@ fn contact_sheet(pictures: &[RgbaImage]) -> RgbaImage {
         imageops::replace(&mut sheet, &small, place[0].into(), place[1].into());
     }
     sheet
-}
-
-/// An MP4 file that `ffmpeg` makes of the pictures that it is given.
-struct Video {
-    child: Child,
-    path: PathBuf,
-}
-
-impl Video {
-    /// `None` where there is no `ffmpeg`.
-    fn start(path: &Path, [width, height]: [u32; 2]) -> Option<Video> {
-        let rate = (u32::from(RATE_HZ) * FINER).to_string();
-        let child = Command::new("ffmpeg")
-            .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgba"])
-            .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
-            .args(["-pix_fmt", "yuv420p", "-movflags", "+faststart"])
-            .arg(path)
-            .stdin(Stdio::piped())
-            .spawn()
-            .ok()?;
-        Some(Video { child, path: path.to_owned() })
-    }
-
-    fn push(&mut self, picture: &RgbaImage) -> Result<(), Failure> {
-        let failed = |error: std::io::Error| {
-            Failure::work(anyhow::anyhow!(
-                "ffmpeg did not take a picture for {}: {error}",
-                self.path.display()
-            ))
-        };
-        let input = self.child.stdin.as_mut();
-        input.map_or(Ok(()), |input| input.write_all(picture.as_raw())).map_err(failed)
-    }
-
-    fn finish(mut self) -> Result<(), Failure> {
-        drop(self.child.stdin.take());
-        match self.child.wait() {
-            Ok(status) if status.success() => Ok(()),
-            Ok(status) => Err(Failure::work(anyhow::anyhow!("ffmpeg ended with {status}"))),
-            Err(error) => Err(Failure::work(error)),
-        }
-    }
 }

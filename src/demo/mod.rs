@@ -4,7 +4,6 @@
 //! take over with the mouse, or pictures and a film ([`film`]). Both draw what a [`story::Story`] shows at a time;
 //! what has to be precomputed is made by a thread of its own ([`preparation`]), with its progress in the caption.
 
-mod animation;
 pub mod chapters;
 pub mod film;
 pub mod live;

@@ -54,7 +54,7 @@ impl GpuBodies {
                 buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
             }
             if std::mem::take(&mut body.recolour) {
-                buffers.shows_field = body.field.is_some();
+                buffers.shows_field = body.shows_field();
                 buffers.set_colors(gpu, &body.colours())?;
             }
         }

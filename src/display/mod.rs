@@ -9,6 +9,7 @@ pub mod bodies;
 pub mod caption;
 pub mod desk;
 pub mod device;
+pub mod film;
 mod legend;
 pub mod lettering;
 pub mod model_window;

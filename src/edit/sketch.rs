@@ -253,6 +253,9 @@ impl Sketch {
             element.name.trim().is_empty()
                 || self.elements[..*i].iter().any(|other| other.name == element.name)
         });
+        if self.elements.is_empty() {
+            return Some("Draw on the body where it is to be held.".to_owned());
+        }
         if let Some((_, element)) = doubled {
             return Some(match element.name.trim() {
                 "" => "An element needs a name.".to_owned(),

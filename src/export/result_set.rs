@@ -1,5 +1,6 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
+use crate::base::quantity::quantity;
 use crate::deform::{Deformer, NodeStress, Wrench};
 use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
@@ -86,6 +87,17 @@ impl ResultSet {
         let line = |result: &PoseResult| {
             let stress = result.stress.as_ref()?;
             Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, stress.reached.sentence()))
+        };
+        self.results.iter().filter_map(line).collect()
+    }
+
+    /// How large the force on each control element is; a line for each pose.
+    pub fn force_lines(&self) -> String {
+        let force =
+            |(name, wrench): &(String, Wrench)| format!("{name} {}", quantity(wrench.force.norm(), "N"));
+        let line = |result: &PoseResult| {
+            let forces: Vec<String> = result.wrenches.as_ref()?.controls.iter().map(force).collect();
+            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, forces.join(", ")))
         };
         self.results.iter().filter_map(line).collect()
     }

@@ -68,11 +68,19 @@ impl World {
 
     /// The stylus to which keys refer: one that aims from the eye, as the mouse does, else the first that is tracked.
     pub fn cursor(&self) -> Option<usize> {
-        let seen = |i: usize| {
+        let seen = self.tracked().filter_map(|i| {
             let stylus = self.graph.get(self.fields.styli[i].stylus).as_ref()?;
-            (!matches!(stylus.signal, Signal::Lost { .. })).then_some((!stylus.from_eye, i))
-        };
-        (0..self.fields.styli.len()).filter_map(seen).min().map(|(_, i)| i)
+            Some((!stylus.from_eye, i))
+        });
+        seen.min().map(|(_, i)| i)
+    }
+
+    /// The styli that are tracked now.
+    pub(super) fn tracked(&self) -> impl Iterator<Item = usize> {
+        (0..self.fields.styli.len()).filter(|&i| {
+            let stylus = self.graph.get(self.fields.styli[i].stylus).as_ref();
+            stylus.is_some_and(|stylus| !matches!(stylus.signal, Signal::Lost { .. }))
+        })
     }
 
     /// How many changes can be undone, and how many redone.

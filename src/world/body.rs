@@ -204,12 +204,18 @@ impl PlacedBody {
         }
     }
 
+    /// Whether its colours are those of a field: bent further than its model holds, it has no values to show.
+    pub fn shows_field(&self) -> bool {
+        self.field.is_some() && !self.out_of_range
+    }
+
     /// sRGB and mark per vertex that is drawn: the body has its colour or shows a field, fixed control elements are grey, and those that can be taken orange,
     /// brighter while a ray points at them and green while a hand holds them. Bent further than its model holds, the body is red.
     pub fn colours(&self) -> Vec<[u8; 4]> {
         let Color([r, g, b]) = self.color;
         let plain = if self.out_of_range { OUT_OF_RANGE } else { [r, g, b, 0] };
-        let mut colours = self.field.clone().unwrap_or_else(|| vec![plain; self.deformer.node_count()]);
+        let field = self.field.clone().filter(|_| self.shows_field());
+        let mut colours = field.unwrap_or_else(|| vec![plain; self.deformer.node_count()]);
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],

@@ -33,15 +33,20 @@ impl World {
             self.edit.ruler = Ruler::default();
             return;
         }
-        match self.pointed_at() {
+        match self.cursor().and_then(|stylus| self.pointed_surface(stylus)) {
             Some(point) => self.edit.ruler.ends.push(point),
             None => self.warn("ruler: the ray hits no surface".into()),
         }
     }
 
-    /// The point of a surface that the cursor's ray hits.
-    fn pointed_at(&self) -> Option<SurfacePoint> {
-        let hit = self.hit_anywhere(self.cursor()?)?;
+    /// The points of surfaces that the rays of tracked styli hit first.
+    pub fn pointed_surfaces(&self) -> Vec<SurfacePoint> {
+        self.tracked().filter_map(|stylus| self.pointed_surface(stylus)).collect()
+    }
+
+    /// The point of a surface that the ray of a stylus hits first.
+    fn pointed_surface(&self, stylus: usize) -> Option<SurfacePoint> {
+        let hit = self.hit_anywhere(stylus)?;
         let body = &self.bodies[hit.target];
         let place = body.room_from_body.inverse() * hit.point_in_room.cast::<f64>();
         SurfacePoint::nearest(hit.target, body, &place.coords)

@@ -28,6 +28,7 @@ pub use force::HeldForce;
 pub use frame::World;
 pub use hand::shape;
 pub use highlight::Highlight;
+pub use ruler::SurfacePoint;
 pub use times::StepTimes;
 pub use turn_limits::{TurnLimits, Verdict, out_of_range};
 pub use wrench_error::{WrenchError, wrench_error};

@@ -14,10 +14,11 @@ pub struct Ruler {
 
 /// A point of a body's surface: a triangle, and how much of each corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SurfacePoint {
-    pub(super) body: usize,
-    corners: [u32; 3],
-    weights: [f64; 3],
+pub struct SurfacePoint {
+    pub body: usize,
+    /// Nodes of the surface.
+    pub corners: [u32; 3],
+    pub weights: [f64; 3],
 }
 
 /// What a ruler tells.

@@ -1,7 +1,7 @@
 //! The part of the panel with which control elements are made: tools, the list of elements, node groups of the mesh.
 
 use super::editor::{Editor, colour};
-use super::style::{ACTION, WRONG, row};
+use super::style::{ACTION, WRONG, number, row};
 use super::units::{METRE, read, shown};
 use crate::display::lettering::QUIET;
 use crate::edit::Tool;
@@ -17,7 +17,7 @@ pub fn show(ui: &mut Ui, editor: &mut Editor) {
 
 fn elements(ui: &mut Ui, editor: &mut Editor) {
     let mut deleted = None;
-    ScrollArea::vertical().max_height(170.0).auto_shrink([false, true]).show(ui, |ui| {
+    ScrollArea::vertical().id_salt("elements").max_height(170.0).auto_shrink([false, true]).show(ui, |ui| {
         for number in 0..editor.sketch.elements.len() {
             let [r, g, b] = colour(&editor.sketch, number);
             let is_chosen = editor.sketch.chosen == number;
@@ -26,7 +26,7 @@ fn elements(ui: &mut Ui, editor: &mut Editor) {
                 ui.painter().rect_filled(rect, 3.0, Color32::from_rgb(r, g, b));
                 let element = &mut editor.sketch.elements[number];
                 if is_chosen {
-                    ui.add(TextEdit::singleline(&mut element.name).desired_width(92.0).hint_text("name"));
+                    ui.add_sized([100.0, 22.0], TextEdit::singleline(&mut element.name).hint_text("name"));
                 } else if ui.add_sized([100.0, 22.0], Button::new(&element.name)).clicked() {
                     editor.sketch.chosen = number;
                 }
@@ -90,9 +90,8 @@ fn tools(ui: &mut Ui, editor: &mut Editor) {
         ui.add(Slider::new(&mut editor.sketch.radius, range.clone()).logarithmic(true).show_value(false));
         let speed = 0.01 * editor.sketch.radius;
         let value = DragValue::new(&mut editor.sketch.radius).range(range).speed(speed);
-        ui.add(
-            value.custom_formatter(|length, _| shown(length, METRE)).custom_parser(|text| read(text, METRE)),
-        );
+        let value = value.custom_formatter(|length, _| shown(length, METRE));
+        number(ui, value.custom_parser(|text| read(text, METRE)));
     });
     let radius = editor.sketch.radius;
     ui.horizontal(|ui| {

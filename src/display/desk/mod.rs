@@ -5,7 +5,6 @@
 //! files for other programs. Messages are told in the window for a few seconds. As long as the panel is hidden and nothing is
 //! told, nothing is laid out or drawn.
 
-pub mod apng;
 mod editor;
 mod editor_panel;
 pub mod input;
@@ -273,7 +272,7 @@ impl Desk {
                 }
                 Err(why) => self.messages.wrong(&why),
             },
-            Order::GiveUp => self.change = None,
+            Order::GiveUp => (self.change, self.loading) = (None, None),
             Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),

@@ -7,7 +7,7 @@ use super::editor::Editor;
 use super::editor_panel;
 use super::messages::progress;
 use super::order::Order;
-use super::style::{ACTION, GOOD, row};
+use super::style::{ACTION, GOOD, number, row};
 use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
@@ -21,7 +21,7 @@ use crate::session::Session;
 use crate::session::change::Step;
 use crate::session::open::stage;
 use crate::stage::{BUILT_IN, Stage};
-use egui::{Button, ComboBox, Context, DragValue, RichText, Slider, Ui, Window};
+use egui::{Button, ComboBox, Context, DragValue, Grid, RichText, Slider, Ui, Window};
 use std::path::{Path, PathBuf};
 
 /// A scene as the panel says it.
@@ -118,7 +118,7 @@ impl Draft {
 }
 
 /// Of the panel, pixels.
-pub const WIDTH: f32 = 340.0;
+pub const WIDTH: f32 = 352.0;
 
 /// Shows the panel, at first at the right edge; a person may drag it elsewhere. Returns where it is.
 pub fn show(
@@ -141,7 +141,7 @@ pub fn show(
         .show(context, |ui| {
             let most = (screen.height() - 70.0).max(120.0);
             egui::ScrollArea::vertical().max_height(most).auto_shrink([false, true]).show(ui, |ui| {
-                ui.set_width(WIDTH - 16.0);
+                ui.set_width(WIDTH - 24.0);
                 let is_busy = now.step.is_some();
                 match editor {
                     Some(editor) => {
@@ -259,33 +259,39 @@ fn material(ui: &mut Ui, body: &mut Body) {
     row(ui, "Stiffness", |ui| {
         ui.add(Slider::new(&mut body.material.young, 1e2..=1e12).logarithmic(true).show_value(false));
         let speed = 0.01 * body.material.young;
-        ui.add(
-            DragValue::new(&mut body.material.young)
-                .speed(speed)
-                .range(1e-3..=1e15)
-                .custom_formatter(|young, _| shown(young, PASCAL))
-                .custom_parser(|text| read(text, PASCAL)),
-        );
+        let young = DragValue::new(&mut body.material.young)
+            .speed(speed)
+            .range(1e-3..=1e15)
+            .custom_formatter(|young, _| shown(young, PASCAL))
+            .custom_parser(|text| read(text, PASCAL));
+        number(ui, young);
     })
     .on_hover_text("Young's modulus E, Pa");
     row(ui, "Poisson", |ui| {
-        ui.add(Slider::new(&mut body.material.poisson, 0.0..=0.499).max_decimals(3));
+        ui.add(Slider::new(&mut body.material.poisson, 0.0..=0.499).max_decimals(3).show_value(false));
+        let poisson = DragValue::new(&mut body.material.poisson).speed(0.002).range(0.0..=0.499);
+        number(ui, poisson.fixed_decimals(3));
     })
     .on_hover_text("Poisson's ratio ν: 0.3 of steel, 0.49 of rubber and tissue");
 }
 
 fn effects(ui: &mut Ui, body: &mut Body) {
     ui.label("Effects");
-    for effect in EFFECTS {
-        let mut is_listed = body.effects.iter().any(|name| name == effect.name);
-        let before = is_listed;
-        ui.checkbox(&mut is_listed, effect.name).on_hover_text(effect.summary);
-        if is_listed && !before {
-            body.effects.push(effect.name.to_owned());
-        } else if before && !is_listed {
-            body.effects.retain(|name| name != effect.name);
+    Grid::new("effects").num_columns(2).spacing([18.0, 4.0]).show(ui, |ui| {
+        for (number, effect) in EFFECTS.iter().enumerate() {
+            let mut is_listed = body.effects.iter().any(|name| name == effect.name);
+            let before = is_listed;
+            ui.checkbox(&mut is_listed, effect.name).on_hover_text(effect.summary);
+            if is_listed && !before {
+                body.effects.push(effect.name.to_owned());
+            } else if before && !is_listed {
+                body.effects.retain(|name| name != effect.name);
+            }
+            if number % 2 == 1 {
+                ui.end_row();
+            }
         }
-    }
+    });
 }
 
 fn stages(ui: &mut Ui, draft: &mut Draft) {

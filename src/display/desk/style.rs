@@ -21,13 +21,21 @@ pub fn apply(context: &Context) {
         .into();
         style.spacing.item_spacing = egui::vec2(8.0, 7.0);
         style.spacing.button_padding = egui::vec2(8.0, 4.0);
-        style.spacing.slider_width = 170.0;
+        // A name stands in the middle of its line, beside a button as well.
+        style.spacing.interact_size.y = 25.0;
+        style.spacing.slider_width = 152.0;
+        style.spacing.window_margin = egui::Margin::same(12);
         style.visuals = Visuals::dark();
         style.visuals.override_text_color = Some(INK);
         style.visuals.window_fill = DARK;
         style.visuals.panel_fill = style.visuals.window_fill;
         style.animation_time = 0.0;
     });
+}
+
+/// A number that is typed or dragged; all are equally wide.
+pub fn number(ui: &mut Ui, value: egui::DragValue<'_>) {
+    ui.add_sized(vec2(78.0, ui.spacing().interact_size.y), value);
 }
 
 /// A line with its name in a column of its own.

@@ -3,20 +3,20 @@
 //! In: pictures as they are shown, with their times. Out: a file beside which nothing else is left. A thread writes, so that
 //! the window goes on; pictures that come while it is behind are left out, and the one before is shown longer.
 
-use super::apng::Apng;
+use crate::display::film::apng::Apng;
+use crate::display::film::mp4::{Mp4, PROGRAM};
 use image::{RgbImage, RgbaImage};
 use std::fs::File;
-use std::io::{BufWriter, Error, ErrorKind, Result, Write};
+use std::io::{BufWriter, Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
 /// Pictures that may wait for the writer.
 const WAITING: usize = 4;
 /// Pictures a second of an MP4 file; those of a PNG have times of their own.
-const RATE: f64 = 30.0;
-/// At most so many pictures a second are written into a PNG, which is large.
+const RATE: u32 = 30;
+/// At most so many pictures a second are written into a PNG, which is larger.
 const PNG_RATE: f64 = 12.0;
 /// The last picture is shown so long, s.
 const LAST_S: f64 = 0.5;
@@ -41,7 +41,7 @@ pub struct Recorded {
 impl Video {
     /// Begins a recording of pictures of `size`. Its name is `stem` with the end that says what it is.
     pub fn begin(stem: &Path, size: [u32; 2]) -> Result<Video> {
-        Video::with(stem, size, "ffmpeg")
+        Video::with(stem, size, PROGRAM)
     }
 
     fn with(stem: &Path, size: [u32; 2], program: &str) -> Result<Video> {
@@ -49,8 +49,8 @@ impl Video {
         let (pictures, received) = sync_channel(WAITING);
         let mp4 = named("mp4");
         let spawn = |name: &str| std::thread::Builder::new().name(name.to_owned());
-        let (path, writer, rate) = match ffmpeg(program, &mp4, size) {
-            Ok(child) => (mp4, spawn("video").spawn(move || write_mp4(child, &received))?, RATE),
+        let (path, writer, rate) = match Mp4::start(program, &mp4, size, RATE) {
+            Ok(film) => (mp4, spawn("video").spawn(move || write_mp4(film, &received))?, f64::from(RATE)),
             Err(error) if error.kind() == ErrorKind::NotFound => {
                 let path = named("png");
                 let film = Apng::new(BufWriter::new(File::create_new(&path)?));
@@ -89,55 +89,16 @@ impl Video {
     }
 }
 
-fn ffmpeg(program: &str, path: &Path, [width, height]: [u32; 2]) -> Result<Child> {
-    Command::new(program)
-        .args(["-loglevel", "error", "-f", "rawvideo", "-pixel_format", "rgb24"])
-        .args(["-video_size", &format!("{width}x{height}"), "-framerate", &RATE.to_string(), "-i", "-"])
-        // Players ask for even sides and for colours at half the resolution.
-        .args([
-            "-vf",
-            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
-            "-pix_fmt",
-            "yuv420p",
-            "-movflags",
-            "+faststart",
-            "-n",
-        ])
-        .arg(path)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-}
-
 /// Each picture as often as it is shown at a constant rate.
-fn write_mp4(mut child: Child, received: &Receiver<(RgbImage, f64)>) -> Result<u32> {
-    let Some(mut input) = child.stdin.take() else { return Err(Error::other("ffmpeg takes no pictures")) };
-    let written = feed(&mut input, received);
-    drop(input);
-    let output = child.wait_with_output()?;
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        let last =
-            said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").to_owned();
-        return Err(Error::other(format!("ffmpeg failed ({}): {last}", output.status)));
-    }
-    written
-}
-
-fn feed(input: &mut ChildStdin, received: &Receiver<(RgbImage, f64)>) -> Result<u32> {
-    let (mut count, mut written, mut start_s) = (0, 0_u64, None);
-    for (picture, time_s) in received {
-        let start_s = *start_s.get_or_insert(time_s);
-        // It is shown from here on: what was missed in between shows it as well.
-        let due = ((time_s - start_s) * RATE).round() as u64 + 1;
-        while written < due {
-            input.write_all(picture.as_raw())?;
-            written += 1;
-        }
+fn write_mp4(mut film: Mp4, received: &Receiver<(RgbImage, f64)>) -> Result<u32> {
+    let mut count = 0;
+    let added = received.iter().try_for_each(|(picture, time_s)| {
         count += 1;
-    }
-    Ok(count)
+        film.add(&picture, time_s)
+    });
+    // Where it takes no more pictures, it knows why.
+    film.finish()?;
+    added.map(|()| count)
 }
 
 fn write_png(mut film: Apng<BufWriter<File>>, received: &Receiver<(RgbImage, f64)>) -> Result<u32> {

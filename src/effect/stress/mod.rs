@@ -5,7 +5,6 @@
 //! of the scene is passed, and closing words. Stress and strain are those of [`SurfaceStress`](crate::deform::SurfaceStress); the CPU computes them, once for
 //! every deformation.
 
-mod probe;
 mod reached;
 mod shown;
 mod stressed_body;

@@ -1,6 +1,5 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
-use super::probe::first_met;
 use super::reached::{Reached, share, written};
 use super::stressed_body::StressedBody;
 use crate::base::failure::Failure;
@@ -12,8 +11,8 @@ use crate::effect::entry::Listed;
 use crate::effect::running::RunningEffect;
 use crate::render::field_code;
 use crate::scene::{LegendSettings, Quantity};
-use crate::world::{PlacedBody, World};
-use nalgebra::{Point3, Vector3};
+use crate::world::{PlacedBody, SurfacePoint, World};
+use nalgebra::Vector3;
 
 /// Joins a new world; the bodies that list it are coloured from their first picture on.
 pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
@@ -154,21 +153,10 @@ impl ShownBody {
         (0..self.nodes.len()).map(code).collect()
     }
 
-    /// Where a ray from `from` along the unit vector `along` in the room meets the body: how far that is, m in the room, and the
-    /// value; no value inside a control element.
-    fn probed(
-        &self,
-        body: &PlacedBody,
-        quantity: Quantity,
-        (from, along): (&Point3<f64>, &Vector3<f64>),
-    ) -> Option<(f64, Option<f64>)> {
-        let surface_from_room = body.room_from_surface().inverse();
-        let (from, along) = (surface_from_room * from, surface_from_room * along);
-        let triangles = body.deformer.triangles();
-        let met = first_met(&from, &along, &body.deformer.positions(), triangles)?;
-        let corners = triangles[met.triangle].map(|node| self.value(quantity, node as usize));
-        let value = corners.iter().zip(met.weights).map(|(value, weight)| Some((*value)? * weight)).sum();
-        Some((met.distance, value))
+    /// The value at a point of its surface; `None` inside a control element.
+    fn probed(&self, point: &SurfacePoint, quantity: Quantity) -> Option<f64> {
+        let corners = point.corners.iter().zip(point.weights);
+        corners.map(|(node, weight)| Some(self.value(quantity, *node as usize)? * weight)).sum()
     }
 }
 
@@ -183,15 +171,19 @@ impl Shown {
         let mut lines = Vec::new();
         for shown in &self.bodies {
             let name = &shown.name;
+            let out_of_range = world.bodies[shown.index].out_of_range;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
+                _ if out_of_range => format!("{name}: beyond its model: no values"),
                 Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };
-            lines.push(LegendLine { text, warns: shown.now.is_beyond() });
+            lines.push(LegendLine { text, warns: out_of_range || shown.now.is_beyond() });
         }
         lines.sort_by_key(|line| !line.warns);
         let warns = false;
-        lines.extend(self.probes(world, quantity).map(|text| LegendLine { text, warns }));
+        let points = world.pointed_surfaces();
+        let probed = points.iter().filter_map(|point| self.probe(world, quantity, point));
+        lines.extend(probed.map(|text| LegendLine { text, warns }));
         let mut limits: Vec<f64> =
             self.bodies.iter().flat_map(|body| limits_of(&body.stressed, quantity)).collect();
         limits.sort_by(f64::total_cmp);
@@ -207,19 +199,12 @@ impl Shown {
         }
     }
 
-    /// A line for every ray that meets a body.
-    fn probes(&self, world: &World, shown: Quantity) -> impl Iterator<Item = String> {
-        world.styli.iter().filter_map(move |stylus| {
-            let room_from_stylus = stylus.room_from_stylus.cast::<f64>();
-            let from = room_from_stylus.transform_point(&Point3::origin());
-            let along = room_from_stylus.transform_vector(&-Vector3::z()).try_normalize(0.0)?;
-            let probed = |body: &ShownBody| body.probed(&world.bodies[body.index], shown, (&from, &along));
-            let met = self.bodies.iter().filter_map(probed);
-            let (_, value) = met.min_by(|a, b| a.0.total_cmp(&b.0))?;
-            Some(match value {
-                Some(value) => format!("under the ray: {}", written_value(value, shown)),
-                None => "under the ray: a control element, where forces act".to_owned(),
-            })
+    /// What it says of a point at which a ray points.
+    fn probe(&self, world: &World, quantity: Quantity, point: &SurfacePoint) -> Option<String> {
+        let is_met = |body: &&ShownBody| body.index == point.body && !world.bodies[body.index].out_of_range;
+        Some(match self.bodies.iter().find(is_met)?.probed(point, quantity) {
+            Some(value) => format!("under the ray: {}", written_value(value, quantity)),
+            None => "under the ray: a control element, where forces act".to_owned(),
         })
     }
 }
@@ -237,7 +222,8 @@ impl RunningEffect for Shown {
         }
         if is_new {
             for quantity in Quantity::ALL {
-                let largest = self.bodies.iter().map(|body| body.largest(quantity)).fold(0.0, f64::max);
+                let good = self.bodies.iter().filter(|body| !world.bodies[body.index].out_of_range);
+                let largest = good.map(|body| body.largest(quantity)).fold(0.0, f64::max);
                 if let Top::Seen(top) = &mut self.tops[quantity as usize] {
                     *top = top.max(round_up(largest));
                 }

@@ -169,6 +169,14 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     world.bodies[0].recolour = false;
     effect.after_frame(&mut world);
     assert!(!world.bodies[0].recolour, "nothing is coded anew where nothing changed");
+    assert!(world.bodies[0].shows_field());
+    world.bodies[0].out_of_range = true;
+    effect.after_frame(&mut world);
+    assert!(
+        !world.bodies[0].shows_field() && world.bodies[0].colours().contains(&[190, 62, 74, 0]),
+        "it is red"
+    );
+    assert!(legend_of(&world).lines[0].text.contains("no values"));
     let summary = effect.summary();
     assert!(
         summary.starts_with("body.b: von Mises stress at most 1") && summary.contains("PASSED"),

@@ -7,6 +7,7 @@ mod doubt;
 mod ends;
 mod filling;
 mod grouped;
+pub mod pull;
 mod telling;
 mod wishes;
 
@@ -56,7 +57,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         (filled.loaded, Some(Tetrahedralise { cell: filled.cell }))
     } else {
         let loaded = mesh::load(file)?;
-        plausible(file, extent(&loaded.mesh), asked)?;
+        plausible(file, pull::extent(&loaded.mesh), asked)?;
         (asked.unwrap_or(Scale::ONE).applied(loaded), None)
     };
     let Loaded { mesh, notices } = loaded;
@@ -68,7 +69,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }
     let model = model(&mut telling, &key, &mesh, element == &TET4, wishes);
-    telling.comment(&key("effects"), "\"haptics\" would add force and torque");
+    effects(&mut telling, &key, wishes);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let body = Body {
         mesh: Some(relative(file, scene_path)),
@@ -78,6 +79,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         element,
         material,
         model,
+        effects: wishes.effects.clone(),
         control,
         ..least_body()?
     };
@@ -107,11 +109,6 @@ impl Proposal {
     pub fn text(&self) -> Result<String, SceneError> {
         write::text(&self.scene, &self.comments)
     }
-}
-
-fn extent(mesh: &TetMesh) -> f64 {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
-    (high - low).amax()
 }
 
 /// The body is called as the file, in letters that need no quotes.
@@ -253,6 +250,19 @@ fn model(
             .into(),
     );
     "rotation".to_owned()
+}
+
+fn effects(telling: &mut Telling, key: &impl Fn(&str) -> String, wishes: &Wishes) {
+    if wishes.effects.is_empty() {
+        telling.comment(&key("effects"), "[\"haptics\", \"stress\"]: forces in newtons, colours by stress");
+        return;
+    }
+    let known = [("haptics", "forces in newtons"), ("stress", "colours by stress")];
+    let listed = known.into_iter().filter(|(name, _)| wishes.effects.iter().any(|effect| effect == name));
+    let mut told: Vec<&str> = listed.map(|(_, what)| what).collect();
+    told.push("all effects: `greenstage manual scene`");
+    telling.comment(&key("effects"), &told.join(", "));
+    telling.reason(format!("effects: {}, as you asked", wishes.effects.join(", ")));
 }
 
 /// A body at all its defaults.

@@ -188,3 +188,30 @@ fn a_surface_is_filled_with_some_ten_thousand_nodes() {
     assert_eq!(control_names(&proposal), ["left", "right"]);
     assert!(proposal.text().unwrap().contains("tetrahedralise = { cell = 0.0"));
 }
+
+/// By hand: away from the fixed left end is +x; y and z lead across.
+#[test]
+fn poses_pull_push_and_move_across_what_can_be_grabbed() {
+    let wishes = Wishes { effects: vec!["haptics".into(), "stress".into()], ..Wishes::default() };
+    let proposal = proposed("part.msh", &bar([0.2, 0.02, 0.02], [20, 2, 2]), &wishes).unwrap();
+    assert_eq!(proposal.scene.body["part"].effects, ["haptics", "stress"]);
+    assert!(proposal.text().unwrap().contains("forces in newtons, colours by stress"));
+    assert_eq!(pull::usual_m(&proposal.mesh), 0.005);
+    assert!(pull::is_much(&proposal.mesh, 0.06) && !pull::is_much(&proposal.mesh, 0.04));
+    let text = pull::poses(&proposal.scene, &proposal.mesh, 0.005).unwrap();
+    let poses: toml::Table = toml::from_str(&text).unwrap();
+    let moved = poses["pose"].as_array().unwrap().iter().map(|pose| {
+        let way = pose["control"]["right"]["translation"].as_array().unwrap();
+        let way: Vec<f64> = way.iter().map(|x| x.as_float().unwrap()).collect();
+        (pose["name"].as_str().unwrap(), way)
+    });
+    let expected = [
+        ("pull right 5 mm", vec![0.005, 0.0, 0.0]),
+        ("push right 5 mm", vec![-0.005, 0.0, 0.0]),
+        ("move right 5 mm along y", vec![0.0, 0.005, 0.0]),
+        ("move right 5 mm along z", vec![0.0, 0.0, 0.005]),
+    ];
+    assert_eq!(moved.collect::<Vec<_>>(), expected);
+    let written = [0.0025, 1.5, 0.5].map(pull::length);
+    assert_eq!(written, ["2.5 mm", "1.5 m", "500 mm"]);
+}

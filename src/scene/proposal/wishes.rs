@@ -12,6 +12,8 @@ pub struct Wishes {
     pub material: Option<String>,
     pub model: Option<String>,
     pub stage: Option<String>,
+    /// Names of effects.
+    pub effects: Vec<String>,
     /// Node groups of the file.
     pub fixed: Vec<String>,
     pub grab: Vec<String>,
