@@ -2,11 +2,12 @@
 //! leaves no room for them.
 //!
 //! In: the steps ahead ([`agenda`](super::agenda)), each in the order in which it is done. Out: "7 of 41: tet10 h · cholesky; some
-//! 3 min left". Times left are the expected ones times what the finished steps took against what was expected of them.
+//! 3 min left". Times left are the expected ones times what finished steps of the same kind took against what was expected of
+//! them; time between two steps counts to the second.
 
 use super::kept::{self, Kept};
 use super::names;
-use super::request::MeasureError;
+use super::request::{MeasureError, TimeLimit};
 use crate::solve::{Progress, Silent};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -17,10 +18,27 @@ use std::time::Instant;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     pub key: String,
+    pub kind: StepKind,
     /// On an idle machine with two cores, s.
     pub seconds: f64,
     /// Whether it is done however little time is left.
     pub is_needed: bool,
+}
+
+/// Steps whose expected times are wrong by much the same factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StepKind {
+    Solve,
+    SolveForModel,
+    SolveIteratively,
+    Equilibria,
+    Trials,
+    Errors,
+    Other,
+}
+
+impl StepKind {
+    const COUNT: usize = StepKind::Other as usize + 1;
 }
 
 pub struct Course<'a> {
@@ -29,11 +47,13 @@ pub struct Course<'a> {
     steps: Vec<Step>,
     /// Index of the next step.
     next: Cell<usize>,
-    /// Seconds that finished steps took, and what was expected of them.
-    took: Cell<[f64; 2]>,
-    started: Instant,
-    /// s
-    limit: Option<f64>,
+    /// Seconds that finished steps took, and what was expected of them, of each kind.
+    took: Cell<[[f64; 2]; StepKind::COUNT]>,
+    /// How much slower this machine seems before anything is measured.
+    slowdown: f64,
+    /// When the last step ended.
+    ended: Cell<Instant>,
+    limit: Option<TimeLimit>,
     taken_over: Cell<usize>,
     /// Least and largest load of the machine when steps that were taken over were measured.
     loads: Cell<[f64; 2]>,
@@ -48,7 +68,7 @@ const PRIOR: f64 = 2.0;
 impl<'a> Course<'a> {
     pub fn new(
         steps: Vec<Step>,
-        limit: Option<f64>,
+        limit: Option<TimeLimit>,
         kept: Option<Kept>,
         progress: &'a dyn Progress,
     ) -> Course<'a> {
@@ -57,8 +77,9 @@ impl<'a> Course<'a> {
             kept,
             steps,
             next: Cell::new(0),
-            took: Cell::new([PRIOR * slowdown(), PRIOR]),
-            started: Instant::now(),
+            took: Cell::default(),
+            slowdown: slowdown(),
+            ended: Cell::new(Instant::now()),
             limit,
             taken_over: Cell::new(0),
             loads: Cell::new([f64::INFINITY, 0.0]),
@@ -69,16 +90,25 @@ impl<'a> Course<'a> {
 
     /// How many steps there are, and how long they will take together.
     pub fn forecast(&self) -> String {
-        let all = self.steps.iter().map(|step| step.seconds).sum::<f64>() * self.pace();
-        let time = self.limit.map_or(all, |limit| all.min(limit));
         let most = if self.limit.is_some() { "up to " } else { "" };
-        format!("{most}{} steps, {}", self.steps.len(), rounded(time))
+        format!("{most}{} steps, {}", self.steps.len(), rounded(self.seconds_left(0)))
     }
 
-    /// Measured time of a step over the expected one.
-    fn pace(&self) -> f64 {
-        let [took, expected] = self.took.get();
-        took / expected
+    /// Measured time of a step over the expected one: of its kind, and as long as little of its kind is known, of all.
+    fn pace(&self, kind: StepKind) -> f64 {
+        let took = self.took.get();
+        let all = took.iter().fold([self.slowdown * PRIOR, PRIOR], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let [own, of_own] = took[kind as usize];
+        (own + PRIOR * all[0] / all[1]) / (of_own + PRIOR)
+    }
+
+    /// The time left from a step on: of all that may be done, within the limit, but no less than what must be done.
+    fn seconds_left(&self, at: usize) -> f64 {
+        let all = self.seconds_after(at, |step| self.may_be_done(step));
+        self.limit.map_or(all, |limit| {
+            let needed = self.seconds_after(at, |step| self.is_due(step));
+            all.min(limit.seconds_left().max(needed))
+        })
     }
 
     fn find(&self, key: &str) -> Option<usize> {
@@ -88,24 +118,46 @@ impl<'a> Course<'a> {
 
     fn seconds_after(&self, at: usize, is_counted: impl Fn(&Step) -> bool) -> f64 {
         let rest = self.steps.get(at..).unwrap_or_default().iter().filter(|step| is_counted(step));
-        rest.map(|step| step.seconds).sum::<f64>() * self.pace()
+        rest.map(|step| step.seconds * self.pace(step.kind)).sum()
     }
 
-    /// Whether there is time for a step; where there is not, it is named among those left out.
+    /// Whether a step is needed, or judges what was solved.
+    fn is_due(&self, step: &Step) -> bool {
+        let done = self.done.borrow();
+        step.is_needed || done.iter().any(|&done| names::errors(&self.steps[done].key) == step.key)
+    }
+
+    /// Whether a step is due, or was not passed by yet, nor what it judges.
+    fn may_be_done(&self, step: &Step) -> bool {
+        let ahead = &self.steps[self.next.get()..];
+        let is_ahead = |of: &Step| of.key == step.key || names::errors(&of.key) == step.key;
+        self.is_due(step)
+            || (step.kind == StepKind::Errors && ahead.iter().any(|of| names::errors(&of.key) == step.key))
+            || (step.kind != StepKind::Errors && ahead.iter().any(is_ahead))
+    }
+
+    /// Whether there is time for something that takes so long before what must follow.
+    pub fn has_time(&self, seconds: f64) -> bool {
+        let needed = || self.seconds_after(self.next.get(), |step| self.is_due(step));
+        self.limit.is_none_or(|limit| seconds + needed() <= limit.seconds_left())
+    }
+
+    /// Whether there is time for a step; where there is not, it is named among those left out. Errors of what was solved give way
+    /// to what is needed alone: the first ones are measured, the last ones left out.
     pub fn affords(&self, key: &str) -> bool {
         let (Some(limit), Some(at)) = (self.limit, self.find(key)) else { return true };
-        if self.steps[at].is_needed || self.kept.as_ref().is_some_and(|kept| kept.find(key).is_some()) {
+        let step = &self.steps[at];
+        if step.is_needed || self.kept.as_ref().is_some_and(|kept| kept.find(key).is_some()) {
             return true;
         }
         // What is solved is judged too.
         let judged = names::errors(key);
         let own = self.seconds_after(at, |step| step.key == key || step.key == judged);
-        let done = self.done.borrow();
-        let is_due = |step: &Step| {
-            step.is_needed || done.iter().any(|&done| names::errors(&self.steps[done].key) == step.key)
-        };
-        let rest = self.seconds_after(at + 1, is_due);
-        let fits = self.started.elapsed().as_secs_f64() + own + rest <= limit;
+        let rest = self.seconds_after(at + 1, |other| match step.kind {
+            StepKind::Errors => other.is_needed,
+            _ => self.is_due(other),
+        });
+        let fits = own + rest <= limit.seconds_left();
         if !fits {
             self.left_out.borrow_mut().push(format!("{key} ({})", rounded(own)));
         }
@@ -121,7 +173,6 @@ impl<'a> Course<'a> {
         make: impl FnOnce(&dyn Progress) -> Result<T, MeasureError>,
     ) -> Result<T, MeasureError> {
         let at = self.find(key);
-        let expected = at.map_or(0.0, |at| self.steps[at].seconds);
         if let Some(at) = at {
             self.next.set(at + 1);
         }
@@ -132,27 +183,28 @@ impl<'a> Course<'a> {
             self.done.borrow_mut().extend(at);
             let [least, most] = self.loads.get();
             self.loads.set([least.min(old.load), most.max(old.load)]);
+            self.ended.set(Instant::now());
             return Ok(value);
         }
         if let Some(at) = at {
-            let left = self.seconds_after(at, |_| true);
-            let left = self.limit.map_or(left, |limit| {
-                left.min((limit - self.started.elapsed().as_secs_f64()).max(expected * self.pace()))
-            });
-            self.progress
-                .begin(&format!("{} of {}: {key}; {} left", at + 1, self.steps.len(), rounded(left)), 0);
+            // The step itself is due: it was found to be affordable.
+            let step = &self.steps[at];
+            let own = if self.is_due(step) { 0.0 } else { step.seconds * self.pace(step.kind) };
+            let left = rounded(self.seconds_left(at).max(own));
+            self.progress.begin(&format!("{} of {}: {key}; {left} left", at + 1, self.steps.len()), 0);
         }
-        let started = Instant::now();
         let made = make(&Silent);
-        let seconds = started.elapsed().as_secs_f64();
+        let seconds = self.ended.replace(Instant::now()).elapsed().as_secs_f64();
         if at.is_some() {
             self.progress.end();
         }
         let value = made?;
         if let Some(at) = at {
             self.done.borrow_mut().push(at);
-            let [took, of] = self.took.get();
-            self.took.set([took + seconds, of + expected]);
+            let (mut took, step) = (self.took.get(), &self.steps[at]);
+            let [own, expected] = took[step.kind as usize];
+            took[step.kind as usize] = [own + seconds, expected + step.seconds];
+            self.took.set(took);
         }
         if let (Some(kept), Some(bytes)) = (&self.kept, self.kept.as_ref().and_then(|_| write(&value))) {
             kept.keep(key, &bytes);
@@ -185,11 +237,9 @@ impl<'a> Course<'a> {
 
     /// What was left out for want of time, as one sentence.
     pub fn left_out(&self) -> Vec<String> {
-        let (left_out, limit) = (self.left_out.borrow(), self.limit.unwrap_or_default());
-        if left_out.is_empty() {
-            return Vec::new();
-        }
-        vec![format!("Left out, to end within {limit:.0} s: {}.", left_out.join("; "))]
+        let left_out = self.left_out.borrow();
+        let Some(limit) = self.limit.filter(|_| !left_out.is_empty()) else { return Vec::new() };
+        vec![format!("Left out, to end within {:.0} s: {}.", limit.seconds, left_out.join("; "))]
     }
 
     /// What was taken over from an earlier run, as one sentence.

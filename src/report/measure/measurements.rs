@@ -38,6 +38,9 @@ pub fn measurements(
 ) -> Result<Vec<Measurement>, MeasureError> {
     let mut untimed = Vec::new();
     for candidate in candidates {
+        if !course.affords(&names::errors(&candidate.name())) {
+            continue;
+        }
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
         };
