@@ -21,9 +21,9 @@ use std::time::Instant;
 ///
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
 /// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
-/// over the poses of the scene's script, of a pose file, or seeded random ones. Every model is tried alone at bends and twists
-/// from 1° to 360°. DIR/index.html explains the figures. Before it starts it says how long it will take; after Ctrl-C the same
-/// command goes on from where it stopped.
+/// over the poses of the scene's script, of a pose file, or seeded random ones. Every model is also tried alone at bends and
+/// twists from 1° to 360°. OUTPUT/index.html explains the figures. The command first estimates how long it will take; after
+/// Ctrl-C, run it again and it continues where it stopped.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
@@ -36,14 +36,14 @@ pub struct Args {
     /// The body to measure; default: the scene's first
     #[arg(long)]
     pub body: Option<String>,
-    /// Pose file (TOML), as `deform` reads it; default: the scene's script, without one random poses
+    /// Pose file (TOML), as `deform` reads it; default: the scene's script, or random poses if it has none
     #[arg(long)]
     pub poses: Option<PathBuf>,
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// A report in about a minute: fewer poses and angles, no refinement, each offline time measured once, and what does not fit is
-    /// left out and named
+    /// A report within a minute: fewer poses and angles, no refinement, each offline time measured once; what does not fit is left
+    /// out and listed
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)

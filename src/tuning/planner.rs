@@ -71,7 +71,7 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
             None => measure(plain, name, key, demand, quiet)?,
         };
         for pose in &table.left_out {
-            notice!("body.{name}: nothing is known of the accuracy in a pose that was left out: {pose}");
+            notice!("body.{name}: the accuracy is unknown in a pose that was left out: {pose}");
         }
         verify_choice(plain, name, &mut table, demand)?;
         let choice = table.choice(demand).filter(|choice| choice.miss <= 1.0);
@@ -187,7 +187,7 @@ fn choose_from(
             continue;
         }
         set(&mut scene.body[&name], &choice.row.setting).map_err(|message| {
-            Failure::work(anyhow::anyhow!("body.{name}: what was measured cannot be taken over: {message}"))
+            Failure::work(anyhow::anyhow!("body.{name}: the measured setting cannot be used: {message}"))
         })?;
         scene.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
@@ -220,7 +220,7 @@ fn measure(
     demand: &AccuracyTarget,
     quiet: bool,
 ) -> Result<MeasuredTable, Failure> {
-    notice!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
+    notice!("body.{name}: measuring what accuracy costs on this body, once, to choose a setting");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
     let largest = demand.largest().unwrap_or(LARGEST);

@@ -177,7 +177,7 @@ fn mesh_errors(
         if found.is_none() {
             let control = &body.solution.controls[e].name;
             left_out
-                .push(format!("{control}: what the mesh adds: it is too coarse to tell, or nothing resists"));
+                .push(format!("{control}: what the mesh adds: the mesh is too coarse to measure it, or nothing resists"));
         }
         found
             .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })

@@ -248,7 +248,7 @@ impl<'a> Course<'a> {
         let [least, most] = self.loads.get();
         (count > 0).then(|| {
             format!(
-                "{count} of {} steps were taken over from a run that was stopped; the machine's load was {least:.1} to {most:.1} \
+                "{count} of {} steps were reused from a run that was stopped; the machine's load was {least:.1} to {most:.1} \
                  then, and is {:.1} now. Offline times are of the run that measured them, times of a frame all of this one.",
                 self.steps.len(),
                 kept::load()
@@ -276,6 +276,7 @@ fn rounded(seconds: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::StepKind::{Errors, Other, Solve};
     use super::*;
     use std::sync::Mutex;
 
@@ -290,22 +291,40 @@ mod tests {
         fn end(&self) {}
     }
 
-    fn steps(all: &[(&str, f64, bool)]) -> Vec<Step> {
-        let step =
-            |&(key, seconds, is_needed): &(&str, f64, bool)| Step { key: key.into(), seconds, is_needed };
+    fn steps(all: &[(&str, StepKind, f64, bool)]) -> Vec<Step> {
+        let step = |&(key, kind, seconds, is_needed): &(&str, StepKind, f64, bool)| Step {
+            key: key.into(),
+            kind,
+            seconds,
+            is_needed,
+        };
         all.iter().map(step).collect()
+    }
+
+    fn within(seconds: f64) -> Option<TimeLimit> {
+        Some(TimeLimit { from: Instant::now(), seconds })
+    }
+
+    /// As on an idle machine, with so much measured of direct solves: seconds, expected seconds.
+    fn course<'a>(
+        all: &[(&str, StepKind, f64, bool)],
+        limit: Option<TimeLimit>,
+        solved: [f64; 2],
+        said: &'a Said,
+    ) -> Course<'a> {
+        let mut course = Course::new(steps(all), limit, None, said);
+        course.slowdown = 1.0;
+        let mut took = [[0.0; 2]; StepKind::COUNT];
+        took[Solve as usize] = solved;
+        course.took.set(took);
+        course
     }
 
     #[test]
     fn steps_are_counted_with_the_time_that_is_left() {
         let said = Said::default();
-        let course = Course::new(
-            steps(&[("a", 1e-9, true), ("b", 300.0, true), ("c", 299.0, true)]),
-            None,
-            None,
-            &said,
-        );
-        course.took.set([4.0, 2.0]);
+        let all = [("a", Solve, 1e-9, true), ("b", Solve, 300.0, true), ("c", Solve, 299.0, true)];
+        let course = course(&all, None, [400.0, 200.0], &said);
         assert_eq!(course.forecast(), "3 steps, some 20 min");
         course.step_as_json("a", |_| Ok(1)).unwrap();
         // What is not on the agenda is done without a word.
@@ -319,18 +338,57 @@ mod tests {
         assert_eq!(said.len(), 2);
     }
 
+    /// Solves that were fast say little of errors that are slow.
+    #[test]
+    fn each_kind_has_a_pace_of_its_own() {
+        let said = Said::default();
+        let course = course(&[], None, [10.0, 100.0], &said);
+        assert!((0.09..0.12).contains(&course.pace(Solve)), "{}", course.pace(Solve));
+        assert!((course.pace(Errors) - 12.0 / 102.0).abs() < 1e-12, "{}", course.pace(Errors));
+        let mut took = course.took.get();
+        took[Errors as usize] = [300.0, 100.0];
+        course.took.set(took);
+        assert!((2.8..3.0).contains(&course.pace(Errors)) && course.pace(Solve) < 0.15);
+    }
+
     #[test]
     fn what_does_not_fit_is_left_out_and_named() {
-        let course = Course::new(
-            steps(&[("dear", 30.0, false), ("cheap", 5.0, false), ("needed", 20.0, true)]),
-            Some(45.0),
-            None,
-            &Silent,
-        );
-        course.took.set([1.0, 1.0]);
-        assert!(!course.affords("dear") && course.affords("cheap") && course.affords("needed"));
-        assert_eq!(course.left_out(), ["Left out, to end within 45 s: dear (some 30 s)."]);
-        let free = Course::new(steps(&[("dear", 1e9, false)]), None, None, &Silent);
+        let said = Said::default();
+        let all = [("dear", Solve, 30.0, false), ("cheap", Solve, 5.0, false), ("needed", Other, 20.0, true)];
+        let limited = course(&all, within(45.0), [100.0, 100.0], &said);
+        assert_eq!(limited.forecast(), "up to 3 steps, some 45 s");
+        assert!(!limited.affords("dear") && limited.affords("cheap") && limited.affords("needed"));
+        assert_eq!(limited.left_out(), ["Left out, to end within 45 s: dear (some 30 s)."]);
+        let free = course(&[("dear", Solve, 1e9, false)], None, [1.0, 1.0], &said);
         assert!(free.affords("dear") && free.left_out().is_empty());
+        // What is needed is done and foreseen, however small the limit.
+        let late = course(&all, within(10.0), [100.0, 100.0], &said);
+        assert_eq!(late.forecast(), "up to 3 steps, some 20 s");
+        assert!(late.affords("needed") && !late.has_time(1.0));
+    }
+
+    /// Errors that turn out slow are left out from the last ones on, and are then no part of the time left.
+    #[test]
+    fn errors_that_are_slower_than_foreseen_are_left_out() {
+        let said = Said::default();
+        let all = [
+            ("a", Solve, 1.0, true),
+            ("b", Solve, 1.0, false),
+            ("errors of a", Errors, 1.0, true),
+            ("errors of b", Errors, 1.0, false),
+            ("times", Other, 1.0, true),
+        ];
+        let course = course(&all, within(20.0), [100.0, 100.0], &said);
+        assert!(course.affords("b"));
+        for key in ["a", "b", "errors of a"] {
+            course.step_as_json(key, |_| Ok(1)).unwrap();
+        }
+        let mut took = course.took.get();
+        took[Errors as usize] = [3000.0, 100.0];
+        course.took.set(took);
+        assert!(!course.affords("errors of b") && course.affords("times"));
+        assert!(course.left_out()[0].contains("errors of b (some 30 s)"), "{:?}", course.left_out());
+        course.step_as_json("times", |_| Ok(1)).unwrap();
+        assert!(said.0.lock().unwrap().last().unwrap().starts_with("5 of 5: times; some "));
     }
 }

@@ -92,7 +92,7 @@ fn course<'a>(
         kept = Some(found);
     }
     let can_stop =
-        if kept.is_some() { "; Ctrl-C stops it, and the same command goes on from there" } else { "" };
+        if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
     let course = Course::new(agenda::agenda(request, meshes, whole), request.limit, kept, progress);
     progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
     Ok(course)
