@@ -126,8 +126,7 @@ fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
     // Whoever wrote a limit wants to hear of it; the library's stands there unasked.
     let severity =
         if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
-    let message =
-        "its material has a limit, but nothing checks it: list effects = [\"stress\"] to see where it is passed";
+    let message = "its material has a limit, but nothing checks it: list effects = [\"stress\"] to see where it is passed";
     let entity = format!("body.{name}");
     (!limited.is_empty() && !is_watched).then(|| Diagnostic::new(severity, &entity, message))
 }

@@ -17,7 +17,8 @@ const TUBE: f64 = 30_240.0;
 /// The steps in their order; `whole` with all that stands in a report beside the settings.
 pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     let mut steps = Vec::new();
-    let step = |key: String, kind: StepKind, seconds: f64, is_needed: bool| Step { key, kind, seconds, is_needed };
+    let step =
+        |key: String, kind: StepKind, seconds: f64, is_needed: bool| Step { key, kind, seconds, is_needed };
     let unknowns = |refine: u32, element: &Element| {
         let nodes = meshes.of(element).get(refine as usize).map_or(0, |mesh| mesh.nodes.len());
         3.0 * nodes as f64 / TUBE
@@ -39,7 +40,10 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
     for (model, refine, element) in planned(request, meshes) {
         let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
         let key = names::solved(refine, element, Solver::default(), Some(model.name));
-        solved.push((step(key, StepKind::SolveForModel, seconds, false), 0.5 * judged(unknowns(refine, element))));
+        solved.push((
+            step(key, StepKind::SolveForModel, seconds, false),
+            0.5 * judged(unknowns(refine, element)),
+        ));
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
@@ -47,7 +51,10 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
             let digits = -solver.tolerance().unwrap_or(1e-10).log10();
             let seconds = (0.7 + 0.2 * digits) * unknowns(0, own).powf(4.0 / 3.0);
             let key = names::solved(0, own, solver, None);
-            solved.push((step(key, StepKind::SolveIteratively, seconds, false), 0.5 * judged(unknowns(0, own))));
+            solved.push((
+                step(key, StepKind::SolveIteratively, seconds, false),
+                0.5 * judged(unknowns(0, own)),
+            ));
         }
     }
     let poses = request.poses.len() as f64;
@@ -58,11 +65,16 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
         let motions = if request.quick { 6.0 } else { 20.0 };
         steps.push(step(names::TRIALS.into(), StepKind::Trials, 1.5 * motions * base.powf(1.4), false));
     }
-    steps.extend(
-        solved.iter().map(|(of, seconds)| step(names::errors(&of.key), StepKind::Errors, seconds * poses / 3.0, of.is_needed)),
-    );
+    steps.extend(solved.iter().map(|(of, seconds)| {
+        step(names::errors(&of.key), StepKind::Errors, seconds * poses / 3.0, of.is_needed)
+    }));
     let rows = 2.0 * solved.len() as f64;
-    steps.push(step(names::TIMES.into(), StepKind::Other, 4e-4 * rows * request.limits.rounds as f64 * base, true));
+    steps.push(step(
+        names::TIMES.into(),
+        StepKind::Other,
+        4e-4 * rows * request.limits.rounds as f64 * base,
+        true,
+    ));
     if whole {
         if top > 0 {
             for element in ELEMENTS.iter().copied() {

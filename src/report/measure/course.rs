@@ -127,13 +127,14 @@ impl<'a> Course<'a> {
         step.is_needed || done.iter().any(|&done| names::errors(&self.steps[done].key) == step.key)
     }
 
-    /// Whether a step is due, or was not passed by yet, nor what it judges.
+    /// Whether a step is due, or still ahead; errors, with what they judge.
     fn may_be_done(&self, step: &Step) -> bool {
-        let ahead = &self.steps[self.next.get()..];
-        let is_ahead = |of: &Step| of.key == step.key || names::errors(&of.key) == step.key;
+        let mut ahead = self.steps[self.next.get()..].iter();
         self.is_due(step)
-            || (step.kind == StepKind::Errors && ahead.iter().any(|of| names::errors(&of.key) == step.key))
-            || (step.kind != StepKind::Errors && ahead.iter().any(is_ahead))
+            || match step.kind {
+                StepKind::Errors => ahead.any(|of| names::errors(&of.key) == step.key),
+                _ => ahead.any(|of| of.key == step.key),
+            }
     }
 
     /// Whether there is time for something that takes so long before what must follow.
@@ -173,6 +174,7 @@ impl<'a> Course<'a> {
         make: impl FnOnce(&dyn Progress) -> Result<T, MeasureError>,
     ) -> Result<T, MeasureError> {
         let at = self.find(key);
+        let left = at.map(|at| rounded(self.seconds_left(at)));
         if let Some(at) = at {
             self.next.set(at + 1);
         }
@@ -186,11 +188,7 @@ impl<'a> Course<'a> {
             self.ended.set(Instant::now());
             return Ok(value);
         }
-        if let Some(at) = at {
-            // The step itself is due: it was found to be affordable.
-            let step = &self.steps[at];
-            let own = if self.is_due(step) { 0.0 } else { step.seconds * self.pace(step.kind) };
-            let left = rounded(self.seconds_left(at).max(own));
+        if let (Some(at), Some(left)) = (at, left) {
             self.progress.begin(&format!("{} of {}: {key}; {left} left", at + 1, self.steps.len()), 0);
         }
         let made = make(&Silent);

@@ -42,7 +42,8 @@ impl Kept {
                 } else {
                     format!("another machine ({other}), whose times do not hold here")
                 };
-                told = Some(format!("What {} holds is of {what}: measuring starts afresh.", folder.display()));
+                told =
+                    Some(format!("What {} holds is of {what}: measuring starts afresh.", folder.display()));
                 remove(folder);
                 std::fs::create_dir_all(folder)?;
                 std::fs::write(&run, own)?;

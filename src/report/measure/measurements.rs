@@ -50,12 +50,11 @@ pub fn measurements(
         let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
         // The reference is never chosen: where time is short, its other storages are the first to go.
-        let is_spared = request.limit.is_some() && std::ptr::eq(&raw const candidates[references.finest], candidate);
+        let is_spared =
+            request.limit.is_some() && std::ptr::eq(&raw const candidates[references.finest], candidate);
         let own = request.scene.body[request.body].storage;
         let mut storages = Storage::ALL.to_vec();
-        storages.retain(|&storage| {
-            storage == Storage::F32 || is_wide && (!is_spared || storage == own)
-        });
+        storages.retain(|&storage| storage == Storage::F32 || is_wide && (!is_spared || storage == own));
         let mut files = Files::default();
         let judged = course.step_as_json(&names::errors(&candidate.name()), |_| {
             let rounded: Vec<Vec<Vec<f64>>> =

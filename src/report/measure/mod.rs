@@ -91,8 +91,7 @@ fn course<'a>(
         told.iter().for_each(|told| progress.tell(told));
         kept = Some(found);
     }
-    let can_stop =
-        if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
+    let can_stop = if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
     let course = Course::new(agenda::agenda(request, meshes, whole), request.limit, kept, progress);
     progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
     Ok(course)

@@ -49,7 +49,8 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
                 let axis = UnitVector3::new_normalize(random.direction());
                 let way = origin - origins[0];
                 let chord = mean_rotation(&axis, angle) * way;
-                let translation = chord - way + across(&random.direction(), &chord) * (play * random.number());
+                let translation =
+                    chord - way + across(&random.direction(), &chord) * (play * random.number());
                 ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
             });
             (format!("turned {:.0}°", angle.to_degrees()), poses.collect())
