@@ -23,7 +23,7 @@ pub fn regular(path: &Path) -> io::Result<u64> {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
     if !found.is_file() {
-        let reason = "it is a device or a pipe, which may have no end: write what comes from it into a file";
+        let reason = "it is a device or a pipe, which may never end: save its contents in a file";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
     }
     Ok(found.len())

@@ -29,9 +29,8 @@ use std::time::Instant;
 
 /// Measure the frame rate and where a frame's time goes, offline and online
 ///
-/// Runs the offline stage anew, the two online loops at the paper's 10,000 nodes beside the memory bandwidth
-/// measured in the same run, and the scene's script offscreen on a stage;
-/// where a body lists the effect haptics also the ticks of its force loop.
+/// Runs the offline stage anew; then the two online loops at the paper's 10,000 nodes, beside the memory bandwidth measured in the
+/// same run; then the scene's script, offscreen on a stage; and, if a body lists the effect haptics, the ticks of its force loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed

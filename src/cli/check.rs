@@ -19,13 +19,13 @@ use nalgebra::Point3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// List all that can be found wrong with a scene, without solving it, or with a stage
+/// List everything wrong with a scene, without solving it, or with a stage
 ///
 /// Prints one line for each finding, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
-/// not be what was meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
-/// runs a scene's checks first. Then what the effects add, and the errors of force and shape to expect, where the .green file
-/// beside the scene has them; else how to have them measured. Of a stage: how its screens meet, shapes and sides of screens, eyes, windows on the
-/// monitors of the running display (without one, of the file's `monitor` tables).
+/// not be what you meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
+/// runs a scene's checks first. For a scene it then lists what the effects add, and the errors of force and shape to expect if the
+/// .green file beside the scene has them, else how to have them measured. For a stage it checks how the screens meet, their shapes
+/// and sides, the eyes, and the windows on the monitors of the running display (without one, of the file's `monitor` tables).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene or stage file (TOML), or the name of a built-in stage; or a mesh or surface file, for which a scene is proposed
@@ -126,8 +126,7 @@ fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
     // Whoever wrote a limit wants to hear of it; the library's stands there unasked.
     let severity =
         if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
-    let message = "its material has a limit, and nothing watches it: list effects = [\"stress\"] to see and be told where \
-                   it is passed";
+    let message = "its material has a limit, but nothing checks it: list effects = [\"stress\"] to see where it is passed";
     let entity = format!("body.{name}");
     (!limited.is_empty() && !is_watched).then(|| Diagnostic::new(severity, &entity, message))
 }

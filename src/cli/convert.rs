@@ -17,7 +17,7 @@ Examples:
   greenstage convert part.msh metres.msh --unit mm              from millimetres
 
 Gmsh and Abaqus files keep regions, their names and node groups; the others only the numbers of
-regions. What is left out or lost is told, a line each. Read are all formats that scenes read:
+regions. A line is printed for each thing left out or lost. It reads every format that scenes read:
 `greenstage manual meshes`.";
 
 /// Convert a tetrahedral mesh from one file format to another

@@ -15,14 +15,16 @@ use std::path::PathBuf;
 /// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
-/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. With after = "POSE",
-/// a pose goes on from that one, so that turns add up.
-/// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
-/// field per pose), OUT.forces.csv where the scene lists the effect haptics, and OUT.stress.csv where it lists stress, whose
-/// fields OUT.vtu then holds too: all of them whole, or none. They overwrite
-/// those of an earlier `deform`, and nothing else. A body of a model of large strain (stvk, neo_hookean, corotational) is
-/// solved anew for every pose, over all nodes, with its forces; a pose in which it has no equilibrium is named with the
-/// angle and the mode at which it was lost, the others are written, and the status is 1.
+/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; elements that are not listed stay at rest. With
+/// after = "POSE", a pose goes on from that one, so that turns add up.
+///
+/// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement field per pose),
+/// OUT.forces.csv if the scene lists the effect haptics, and OUT.stress.csv if it lists stress, whose fields OUT.vtu then has too:
+/// either all files, complete, or none. Overwrites the files of an earlier `deform`, and nothing else.
+///
+/// A body with a model of large strain (stvk, neo_hookean, corotational) is solved for every pose, over all nodes, with its forces.
+/// If a pose has no equilibrium, the angle and the mode at which it was lost are printed, the other poses are written, and the
+/// status is 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML)

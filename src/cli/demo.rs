@@ -9,13 +9,13 @@ use crate::display::device;
 use crate::render::{Samples, window};
 use std::path::{Path, PathBuf};
 
-/// Tell what greenstage is, in one window: chapters that anybody may stop and take over with the mouse
+/// Play the demo: six chapters in one window, which you can take over with the mouse at any time
 ///
-/// The window names the keys. Without a display, or with --output, the same as pictures, a contact sheet and a film. What has
-/// to be computed is computed once, into ~/.cache/greenstage.
+/// The window names the keys. Without a display, or with --output, the demo is written as pictures, a contact sheet and a film.
+/// The first start computes what is needed and keeps it in ~/.cache/greenstage.
 #[derive(Debug, Default, clap::Args)]
 pub struct Args {
-    /// The chapter to begin with, or the only one that pictures are made of
+    /// The chapter to start with; with --output the only one
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=CHAPTERS.len() as i64))]
     pub chapter: Option<u8>,
     /// Make pictures and a film in this folder in place of opening a window; overwrites files of its own names, and nothing

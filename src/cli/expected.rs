@@ -92,7 +92,7 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     if body.accuracy_target().is_some() {
         let path = path.display();
         return Err(format!(
-            "`greenstage precompute` chooses its settings, and `greenstage inspect {path}` then tells them"
+            "`greenstage precompute` chooses its settings, and `greenstage inspect {path}` then prints them"
         ));
     }
     let read = || -> Result<Option<ExpectedErrors>, GreenError> {

@@ -28,7 +28,7 @@ fn chapter(name: &str) -> Result<&'static str, Failure> {
 }
 
 fn contents() -> String {
-    let mut table = Table::new(&["chapter", "what it tells"]);
+    let mut table = Table::new(&["chapter", "what it explains"]);
     for (name, summary, _) in CHAPTERS {
         table.row(&[name, summary]);
     }

@@ -21,11 +21,11 @@ Examples:
 Then `greenstage view part.toml`. Every line of the file has its reason beside it; change what you
 like. `greenstage manual materials` lists the materials, `greenstage inspect part.msh` the node groups.";
 
-/// Make a scene file from a mesh or surface file, and say what was guessed and why
+/// Make a scene file from a mesh or surface file, with the reason for every guess
 ///
-/// Guessed is what you do not say: unit of length, cell size of a surface that is to be filled, material, model, and which
-/// part is fixed and which can be grabbed: node groups of the file, or else two ends of the body. Where the size is
-/// implausible in metres, it asks which unit is meant; without a terminal the status is 2, and both commands are named.
+/// Guesses what you do not give: the unit of length, the cell size for filling a surface, material, model, and which part is
+/// fixed and which can be grabbed (node groups of the file, or else two ends of the body). If the size is implausible in metres,
+/// it asks for the unit; without a terminal it prints the command for either unit and ends with status 2.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
@@ -45,7 +45,7 @@ pub struct Args {
     /// A node group of the file that can be grabbed; may be given several times
     #[arg(long, value_name = "GROUP")]
     pub grab: Vec<String>,
-    /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` tells them apart
+    /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` compares the models
     #[arg(long)]
     pub model: Option<String>,
     /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress); `greenstage manual scene` lists them
@@ -78,7 +78,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     if path.exists() && !args.force {
         return Err(Failure::wrong(format!(
-            "{}: is there already; name another file with -o, or overwrite it with --force",
+            "{}: already exists; name another file with -o, or overwrite it with --force",
             path.display()
         )));
     }

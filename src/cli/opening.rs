@@ -12,15 +12,16 @@ use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
+const FOR_A_MESH: &str = "For a mesh or surface file";
+
 /// What is known of a mesh or surface file; all else is guessed.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = "Of a mesh or surface file")]
 pub struct Guess {
-    /// Unit of its coordinates: m, in, cm, mm, um; default: metres, if its size is plausible so
-    #[arg(long, value_parser = find_unit)]
+    /// Unit of its coordinates: m, in, cm, mm, um; default: metres, if the size is then plausible
+    #[arg(long, value_parser = find_unit, help_heading = FOR_A_MESH)]
     pub unit: Option<&'static LengthUnit>,
-    /// What it is made of (`greenstage manual materials`); default: after the file's name, else rubber
-    #[arg(long, value_name = "NAME")]
+    /// Material (`greenstage manual materials`); default: guessed from the file's name, else rubber
+    #[arg(long, value_name = "NAME", help_heading = FOR_A_MESH)]
     pub material: Option<String>,
 }
 

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 ///
 /// FILE.green becomes FILE.green.zst, FILE.green.zst becomes FILE.green. Beside its scene the packed file is enough:
 /// `view`, `render`, `deform` and `bench` unpack it where the .green file is missing. Nothing is lost; to make it
-/// smaller still, write storage = "int16" in the scene; the file tells the error of it (`greenstage inspect`).
+/// smaller still, write storage = "int16" in the scene; the file records the error that this makes (`greenstage inspect`).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// File to pack or to unpack

@@ -16,9 +16,9 @@ use std::time::Instant;
 /// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
-/// requirements of model and effects, program version). Prints the time of each step, and what errors of force and shape to
-/// expect where an effect of the scene has them measured. A file is overwritten where it is a
-/// .green file or empty; any other, and what the scene reads, never is, not with --force either.
+/// requirements of model and effects, program version). Prints the time of each step and, if an effect of the scene measures them,
+/// the errors of force and shape to expect. Overwrites a .green file or an empty file; never any other file, nor what the scene
+/// reads, not even with --force.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML; `greenstage manual scene`); or a mesh or surface file, for which a scene is proposed

@@ -28,7 +28,7 @@ pub struct Args {
     /// Frames, evenly over the script or the recording
     #[arg(long, default_value_t = 20, value_parser = parsers::frames)]
     pub frames: usize,
-    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some six times as
+    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some three times as
     /// long
     #[arg(long, default_value = "auto", value_parser = parsers::samples)]
     pub samples: Samples,

@@ -52,7 +52,7 @@ pub struct Args {
     /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
-    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some six times as
+    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some three times as
     /// long
     #[arg(long, default_value = "auto", value_parser = parsers::samples)]
     pub samples: Samples,

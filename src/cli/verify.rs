@@ -19,9 +19,9 @@ use std::path::PathBuf;
 /// promises.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Problems to solve; default: all. Or `hard-cases`: bodies for which a solver can silently be wrong. Or `haptics`: the
-    /// stability of the force in the hand. Or `forces`: forces and shapes of the models at large rotations. Or
-    /// `bent`: whether the force in the hand makes energy on bent bodies; some minutes
+    /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
+    /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations), `bent` (whether the
+    /// force in the hand generates energy on bent bodies; takes minutes)
     pub problems: Vec<String>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]

@@ -30,7 +30,7 @@ pub struct Args {
     /// frame comes to another state than was recorded
     #[arg(long)]
     pub check: bool,
-    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some six times as
+    /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some three times as
     /// long
     #[arg(long, default_value = "auto", value_parser = parsers::samples)]
     pub samples: Samples,

@@ -89,7 +89,7 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "ghost",
         title: "How far is that from the truth?",
-        text: "Once the hands rest, St. Venant–Kirchhoff equilibrium of the very pose is solved on the whole mesh: the pink ghost.",
+        text: "Once the hands rest, St. Venant–Kirchhoff equilibrium of this pose is solved on the whole mesh: the pink ghost.",
         scene: "bear",
         script: Some("raise"),
         effects: &["ghost_equilibrium"],

@@ -278,7 +278,7 @@ impl Story {
                     caption.share = self.duration_s().map_or(1.0, |end_s| self.clock_s / end_s);
                     if !is_told {
                         caption.share = 1.0;
-                        caption.state = "you lead – Enter tells it again".into();
+                        caption.state = "you lead – Enter replays the chapter".into();
                     } else if self.paused {
                         caption.state = "paused".into();
                     }

@@ -103,7 +103,7 @@ impl Multiview {
 pub fn describe(gpu: &Gpu, samples: Samples) -> String {
     let few = match samples {
         Samples::Auto if gpu.is_software => {
-            "; 1 sample a pixel, since 4 take some six times as long in software: --samples 4"
+            "; 1 sample a pixel, since 4 take some three times as long in software: --samples 4"
         }
         _ => "",
     };
@@ -151,7 +151,7 @@ impl Choice {
                 format!("deforms {place}, since it is larger than the graphics device can bind at once")
             }
             Why::Model => format!("deforms {place}, where its model computes the shape"),
-            Why::Field => format!("deforms {place}, where the field is computed that colours it"),
+            Why::Field => format!("deforms {place}, where its colour field is computed"),
             Why::Measured { cpu_s, device_s } => {
                 format!("deforms {place}: CPU {} with upload, device {}", seconds(cpu_s), seconds(device_s))
             }

@@ -32,7 +32,7 @@ pub fn save(
         return Err(Failure::wrong(format!("{}: a scene file's name ends in .toml", path.display())));
     }
     if path.exists() {
-        return Err(Failure::wrong(format!("{} is there already: give it another name", path.display())));
+        return Err(Failure::wrong(format!("{} already exists: give it another name", path.display())));
     }
     output::make_folder_of(path)?;
     let mut moved = scene.clone();
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(tags.lines().filter(|line| !line.starts_with('#')).count(), 1000);
         assert_eq!(saved.stage, "workbench");
         let again = save(&scene, &Comments::new(), None, &path).unwrap_err().to_string();
-        assert!(again.contains("is there already"), "{again}");
+        assert!(again.contains("already exists"), "{again}");
         assert!(save(&scene, &Comments::new(), None, &folder.path().join("mine")).is_err());
     }
 

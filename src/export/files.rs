@@ -107,7 +107,10 @@ impl Files {
             std::fs::remove_file(&old)
                 .with_context(|| old.display().to_string())
                 .map_err(Failure::Request)?;
-            notice!("note: {} was of an earlier run that had more to tell, and is removed", old.display());
+            notice!(
+                "note: {} is left over from an earlier run that wrote more, and is removed",
+                old.display()
+            );
         }
         Ok(())
     }

@@ -116,7 +116,7 @@ fn nearly_incompressible(element: &Element) -> (Severity, &'static str) {
     let advice = "this element does not lock, but a coarse mesh is still too stiff: at 0.4999 the moment of a bent bar \
                   errs by 31 % with 4 cells of tet4_anp through its thickness and by 10 % with 8, by 9 % with 2 of \
                   tet10 and by 2 % with 4. Keep the element, and refine where that is too much: effects = \
-                  [\"expected_errors\"] measures it on this body, and this command then tells it";
+                  [\"expected_errors\"] measures it on this body, and this command then prints it";
     (Severity::Note, advice)
 }
 

@@ -34,7 +34,7 @@ impl Limit {
                 Err(format!("{} is no limit: a positive number is needed", limit.value()))
             }
             Limit::Stress(pascal) if pascal < 1.0 => Err(format!(
-                "a stress of {pascal} Pa is passed by a breath: stresses are in Pa; did you mean {}e6?",
+                "a limit of {pascal} Pa is implausibly low: stresses are in Pa; did you mean {}e6?",
                 pascal
             )),
             Limit::Strain(strain) if strain > 10.0 => Err(format!(

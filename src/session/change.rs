@@ -99,8 +99,11 @@ impl Change {
 
     /// What it came to; waits for it.
     pub fn finish(self) -> Result<Changed, Failure> {
-        let panicked =
-            || Failure::Work(anyhow::anyhow!("the computation broke off; this is a fault of greenstage"));
+        let panicked = || {
+            Failure::Work(anyhow::anyhow!(
+                "the computation stopped unexpectedly; this is a bug in greenstage"
+            ))
+        };
         self.thread.join().unwrap_or_else(|_| Err(panicked()))
     }
 }
@@ -109,7 +112,9 @@ impl Session {
     /// Refuses a change that a recording could not tell of.
     pub fn may_change(&self) -> Result<(), Failure> {
         let why = match (&self.recorder, &self.input.replay) {
-            (Some(_), _) => "this session is being recorded, and a recording is of one scene: end it first",
+            (Some(_), _) => {
+                "this session is being recorded, and a recording has one scene: end the recording first"
+            }
             (_, Some(_)) => "this session is a replay, which shows what was recorded",
             _ => return Ok(()),
         };

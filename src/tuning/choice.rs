@@ -92,7 +92,17 @@ pub fn miss(row: &Measurement, demand: &AccuracyTarget) -> f64 {
 /// or the most accurate within the budget. Where no row reaches what is asked, the one that comes nearest, which must
 /// not be taken unasked. `None` where there are no rows. The same rows give the same choice.
 pub fn choose<'a>(rows: &'a [Measurement], demand: &AccuracyTarget) -> Option<Choice<'a>> {
-    let candidates: Vec<&Measurement> = rows.iter().filter(|row| row.can_be_chosen()).collect();
+    choose_among(rows, demand, |_| true)
+}
+
+/// [`choose`] among the rows that `is_known` lets through.
+pub fn choose_among<'a>(
+    rows: &'a [Measurement],
+    demand: &AccuracyTarget,
+    is_known: impl Fn(&Measurement) -> bool,
+) -> Option<Choice<'a>> {
+    let can_be_chosen = |row: &&Measurement| row.can_be_chosen() && is_known(row);
+    let candidates: Vec<&Measurement> = rows.iter().filter(can_be_chosen).collect();
     let met: Vec<&Measurement> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
     let fastest = |of: &[&'a Measurement]| least(of, |row| time(row, rows), SAME_TIME);
     let best = match demand {

@@ -1,7 +1,7 @@
 //! Settles the settings of a scene's bodies: measures once, keeps the table in the .green file, and chooses anew from it
 //! when the accuracy or the budget changes.
 
-use super::choice::{Choice, choose, name as title};
+use super::choice::{Choice, choose, choose_among, name as title};
 use super::poses::scripted_or_random;
 use super::verified::verify;
 use crate::base::bars::Bars;
@@ -36,8 +36,21 @@ struct MeasuredTable {
     verified: Vec<Setting>,
 }
 
+impl MeasuredTable {
+    /// What is chosen from it: where nothing reaches what is asked, the nearest of those that were measured themselves.
+    fn choice(&self, demand: &AccuracyTarget) -> Option<Choice<'_>> {
+        let choice = choose(&self.rows, demand).filter(|choice| choice.miss <= 1.0);
+        let is_verified = |row: &Measurement| self.verified.contains(&row.setting);
+        choice
+            .or_else(|| choose_among(&self.rows, demand, is_verified))
+            .or_else(|| choose(&self.rows, demand))
+    }
+}
+
 /// So many further poses a chosen setting is measured in.
 const FURTHER: usize = 3;
+/// So many settings are measured themselves to find the nearest where none reaches what is asked.
+const NEAREST: usize = 4;
 
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
@@ -58,10 +71,10 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
             None => measure(plain, name, key, demand, quiet)?,
         };
         for pose in &table.left_out {
-            notice!("body.{name}: nothing is known of the accuracy in a pose that was left out: {pose}");
+            notice!("body.{name}: the accuracy is unknown in a pose that was left out: {pose}");
         }
         verify_choice(plain, name, &mut table, demand)?;
-        let choice = choose(&table.rows, demand).filter(|choice| choice.miss <= 1.0);
+        let choice = table.choice(demand).filter(|choice| choice.miss <= 1.0);
         for sentence in choice.iter().flat_map(Choice::sentences) {
             notice!("body.{name}: {sentence}");
         }
@@ -70,7 +83,8 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
     choose_from(scene, source, &|unmet| Err(Failure::work(unmet)))
 }
 
-/// Measures the setting that is chosen itself, and again the next where it misses what is asked.
+/// Measures the setting that is chosen itself, and again the next where it misses what is asked; where nothing reaches
+/// that, those that seem the nearest.
 fn verify_choice(
     plain: &Scene,
     name: &str,
@@ -80,14 +94,14 @@ fn verify_choice(
     if matches!(demand, AccuracyTarget::Budget(_)) {
         return Ok(());
     }
-    let mut poses = None;
+    let (mut poses, mut missed) = (None, 0);
     loop {
-        let choice = choose(&table.rows, demand).filter(|choice| choice.miss <= 1.0);
-        let Some(row) = choice.map(|choice| choice.row).filter(|row| !table.verified.contains(&row.setting))
-        else {
+        let Some(choice) = choose(&table.rows, demand) else { return Ok(()) };
+        missed += usize::from(choice.miss > 1.0);
+        if missed > NEAREST || table.verified.contains(&choice.row.setting) {
             return Ok(());
-        };
-        let (row, setting) = (row.clone(), row.setting.clone());
+        }
+        let (row, setting) = (choice.row.clone(), choice.row.setting.clone());
         let poses = match &mut poses {
             Some(poses) => poses,
             none => none.insert(further_poses(plain, name)?),
@@ -165,7 +179,7 @@ fn choose_from(
         let largest = demand.largest().unwrap_or(LARGEST);
         let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &requirements)?);
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };
-        let choice = choose(&table.rows, &demand).ok_or_else(|| {
+        let choice = table.choice(&demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
         })?;
         if let Some(reason) = choice.missed(&demand) {
@@ -173,7 +187,7 @@ fn choose_from(
             continue;
         }
         set(&mut scene.body[&name], &choice.row.setting).map_err(|message| {
-            Failure::work(anyhow::anyhow!("body.{name}: what was measured cannot be taken over: {message}"))
+            Failure::work(anyhow::anyhow!("body.{name}: the measured setting cannot be used: {message}"))
         })?;
         scene.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
@@ -206,7 +220,7 @@ fn measure(
     demand: &AccuracyTarget,
     quiet: bool,
 ) -> Result<MeasuredTable, Failure> {
-    notice!("body.{name}: measuring what accuracy costs on this body, to choose from; once");
+    notice!("body.{name}: measuring what accuracy costs on this body, once, to choose a setting");
     let (poses, pose_source) = scripted_or_random(scene, name, None, true)?;
     let scratch = tempfile::tempdir().map_err(Failure::work)?;
     let largest = demand.largest().unwrap_or(LARGEST);
@@ -228,7 +242,7 @@ fn measure(
         command: String::new(),
         scratch: scratch.path(),
         keep: None,
-        limit_s: None,
+        limit: None,
     };
     let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
     let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);

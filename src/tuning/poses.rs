@@ -19,7 +19,7 @@ pub type NamedPoses = (Vec<(String, ControlPoses)>, String);
 /// Angles of the random poses, degrees.
 const ANGLES: [f64; 8] = [2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0];
 const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
-/// How far random poses move on beside turning, as a part of the body's size.
+/// How far random poses move across beside turning, as a part of the body's size.
 const PLAY: f64 = 0.02;
 /// Pictures of the script that are taken as poses.
 const SCRIPT_POSES: usize = 12;
@@ -68,7 +68,7 @@ pub fn scripted_or_random(
     let angles: Vec<f64> = degrees.iter().map(|angle| angle.to_radians()).collect();
     let source = format!(
         "random, seed {seed}: all control elements but the first turn about axes of their own, carried along as by a rod \
-         of constant curvature and twist, and move by up to {:.0} % of the body's size",
+         of constant curvature and twist, and move across by up to {:.0} % of the body's size",
         100.0 * PLAY
     );
     Ok((random(&origins, &angles, PLAY * (high - low).amax(), seed), source))

@@ -8,13 +8,14 @@ use greenstage::fem::{Element, Lame, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::mesh::quadratic::straight;
 use greenstage::report::measure::poses::random;
-use greenstage::report::measure::{MeshLadder, Norms};
+use greenstage::report::measure::{MeshLadder, Norms, TimeLimit};
 use greenstage::report::{Limits, Measurement, Report, Request, measure};
 use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
 use greenstage::tuning::{choose, miss, time};
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
+use std::time::Instant;
 
 const HELD: &str = r#"
 effects = ["haptics"]
@@ -76,7 +77,7 @@ fn request<'a>(
         command: String::new(),
         scratch,
         keep: None,
-        limit_s: None,
+        limit: None,
     }
 }
 
@@ -346,7 +347,7 @@ fn a_run_that_was_stopped_goes_on() {
         own
     };
     let whole = of(&own);
-    assert!(!whole.machine.contains("taken over") && steps().len() > 8);
+    assert!(!whole.machine.contains("were reused") && steps().len() > 8);
     let all = steps();
     all.iter().step_by(3).for_each(|path| std::fs::remove_file(path).unwrap());
     let mut damaged = std::fs::read(&all[1]).unwrap();
@@ -355,12 +356,12 @@ fn a_run_that_was_stopped_goes_on() {
     let left = steps().len() - 1;
     let again = of(&own);
     assert!(again.machine.contains(&format!(". {left} of ")), "{}", again.machine);
-    assert!(again.machine.contains("steps were taken over from a run that was stopped"), "{}", again.machine);
+    assert!(again.machine.contains("steps were reused from a run that was stopped"), "{}", again.machine);
     let errors = |report: &Report| report.rows.iter().map(|row| row.error.clone()).collect::<Vec<_>>();
     assert_eq!(errors(&again), errors(&whole));
     assert_eq!(again.models, whole.models);
     let other = of(&poses(scene, &[0.3]));
-    assert!(!other.machine.contains("taken over"), "{}", other.machine);
+    assert!(!other.machine.contains("were reused"), "{}", other.machine);
     greenstage::report::measure::remove(&keep);
     assert!(!keep.exists());
 }
@@ -370,8 +371,9 @@ fn a_run_that_was_stopped_goes_on() {
 fn a_limit_of_time_leaves_out_what_does_not_fit() {
     let (_, scene) = &bodies()[0];
     let (folder, poses) = (folder("accuracy-limit"), poses(scene, &[0.2]));
-    let within = |limit: f64| {
-        measure(&Request { limit_s: Some(limit), ..request(scene, &poses, &folder, 0) }, &Silent).unwrap()
+    let within = |seconds: f64| {
+        let limit = Some(TimeLimit { from: Instant::now(), seconds });
+        measure(&Request { limit, ..request(scene, &poses, &folder, 0) }, &Silent).unwrap()
     };
     let (none, all) = (within(0.0), within(1e6));
     assert!(none.left_out[0].starts_with("Left out, to end within 0 s: "), "{:?}", none.left_out);

@@ -123,7 +123,7 @@ fn a_recording_does_not_overwrite_the_scene() {
     let folder = project("outputs-record");
     let onto = |path| ["view", "scene.toml", "--check", "--record", path];
     refuse(&folder, &onto("scene.toml"), "scene.toml: this run reads that file");
-    refuse(&folder, &onto("poses.toml"), "poses.toml: what stands there is not a recording");
+    refuse(&folder, &onto("poses.toml"), "poses.toml: the existing file is not a recording");
     refuse(&folder, &onto("no/session.jsonl"), "the folder no is not there; make it");
     refuse(&folder, &onto("."), "is a folder; name a file in it");
     refuse(&folder, &["render", "scene.toml", "-oout", "--record", "scene.toml"], "this run reads that file");
@@ -139,10 +139,10 @@ fn precompute_does_not_overwrite_the_mesh_with_force_either() {
     std::fs::copy(folder.join("block.msh"), folder.join("other.msh")).unwrap();
     let onto = |path| ["precompute", "scene.toml", "--force", "-o", path];
     refuse(&folder, &onto("block.msh"), "block.msh: this run reads that file");
-    refuse(&folder, &onto("other.msh"), "other.msh: what stands there is not a .green file (it begins with");
+    refuse(&folder, &onto("other.msh"), "other.msh: the existing file is not a .green file (it begins with");
     std::fs::write(folder.join("scene.green"), "a list of plants\n").unwrap();
     for command in [&DEFORM[..], &RECORD, &["precompute", "scene.toml", "--force"]] {
-        refuse(&folder, command, "scene.green: what stands there is not a .green file");
+        refuse(&folder, command, "scene.green: the existing file is not a .green file");
     }
     refuse(&folder, &onto("poses.toml/a.green"), "cannot make the folder poses.toml");
     std::fs::write(folder.join("scene.green"), "").unwrap();
@@ -156,7 +156,7 @@ fn precompute_does_not_overwrite_the_mesh_with_force_either() {
 fn deform_overwrites_and_removes_its_own_results_alone() {
     let folder = project("outputs-deform");
     std::fs::write(folder.join("out.forces.csv"), "mine\n").unwrap();
-    refuse(&folder, &DEFORM, "out.forces.csv: what stands there is not a table of forces by `deform`");
+    refuse(&folder, &DEFORM, "out.forces.csv: the existing file is not a table of forces by `deform`");
     let plain = SCENE.replace("effects = [\"haptics\"]", "");
     std::fs::write(folder.join("plain.toml"), plain).unwrap();
     let without = [&["deform", "plain.toml"], &DEFORM[2..]].concat();
@@ -167,7 +167,7 @@ fn deform_overwrites_and_removes_its_own_results_alone() {
     succeed(&folder, &DEFORM);
     let told = succeed(&folder, &without);
     assert!(
-        told.contains("out.forces.csv was of an earlier run that had more to tell, and is removed"),
+        told.contains("out.forces.csv is left over from an earlier run that wrote more, and is removed"),
         "{told}"
     );
     assert!(!folder.join("out.forces.csv").exists());
@@ -175,7 +175,7 @@ fn deform_overwrites_and_removes_its_own_results_alone() {
     // A mesh is a VTU file too, but not one of displacements.
     succeed(&folder, &["convert", "block.msh", "part.vtu"]);
     let onto = |path| [&DEFORM[..5], &[path]].concat();
-    refuse(&folder, &onto("part"), "part.vtu: what stands there is not a VTU file by `deform`");
+    refuse(&folder, &onto("part"), "part.vtu: the existing file is not a VTU file by `deform`");
     for path in ["new/", "..", "pipe"] {
         let is_pipe = path == "pipe";
         let made = is_pipe.then(|| Command::new("mkfifo").arg(folder.join(path)).status().unwrap().success());
@@ -199,7 +199,7 @@ fn convert_overwrites_meshes_of_the_format_but_not_what_it_reads() {
     refuse(&folder, &["convert", "a.node", "a.ele"], "this run reads that file");
     refuse(&folder, &["convert", "block.msh", "no/a.msh"], "the folder no is not there");
     std::fs::write(folder.join("b.ele"), "mine\n").unwrap();
-    let stands = "b.ele: what stands there is not a TetGen .ele file";
+    let stands = "b.ele: the existing file is not a TetGen .ele file";
     refuse(&folder, &["convert", "block.msh", "b.node"], stands);
     std::fs::write(folder.join("b.inp"), "mine\n").unwrap();
     refuse(&folder, &["convert", "block.msh", "b.inp"], "is not an Abaqus mesh");
@@ -260,7 +260,7 @@ fn pictures_reports_and_tables_are_tried_before_the_work() {
         ("out/plots/online.svg", &["accuracy", "scene.toml", "-oout", "--quick"], "a plot of `accuracy`"),
     ] {
         std::fs::write(folder.join(name), "mine\n").unwrap();
-        refuse(&folder, command, &format!("{name}: what stands there is not {kind}"));
+        refuse(&folder, command, &format!("{name}: the existing file is not {kind}"));
         std::fs::remove_file(folder.join(name)).unwrap();
     }
     for command in [

@@ -39,14 +39,14 @@ pub const HEAD: u64 = 16 * 1024;
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error(
-        "{}: what stands there is not {kind} (it begins with \"{begins}\") and is not overwritten; name another file, \
+        "{}: the existing file is not {kind} (it begins with \"{begins}\") and is not overwritten; name another file, \
          or remove this one",
         path.display()
     )]
     Foreign { path: PathBuf, kind: &'static str, begins: String },
     #[error("{}: this run reads that file, and does not overwrite it; name another file", path.display())]
     Input { path: PathBuf },
-    #[error("{}: another run is writing that file; name another file, or wait for its end", path.display())]
+    #[error("{}: another run is writing that file; name another file, or wait until that run ends", path.display())]
     Busy { path: PathBuf },
     #[error("{}: is a folder; name a file in it", path.display())]
     Folder { path: PathBuf },
@@ -56,7 +56,7 @@ pub enum OutputError {
     Closed { path: PathBuf, source: std::io::Error },
     #[error("cannot make the folder {}: {source}; name another place", path.display())]
     Unmade { path: PathBuf, source: std::io::Error },
-    #[error("{}: cannot be written: {source}; what stood there stays as it was", path.display())]
+    #[error("{}: cannot be written: {source}; the existing file is unchanged", path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be written to: {source}", path.display())]
     Stream { path: PathBuf, source: std::io::Error },

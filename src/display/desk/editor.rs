@@ -54,8 +54,11 @@ impl Loading {
     }
 
     pub fn finish(self, scene: &Scene) -> Result<Editor, Failure> {
-        let panicked =
-            || Failure::Work(anyhow::anyhow!("reading the mesh broke off; this is a fault of greenstage"));
+        let panicked = || {
+            Failure::Work(anyhow::anyhow!(
+                "reading the mesh stopped unexpectedly; this is a bug in greenstage"
+            ))
+        };
         let canvas = self.thread.join().unwrap_or_else(|_| Err(panicked()))?;
         let body = scene
             .body

@@ -190,8 +190,9 @@ fn mesh_errors(
         let found = better.share(&body.solution, e);
         if found.is_none() {
             let control = &body.solution.controls[e].name;
-            left_out
-                .push(format!("{control}: what the mesh adds: it is too coarse to tell, or nothing resists"));
+            left_out.push(format!(
+                "{control}: what the mesh adds: the mesh is too coarse to measure it, or nothing resists"
+            ));
         }
         found
             .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })

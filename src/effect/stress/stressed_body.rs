@@ -32,7 +32,7 @@ fn of_triangles(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<Vec<u8>, Gr
         return Ok(Vec::new());
     }
     if body.region.len() >= MOST {
-        let message = format!("the effect {NAME} tells up to {} regions apart", MOST - 1);
+        let message = format!("the effect {NAME} distinguishes up to {} regions", MOST - 1);
         return Err(scene.invalid(&format!("body.{name}.region"), message).into());
     }
     let of_tets = green::materials_of_tets(scene, name, body, mesh)?;

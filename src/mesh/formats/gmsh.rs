@@ -108,7 +108,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     Ok(raw)
 }
 
-/// `version file-type data-size`, and in a binary file the number 1 that tells the byte order.
+/// `version file-type data-size`, and in a binary file the number 1 that marks the byte order.
 fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
     let at = scan.at();
     let line = String::from_utf8_lossy(scan.line());
@@ -147,7 +147,7 @@ fn mesh_format(scan: &mut Scanner) -> Result<Version, FormatFault> {
         [1, 0, 0, 0] => false,
         [0, 0, 0, 1] => true,
         other => {
-            return refuse(at, format!("expected the number 1 that tells the byte order, found {other:?}"));
+            return refuse(at, format!("expected the number 1 that marks the byte order, found {other:?}"));
         }
     };
     scan.mode = Mode::Binary { big_endian, size_bytes };

@@ -4,7 +4,7 @@
 //! machine with two cores, fitted to the demo's tube; the course corrects them by what the first steps take.
 
 use super::candidates::{Meshes, discretisations, iterative};
-use super::course::Step;
+use super::course::{Step, StepKind};
 use super::model_candidates::planned;
 use super::names;
 use super::request::Request;
@@ -17,7 +17,8 @@ const TUBE: f64 = 30_240.0;
 /// The steps in their order; `whole` with all that stands in a report beside the settings.
 pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     let mut steps = Vec::new();
-    let step = |key: String, seconds: f64, is_needed: bool| Step { key, seconds, is_needed };
+    let step =
+        |key: String, kind: StepKind, seconds: f64, is_needed: bool| Step { key, kind, seconds, is_needed };
     let unknowns = |refine: u32, element: &Element| {
         let nodes = meshes.of(element).get(refine as usize).map_or(0, |mesh| mesh.nodes.len());
         3.0 * nodes as f64 / TUBE
@@ -31,12 +32,18 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
         let is_needed = (refine, element) == (0, &TET4) || (refine, element) == (top, &TET10);
         let seconds = repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
         let key = names::solved(refine, element, Solver::default(), None);
-        solved.push((step(key, seconds, is_needed), judged(unknowns(refine, element))));
+        // One storage in place of all of them.
+        let spared = if request.limit.is_some() && (refine, element) == (top, &TET10) { 0.4 } else { 1.0 };
+        let judged = spared * judged(unknowns(refine, element));
+        solved.push((step(key, StepKind::Solve, seconds, is_needed), judged));
     }
     for (model, refine, element) in planned(request, meshes) {
         let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
         let key = names::solved(refine, element, Solver::default(), Some(model.name));
-        solved.push((step(key, seconds, false), 0.5 * judged(unknowns(refine, element))));
+        solved.push((
+            step(key, StepKind::SolveForModel, seconds, false),
+            0.5 * judged(unknowns(refine, element)),
+        ));
     }
     let own = request.scene.body[request.body].element;
     if meshes.affords(request, 0, own) {
@@ -44,32 +51,40 @@ pub fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> 
             let digits = -solver.tolerance().unwrap_or(1e-10).log10();
             let seconds = (0.7 + 0.2 * digits) * unknowns(0, own).powf(4.0 / 3.0);
             let key = names::solved(0, own, solver, None);
-            solved.push((step(key, seconds, false), 0.5 * judged(unknowns(0, own))));
+            solved.push((
+                step(key, StepKind::SolveIteratively, seconds, false),
+                0.5 * judged(unknowns(0, own)),
+            ));
         }
     }
     let poses = request.poses.len() as f64;
     let base = unknowns(0, &TET4);
     steps.extend(solved.iter().map(|(step, _)| step.clone()));
-    steps.push(step(names::EQUILIBRIA.into(), 0.5 * poses * base.powf(1.4), true));
+    steps.push(step(names::EQUILIBRIA.into(), StepKind::Equilibria, 0.5 * poses * base.powf(1.4), true));
     if whole {
         let motions = if request.quick { 6.0 } else { 20.0 };
-        steps.push(step(names::TRIALS.into(), 1.5 * motions * base.powf(1.4), false));
+        steps.push(step(names::TRIALS.into(), StepKind::Trials, 1.5 * motions * base.powf(1.4), false));
     }
-    steps.extend(
-        solved.iter().map(|(of, seconds)| step(names::errors(&of.key), seconds * poses / 3.0, of.is_needed)),
-    );
+    steps.extend(solved.iter().map(|(of, seconds)| {
+        step(names::errors(&of.key), StepKind::Errors, seconds * poses / 3.0, of.is_needed)
+    }));
     let rows = 2.0 * solved.len() as f64;
-    steps.push(step(names::TIMES.into(), 4e-4 * rows * request.limits.rounds as f64 * base, true));
+    steps.push(step(
+        names::TIMES.into(),
+        StepKind::Other,
+        4e-4 * rows * request.limits.rounds as f64 * base,
+        true,
+    ));
     if whole {
         if top > 0 {
             for element in ELEMENTS.iter().copied() {
                 let all = (0..=top).filter(|refine| meshes.affords(request, *refine as usize, element));
                 let seconds =
                     all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
-                steps.push(step(names::smooth(element), seconds, false));
+                steps.push(step(names::smooth(element), StepKind::Other, seconds, false));
             }
         }
-        steps.push(step(names::EFFECTS.into(), 0.5 * base + direct(base), true));
+        steps.push(step(names::EFFECTS.into(), StepKind::Other, 0.5 * base + direct(base), true));
     }
     steps
 }

@@ -40,9 +40,10 @@ impl Kept {
                 let what = if other == machine || other.is_empty() {
                     "another scene, other poses or options, or another version of the program".to_owned()
                 } else {
-                    format!("another machine ({other}), whose times are not those of this one")
+                    format!("another machine ({other}), whose times do not hold here")
                 };
-                told = Some(format!("What {} holds is of {what}: measuring begins anew.", folder.display()));
+                told =
+                    Some(format!("What {} holds is of {what}: measuring starts afresh.", folder.display()));
                 remove(folder);
                 std::fs::create_dir_all(folder)?;
                 std::fs::write(&run, own)?;

@@ -38,6 +38,9 @@ pub fn measurements(
 ) -> Result<Vec<Measurement>, MeasureError> {
     let mut untimed = Vec::new();
     for candidate in candidates {
+        if !course.affords(&names::errors(&candidate.name())) {
+            continue;
+        }
         let is_measured = |model: &&ModelEntry| {
             references.models_of_settings.iter().any(|measured| measured.name == model.name)
         };
@@ -46,7 +49,12 @@ pub fn measurements(
         let models = candidate.models.iter().copied().filter(is_measured).filter(is_known);
         let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
-        let storages = if is_wide { Storage::ALL.to_vec() } else { vec![Storage::F32] };
+        // The reference is never chosen: where time is short, its other storages are the first to go.
+        let is_spared =
+            request.limit.is_some() && std::ptr::eq(&raw const candidates[references.finest], candidate);
+        let own = request.scene.body[request.body].storage;
+        let mut storages = Storage::ALL.to_vec();
+        storages.retain(|&storage| storage == Storage::F32 || is_wide && (!is_spared || storage == own));
         let mut files = Files::default();
         let judged = course.step_as_json(&names::errors(&candidate.name()), |_| {
             let rounded: Vec<Vec<Vec<f64>>> =

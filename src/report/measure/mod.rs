@@ -41,7 +41,7 @@ mod trials;
 pub use kept::{FOLDER, remove};
 pub use ladder::MeshLadder;
 pub use norms::Norms;
-pub use request::{Limits, MeasureError, Request};
+pub use request::{Limits, MeasureError, Request, TimeLimit};
 
 use super::data::{Measurement, ModelError, Report, SCHEMA, Setting};
 use super::headline::shown_of;
@@ -91,9 +91,8 @@ fn course<'a>(
         told.iter().for_each(|told| progress.tell(told));
         kept = Some(found);
     }
-    let can_stop =
-        if kept.is_some() { "; Ctrl-C stops it, and the same command goes on from there" } else { "" };
-    let course = Course::new(agenda::agenda(request, meshes, whole), request.limit_s, kept, progress);
+    let can_stop = if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
+    let course = Course::new(agenda::agenda(request, meshes, whole), request.limit, kept, progress);
     progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
     Ok(course)
 }

@@ -34,7 +34,9 @@ impl Random {
 
 /// One pose for each of `angles` (rad): every control element but the first turns by that angle about an axis of its
 /// own and comes to stand where a rod of constant curvature and twist from the first one would carry it,
-/// T = ∫₀¹ exp(s θ a×) ds d - d with d the way between their origins at rest, moved on by up to `play` (m).
+/// T = ∫₀¹ exp(s θ a×) ds d - d with d the way between their origins at rest, moved on by up to `play` (m) across the chord.
+/// Neither stretches the rod: a slender body resists a stretch of some percent so much more than a bend that the force of
+/// the bend would be lost beside it.
 pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) -> Vec<(String, ControlPoses)> {
     let mut random = Random(seed);
     angles
@@ -46,13 +48,19 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
                 }
                 let axis = UnitVector3::new_normalize(random.direction());
                 let way = origin - origins[0];
-                let shift = random.direction() * (play * random.number());
-                let translation = mean_rotation(&axis, angle) * way - way + shift;
+                let chord = mean_rotation(&axis, angle) * way;
+                let translation =
+                    chord - way + across(&random.direction(), &chord) * (play * random.number());
                 ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
             });
             (format!("turned {:.0}°", angle.to_degrees()), poses.collect())
         })
         .collect()
+}
+
+/// The part of `v` across the direction of `chord`.
+fn across(v: &Vector3<f64>, chord: &Vector3<f64>) -> Vector3<f64> {
+    chord.try_normalize(f64::MIN_POSITIVE).map_or(*v, |along| v - along * along.dot(v))
 }
 
 /// No control element turns by more between two poses of [`on_the_way`], rad.
@@ -108,6 +116,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_poses_and_the_angles_are_kept() {
         let origins = [Vector3::zeros(), Vector3::x(), Vector3::new(1.0, 1.0, 0.0)];
+        let still = random(&origins, &[0.5, 1.0], 0.0, 7);
         let poses = random(&origins, &[0.5, 1.0], 0.01, 7);
         assert_eq!(poses, random(&origins, &[0.5, 1.0], 0.01, 7));
         assert_ne!(poses, random(&origins, &[0.5, 1.0], 0.01, 8));
@@ -115,6 +124,14 @@ mod tests {
             assert_eq!(poses[0], ControlPose::REST);
             for pose in &poses[1..] {
                 assert!((Rotation3::from_matrix_unchecked(pose.matrix).angle() - angle).abs() < 1e-12);
+            }
+        }
+        // The play moves across the chord.
+        for ((_, poses), (_, still)) in poses.iter().zip(&still) {
+            for e in 1..origins.len() {
+                let shift = poses[e].translation - still[e].translation;
+                let chord = origins[e] - origins[0] + still[e].translation;
+                assert!(shift.norm() > 1e-4 && shift.dot(&chord).abs() < 1e-12, "{shift} across {chord}");
             }
         }
     }

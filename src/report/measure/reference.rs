@@ -17,6 +17,7 @@ use crate::scene::Scene;
 use crate::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::time::Instant;
 
 pub struct References<'a> {
     pub norms: Norms<'a>,
@@ -169,7 +170,12 @@ impl<'a> References<'a> {
         let suited = self.suited(candidates);
         let mut stateless = Vec::new();
         let all = course.step_as_json(names::EQUILIBRIA, |progress| {
+            let (started, mut count) = (Instant::now(), 0);
             let of = |(name, poses): &(String, ControlPoses)| {
+                if count > 0 && !course.has_time(started.elapsed().as_secs_f64() / f64::from(count)) {
+                    return Ok(Err(format!("{name}: there was no time for it")));
+                }
+                count += 1;
                 if let Some(model) = self.undefined(candidates, poses) {
                     return Ok(Err(format!(
                         "{name}: the control elements are half a turn apart, where the model {model} has no mean rotation"

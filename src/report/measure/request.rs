@@ -6,6 +6,7 @@ use crate::green::{GreenError, Requirements};
 use crate::scene::{Scene, SceneError};
 use crate::verify::ProblemError;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Limits of what is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +24,20 @@ pub struct Limits {
 impl Limits {
     /// What `largest_of_models` is of `largest`.
     pub const MODELS_SHARE: f64 = 0.2;
+}
+
+/// A limit of time, from a moment that may lie before the measuring.
+#[derive(Clone, Copy, Debug)]
+pub struct TimeLimit {
+    pub from: Instant,
+    pub seconds: f64,
+}
+
+impl TimeLimit {
+    /// Negative when the time is over.
+    pub fn seconds_left(&self) -> f64 {
+        self.seconds - self.from.elapsed().as_secs_f64()
+    }
 }
 
 /// What is to be measured, and in which poses.
@@ -46,8 +61,8 @@ pub struct Request<'a> {
     pub scratch: &'a Path,
     /// A folder in which finished steps are kept until the report is written.
     pub keep: Option<&'a Path>,
-    /// Time in which the report should be there, s: what does not fit is left out.
-    pub limit_s: Option<f64>,
+    /// Time in which all should be measured: what does not fit is left out.
+    pub limit: Option<TimeLimit>,
 }
 
 impl Request<'_> {

@@ -131,7 +131,7 @@ fn about(request: &Request<'_>, scene: &Scene, statics: &Statics, moved: &Moved)
     vec![
         format!(
             "The control element {name} is bent along a circular arc, in the plane in which that is easiest, and twisted about the axis from the others, which rest; \
-             it comes there in steps of 10° at most, as a hand does."
+             it moves in steps of at most 10°, as with a hand."
         ),
         format!(
             "Every model is tried as a session has it, from a .green file in f32, and compared with the static equilibrium of \
@@ -139,7 +139,7 @@ fn about(request: &Request<'_>, scene: &Scene, statics: &Statics, moved: &Moved)
         ),
         format!(
             "Not among the curves: {}, which are static equilibrium themselves, found in the background; `greenstage bench` \
-             tells how often in a second.",
+             prints how often per second.",
             laws.join(", ")
         ),
     ]

@@ -187,7 +187,7 @@ fn opposite(
     }
     let nothing = || {
         ProposalError::Wrong(
-            "the body is too small, or has too few tetrahedra, to tell two ends of it apart: write the scene by hand, \
+            "the body is too small, or has too few tetrahedra, to find two ends on it: write the scene by hand, \
              `greenstage manual start` shows one"
                 .to_owned(),
         )

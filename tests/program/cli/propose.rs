@@ -22,7 +22,7 @@ fn new_writes_a_scene_and_never_over_another_file_unasked() {
     );
     let checked = text(&succeed(&folder, &["check", "own.toml"]).stdout);
     assert!(checked.contains("0 errors"), "{checked}");
-    refuse(&folder, &["new", "block.msh", "-o", "own.toml"], &["own.toml: is there already", "--force"]);
+    refuse(&folder, &["new", "block.msh", "-o", "own.toml"], &["own.toml: already exists", "--force"]);
     succeed(&folder, &["new", "block.msh", "-o", "own.toml", "--fixed", "xmin", "--grab", "xmax", "--force"]);
     let written = read_to_string(folder.join("own.toml")).unwrap();
     assert!(written.contains("[body.block.control.xmin]"), "{written}");
