@@ -18,6 +18,7 @@ mod helicoidal;
 mod legs;
 mod limiter;
 mod linear;
+mod loads;
 mod mean_frame;
 mod model;
 mod models;
@@ -50,6 +51,7 @@ pub use followed::FollowedTurn;
 pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 pub use helicoidal::Helicoidal;
+pub use loads::{AppliedLoads, PointLoad, PointResult, Pull, carries_loads, refusal as load_refusal};
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,

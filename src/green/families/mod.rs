@@ -2,8 +2,10 @@
 
 mod affine;
 mod columns;
+mod compliance;
 mod cubic;
 mod dense_fields;
+mod loads;
 mod perturbation;
 mod reduced;
 mod screw_paths;
@@ -13,7 +15,9 @@ mod table;
 mod volume;
 
 pub use affine::AFFINE;
+pub use compliance::{COMPLIANCE, Compliance, SurfaceInverse, Yield, compliance_size};
 pub use cubic::CUBIC;
+pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
@@ -34,6 +38,8 @@ pub const FAMILIES: &[FamilyEntry] = &[
     perturbation::ENTRY,
     substructures::ENTRY,
     volume::ENTRY,
+    loads::ENTRY,
+    compliance::ENTRY,
 ];
 
 impl GreenFile {
