@@ -21,7 +21,9 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     for effect in &body.effects {
         find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
     }
-    match find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?.kind {
+    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
+    loads_required(scene, name, body, model)?;
+    match model.kind {
         Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => Ok(None),
     }
