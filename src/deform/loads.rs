@@ -392,7 +392,7 @@ impl Loaded {
         }
         torque += axial(&moments);
         let mut work = &self.reaction * lambda;
-        let rigid = moments.trace() + (rotation * net).dot(shift) - rotation.matrix().dot(&moments);
+        let rigid = moments.trace() + (rotation * net).dot(shift) - rotation.matrix().dot(&moments.transpose());
         let compliant = &self.compliance * lambda;
         let mut energy = -work.dot(c) - 0.5 * lambda.dot(&compliant) - rigid;
         for (((point, force), end), pull) in points.iter().zip(forces).zip(&ends).zip(&self.applied.points) {

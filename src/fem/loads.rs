@@ -146,7 +146,7 @@ mod tests {
         let quadratic = quadratic::quadratic(linear.clone(), &quadratic::straight);
         for mesh in [linear, quadratic] {
             // b = (x, 0, 0): ∫ b = 0, ∫ x b_x = ∫ x² dV = 2³/12 · 1 · 3.
-            let force = body_force(&mesh, &|_, x| V3::new(x.x - 0.0, 0.0, 0.0));
+            let force = body_force(&mesh, &|_, x| V3::new(x.x, 0.0, 0.0));
             let total: V3 = force.iter().sum();
             let moment: f64 = force.iter().zip(&mesh.nodes).map(|(f, x)| f.x * x.x).sum();
             assert!(total.norm() < 1e-13, "{total}");
