@@ -14,7 +14,9 @@ use std::path::PathBuf;
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. With after = "POSE",
-/// a pose goes on from that one, so that turns add up.
+/// a pose goes on from that one, so that turns add up. load.NAME = 3.0 sets a load of the scene (gravity, centrifugal, thermal,
+/// or a pattern), [[pose.force]] with at = [x, y, z] or node = TAG and force = [x, y, z] acts on a point of the surface, where
+/// the scene has surface_compliance.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
 /// field per pose), OUT.forces.csv where the scene lists the effect haptics, and OUT.stress.csv where it lists stress, whose
 /// fields OUT.vtu then holds too: all of them whole, or none. They overwrite

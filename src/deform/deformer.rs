@@ -196,6 +196,22 @@ impl Deformer {
         compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
     }
 
+    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N.
+    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> f64 {
+        let Some(compliance) = self.file.compliance(&self.body) else { return f64::INFINITY };
+        let places = compliance.places();
+        let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        let mut sum = 0.0;
+        for (node, w) in corners() {
+            let Some(column) = places.get(node).map(|place| compliance.column(*place)) else { continue };
+            for (other, v) in corners() {
+                let block = &column[*other as usize];
+                sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;
+            }
+        }
+        sum
+    }
+
     /// The next evaluation has these loads; false where they are as they were, or the body has none.
     pub fn apply(&mut self, loads: &AppliedLoads) -> bool {
         let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));

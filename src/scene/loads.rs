@@ -127,6 +127,31 @@ impl LoadValue {
 #[serde(deny_unknown_fields)]
 pub struct SurfaceCompliance {
     pub nodes: SurfaceNodes,
+    /// What hands take of the surface at first; a key changes it.
+    #[serde(default, skip_serializing_if = "Take::is_usual")]
+    pub take: Take,
+    /// Of the spring by which a hand pulls a point, N/m in the body's own metres; as stiff as the point itself without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spring: Option<f64>,
+}
+
+/// What a hand takes that points at the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Take {
+    /// Nothing: control elements alone.
+    #[default]
+    Elements,
+    /// A point, by a spring.
+    Force,
+    /// A point, which is then where the hand is.
+    Place,
+}
+
+impl Take {
+    fn is_usual(&self) -> bool {
+        *self == Take::default()
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -275,6 +300,10 @@ pub(super) fn check(body: &Body) -> Result<(), (String, String)> {
             let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
             return wrong(&key, format!("the value of a {} is {what}", load.kind.name()));
         }
+    }
+    let spring = body.surface_compliance.as_ref().and_then(|of| of.spring);
+    if let Some(spring) = spring.filter(|spring| !(*spring > 0.0 && spring.is_finite())) {
+        return wrong("surface_compliance", format!("spring is {spring} N/m: a positive number is needed"));
     }
     if let Some(nodes) = body.surface_compliance.as_ref().and_then(|of| of.nodes.selection()) {
         nodes.check().map_err(|message| ("surface_compliance".to_owned(), message))?;

@@ -21,7 +21,7 @@ pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue, SurfaceCompliance,
-    SurfaceNodes, THERMAL, Thermal,
+    SurfaceNodes, THERMAL, Take, Thermal,
 };
 pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;

