@@ -6,10 +6,10 @@ use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, Statics, find_model};
-use crate::effect::{self, EffectEntry, expected, find_effect};
+use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
+use crate::effect::{self, EffectEntry, expected, find_effect, ghost_equilibrium, stress};
 use crate::fem::{Dilatation, Law};
-use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements, UPDATES};
+use crate::green::{self, COMPLIANCE, GreenError, GreenFile, LOADS, Precomputed, Requirements, UPDATES};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
@@ -21,7 +21,9 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     for effect in &body.effects {
         find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
     }
-    match find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?.kind {
+    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
+    loads_required(scene, name, body, model)?;
+    match model.kind {
         Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => Ok(None),
     }
@@ -34,7 +36,8 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         Statics::suits(scene, name, law).map_err(Failure::request)?;
     }
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    let required = effect::requirements(model, effects(body));
+    let loads = loads_required(scene, name, body, model)?;
+    let required = effect::requirements(model, effects(body)).and(loads);
     if body.updates.is_none() {
         return Ok(required);
     }
@@ -57,6 +60,36 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         return Err(wrong(scene, name, "updates.modulus", message));
     }
     Ok(required.and(Requirements::of(&[UPDATES])))
+}
+
+/// The families of a body's loads; errors name what cannot be together with them.
+fn loads_required(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    model: &ModelEntry,
+) -> Result<Requirements, Failure> {
+    let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
+    if !loads && !compliance {
+        return Ok(Requirements::default());
+    }
+    if !carries_loads(model) {
+        return Err(wrong(scene, name, "model", load_refusal(model.name)));
+    }
+    if effects(body).any(|effect| effect.name == ghost_equilibrium::NAME) {
+        let message = "\"ghost_equilibrium\" shows the body's equilibrium without loads: leave the effect or the loads out";
+        return Err(wrong(scene, name, "effects", message.to_owned()));
+    }
+    if body.thermal.is_some() && effects(body).any(|effect| effect.name == stress::NAME) {
+        let message = "\"stress\" does not know the strain that warmth causes without stress: leave the effect or thermal out";
+        return Err(wrong(scene, name, "effects", message.to_owned()));
+    }
+    let families: Vec<_> = [(loads, LOADS), (compliance, COMPLIANCE)]
+        .into_iter()
+        .filter(|(is, _)| *is)
+        .map(|(_, of)| of)
+        .collect();
+    Ok(Requirements::of(&families))
 }
 
 /// The same of a body that is measured; refuses the models that others are measured against.
@@ -101,7 +134,7 @@ pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
     files.extend(scene.script.iter().map(|script| scene.resolve(script)));
     for body in scene.body.values() {
         files.extend(body.mesh.iter().flat_map(|mesh| files_of(&scene.resolve(mesh))));
-        files.extend(body.control.values().filter_map(|control| match &control.nodes {
+        files.extend(body.selections().into_iter().filter_map(|(_, nodes)| match nodes {
             Nodes::File(path) => Some(scene.resolve(path)),
             _ => None,
         }));

@@ -59,7 +59,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         findings.extend(unwatched_limit(name, body));
         match green::prepare(&scene, name) {
             Ok(prepared) => {
-                let forecast = Forecast::of(&prepared.mesh, prepared.controls.len()).told();
+                let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
+                if let Some(asked) = &body.surface_compliance {
+                    let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
+                    let place = format!("{entity}.surface_compliance");
+                    findings.push(match green::compliance_size(&prepared.mesh, held, asked) {
+                        Ok(size) => Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)),
+                        Err(message) => Diagnostic::new(Severity::Error, &place, message),
+                    });
+                }
+                let forecast = forecast.told();
                 findings.extend(prepared.findings);
                 findings.extend(forecast.map(|told| Diagnostic::new(Severity::Note, &entity, told)));
                 meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));

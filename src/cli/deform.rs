@@ -16,7 +16,9 @@ use std::path::PathBuf;
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
 /// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; elements that are not listed stay at rest. With
-/// after = "POSE", a pose goes on from that one, so that turns add up.
+/// after = "POSE", a pose goes on from that one, so that turns add up. load.NAME = 3.0 sets a load of the scene (gravity,
+/// centrifugal, thermal, or a pattern); [[pose.force]] with at = [x, y, z] or node = TAG and force = [x, y, z] acts on a point of
+/// the surface, if the scene has surface_compliance.
 ///
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement field per pose),
 /// OUT.forces.csv if the scene lists the effect haptics, and OUT.stress.csv if it lists stress, whose fields OUT.vtu then has too:

@@ -44,7 +44,7 @@ const AFTER_HELP: &str = "\
 A first tour:
   greenstage                                          the demo: six chapters in one window
   greenstage new part.msh                             a scene file for a mesh or surface of your own
-  greenstage view bear                                a built-in scene: tube, hose, bar, bear, models
+  greenstage view bear                                a built-in scene: tube, hose, bar, bear, models, stylus
   greenstage precompute tube                          the offline stage alone
   greenstage render tube --stage cyberstage -o out/cave
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file

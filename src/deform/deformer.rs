@@ -6,8 +6,9 @@
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
+use super::loads::{self, AppliedLoads, Loaded, PointResult, SharedLoads, carries_loads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Kind, ModelEntry, ModelInput, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
 };
 use super::models::{find_model, make_model};
 use super::normals::vertex_normals;
@@ -18,9 +19,10 @@ use super::superposition::{SumStats, Superposition, displacement};
 use crate::base::columns::ColumnGroup;
 use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
-use crate::green::{AFFINE, GreenFile};
+use crate::green::{AFFINE, GreenFile, LoadMeta};
 use nalgebra::{Isometry3, Vector3};
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -60,6 +62,10 @@ pub struct Deformer {
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
     kind: Kind,
+    frame: Frame,
+    /// Loads as they are now, where the file has columns or a compliance for them.
+    loads: Option<SharedLoads>,
+    loads_changed: bool,
     /// The energy of the poses and its slopes, where the model has them.
     response: Option<Response>,
     slopes: Vec<PoseSlope>,
@@ -102,7 +108,13 @@ impl Deformer {
             })
             .collect();
         let (nodes, kind) = (meta.surface_nodes, model.kind);
-        let model = made(&file, body, &controls, &kind)?;
+        let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
+        let loads = has_loads.then(SharedLoads::default);
+        if has_loads && !carries_loads(model) {
+            return Err(format!("body.{body}.model: {}", refusal(model.name)));
+        }
+        let frame = model.frame;
+        let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
         let weights = model.part_weights(file.rest(body));
         if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
             let found = weights.nodes();
@@ -126,6 +138,9 @@ impl Deformer {
             times: FrameTimes::default(),
             model,
             kind,
+            frame,
+            loads,
+            loads_changed: false,
             response: None,
             slopes: vec![PoseSlope::default(); controls.len()],
             state: rest.clone(),
@@ -168,6 +183,45 @@ impl Deformer {
     /// The triangles as they are drawn: over the nodes, and copies of those on sharp edges.
     pub fn drawn_triangles(&self) -> &[[u32; 3]] {
         self.creases.as_ref().map_or_else(|| self.triangles(), |creases| &creases.triangles)
+    }
+
+    /// The loads that the file has columns for.
+    pub fn load_metas(&self) -> &[LoadMeta] {
+        self.file.meta.bodies.get(&self.body).map_or(&[], |meta| &meta.loads)
+    }
+
+    /// Nodes of the surface that take forces.
+    pub fn takes_forces(&self) -> BTreeSet<u32> {
+        let compliance = self.file.compliance(&self.body);
+        compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
+    }
+
+    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N.
+    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> f64 {
+        let Some(compliance) = self.file.compliance(&self.body) else { return f64::INFINITY };
+        let places = compliance.places();
+        let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        let mut sum = 0.0;
+        for (node, w) in corners() {
+            let Some(column) = places.get(node).map(|place| compliance.column(*place)) else { continue };
+            for (other, v) in corners() {
+                let block = &column[*other as usize];
+                sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;
+            }
+        }
+        sum
+    }
+
+    /// The next evaluation has these loads; false where they are as they were, or the body has none.
+    pub fn apply(&mut self, loads: &AppliedLoads) -> bool {
+        let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));
+        self.loads_changed |= changed;
+        changed
+    }
+
+    /// What the forces at single points came to.
+    pub fn point_results(&self) -> &[PointResult] {
+        self.model.point_results()
     }
 
     /// Something of the nodes, for all vertices that are drawn.
@@ -213,6 +267,7 @@ impl Deformer {
                 (*last, *turn, changed) = (*new, turn.follow(new), true);
             }
         }
+        changed |= std::mem::take(&mut self.loads_changed);
         if changed || self.model.has_news() {
             changed = true;
             let version = self.state.field_version;
@@ -450,7 +505,10 @@ impl Deformer {
     pub fn another_model(&self) -> Result<Box<dyn DeformationModel>, String> {
         match self.model.for_force_loop() {
             Some(model) => Ok(model),
-            None => made(&self.file, &self.body, &self.controls, &self.kind),
+            None => {
+                let loads = self.loads.as_ref().map(|loads| (loads, self.frame));
+                made(&self.file, &self.body, &self.controls, &self.kind, loads)
+            }
         }
     }
 }
@@ -464,10 +522,11 @@ fn add(u: &mut [[f32; 3]], v: &[[f32; 3]]) {
 
 /// The model of a body, from what the file holds of it.
 fn made(
-    file: &GreenFile,
+    file: &Arc<GreenFile>,
     body: &str,
     controls: &[ControlRest],
     kind: &Kind,
+    loads: Option<(&SharedLoads, Frame)>,
 ) -> Result<Box<dyn DeformationModel>, String> {
     let input = ModelInput {
         controls,
@@ -479,5 +538,9 @@ fn made(
             name => file.table(body, name),
         },
     };
-    make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))
+    let model = make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
+    let Some((shared, frame)) = loads else { return Ok(model) };
+    let turns = frame == Frame::MeanMotion;
+    let loaded = Loaded::new(file, body, model, turns, controls, shared);
+    Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))
 }

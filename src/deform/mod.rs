@@ -18,6 +18,7 @@ mod helicoidal;
 mod legs;
 mod limiter;
 mod linear;
+mod loads;
 mod mean_frame;
 mod model;
 mod models;
@@ -38,6 +39,7 @@ mod solved;
 mod statics;
 mod substructured;
 mod superposition;
+mod surface_point;
 mod surface_stress;
 mod trial;
 mod turn;
@@ -51,6 +53,7 @@ pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
+pub use loads::{AppliedLoads, PointLoad, PointResult, Pull, carries_loads, refusal as load_refusal};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
     StateAge,
@@ -66,6 +69,7 @@ pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
 pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
+pub use surface_point::{NearestPoint, nearest_point};
 pub use surface_stress::{NodeStress, SurfaceParts, SurfaceStress};
 pub use trial::{Deviation, Motion, Moved, Trial, trials};
 pub use turn::{Reach, local_turn, reach};

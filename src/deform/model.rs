@@ -1,6 +1,7 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
 use super::frames::PoseSlope;
+use super::loads::PointResult;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
@@ -22,6 +23,11 @@ pub trait DeformationModel: Send {
     /// A model that has them has them from its making on.
     fn field(&self) -> Option<&[[f32; 3]]> {
         None
+    }
+
+    /// What the forces at single points came to in the last state.
+    fn point_results(&self) -> &[PointResult] {
+        &[]
     }
 
     /// Whether the state has changed though no pose has: what is computed in the background has arrived.

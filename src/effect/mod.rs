@@ -9,7 +9,7 @@
 mod entry;
 pub mod expected;
 pub mod force_curve;
-mod ghost_equilibrium;
+pub mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
 mod running;

@@ -5,18 +5,20 @@ use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, Resu
 use super::statics;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::deform::pose_file::{self, Pose};
+use crate::deform::pose_file::{self, Pose, PoseLoads};
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench, find_model,
-    model_of,
+    AppliedLoads, ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench,
+    find_model, model_of,
 };
 use crate::effect::stress::{NAME as STRESS, StressedBody};
-use crate::green::{self, GreenError, GreenFile, STIFFNESS, Solution};
+use crate::green::{
+    self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, STIFFNESS, Solution,
+};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
-use nalgebra::Vector3;
+use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -25,6 +27,7 @@ pub struct Asked<'a> {
     pub pose: &'a str,
     pub body: &'a str,
     pub control: ControlPoses,
+    pub loads: PoseLoads,
     /// Which of the poses asked for it goes on from; rest, where there is none.
     pub after: Option<usize>,
 }
@@ -47,6 +50,7 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
         pose: &pose.name,
         body,
         control: pose_file::control_poses(pose, body, &scene.body[body], path)?,
+        loads: pose_file::loads(pose, body, &scene.body[body], path)?,
         after: pose.goes_on_from,
     })
 }
@@ -198,7 +202,13 @@ fn surface_results(
     let stressed = lists_stress(body).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
-    let result = |(asked, standing): (&&Asked<'_>, _)| {
+    let mut applied = own.iter().map(|asked| {
+        let wrong = |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+        asked.loads.applied(&deformer).map_err(wrong)
+    });
+    let applied: Vec<AppliedLoads> = applied.by_ref().collect::<Result<_, _>>()?;
+    let result = |((asked, standing), applied): ((&&Asked<'_>, _), &AppliedLoads)| {
+        deformer.apply(applied);
         let result = surface_result(asked, all, standing, body, &mut deformer);
         let stress = stressed.as_ref().map(|stressed| {
             let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
@@ -207,7 +217,7 @@ fn surface_results(
         });
         PoseResult { stress, ..result }
     };
-    let found = own.iter().zip(before).map(result).collect();
+    let found = own.iter().zip(before).zip(&applied).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
 }
 
@@ -272,6 +282,10 @@ fn volume_results(
             format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
         )));
     }
+    if let Some(asked) = asked.iter().find(|asked| !asked.loads.forces.is_empty()) {
+        let message = "forces at points are summed from the .green file: leave --all-nodes out";
+        return Err(Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose)));
+    }
     let solution = green::solve(scene, name, &prepare::requirements(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
@@ -291,7 +305,13 @@ fn volume_results(
 
 fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
     let c: Vec<f64> = asked.control.iter().flat_map(ControlPose::coefficients).collect();
-    let value = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
+    let loads = solution.tables.get(LOAD_FIELDS);
+    let loaded = |row: usize| {
+        let columns = loads.into_iter().flat_map(|fields| (0..fields.ncols()).map(move |k| fields[(row, k)]));
+        columns.zip(&asked.loads.coefficients).map(|(u, c)| u * c).sum::<f64>()
+    };
+    let value =
+        |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>() + loaded(row);
     PoseResult {
         pose: asked.pose.to_owned(),
         body: name.to_owned(),
@@ -308,8 +328,22 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
     let (mut model, _) = model_of(find_model(&body.model).ok()?, solution).ok()?;
     let mut slopes = vec![PoseSlope::default(); asked.control.len()];
     let response = model.respond(&asked.control, &mut slopes)?;
+    let mut energy = response.energy;
+    let tables = &solution.tables;
+    if let (Some(reaction), Some(compliance)) = (tables.get(REACTION), tables.get(LOAD_COMPLIANCE)) {
+        let lambda = DVector::from_column_slice(&asked.loads.coefficients);
+        let work = reaction * &lambda;
+        for ((slope, pose), h) in
+            slopes.iter_mut().zip(&asked.control).zip(work.as_slice().chunks_exact(FIELDS))
+        {
+            slope.translation -= Vector3::new(h[0], h[1], h[2]);
+            slope.matrix -= Matrix3::from_row_slice(&h[3..]);
+            energy -= pose.coefficients().iter().zip(h).map(|(c, h)| c * h).sum::<f64>();
+        }
+        energy -= 0.5 * lambda.dot(&(compliance * &lambda));
+    }
     let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
-    Some(control_forces(body, (wrenches.collect(), response.energy)))
+    Some(control_forces(body, (wrenches.collect(), energy)))
 }
 
 fn static_results(

@@ -112,6 +112,8 @@ pub fn solve_prepared(
         controls,
         fields,
         tables: BTreeMap::new(),
+        loads: Vec::new(),
+        compliance: None,
         asymmetry: None,
         rigid: RigidMotion::default(),
         stats,
@@ -123,16 +125,9 @@ pub fn solve_prepared(
         Some(factor) => factor.solve(b, progress).map(|(x, _)| x).map_err(failed),
         None => Ok(NodeFields::zeros(b.nodes, b.columns)),
     };
-    let assembled = Assembled {
-        place: &place,
-        scene,
-        name,
-        body,
-        lame: &lame,
-        k: &k,
-        partition: &partition,
-        solve: &solve,
-    };
+    let (k, partition, factor) = (&k, &partition, factor.as_deref());
+    let assembled =
+        Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
     for entry in families {
         if let Some(compute) = entry.compute {
             compute(&assembled, &mut solution, progress)?;

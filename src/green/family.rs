@@ -8,20 +8,23 @@ use super::tensor::Tensor;
 use crate::base::columns::ColumnGroup;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::scene::{Body, Scene};
-use crate::solve::Progress;
+use crate::solve::{Factor, Progress};
 
 /// What a family is made from beside the affine fields.
 pub struct Assembled<'a> {
     /// `scene: body.name`, for errors.
     pub place: &'a str,
     pub scene: &'a Scene,
+    /// The body's name in it.
     pub name: &'a str,
     /// The scene's settings of the body.
     pub body: &'a Body,
     pub lame: &'a [Lame],
     pub k: &'a StiffnessMatrix,
     pub partition: &'a Partition,
-    /// Solves A x = b at the free nodes, for a family with [`FamilyEntry::solves`].
+    /// That of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
+    pub factor: Option<&'a dyn Factor>,
+    /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
 }
 

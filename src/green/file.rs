@@ -51,6 +51,42 @@ pub struct BodyMeta {
     /// What was measured to choose the body's settings, where the scene asks for an accuracy or a budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plan: Option<serde_json::Value>,
+    /// In the order of their columns.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<LoadMeta>,
+    /// Nodes of the surface that take forces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compliance_nodes: Option<usize>,
+}
+
+impl BodyMeta {
+    /// Columns of all loads.
+    pub fn load_columns(&self) -> usize {
+        self.loads.iter().fold(0, |sum, load| sum.saturating_add(load.columns))
+    }
+}
+
+/// One load of a body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoadMeta {
+    pub name: String,
+    /// Three for a vector, else one.
+    pub columns: usize,
+    pub turning: Turning,
+    /// Of its coefficients.
+    pub unit: String,
+}
+
+/// What a load does when the body turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Turning {
+    /// Its direction stays: a vector.
+    Fixed,
+    /// It turns along.
+    Follows,
+    /// It turns along, and does no work where the body turns as a whole: forces of the body on itself.
+    Inner,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

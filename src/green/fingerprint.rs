@@ -4,13 +4,13 @@ use super::error::GreenError;
 use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
-use crate::scene::{Control, Material, Nodes, Scene};
+use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Nodes, Scene};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]), its scale and the
 /// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, parts, control
-/// elements with the bytes of their tag files, what its model and effects require, and the program's version.
+/// elements and loads with the bytes of their tag files, what its model and effects require, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
     let body = &scene.body[name];
     // A limit changes what is said of a body, not the body.
@@ -35,6 +35,7 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     });
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());
+    hasher.update(loads(body).as_bytes());
     let read = |hasher: &mut blake3::Hasher, entity: String, path: &Path| {
         hash_file(hasher, path)
             .map_err(|error| scene.invalid(&entity, format!("{}: {error}", path.display())))
@@ -44,12 +45,29 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
             read(&mut hasher, format!("body.{name}.mesh"), &file)?;
         }
     }
-    for (control, Control { nodes, .. }) in &body.control {
+    for (key, nodes) in body.selections() {
         if let Nodes::File(file) = nodes {
-            read(&mut hasher, format!("body.{name}.control.{control}.nodes"), &scene.resolve(file))?;
+            read(&mut hasher, format!("body.{name}.{key}"), &scene.resolve(file))?;
         }
     }
     Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// What the columns of loads and the compliance are made from; nothing of a body without. How large a load is does not
+/// change its columns.
+fn loads(body: &Body) -> String {
+    let told = |load: &LoadEntry<'_>| match load.source {
+        LoadSource::Gravity | LoadSource::Thermal => format!("{}\n", load.name),
+        LoadSource::Centrifugal(Centrifugal { axis, point, .. }) => {
+            format!("{} {axis:?} {point:?}\n", load.name)
+        }
+        LoadSource::Pattern(load_of) => {
+            let Load { nodes, kind, axis, .. } = load_of;
+            format!("{:?} {nodes:?} {kind:?} {axis:?}\n", load.name)
+        }
+    };
+    let compliance = body.surface_compliance.iter().map(|of| format!("{:?}\n", of.nodes));
+    body.loads().iter().map(told).chain(compliance).collect()
 }
 
 fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Result<()> {

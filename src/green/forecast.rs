@@ -54,6 +54,18 @@ impl Forecast {
         }
     }
 
+    /// What `surface_compliance` adds, with [`super::compliance_size`]: its columns are solved as others are.
+    pub fn compliance_told(&self, [nodes, all, size]: [usize; 3]) -> String {
+        let columns = 3.0 * nodes as f64;
+        let seconds = self.factor_entries.map(|entries| columns * 16.0 * entries / 20e9);
+        let [soon, late] = [seconds[0] / SPREAD, seconds[1] * SPREAD].map(duration);
+        let [size, peak] = [1.0, 3.0].map(|times| bytes(times * size as f64));
+        format!(
+            "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file and in memory, {peak} while it is \
+             made; by an estimate {soon} to {late} more"
+        )
+    }
+
     /// What is worth telling of it; `None` of a small body, which is done in seconds.
     pub fn told(&self) -> Option<String> {
         let [least, most] = self.memory.map(bytes);

@@ -38,11 +38,12 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, CUBIC, FAMILIES, PERTURBATION, QUARTIC, RADIUS, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
-    SUBSTRUCTURES, UPDATES, VOLUME, Volume,
+    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
+    PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
+    TORQUES, UPDATES, VOLUME, Volume, Yield, compliance_size,
 };
 pub use family::{Assembled, FamilyEntry};
-pub use file::{BodyMeta, ControlMeta, GreenFile, Meta};
+pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
 pub use fingerprint::fingerprint;
 pub use forecast::Forecast;
 pub use judge::judge_file;

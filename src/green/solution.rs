@@ -1,6 +1,8 @@
 //! What was computed of one body: its f64 solution, and what of it goes into the .green file.
 
 use super::control::ControlElement;
+use super::families::SurfaceInverse;
+use super::file::LoadMeta;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
 use super::tensor::Tensor;
@@ -31,6 +33,10 @@ pub struct Solution {
     pub fields: NodeFields,
     /// What the other families hold, by family: a column of the matrix for each of their columns.
     pub tables: BTreeMap<&'static str, DMatrix<f64>>,
+    /// What the columns of the family `loads` are.
+    pub loads: Vec<LoadMeta>,
+    /// How the surface yields, where it was required.
+    pub compliance: Option<SurfaceInverse>,
     /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
     pub asymmetry: Option<f64>,
     pub rigid: RigidMotion,

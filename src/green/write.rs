@@ -158,6 +158,8 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
         surface_triangles: solution.surface.triangles.len(),
         controls,
         plan: body.plan.clone(),
+        loads: Vec::new(),
+        compliance_nodes: None,
         accuracy: Accuracy {
             solver: solution.stats.method.name.into(),
             residual: solution.stats.worst_residual(),

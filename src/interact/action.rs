@@ -3,6 +3,39 @@
 use super::mode::Mode;
 use serde::{Deserialize, Serialize};
 
+/// What a hand takes where it points at no control element.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Taking {
+    /// Nothing.
+    #[default]
+    Elements,
+    /// The point of the surface, by a spring.
+    Force,
+    /// The point of the surface, which then is where the hand is.
+    Place,
+}
+
+impl Taking {
+    /// The next one in turn.
+    pub fn next(self) -> Taking {
+        match self {
+            Taking::Elements => Taking::Force,
+            Taking::Force => Taking::Place,
+            Taking::Place => Taking::Elements,
+        }
+    }
+
+    /// For an overlay.
+    pub fn words(self) -> &'static str {
+        match self {
+            Taking::Elements => "",
+            Taking::Force => ", pulls points",
+            Taking::Place => ", holds points",
+        }
+    }
+}
+
 /// A command. The commands of a frame are executed in order, before the styli are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -19,6 +52,14 @@ pub enum Action {
     /// The scene and all bodies that were set aside return to their places.
     ResetNavigation,
     SetMode(Mode),
+    /// What a hand takes that points at a body with `surface_compliance`.
+    SetTaking(Taking),
+    /// Sets one column of the loads of a body, by their numbers.
+    SetLoad {
+        body: usize,
+        column: usize,
+        value: f64,
+    },
     /// Sets the body of this number aside, or brings it back.
     SetAside(usize),
     /// Scales the scene about the workspace's centre by this factor.

@@ -18,7 +18,7 @@ mod pick;
 mod pose;
 mod reach;
 
-pub use action::Action;
+pub use action::{Action, Taking};
 pub use carry::{HandMotion, carry, held_line};
 pub use carrying::Carrying;
 pub use curve::{ForceArrow, bend, force_arrow};

@@ -30,7 +30,7 @@ pub use error::{FormatFault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
-pub use surface::Surface;
+pub use surface::{Surface, outer_faces};
 pub use tet_mesh::{EDGES, FACES, Loaded, TetMesh};
 
 use crate::base::{input, output};

@@ -52,6 +52,24 @@ fn quarters(mesh: &TetMesh, id: usize, [a, b, c]: [u32; 3]) -> [[u32; 3]; 4] {
     [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
 }
 
+/// The outer faces as elements have them, outward: three corners, and of a quadratic mesh the nodes between the first and
+/// the second, the second and the third, the third and the first.
+pub fn outer_faces(mesh: &TetMesh) -> Vec<Vec<u32>> {
+    let faces = sorted_faces(mesh);
+    let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
+    let mut boundary: Vec<usize> = single.map(|same| same[0].1).collect();
+    boundary.sort_unstable();
+    let nodes = |&id: &usize| {
+        let corners = FACES[id % 4].map(|corner| mesh.tets[id / 4][corner]);
+        let mut nodes = corners.to_vec();
+        if !mesh.mids.is_empty() {
+            nodes.extend(quarters(mesh, id, corners)[3]);
+        }
+        nodes
+    };
+    boundary.iter().map(nodes).collect()
+}
+
 impl Surface {
     pub fn of(mesh: &TetMesh) -> Surface {
         let faces = sorted_faces(mesh);

@@ -5,12 +5,13 @@ use crate::config;
 use std::path::{Path, PathBuf};
 
 /// The files of the built-in scenes, by name.
-pub const BUILT_IN: [(&str, &str); 5] = [
+pub const BUILT_IN: [(&str, &str); 6] = [
     ("tube", include_str!("../../configs/scenes/tube.toml")),
     ("hose", include_str!("../../configs/scenes/hose.toml")),
     ("bar", include_str!("../../configs/scenes/bar.toml")),
     ("bear", include_str!("../../configs/scenes/bear.toml")),
     ("models", include_str!("../../configs/scenes/models.toml")),
+    ("stylus", include_str!("../../configs/scenes/stylus.toml")),
 ];
 
 /// The text of the built-in scene of this name, and where its file would stand; `None` for a path, which has a folder or an

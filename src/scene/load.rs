@@ -1,6 +1,6 @@
 //! The mesh of a scene's body: read, filled or generated, and refined; and the image on it.
 
-use super::{Body, Control, Generate, Scene, SceneError, Tetrahedralise};
+use super::{Body, Generate, Scene, SceneError, Tetrahedralise};
 use crate::base::input;
 use crate::mesh::quadratic::{Curve, straight};
 use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_files};
@@ -18,10 +18,10 @@ impl Scene {
                 return Err(self.invalid(&format!("body.{name}"), message));
             }
         };
-        for (control, Control { nodes, .. }) in &body.control {
+        for (key, nodes) in body.selections() {
             nodes
                 .prepare(&mut loaded.mesh, |path| self.resolve(path))
-                .map_err(|message| self.invalid(&format!("body.{name}.control.{control}.nodes"), message))?;
+                .map_err(|message| self.invalid(&format!("body.{name}.{key}"), message))?;
         }
         let on_tube;
         let curve: Curve<'_> = match &body.generate {

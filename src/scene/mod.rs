@@ -8,6 +8,7 @@ pub mod built_in;
 pub mod file_kind;
 mod limit;
 mod load;
+mod loads;
 mod look;
 pub mod materials;
 mod parts;
@@ -19,6 +20,10 @@ pub mod write;
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use limit::{LegendSettings, Limit, Quantity};
+pub use loads::{
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
+    SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
+};
 pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;
 pub use select::Nodes;
@@ -120,6 +125,15 @@ pub struct Body {
     /// The measurements from which the settings were chosen; not a key of the file.
     #[serde(skip)]
     pub plan: Option<serde_json::Value>,
+    /// Its weight, where it hangs in the room.
+    pub gravity: Option<Gravity>,
+    pub centrifugal: Option<Centrifugal>,
+    pub thermal: Option<Thermal>,
+    /// Force patterns, in the order of the file.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub load: IndexMap<String, Load>,
+    /// Where a stylus and pose files can apply forces to single points.
+    pub surface_compliance: Option<SurfaceCompliance>,
     /// In the order of the file, which is the order of all results.
     pub control: IndexMap<String, Control>,
     /// The body's place in the room; without it, the body is fitted into the stage's workspace.
@@ -414,6 +428,7 @@ impl Scene {
             parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }
         check_target(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
+        loads::check(body).map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
         if body.control.is_empty() {
             return Err(self.invalid(
                 &entity,

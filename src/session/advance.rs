@@ -87,6 +87,7 @@ impl Session {
         for change in changes {
             self.apply(change);
         }
+        self.set_loads(time_s);
         self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
         self.world.step_at(time_s, &state);
         if self.input.leader() == Leader::Script {
@@ -100,6 +101,19 @@ impl Session {
             mouse.hit_distance_m = self.world.hit_distance_m();
         }
         Ok(SessionProgress::Running)
+    }
+
+    /// Sets the loads that the script moves, by commands, so that recordings hold them.
+    fn set_loads(&mut self, time_s: f64) {
+        for (name, value) in self.input.loads(time_s) {
+            match self.world.load_named(&name) {
+                Some((body, column)) if self.world.load(body, column) != Some(value) => {
+                    self.world.act(Action::SetLoad { body, column, value });
+                }
+                Some(_) => {}
+                None => self.world.warn(format!("the script sets the load {name}, which no body has")),
+            }
+        }
     }
 
     fn apply(&mut self, change: ScriptChange) {

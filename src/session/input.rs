@@ -134,6 +134,14 @@ impl InputSource {
         (state, changes)
     }
 
+    /// What the script has loads come to at `time_s` since the start, while it leads.
+    pub fn loads(&self, time_s: f64) -> Vec<(String, f64)> {
+        let leads = self.leader() == Leader::Script;
+        let Some(script) = self.script.as_ref().filter(|_| leads) else { return Vec::new() };
+        let loads = script.loads(time_s % (script.duration_s + PAUSE_S));
+        loads.map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+
     /// What the trackers say of all their sensors.
     pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
         self.trackers.as_mut().map(|trackers| trackers.report(now_s())).unwrap_or_default()

@@ -33,6 +33,7 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
         (Key::Char('x'), _) => along(Axis::X),
         (Key::Char('y'), _) => along(Axis::Y),
         (Key::Char('z'), _) => along(Axis::Z),
+        (Key::Char('h'), _) => Action::SetTaking(world.taking()?.next()),
         (Key::Char('m'), _) => Action::Measure,
         (Key::Char('p'), _) => Action::SetAside(world.pointed_body(world.cursor()?)?),
         _ => return None,

@@ -268,6 +268,10 @@ impl<'a> Cholesky<'a> {
 }
 
 impl Factor for Cholesky<'_> {
+    fn nodes(&self) -> usize {
+        self.a.nodes()
+    }
+
     /// One substitution, without a look at its residual.
     fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
         self.substitute(b, &Silent)

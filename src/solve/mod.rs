@@ -27,6 +27,6 @@ pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
-pub use solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
+pub use solver::{Conditioning, Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, Solver};
 pub use solvers::{SOLVERS, find_method};
 pub use stability::Stability;

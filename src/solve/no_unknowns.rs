@@ -34,6 +34,10 @@ impl LinearSolver for NoUnknowns {
 }
 
 impl Factor for NoUnknowns {
+    fn nodes(&self) -> usize {
+        0
+    }
+
     fn solve(&self, b: &NodeFields, _: &dyn Progress) -> SolveResult {
         let residuals = vec![0.0; b.columns];
         let stats = SolveStats { method: &NO_UNKNOWNS, columns: b.columns, residuals, ..Default::default() };

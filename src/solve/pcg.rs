@@ -78,6 +78,10 @@ struct Converged {
 }
 
 impl Factor for Pcg<'_> {
+    fn nodes(&self) -> usize {
+        self.a.nodes()
+    }
+
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.converge(b, progress).map(|Converged { x, stats, .. }| (x, stats))
     }

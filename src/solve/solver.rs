@@ -106,14 +106,67 @@ pub trait LinearSolver: Send + Sync {
 /// x of A x = b, and how it was found.
 pub type SolveResult = Result<(NodeFields, SolveStats), SolveError>;
 
+/// A part of the symmetric matrix (A⁻¹)ₛ over a list of nodes S: 3·rows × 3·columns numbers.
+pub struct InverseStrip<'a> {
+    /// Places in the list of nodes.
+    pub rows: &'a [u32],
+    pub columns: &'a [u32],
+    /// Column after column: entry (3·row + axis, 3·column + axis).
+    pub values: &'a [f64],
+}
+
+/// Columns that [`Factor::inverse_block`] solves together by default.
+const STRIP_NODES: usize = 32;
+
 /// A matrix that is ready to be solved with.
 pub trait Factor {
+    /// Nodes of A, each with three unknowns.
+    fn nodes(&self) -> usize;
+
     /// Solves A x = b for all columns; errors where a true residual stays too large.
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 
     /// About A⁻¹ b, by the shortest way: for a preconditioner, which need not be exact.
     fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
         self.solve(b, &Silent).map(|(x, _)| x)
+    }
+
+    /// The rows `asked` of x of A x = b, with b given at the nodes `loaded` and zero at all others: nodes in any order, none
+    /// twice. Of a direct solver the cost follows the ways from those nodes to the root of the elimination tree; its result
+    /// is as exact as the factor, without refinement.
+    fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
+        let mut all = NodeFields::zeros(self.nodes(), b.columns);
+        for (i, &node) in loaded.iter().enumerate() {
+            let part = 3 * b.columns;
+            all.data[part * node as usize..][..part].copy_from_slice(&b.data[part * i..][..part]);
+        }
+        self.solve(&all, &Silent).map(|(x, _)| x.at(asked))
+    }
+
+    /// (A⁻¹)ₛ over `nodes`, in any order, none twice: calls `take` with strips, always the same ones in the same order. Each
+    /// pair of nodes stands in a strip at least once, (i, j) or (j, i); where both stand, both are in one strip.
+    fn inverse_block(
+        &self,
+        nodes: &[u32],
+        take: &mut dyn FnMut(&InverseStrip<'_>),
+        progress: &dyn Progress,
+    ) -> Result<(), SolveError> {
+        let places: Vec<u32> = (0..nodes.len() as u32).collect();
+        progress.begin("inverse at the surface", nodes.len() as u64);
+        for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)) {
+            let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
+            for i in 0..3 * own.len() {
+                unit.row_mut(i)[i] = 1.0;
+            }
+            let first = columns[0] as usize;
+            let x = self.solve_at(own, &unit, &nodes[first..])?;
+            let values: Vec<f64> =
+                (0..x.columns).flat_map(|c| x.data.iter().skip(c).step_by(x.columns)).copied().collect();
+            take(&InverseStrip { rows: &places[first..], columns, values: &values });
+            progress.advance(own.len() as u64);
+        }
+        progress.end();
+        Ok(())
     }
 
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].

@@ -37,6 +37,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("Ctrl and wheel", "scale the scene"),
     ("P", "put the body under the cursor aside, or back"),
     ("M", "set one end of a ruler, then the other, on what the cursor points at; again: take it away"),
+    ("H", "with surface_compliance: pull points of the surface by a spring, hold them, neither, in turn"),
     ("C", "clear the force curve"),
     (
         "L",

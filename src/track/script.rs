@@ -21,6 +21,7 @@
 //! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
 //! | `roll` | with target or direction: radians about the -z axis |
 //! | `pressed`, `second` | the stylus' buttons, from this key frame on |
+//! | `load.NAME`, `load."BODY.NAME"` | what a load of the scene comes to, in N, N·m or Pa; linear between key frames |
 //! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
 //!
 //! The first key frame must state everything that the script moves; later ones state only what changes.
@@ -43,6 +44,8 @@ pub struct Script {
     times_s: Vec<f64>,
     /// Empty if the script does not move the head.
     head: Vec<HeadKey>,
+    /// What loads come to, by `BODY.LOAD`.
+    loads: BTreeMap<String, Vec<f64>>,
     /// By name, sorted.
     styli: BTreeMap<String, Vec<StylusKey>>,
 }
@@ -69,12 +72,13 @@ struct StylusKey {
 }
 
 /// The built-in scripts, by name.
-pub const BUILT_IN: [(&str, &str); 5] = [
+pub const BUILT_IN: [(&str, &str); 6] = [
     ("bend", include_str!("../../configs/scripts/bend.toml")),
     ("pull", include_str!("../../configs/scripts/pull.toml")),
     ("two-hands", include_str!("../../configs/scripts/two-hands.toml")),
     ("raise", include_str!("../../configs/scripts/raise.toml")),
     ("models", include_str!("../../configs/scripts/models.toml")),
+    ("stylus", include_str!("../../configs/scripts/stylus.toml")),
 ];
 
 #[derive(Debug, thiserror::Error)]
@@ -108,6 +112,8 @@ pub enum KeyFrameFault {
     LoneRoll { who: String },
     #[error("{who} points nowhere: `target` must differ from `position`, `direction` must not be zero")]
     NoDirection { who: String },
+    #[error("{who} is {value}: give a number between -{LARGEST_LOAD:e} and {LARGEST_LOAD:e}")]
+    Load { who: String, value: f64 },
     #[error("the head has `offset` and a pose: keep one; with `offset` it looks as the stage has it")]
     OffsetAndPose,
     #[error("{what} of {who} is {value}: give numbers between -{ROOM_LIMIT_M} and {ROOM_LIMIT_M}")]
@@ -115,6 +121,9 @@ pub enum KeyFrameFault {
 }
 
 const LONGEST_S: f64 = 86400.0;
+
+/// N, N·m or Pa.
+const LARGEST_LOAD: f64 = 1e12;
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -129,6 +138,8 @@ struct ScriptFile {
 struct KeyFile {
     time: f64,
     head: Option<HeadFile>,
+    #[serde(default)]
+    load: BTreeMap<String, f64>,
     #[serde(default)]
     stylus: BTreeMap<String, StylusFile>,
 }
@@ -194,6 +205,7 @@ impl Script {
             duration_s: 0.0,
             times_s: Vec::new(),
             head: Vec::new(),
+            loads: BTreeMap::new(),
             styli: BTreeMap::new(),
         };
         for (index, key) in file.keys.iter().enumerate() {
@@ -223,6 +235,15 @@ impl Script {
             self.styli.iter().map(|(name, keys)| (name.as_str(), keys.as_slice())).collect();
         styli.sort_by_key(|(name, _)| place(name));
         styli
+    }
+
+    /// What loads come to at `time_s`, by their names.
+    pub fn loads(&self, time_s: f64) -> impl Iterator<Item = (&str, f64)> {
+        let at = locate(&self.times_s, time_s);
+        self.loads.iter().map(move |(name, values)| {
+            let (from, to) = (values[at.left], values.get(at.left + 1).unwrap_or(&values[at.left]));
+            (name.as_str(), from + at.s * (to - from))
+        })
     }
 
     /// The state at `time_s`, as a tracker on `stage` would report it.
@@ -281,6 +302,22 @@ impl Script {
             None => self.head.extend(previous),
         }
 
+        for (name, value) in &key.load {
+            let who = format!("load `{name}`");
+            if !(value.abs() <= LARGEST_LOAD) {
+                return Err(KeyFrameFault::Load { who, value: *value });
+            }
+            if is_first {
+                self.loads.insert(name.clone(), Vec::new());
+            } else if !self.loads.contains_key(name) {
+                let nearest = config::nearest(name, self.loads.keys().map(String::as_str));
+                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                return Err(KeyFrameFault::Unknown { who, hint });
+            }
+        }
+        for (name, values) in &mut self.loads {
+            values.extend(key.load.get(name).copied().or(values.last().copied()));
+        }
         for name in key.stylus.keys() {
             if is_first {
                 self.styli.insert(name.clone(), Vec::new());

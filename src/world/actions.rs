@@ -54,6 +54,8 @@ impl World {
                 }
             }
             Action::SetMode(mode) => self.change_hands(|hands| hands.mode = mode),
+            Action::SetTaking(taking) => self.set_taking(taking),
+            Action::SetLoad { body, column, value } => self.set_load(body, column, value),
             Action::SetAside(b) if b < self.bodies.len() => self.set_aside(b, time_s),
             Action::SetAside(_) => {}
             Action::ScaleScene(factor) => self.edit.navigation.scale(factor),
@@ -126,6 +128,7 @@ impl World {
     /// Every stylus lets go of what it holds; a button that is down grabs again.
     pub fn let_go(&mut self) {
         self.finish_grabs(&BTreeSet::new());
+        self.let_go_of_points();
         self.change_hands(|hands| {
             let mode = hands.mode;
             *hands = Hands::new(hands.radius_m);
@@ -145,6 +148,9 @@ impl World {
                 self.graph.restore(*pose, ControlPose::REST);
             }
             body.deformer.forget();
+            if let Some(loads) = fields.loads {
+                self.graph.restore(loads, fields.starting.clone());
+            }
         }
         self.edit = EditState::new(&self.stage.workspace, self.bodies.len(), self.fields.targets.len());
         self.place_bodies(0.0);

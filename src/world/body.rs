@@ -10,9 +10,10 @@ use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
 use crate::render::Pattern;
-use crate::scene::{Body, Color, Grab, Scene};
+use crate::scene::{Body, Color, GRAVITY, Grab, Scene};
 use crate::stage::Stage;
 use nalgebra::{Matrix4, Point3, Similarity3, Translation3, Vector3};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
@@ -44,6 +45,11 @@ pub struct PlacedBody {
     pub force_scale: Option<ForceScale>,
     /// What errors to expect of it, where that was measured for its model.
     pub expected: Option<ExpectedErrors>,
+    /// Nodes of the surface that take forces, where the scene has them touched, and the spring by which.
+    pub takes_forces: BTreeSet<u32>,
+    pub spring: Option<f64>,
+    /// Its first loads are those of gravity.
+    pub has_gravity: bool,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
     /// Whether it is bent further than its model holds, as pictures show it; set by those who draw.
@@ -107,6 +113,9 @@ pub fn place(
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
             model: body.model.clone(),
             effects: body.effects.clone(),
+            takes_forces: deformer.takes_forces(),
+            spring: body.surface_compliance.as_ref().and_then(|of| of.spring),
+            has_gravity: deformer.load_metas().first().is_some_and(|load| load.name == GRAVITY),
             range: measured_range(file, &deformer.body),
             out_of_range: false,
             range_left: false,

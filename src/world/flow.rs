@@ -11,18 +11,21 @@
 //! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
 //! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
 //! | `body.B.arrived` | number | set from outside, of a model that computes in the background: how often a state came |
-//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
+//! | `taking`, `touches` | taking, touches | where a body has `surface_compliance`: what is set from outside; `taking`, `hands`, every `stylus`, `touches.previous` |
+//! | `body.B.loads` | loads | set from outside, of a body with loads |
+//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`, of a body with loads `loads`, `place`, `touches`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
 
 use super::body::PlacedBody;
 use super::hand;
+use super::touch::{LoadValues, Touches};
 use crate::deform::{BodyState, ControlPose, Kind, find_model};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
-use crate::interact::{Asked, Element, Hands, Hit};
-use crate::scene::{Body, Grab};
+use crate::interact::{Asked, Element, Hands, Hit, Taking};
+use crate::scene::{Body, Grab, Take};
 use crate::stage::Stage;
 use crate::track::{StylusState, usable};
 use indexmap::IndexMap;
@@ -42,6 +45,8 @@ pub struct Fields {
     pub styli: Vec<StylusFields>,
     pub hands: Field<HandState>,
     pub bodies: Vec<BodyFields>,
+    /// Where a body can be touched.
+    pub touch: Option<TouchFields>,
     /// Control elements that can be taken, as (body, control element): what the targets of hits and
     /// hands number.
     pub targets: Vec<(usize, usize)>,
@@ -54,6 +59,13 @@ pub struct StylusFields {
     pub hit: Field<Option<Hit>>,
 }
 
+/// What hands take of surfaces.
+#[derive(Clone, Copy)]
+pub struct TouchFields {
+    pub taking: Field<Taking>,
+    pub touches: Field<Touches>,
+}
+
 pub struct BodyFields {
     pub place: Field<BodyPlace>,
     /// How often something has arrived from the background, of a body whose model computes there.
@@ -61,6 +73,10 @@ pub struct BodyFields {
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
     pub surface: Field<SurfaceVersion>,
+    /// Of a body with loads or a compliance.
+    pub loads: Option<Field<LoadValues>>,
+    /// What those come to at the start.
+    pub starting: LoadValues,
 }
 
 /// The head's pose as the tracker reports it, if it does.
@@ -124,10 +140,12 @@ pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bo
         styli: Vec::new(),
         hands: graph.field("hands", hands)?,
         bodies: Vec::new(),
+        touch: touch_fields(&mut graph, bodies)?,
         targets: targets(bodies),
     };
     for (b, (name, body)) in bodies.iter().enumerate() {
-        fields.bodies.push(body_fields(&mut graph, b, name, body)?);
+        let touches = fields.touch.as_ref().map(|touch| touch.touches);
+        fields.bodies.push(body_fields(&mut graph, b, name, body, touches)?);
     }
     fields.add_stylus(&mut graph)?;
     for target in 0..fields.targets.len() {
@@ -145,12 +163,43 @@ fn targets(bodies: &IndexMap<String, Body>) -> Vec<(usize, usize)> {
     bodies.values().enumerate().flat_map(of).collect()
 }
 
+/// What touches are made from: what is taken, styli, hands, the last touches.
+type SeenByTouches<'a> = (&'a Taking, Each<'a, Field<Option<StylusState>>>, &'a HandState, &'a Touches);
+
+/// What the state of a body is made from: poses, what arrived, loads with the place, touches.
+type SeenByBody<'a> = (
+    Each<'a, Field<ControlPose>>,
+    Each<'a, Field<f64>>,
+    Each<'a, (Field<LoadValues>, Field<BodyPlace>)>,
+    Each<'a, Field<Touches>>,
+);
+
+/// Where a body has `surface_compliance`.
+fn touch_fields(
+    graph: &mut Graph<Bodies>,
+    bodies: &IndexMap<String, Body>,
+) -> Result<Option<TouchFields>, FieldError> {
+    let Some(first) = bodies.values().find_map(|body| body.surface_compliance.as_ref()) else {
+        return Ok(None);
+    };
+    let taking = match first.take {
+        Take::Elements => Taking::Elements,
+        Take::Force => Taking::Force,
+        Take::Place => Taking::Place,
+    };
+    Ok(Some(TouchFields {
+        taking: graph.field("taking", taking)?,
+        touches: graph.field("touches", Touches::default())?,
+    }))
+}
+
 /// Poses → coefficients → surface of body `b`.
 fn body_fields(
     graph: &mut Graph<Bodies>,
     b: usize,
     name: &str,
     body: &Body,
+    touches: Option<Field<Touches>>,
 ) -> Result<BodyFields, FieldError> {
     let pose =
         |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
@@ -161,14 +210,27 @@ fn body_fields(
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
     let is_background = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
     let arrived = is_background.then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
+    let starting: Vec<f64> = body.loads().into_iter().flat_map(|load| load.start).collect();
+    let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
+    let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));
+    let loads = loads.transpose()?;
+    let touches = touches.filter(|_| body.surface_compliance.is_some());
+    // Whatever its loads depend on, and nothing of a body without.
+    let by_loads: Vec<_> = loads.into_iter().map(|loads| (loads, place)).collect();
+    let by_touches: Vec<Field<Touches>> = touches.into_iter().collect();
     let mut taken = Vec::new();
     graph.compute(
         coefficients,
         "coefficients",
-        (poses.clone(), arrived.into_iter().collect::<Vec<_>>()),
-        move |bodies: &mut Bodies, (poses, _): (Each<'_, Field<ControlPose>>, Each<'_, Field<f64>>)| {
+        (poses.clone(), arrived.into_iter().collect::<Vec<_>>(), by_loads, by_touches),
+        move |bodies: &mut Bodies, (poses, _, loads, touches): SeenByBody<'_>| {
             taken.clear();
             taken.extend(poses.iter().copied());
+            if let Some((loads, _)) = loads.get(0) {
+                let none = Touches::default();
+                let applied = touches.get(0).unwrap_or(&none).applied(b, &bodies[b], loads);
+                bodies[b].deformer.apply(&applied);
+            }
             let body = &mut bodies[b];
             body.deformer.take(&taken);
             body.check_range();
@@ -183,7 +245,7 @@ fn body_fields(
         body.times.normals_s = body.deformer.times.normals_s;
         SurfaceVersion(body.deformations)
     })?;
-    Ok(BodyFields { place, arrived, poses, surface })
+    Ok(BodyFields { place, arrived, poses, surface, loads, starting: LoadValues(starting) })
 }
 
 impl Fields {
@@ -223,7 +285,24 @@ impl Fields {
             },
         )?;
         self.styli.push(StylusFields { stylus, hit });
-        self.connect_hands(graph)
+        self.connect_hands(graph)?;
+        self.connect_touches(graph)
+    }
+
+    /// Connects the touches, where a body can be touched, with all styli.
+    fn connect_touches(&self, graph: &mut Graph<Bodies>) -> Result<(), FieldError> {
+        let Some(TouchFields { taking, touches }) = self.touch else { return Ok(()) };
+        let last = graph.previous(touches)?;
+        graph.disconnect(touches);
+        let styli: Vec<_> = self.styli.iter().map(|fields| fields.stylus).collect();
+        graph.compute(
+            touches,
+            "touch",
+            (taking, styli, self.hands, last),
+            move |bodies: &mut Bodies, (taking, styli, hands, last): SeenByTouches<'_>| {
+                last.step(*taking, styli.iter(), hands, bodies)
+            },
+        )
     }
 
     /// Connects the hands, which take hold of what their styli point at.

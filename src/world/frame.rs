@@ -18,7 +18,7 @@ use crate::base::strips::Strips;
 use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
-use crate::interact::Action;
+use crate::interact::{Action, Grip};
 use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage};
@@ -188,6 +188,7 @@ impl World {
         self.take_news();
         self.evaluate();
         self.show_ruler();
+        self.show_touches();
         self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
         self.times
     }
@@ -255,6 +256,12 @@ impl World {
                 }
                 HeldPlace { grip, place }
             });
+            let touched_point = self.touched(i).map(|(touch, place)| (touch.place_in_stylus, place));
+            let as_grip = touched_point.map(|(place_in_stylus, place)| {
+                let place_in_element = Point3::origin();
+                (Grip { target: usize::MAX, place_in_stylus, place_in_element, is_near: false }, place)
+            });
+            let held = held.or(as_grip.as_ref().map(|(grip, place)| HeldPlace { grip, place: *place }));
             let hit = hit.filter(|_| held.is_none());
             let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
             touched.extend(target.map(|&target| (target, Highlight::Hovered)));

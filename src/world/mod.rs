@@ -18,6 +18,7 @@ pub mod place;
 pub mod ruler;
 pub mod state_hash;
 pub mod times;
+pub mod touch;
 pub mod turn_limits;
 pub mod wrench_error;
 

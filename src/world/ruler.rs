@@ -4,6 +4,7 @@
 
 use super::body::PlacedBody;
 use crate::base::quantity::quantity;
+use crate::deform::{NearestPoint, nearest_point};
 use nalgebra::{Point3, Vector3};
 
 /// Up to two points of the material.
@@ -37,12 +38,8 @@ impl SurfacePoint {
         let motion = body.deformer.body_from_surface();
         let at =
             |node: u32| (motion * Point3::from(Vector3::from(positions[node as usize]).cast::<f64>())).coords;
-        let of = |&corners: &[u32; 3]| {
-            let (weights, away) = nearest_in(&corners.map(at), place)?;
-            Some((away, SurfacePoint { body: b, corners, weights }))
-        };
-        let found = body.deformer.triangles().iter().filter_map(of);
-        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, point)| point)
+        let NearestPoint { corners, weights, .. } = nearest_point(body.deformer.triangles(), &at, place)?;
+        Some(SurfacePoint { body: b, corners, weights })
     }
 
     /// Where the point is now and was at rest, in the body's frame.
@@ -55,23 +52,6 @@ impl SurfacePoint {
         }
         [now.into(), rest.into()]
     }
-}
-
-/// How much of each corner the point of a triangle has that is nearest to a place, and how far it is; `None` without area.
-fn nearest_in(corners: &[Vector3<f64>; 3], place: &Vector3<f64>) -> Option<([f64; 3], f64)> {
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(&(c - a));
-    let area = normal.norm_squared();
-    if !(area.is_finite() && area > 0.0) {
-        return None;
-    }
-    let share =
-        |from: &Vector3<f64>, to: &Vector3<f64>| (to - from).cross(&(place - from)).dot(&normal) / area;
-    // A ray that hits an edge may come to lie beside it by rounding.
-    let shares = [share(b, c), share(c, a), share(a, b)].map(|share| share.max(0.0));
-    let weights = shares.map(|share| share / shares.iter().sum::<f64>());
-    let nearest = a * weights[0] + b * weights[1] + c * weights[2];
-    Some((weights, (nearest - place).norm()))
 }
 
 impl Measured {
@@ -87,18 +67,5 @@ impl Measured {
         };
         let whose = if is_of_one_body { "" } else { " in the room" };
         format!("{now}{whose}, at rest {rest}: {sign}{}{part}", quantity(change, "m"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_place_beside_an_edge_belongs_to_the_edge() {
-        let corners = [Vector3::zeros(), Vector3::x(), Vector3::y()];
-        let (weights, away) = nearest_in(&corners, &Vector3::new(0.5, -1e-9, 0.2)).unwrap();
-        assert!((weights[0] - 0.5).abs() < 1e-6 && weights[2] == 0.0 && (away - 0.2).abs() < 1e-6);
-        assert_eq!(nearest_in(&[Vector3::x(); 3], &Vector3::zeros()), None);
     }
 }

@@ -10,6 +10,7 @@ mod deform_models;
 mod fem;
 mod green_file;
 mod hard_cases;
+mod loads;
 mod oracles;
 mod plan;
 mod refine;

@@ -123,7 +123,7 @@ impl Readings {
         let bodies = world.bodies.iter().map(body_reading).collect();
         Self {
             stage: world.stage.name.clone(),
-            mode: world.mode().name(),
+            mode: world.mode().name() + world.taking_words(),
             hands: hands(world),
             undo: world.undo_depth(),
             bodies,

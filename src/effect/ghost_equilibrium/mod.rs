@@ -24,8 +24,11 @@ use solving::{Answer, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
+/// As scenes name it.
+pub const NAME: &str = "ghost_equilibrium";
+
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
-    name: "ghost_equilibrium",
+    name: NAME,
     summary: "static equilibrium of the held pose, solved in the background: a ghost over the body, the difference in mm",
     requirements: &[],
     needs_energy: false,

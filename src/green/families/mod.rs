@@ -2,8 +2,10 @@
 
 mod affine;
 mod columns;
+mod compliance;
 mod cubic;
 mod dense_fields;
+mod loads;
 mod perturbation;
 mod reduced;
 mod screw_paths;
@@ -15,7 +17,9 @@ mod volume;
 
 pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
+pub use compliance::{COMPLIANCE, Compliance, SurfaceInverse, Yield, compliance_size};
 pub use cubic::CUBIC;
+pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
@@ -38,6 +42,8 @@ pub const FAMILIES: &[FamilyEntry] = &[
     substructures::ENTRY,
     volume::ENTRY,
     updates::ENTRY,
+    loads::ENTRY,
+    compliance::ENTRY,
 ];
 
 impl GreenFile {

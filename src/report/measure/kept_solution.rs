@@ -120,6 +120,8 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
         controls: prepared.controls,
         fields,
         tables,
+        loads: Vec::new(),
+        compliance: None,
         asymmetry: head.asymmetry,
         rigid: head.rigid,
         stats,

@@ -1,0 +1,256 @@
+//! The family `loads`: what body loads and force patterns do to a body whose control elements are held.
+//!
+//! In: consistent nodal forces F of a scene's loads, a column each (three of gravity and of a shift). Out: `loads/basis`, the
+//! columns G = A⁻¹F on the surface, and what the forces on control elements need of them, F taken over all nodes:
+//!
+//! ```text
+//! loads/reaction    UᵀF      12 E × K      U: the affine fields; by reciprocity their reaction is -UᵀF λ
+//! loads/compliance  FᵀG       K × K
+//! loads/moments     Σ f, Σ f Xᵀ row by row              12 × K, X about the file's centre
+//! loads/torques     Σ u × f for u of U, then of G       3 (12 E + K) × K
+//! ```
+
+use super::super::control::FIELDS;
+use super::super::error::GreenError;
+use super::super::family::{Assembled, FamilyEntry};
+use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
+use super::super::numbers::numbers;
+use super::super::prepare::materials_of_tets;
+use super::super::requirements::Family;
+use super::super::solution::{Precomputed, Solution};
+use super::super::tensor::Tensor;
+use super::affine::AFFINE;
+use super::columns::{self, Names};
+use super::table;
+use crate::base::columns::ColumnGroup;
+use crate::fem::{Area, NodeFields, body_force, expansion, traction};
+use crate::mesh::{TetMesh, outer_faces, quality};
+use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource};
+use crate::solve::Progress;
+use nalgebra::{DMatrix, Vector3};
+use std::time::Instant;
+
+pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
+
+/// G over all nodes, in [`Solution::tables`].
+pub const LOAD_FIELDS: &str = "loads/fields";
+pub const REACTION: &str = "loads/reaction";
+pub const LOAD_COMPLIANCE: &str = "loads/compliance";
+pub const MOMENTS: &str = "loads/moments";
+pub const TORQUES: &str = "loads/torques";
+
+pub(super) const ENTRY: FamilyEntry = FamilyEntry {
+    family: LOADS,
+    holds: "displacements of the surface for gravity, other body loads and force patterns, and their reactions",
+    compute: Some(compute),
+    solves: true,
+    write,
+    check,
+    groups: |file, body| vec![columns::group(file, body, &names())],
+    fixed_bytes: |_| 0,
+};
+
+fn names() -> Names {
+    Names { basis: "loads/basis".into(), scale: "loads/scale".into() }
+}
+
+type V3 = Vector3<f64>;
+
+fn compute(
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    progress: &dyn Progress,
+) -> Result<(), GreenError> {
+    let started = Instant::now();
+    let mesh = &solution.mesh;
+    let mut forces: Vec<Vec<V3>> = Vec::new();
+    for load in assembled.body.loads() {
+        forces.extend(nodal_forces(assembled, mesh, &load)?);
+    }
+    let (nodes, count) = (mesh.nodes.len(), forces.len());
+    let mut f = NodeFields::zeros(nodes, count);
+    for (column, force) in forces.iter().enumerate() {
+        for (row, value) in force.iter().flat_map(|force| force.iter()).enumerate() {
+            f.row_mut(row)[column] = *value;
+        }
+    }
+    let mut g = NodeFields::zeros(nodes, count);
+    let free = (assembled.solve)(&f.at(&assembled.partition.free), progress)?;
+    assembled.partition.insert_free(&free, &mut g);
+
+    let dense = |fields: &NodeFields| DMatrix::from_row_slice(3 * nodes, fields.columns, &fields.data);
+    let (f, g, u) = (dense(&f), dense(&g), dense(&solution.fields));
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let centre = low + (high - low) * 0.5;
+    let mut moments = DMatrix::zeros(12, count);
+    for (k, force) in forces.iter().enumerate() {
+        for (force, x) in force.iter().zip(&mesh.nodes) {
+            let moment = force * (x - centre).transpose();
+            for i in 0..3 {
+                moments[(i, k)] += force[i];
+                (0..3).for_each(|j| moments[(3 + 3 * i + j, k)] += moment[(i, j)]);
+            }
+        }
+    }
+    let all = u.ncols() + count;
+    let mut torques = DMatrix::zeros(3 * all, count);
+    for (k, force) in forces.iter().enumerate() {
+        for (node, force) in force.iter().enumerate().filter(|(_, force)| **force != V3::zeros()) {
+            for column in 0..all {
+                let of = |axis: usize| match column.checked_sub(u.ncols()) {
+                    None => u[(3 * node + axis, column)],
+                    Some(own) => g[(3 * node + axis, own)],
+                };
+                let torque = V3::new(of(0), of(1), of(2)).cross(force);
+                (0..3).for_each(|axis| torques[(3 * column + axis, k)] += torque[axis]);
+            }
+        }
+    }
+    solution.tables.insert(REACTION, u.transpose() * &f);
+    let compliance = f.transpose() * &g;
+    solution.tables.insert(LOAD_COMPLIANCE, (&compliance + compliance.transpose()) * 0.5);
+    solution.tables.insert(MOMENTS, moments);
+    solution.tables.insert(TORQUES, torques);
+    solution.tables.insert(LOAD_FIELDS, g);
+    solution.loads = load_metas(&assembled.body.loads());
+    solution.times.stiffness_s += started.elapsed().as_secs_f64();
+    Ok(())
+}
+
+/// A force for each node, for each of a load's columns.
+fn nodal_forces(
+    assembled: &Assembled<'_>,
+    mesh: &TetMesh,
+    load: &LoadEntry<'_>,
+) -> Result<Vec<Vec<V3>>, GreenError> {
+    let density = || -> Result<Vec<f64>, GreenError> {
+        let of_material: Vec<f64> =
+            assembled.body.materials().map(|material| material.density.unwrap_or(0.0)).collect();
+        let numbers = materials_of_tets(assembled.scene, assembled.name, assembled.body, mesh)?;
+        Ok(numbers.into_iter().map(|number| of_material[number]).collect())
+    };
+    Ok(match load.source {
+        LoadSource::Gravity => {
+            let density = density()?;
+            let along = |axis| body_force(mesh, &|tet, _| V3::ith(axis, density[tet]));
+            (0..3).map(along).collect()
+        }
+        LoadSource::Centrifugal(Centrifugal { axis, point, .. }) => {
+            let (density, axis, point) = (density()?, V3::from(*axis).normalize(), V3::from(*point));
+            let outward = |tet: usize, x: &V3| {
+                let from = x - point;
+                (from - axis * axis.dot(&from)) * density[tet]
+            };
+            vec![body_force(mesh, &outward)]
+        }
+        LoadSource::Thermal => vec![expansion(mesh, assembled.k)],
+        LoadSource::Pattern(pattern) => of_pattern(mesh, pattern).map_err(|message| {
+            let key = format!("body.{}.load.{}", assembled.name, load.name);
+            assembled.scene.invalid(&key, message)
+        })?,
+    })
+}
+
+/// The nodal forces of a pattern of 1 N, 1 N·m or 1 Pa.
+fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
+    let chosen = pattern.nodes.select(mesh)?;
+    let is_chosen = |node: &u32| chosen.binary_search(node).is_ok();
+    let faces: Vec<Vec<u32>> =
+        outer_faces(mesh).into_iter().filter(|face| face.iter().all(is_chosen)).collect();
+    if faces.is_empty() {
+        return Err(format!(
+            "no face of the surface has all its nodes among the {} that are selected, and a pattern acts on faces: select more \
+             of the surface, or use surface_compliance for forces on single nodes",
+            chosen.len()
+        ));
+    }
+    let area = Area::of(mesh, &faces);
+    let axis = match pattern.axis {
+        Some(axis) => V3::from(axis).normalize(),
+        None => area.normal / area.normal.norm(),
+    };
+    let needs_axis = !matches!(pattern.kind, LoadKind::Shift | LoadKind::Pressure);
+    if needs_axis && pattern.axis.is_none() && area.normal.norm() < 1e-3 * area.size {
+        return Err(
+            "the normals of its faces cancel, so that they have no mean: give axis = [x, y, z]".to_owned()
+        );
+    }
+    let spread = |direction: V3| traction(mesh, &faces, &|_, _| direction / area.size);
+    Ok(match pattern.kind {
+        LoadKind::Stretch | LoadKind::Direction => vec![spread(axis)],
+        LoadKind::Shift => (0..3).map(|along| spread(V3::ith(along, 1.0))).collect(),
+        LoadKind::Pressure => vec![traction(mesh, &faces, &|_, normal| -normal)],
+        LoadKind::Twist => {
+            let around = traction(mesh, &faces, &|x, _| axis.cross(&(x - area.middle)));
+            let arms = around.iter().zip(&mesh.nodes);
+            let torque: f64 = arms.map(|(force, x)| (x - area.middle).cross(force).dot(&axis)).sum();
+            if torque <= f64::MIN_POSITIVE {
+                return Err(
+                    "its faces lie along its axis, so that nothing can be twisted: give another axis"
+                        .to_owned(),
+                );
+            }
+            vec![around.into_iter().map(|force| force / torque).collect()]
+        }
+    })
+}
+
+fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
+    let Some(fields) = body.solution.tables.get(LOAD_FIELDS) else { return Vec::new() };
+    let stored = columns::stored(body, fields.ncols(), &|row, column| fields[(row, column)]);
+    meta.accuracy.storage_error = meta.accuracy.storage_error.max(stored.relative_error());
+    meta.loads.clone_from(&body.solution.loads);
+    let surface_nodes = body.solution.surface.nodes.len();
+    let mut tensors = columns::write(body.storage, surface_nodes, names(), stored);
+    for name in [REACTION, LOAD_COMPLIANCE, MOMENTS, TORQUES] {
+        tensors.extend(table::write(body, name));
+    }
+    tensors
+}
+
+fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
+    let count = body.load_columns();
+    if body.loads.iter().any(|load| load.columns != 1 && load.columns != 3) {
+        return Err(format!("bodies.{name}.loads: a load has neither one nor three columns"));
+    }
+    columns::check(file, name, &names(), count)?;
+    let fields = FIELDS * body.controls.len();
+    table::check(file, name, REACTION, [fields, count])?;
+    table::check(file, name, LOAD_COMPLIANCE, [count, count])?;
+    table::check(file, name, MOMENTS, [12, count])?;
+    table::check(file, name, TORQUES, [3 * (fields + count), count])?;
+    numbers(&format!("bodies.{name}.loads"), body.loads.iter().map(|load| load.columns as f64), 3.0)
+}
+
+/// What the file says of a body's loads.
+fn load_metas(loads: &[LoadEntry<'_>]) -> Vec<LoadMeta> {
+    let meta = |load: &LoadEntry<'_>| LoadMeta {
+        name: load.name.to_owned(),
+        columns: load.source.columns(),
+        turning: match load.source {
+            LoadSource::Gravity => Turning::Fixed,
+            LoadSource::Pattern(pattern) if pattern.kind == LoadKind::Shift => Turning::Fixed,
+            LoadSource::Thermal => Turning::Inner,
+            LoadSource::Centrifugal(_) | LoadSource::Pattern(_) => Turning::Follows,
+        },
+        unit: match load.source {
+            LoadSource::Gravity => "m/s²",
+            LoadSource::Centrifugal(_) => "(rad/s)²",
+            LoadSource::Thermal => "strain",
+            LoadSource::Pattern(pattern) => match pattern.kind {
+                LoadKind::Pressure => "Pa",
+                LoadKind::Twist => "N·m",
+                LoadKind::Stretch | LoadKind::Shift | LoadKind::Direction => "N",
+            },
+        }
+        .to_owned(),
+    };
+    loads.iter().map(meta).collect()
+}
+
+impl GreenFile {
+    /// The columns of all loads of a body.
+    pub fn load_columns(&self, body: &str) -> ColumnGroup<'_> {
+        columns::group(self, body, &names())
+    }
+}
