@@ -4,7 +4,7 @@
 //! shapes of pixels, where the viewer stands, windows on their monitors.
 
 use super::description::Stage;
-use super::error::IPD_M;
+use super::error::{IPD_M, MAX_SKEW, STRAIGHTENED_M};
 use super::overlap::{Overlap, overlaps};
 use super::screen::{MIN_EYE_DISTANCE_M, Screen};
 use super::seam::{Apart, Seam};
@@ -48,7 +48,8 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
         }
     }
     found.extend(overlaps.iter().map(|overlap| twice(stage, overlap)));
-    let overlaps_none = |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
+    let overlaps_none =
+        |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
     found.extend(stage.apart().iter().filter(|&lone| overlaps_none(lone)).map(|lone| apart(stage, lone)));
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
@@ -78,7 +79,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     }
     // The loader refuses what is worse than a slip.
     let off_m = screen.off_rectangle_m();
-    if off_m > SKEW_M {
+    if (SKEW_M..=STRAIGHTENED_M).contains(&off_m) && off_m <= MAX_SKEW * screen.height_m() {
         let upright = screen.lower_left + screen.axes()[1] * screen.height_m();
         let message = format!(
             "upper_left is {:.1} mm off a rectangle: the picture is drawn straight, on the lower edge, as if it were [{:.4}, \
@@ -96,8 +97,8 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
         let message = format!(
-            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. Where it leans back, the z of both is \
-             exchanged, or tilt_degrees is {:.1}",
+            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. If it really leans back, the z of both \
+             are exchanged, or write tilt_degrees = {:.1}",
             screen.posture(),
             up_m.xz().norm() * 1e3,
             180.0 - tilt
@@ -231,7 +232,12 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see");
     }
     for window in &stage.windows {
-        let swapped: Vec<&str> = window.tiles.iter().filter(|tile| tile.swap_eyes).map(|tile| stage.screens[tile.screen].name.as_str()).collect();
+        let swapped: Vec<&str> = window
+            .tiles
+            .iter()
+            .filter(|tile| tile.swap_eyes)
+            .map(|tile| stage.screens[tile.screen].name.as_str())
+            .collect();
         if !swapped.is_empty() {
             let message = format!("on {}, each eye is shown what the other should see", swapped.join(", "));
             push(found, Severity::Note, &format!("window.{}.swap_eyes", window.name), message);
@@ -313,7 +319,10 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
             let other_area = place.map_or(0, |(_, [width, height])| i64::from(width) * i64::from(height));
             if shared > 0 {
                 let (severity, message) = match shared == area && shared == other_area {
-                    true => (Severity::Error, format!("it and window `{}` stand in one place: one hides the other", other.name)),
+                    true => (
+                        Severity::Error,
+                        format!("it and window `{}` stand in one place: one hides the other", other.name),
+                    ),
                     false => (
                         Severity::Warning,
                         format!("{shared} of its pixels lie under or over window `{}`", other.name),

@@ -31,8 +31,8 @@ const FAR_M: f64 = 5.0;
 const EXPECTED_M: f64 = 1.5;
 /// A head is turned if its top is so far from the vertical, degrees: who looks at a table bends by less.
 const TURNED: f64 = 65.0;
-/// A sensor's axes are named if they are so near to the room's, as a cosine: 25°.
-const ALONG: f64 = 0.906;
+/// A sensor's axes are named if they are so near to the room's, as a cosine: 40°, since heads are bent.
+const ALONG: f64 = 0.766;
 /// Units of trackers, m.
 const UNITS: [(f64, &str); 5] =
     [(1.0, "metres"), (0.0254, "inches"), (0.01, "centimetres"), (0.001, "millimetres"), (0.3048, "feet")];
@@ -83,10 +83,8 @@ fn unit(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>, expected: Po
     let sensor = stage.tracking.sensors.get(name);
     let tracker = sensor.and_then(|sensor| stage.tracking.trackers.get_key_value(&sensor.tracker));
     let (Some(sensor), Some((tracker, found))) = (sensor, tracker) else { return String::new() };
-    let (origin, scale) = (
-        found.frame.room_from_tracker.isometry.translation.vector,
-        found.frame.room_from_tracker.scaling(),
-    );
+    let (origin, scale) =
+        (found.frame.room_from_tracker.isometry.translation.vector, found.frame.room_from_tracker.scaling());
     let room_from_sensor = room_from_body * sensor.sensor_from_body.inverse();
     let from_origin = room_from_sensor.translation.vector - origin;
     let off_m = |unit: f64| {
@@ -122,7 +120,7 @@ fn turned(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>) -> Option<
     let top = words[up.iamax()][usize::from(up[up.iamax()] < 0.0)];
     let remedy = match along_room(&room_from_sensor) {
         Some(axes) => format!(
-            "if the wearer looks straight along -z now, body_from_sensor needs axes = [{}]",
+            "if the wearer looks towards -z now, body_from_sensor needs axes = [{}]",
             axes.map(|[x, y, z]| format!("[{x}, {y}, {z}]")).join(", ")
         ),
         None => "have the wearer look straight along -z, and read this again".to_owned(),
@@ -180,7 +178,8 @@ mod tests {
         let found = told("", LEVEL, at(INCHES));
         let [doubt] = &found[..] else { panic!("{found:?}") };
         assert_eq!((doubt.kind, doubt.sensor.as_str()), (DoubtKind::Far, "head"));
-        for part in ["m from the nearest screen", "reports inches, write scale = 0.0254", "(now 1)", "0.00 m"] {
+        for part in ["m from the nearest screen", "reports inches, write scale = 0.0254", "(now 1)", "0.00 m"]
+        {
             assert!(doubt.text.contains(part), "no `{part}` in {}", doubt.text);
         }
         assert_eq!(told(", scale = 0.0254", LEVEL, at(INCHES)), []);

@@ -17,11 +17,9 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
             continue;
         }
         // Whoever takes it for millimetres per unit writes 25.4.
-        let instead = [1e-3, 1e-2].into_iter().map(|unit| scale * unit);
+        let instead = Some(scale * 1e-3).filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale));
         let instead =
-            instead.filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale)).map(|scale| scale.to_string());
-        let instead: Vec<String> = instead.collect();
-        let instead = if instead.is_empty() { String::new() } else { format!("; {}?", instead.join(" or ")) };
+            instead.map_or(String::new(), |scale| format!("; write {}?", (scale * 1e9).round() / 1e9));
         let message = format!(
             "scale = {scale}: a unit of the tracker is {scale} m long in the room, where inches are 0.0254 and centimetres \
              0.01{instead}"
