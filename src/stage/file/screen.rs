@@ -4,7 +4,7 @@
 //!
 //! right = R ex, up = R (sin t ey - cos t ez), lower_left = anchor - w right / 2 (- h up / 2 from the centre).
 
-use super::{check_name, length, point};
+use super::values::{check_name, length, point};
 use crate::stage::error::{MAX_PIXELS, MAX_SIDE_M, MIN_SIDE_M, StageFault};
 use crate::stage::screen::Screen;
 use nalgebra::{Point3, Rotation3, Vector3};
