@@ -135,8 +135,8 @@ fn missing_parts(reports: &[TrackerReport]) -> Option<String> {
         let unheard = report.sensors.iter().filter(|sensor| sensor.count == 0);
         let unheard =
             unheard.filter_map(|sensor| Some(format!("sensor {} was never heard", sensor.name.as_ref()?)));
-        let link = (!is_there).then(|| format!("tracker {} is {}", report.name, link(&report.link)));
-        link.into_iter().chain(unheard).collect::<Vec<_>>()
+        let absent = (!is_there).then(|| format!("tracker {} is not there", report.name));
+        absent.into_iter().chain(unheard).collect::<Vec<_>>()
     };
     let missing: Vec<String> = reports.iter().flat_map(of).collect();
     (!missing.is_empty()).then(|| missing.join("; "))

@@ -4,7 +4,7 @@
 //! shapes of pixels, where the viewer stands, windows on their monitors.
 
 use super::description::Stage;
-use super::error::IPD_M;
+use super::error::{IPD_M, MAX_SKEW, STRAIGHTENED_M};
 use super::overlap::{Overlap, overlaps};
 use super::screen::{MIN_EYE_DISTANCE_M, Screen};
 use super::seam::{Apart, Seam};
@@ -79,7 +79,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     }
     // The loader refuses what is worse than a slip.
     let off_m = screen.off_rectangle_m();
-    if off_m > SKEW_M {
+    if (SKEW_M..=STRAIGHTENED_M).contains(&off_m) && off_m <= MAX_SKEW * screen.height_m() {
         let upright = screen.lower_left + screen.axes()[1] * screen.height_m();
         let message = format!(
             "upper_left is {:.1} mm off a rectangle: the picture is drawn straight, on the lower edge, as if it were [{:.4}, \
@@ -97,8 +97,8 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
         let message = format!(
-            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. Where it leans back, the z of both is \
-             exchanged, or tilt_degrees is {:.1}",
+            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. If it really leans back, the z of both \
+             are exchanged, or write tilt_degrees = {:.1}",
             screen.posture(),
             up_m.xz().norm() * 1e3,
             180.0 - tilt

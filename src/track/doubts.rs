@@ -31,8 +31,8 @@ const FAR_M: f64 = 5.0;
 const EXPECTED_M: f64 = 1.5;
 /// A head is turned if its top is so far from the vertical, degrees: who looks at a table bends by less.
 const TURNED: f64 = 65.0;
-/// A sensor's axes are named if they are so near to the room's, as a cosine: 25°.
-const ALONG: f64 = 0.906;
+/// A sensor's axes are named if they are so near to the room's, as a cosine: 40°, since heads are bent.
+const ALONG: f64 = 0.766;
 /// Units of trackers, m.
 const UNITS: [(f64, &str); 5] =
     [(1.0, "metres"), (0.0254, "inches"), (0.01, "centimetres"), (0.001, "millimetres"), (0.3048, "feet")];
@@ -120,7 +120,7 @@ fn turned(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>) -> Option<
     let top = words[up.iamax()][usize::from(up[up.iamax()] < 0.0)];
     let remedy = match along_room(&room_from_sensor) {
         Some(axes) => format!(
-            "if the wearer looks straight along -z now, body_from_sensor needs axes = [{}]",
+            "if the wearer looks towards -z now, body_from_sensor needs axes = [{}]",
             axes.map(|[x, y, z]| format!("[{x}, {y}, {z}]")).join(", ")
         ),
         None => "have the wearer look straight along -z, and read this again".to_owned(),

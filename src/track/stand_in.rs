@@ -307,6 +307,6 @@ grab = { tracker = "pad", button = 7 }
         let stage = Stage::parse(&text, Path::new("bench.toml")).unwrap();
         let stand_in = StandIn::new(Script::find("bend").unwrap(), stage, 120.0);
         assert_eq!(stand_in.left_out.len(), 2, "{:?}", stand_in.left_out);
-        assert!(stand_in.left_out[1].contains("stylus right"), "{:?}", stand_in.left_out);
+        assert!(stand_in.left_out[1].contains("stylus hand"), "{:?}", stand_in.left_out);
     }
 }

@@ -24,7 +24,7 @@ const MARGIN: f64 = 0.93;
 const NARROWEST: f64 = 4.0 / 3.0;
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
 /// From above this elevation, a place is overhead, rad.
-const OVERHEAD: f64 = 80.0 * TAU / 360.0;
+const OVERHEAD: f64 = 75.0 * TAU / 360.0;
 /// How far the first view is to the right of the viewer's, rad.
 const ASIDE: f64 = 0.8;
 

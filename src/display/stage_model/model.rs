@@ -27,7 +27,7 @@ const BALL: Colour = [0.20, 0.25, 0.31, 1.0];
 /// Length of a sensor's axes, m.
 const SENSOR_M: f64 = 0.08;
 /// Length of a tracker's axes against the room's.
-const TRACKER_LENGTHS: f64 = 1.7;
+const TRACKER_LENGTHS: f64 = 2.2;
 /// Sides of the polygon that stands for a circle.
 const CIRCLE: u32 = 64;
 
@@ -78,7 +78,7 @@ impl StageModel {
             room.add_axes(&room_from_tracker, TRACKER_LENGTHS * length_m);
             for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
                 let mut end = Point3::origin();
-                end[axis] = (TRACKER_LENGTHS + 0.15) * length_m;
+                end[axis] = (TRACKER_LENGTHS + 0.3) * length_m;
                 room.label(room_from_tracker * end, &format!("{name} {letter}"), QUIET, 0.85);
             }
         }

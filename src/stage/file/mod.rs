@@ -6,12 +6,14 @@ mod haptic;
 mod mount;
 mod screen;
 mod tracking;
+mod values;
 mod window;
 
 use self::corners::Surroundings;
 use self::haptic::HapticFile;
 use self::screen::{ScreenFile, screen};
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
+use self::values::{check_name, length, point};
 use self::window::{MonitorFile, WindowFile};
 use super::built_in::text_of;
 use super::description::Stage;
@@ -277,30 +279,6 @@ fn windows(
         windows.push(window);
     }
     windows
-}
-
-fn check_name(what: &'static str, name: &str) -> Result<(), StageFault> {
-    let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
-    if is_plain && (1..=64).contains(&name.len()) {
-        Ok(())
-    } else {
-        Err(StageFault::Name { what, name: name.chars().take(64).collect() })
-    }
-}
-
-fn length(what: &str, value: f64, min: f64, max: f64) -> Result<f64, StageFault> {
-    if (min..=max).contains(&value) {
-        Ok(value)
-    } else {
-        Err(StageFault::Length { what: what.to_owned(), value, min, max })
-    }
-}
-
-fn point(what: &str, coordinates: [f64; 3]) -> Result<Point3<f64>, StageFault> {
-    for (axis, value) in ["x", "y", "z"].into_iter().zip(coordinates) {
-        length(&format!("{axis} of {what}"), value, -ROOM_LIMIT_M, ROOM_LIMIT_M)?;
-    }
-    Ok(coordinates.into())
 }
 
 fn workspace(file: &WorkspaceFile) -> Result<Workspace, StageFault> {

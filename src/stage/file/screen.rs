@@ -4,7 +4,7 @@
 //!
 //! right = R ex, up = R (sin t ey - cos t ez), lower_left = anchor - w right / 2 (- h up / 2 from the centre).
 
-use super::{check_name, length, point};
+use super::values::{check_name, length, point};
 use crate::stage::error::{MAX_PIXELS, MAX_SIDE_M, MIN_SIDE_M, StageFault};
 use crate::stage::screen::Screen;
 use nalgebra::{Point3, Rotation3, Vector3};
@@ -130,7 +130,7 @@ pub fn odd_number(screen: &Screen) -> Option<StageFault> {
     let (width_m, height_m) = (screen.width_m(), screen.height_m());
     let message = format!(
         "{axis} of {corner} is {value} m, and all other coordinates are below {ROOM_M} m: {unit}? Then write {metres:.4}. \
-         So the lower edge would be {width_m:.3} m long, and the left one {height_m:.3} m"
+         As it is, the lower edge is {width_m:.3} m long, and the left one {height_m:.3} m"
     );
     Some(StageFault::Screen { screen: screen.name.clone(), message })
 }

@@ -51,13 +51,46 @@ fn skewed_and_degenerate_screens_are_named_with_the_remedy() {
     let error = refusal(WALL_UP, "upper_left = [-0.75, 2.18, 0.00]");
     assert!(error.contains("screen `wall` is no rectangle") && error.contains("87.76°"), "{error}");
     assert!(error.contains("upper_left [-0.8000, 2.1810, 0.0000]"), "{error}");
+    assert!(error.contains("lower edge is 1.600 m long, its left one 1.281 m"), "{error}");
+    assert!(error.contains("upper_left is 50.0 mm off"), "{error}");
     assert!(
-        workbench_with(WALL_UP, "upper_left = [-0.7995, 2.18, 0.00]").is_ok(),
-        "half a millimetre is no skew"
+        workbench_with(WALL_UP, "upper_left = [-0.7955, 2.18, 0.00]").is_ok(),
+        "a slip of the tape is straightened"
     );
+    let error = refusal(WALL_UP, "upper_left = [-0.7945, 2.18, 0.00]");
+    assert!(error.contains("5.5 mm off along the lower edge (up to 5 mm is straightened)"), "{error}");
     for corner in ["[-0.80, 0.90, 0.00]", "[0.80, 0.90, 0.00]", "[2.0, 0.90, 0.00]", "[-800.0, 900.0, 0.0]"] {
         let error = refusal(WALL_UP, &format!("upper_left = {corner}"));
         assert!(error.contains("screen `wall` is ") && error.contains("three different corners"), "{error}");
+    }
+}
+
+/// One coordinate in centimetres is named, not the two corners that are right; nor is each window of the screen a fault.
+#[test]
+fn a_corner_in_another_unit_is_named_alone() {
+    let text = BUILT_IN[0].1.replacen(
+        "lower_right = [0.80, 0.90, 1.28]",
+        "lower_right = [0.80, 90, 1.28]",
+        1,
+    ) + "[[window]]\nscreen = \"table\"\nstereo = \"rows\"\n[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\n";
+    let faults = |text: &str| survey(text, Path::new("bench.toml")).unwrap().faults;
+    let [Located { fault, .. }] = &faults(&text)[..] else { panic!("one fault") };
+    let told = fault.to_string();
+    assert!(told.contains("y of lower_right is 90 m") && told.contains("write 0.9000"), "{told}");
+    // All of it in centimetres: the screen cannot be kept, and its window is no second fault.
+    let wide =
+        BUILT_IN[0].1.replacen("lower_right = [0.80, 0.90, 1.28]", "lower_right = [160, 0.90, 1.28]", 1)
+            + "[[window]]\nscreen = \"table\"\nstereo = \"rows\"\n";
+    assert_eq!(faults(&wide).len(), 1);
+}
+
+#[test]
+fn kinds_of_stereo_by_other_words_are_answered() {
+    for (word, part) in
+        [("active", "3D menu"), ("quad-buffered", "not supported"), ("passive", "polarised rows")]
+    {
+        let error = refusal("stereo = \"separate\"", &format!("stereo = \"{word}\""));
+        assert!(error.contains(part) && error.starts_with("bench.toml:"), "{error}");
     }
 }
 

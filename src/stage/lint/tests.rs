@@ -67,8 +67,54 @@ fn gaps_overlaps_and_ends_are_told_in_millimetres() {
 #[test]
 fn pixels_that_are_not_square_and_corners_that_are_off_are_told() {
     has(&found("cyberstage"), &["warning: screen.floor", "2.344 × 2.930 mm (0.800 times", "2.4000 m high"]);
-    let skew = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.799, 2.18, 0.00]");
-    has(&skew, &["note: screen.wall", "1.0 mm off a rectangle"]);
+    let skew = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.7992, 2.18, 0.00]");
+    has(&skew, &["note: screen.wall", "0.8 mm off a rectangle"]);
+    let slip = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.7985, 2.18, 0.00]");
+    has(
+        &slip,
+        &["warning: screen.wall", "1.5 mm off a rectangle", "drawn straight", "[-0.8000, 2.1800, 0.0000]"],
+    );
+}
+
+#[test]
+fn screens_that_lean_the_wrong_way_or_stand_alone_are_told() {
+    let forward = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.80, 2.175, 0.112]");
+    has(&forward, &["warning: screen.wall", "leans forward by 5.0°", "112 mm nearer", "tilt_degrees = 85.0"]);
+    let back = changed("upper_left = [-0.80, 2.18, 0.00]", "upper_left = [-0.80, 2.175, -0.112]");
+    assert!(worse_than_notes(&back).is_empty(), "{back:#?}");
+    has(&back, &["note: screen.wall", "tilt 85.0° (leans back by 5.0°)", "from 0.900 to 2.175 m high"]);
+    // The table's rear edge is as much too low as it should be high.
+    let falls = changed("upper_left = [-0.80, 0.90, 0.00]", "upper_left = [-0.80, 0.714, 0.00]");
+    has(&falls, &["warning: screen.table", "falls by 8.3°", "186 mm lower"]);
+    has(
+        &falls,
+        &["warning: screen.table", "nearest edges, upper edge of table and lower edge of wall, are 186 mm"],
+    );
+    assert_eq!(
+        falls.iter().filter(|line| line.contains("nearest edges")).count(),
+        1,
+        "told once: {falls:#?}"
+    );
+}
+
+#[test]
+fn trackers_that_do_nothing_or_are_in_another_unit_are_told() {
+    let tracking = |scale: &str, grab: &str| {
+        more(
+            &[],
+            &format!(
+                "[tracker.lab]\nvrpn = \"Tracker0@lab\"\nroom_from_tracker = {{ scale = {scale} }}\n[sensor.pen]\n\
+                 tracker = \"lab\"\nid = 1\n[sensor.idle]\ntracker = \"lab\"\nid = 2\n[stylus.right]\n\
+                 sensor = \"pen\"\n{grab}\n"
+            ),
+        )
+    };
+    let wrong = tracking("25.4", "");
+    has(&wrong, &["warning: tracker.lab.room_from_tracker: scale = 25.4", "write 0.0254?"]);
+    has(&wrong, &["warning: stylus.right", "no `grab`"]);
+    has(&wrong, &["warning: sensor.idle", "nothing uses it"]);
+    let right = tracking("0.0254", "grab = { tracker = \"lab\", button = 0 }");
+    assert_eq!(worse_than_notes(&right).len(), 1, "the idle sensor alone: {right:#?}");
 }
 
 #[test]
@@ -76,8 +122,10 @@ fn viewers_are_judged() {
     has(&changed("ipd = 0.064", "ipd = 0.050"), &["note: viewer.ipd", "50.0 mm apart are rare"]);
     let low = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 0.93, 1.70]");
     has(&low, &["warning: screen.table", "under 1.6° to its plane"]);
-    let far = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 17.0, 15.0]");
+    let far = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 8.0, 9.0]");
     has(&far, &["warning: viewer.position", "are all numbers metres?"]);
+    let centimetres = changed("position = [0.0, 1.70, 1.50]", "position = [0.0, 170.0, 150.0]");
+    has(&centimetres, &["error: viewer.position", "are all numbers metres?"]);
     let aside = changed("centre = [0.0, 1.15, 0.55]", "centre = [0.0, 1.15, 3.0]");
     has(&aside, &["warning: workspace.centre", "on no screen"]);
 }
@@ -146,12 +194,19 @@ fn swapped_and_missing_eyes_are_told() {
     assert!(worse_than_notes(&right).is_empty(), "{right:#?}");
     let swapped = more(&monitors(2), &pairs([[0, 0], [1280, 0], [1280, 1024], [0, 1024]]));
     has(&swapped, &["warning: screen.table", "right of the right eye's, unlike those of 1 other"]);
+    let both = more(&monitors(2), &pairs([[1280, 0], [0, 0], [1280, 1024], [0, 1024]]));
+    for screen in ["wall", "table"] {
+        has(&both, &[&format!("warning: screen.{screen}"), "right of the right eye's: are"]);
+    }
     let one = "[[window]]\nscreen = \"wall\"\nstereo = \"left\"\n";
     let missing = more(&[], one);
     has(&missing, &["warning: screen.table", "no window shows it"]);
     has(&missing, &["warning: screen.wall", "to the left eye alone"]);
     let swap = changed("[viewer]", "swap_eyes = true\n[viewer]");
     has(&swap, &["note: swap_eyes"]);
+    let of_window =
+        more(&[], "[[window]]\nname = \"w\"\nscreen = \"wall\"\nstereo = \"rows\"\nswap_eyes = true\n");
+    has(&of_window, &["note: window.w.swap_eyes: on wall, each eye"]);
 }
 
 #[test]
@@ -165,6 +220,8 @@ fn windows_off_the_monitors_or_over_each_other_are_told() {
     );
     let over = found_on([[0, 0], [1280, 0], [0, 1000], [1280, 1024]], &monitors(2));
     has(&over, &["warning: window.table left", "30720 of its pixels lie under or over window `wall left`"]);
+    let same = found_on([[0, 0], [0, 0], [0, 1024], [1280, 1024]], &monitors(2));
+    has(&same, &["error: window.wall right", "stand in one place"]);
     let partly = found_on([[-128, 0], [1280, 0], [0, 1024], [1280, 1024]], &monitors(2));
     has(&partly, &["warning: window.wall left", "10 %"]);
     let absent = "[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\nmonitor = \"HDMI-7\"\n";

@@ -1,6 +1,5 @@
 //! Finds mistakes in a stage's trackers, sensors and styli that load and then do nothing, or something else than was meant.
 
-use super::push;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::stage::description::Stage;
 
@@ -17,24 +16,21 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
             continue;
         }
         // Whoever takes it for millimetres per unit writes 25.4.
-        let instead = [1e-3, 1e-2].into_iter().map(|unit| scale * unit);
-        let instead = instead
-            .filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale))
-            .map(|scale| scale.to_string());
-        let instead: Vec<String> = instead.collect();
-        let instead = if instead.is_empty() { String::new() } else { format!("; {}?", instead.join(" or ")) };
+        let instead = Some(scale * 1e-3).filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale));
+        let instead =
+            instead.map_or(String::new(), |scale| format!("; write {}?", (scale * 1e9).round() / 1e9));
         let message = format!(
             "scale = {scale}: a unit of the tracker is {scale} m long in the room, where inches are 0.0254 and centimetres \
              0.01{instead}"
         );
-        push(found, Severity::Warning, &format!("tracker.{name}.room_from_tracker"), message);
+        warn(found, format!("tracker.{name}.room_from_tracker"), message);
     }
     for (name, stylus) in &stage.tracking.styli {
         let has_grip = stage.haptics.iter().any(|haptic| haptic.stylus == *name);
         if stylus.grab.is_none() && !has_grip {
             let message = "it has no `grab`: it points, and can never grab; `greenstage track` shows the numbers of \
                            the buttons";
-            push(found, Severity::Warning, &format!("stylus.{name}"), message);
+            warn(found, format!("stylus.{name}"), message);
         }
     }
     for (name, sensor) in &stage.tracking.sensors {
@@ -44,7 +40,11 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
             || stage.haptics.iter().any(|haptic| haptic.tracker() == sensor.tracker);
         if !is_used {
             let message = "nothing uses it: `head` in [viewer], or `sensor` in a [stylus.NAME], names one";
-            push(found, Severity::Warning, &format!("sensor.{name}"), message);
+            warn(found, format!("sensor.{name}"), message);
         }
     }
+}
+
+fn warn(found: &mut Vec<Diagnostic>, place: String, message: impl Into<String>) {
+    found.push(Diagnostic::new(Severity::Warning, place, message));
 }
