@@ -59,6 +59,10 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         );
         return Err(wrong(scene, name, "updates.modulus", message));
     }
+    if body.updates.iter().any(|updates| !updates.modulus.is_empty()) && body.thermal.is_some() {
+        let message = "the forces of warmth grow with the modulus, and are not found again: leave modulus or thermal out";
+        return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
+    }
     Ok(required.and(Requirements::of(&[UPDATES])))
 }
 

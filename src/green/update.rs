@@ -11,12 +11,12 @@
 //! 0 = [K u]_j + (α - 1) [K_R u]_j        on what is released,
 //! ```
 //!
-//! a dense system in d and f. Inside of R nothing acts, so K_R is condensed onto the nodes Q that it shares with the rest
+//! a dense system in d and f. Among the u_k are the fields of the body's loads, whose own forces do not count in [K u]_j. Inside of R nothing acts, so K_R is condensed onto the nodes Q that it shares with the rest
 //! of the body and with control elements: S_R = K_QQ - K_QI K_II⁻¹ K_IQ. These nodes, and those of elements that may be
 //! released, are the body's ports.
 
 use super::control::FIELDS;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Dyn, FullPivLU};
 use std::ops::Range;
 
 /// Pivots further apart than this are those of a body that nothing holds any more.
@@ -30,11 +30,14 @@ const STIFFNESSES: &str = "updates/stiffnesses";
 const VALUES: &str = "updates/values";
 const REACTIONS: &str = "updates/reactions";
 const COLUMNS: &str = "updates/columns";
+const TORQUES: &str = "updates/torques";
 
 /// The tables of the family: the mesh's node of every port; element and port of every node that may be released; the ports
 /// at free nodes; region and port of every node of a Q; all S_R, column after column; fields at the ports; reactions on what
-/// may be released; fields on the surface. Fields stand in the order affine, g, h; those on the surface without the affine.
-pub const TABLES: [&str; 8] = [NODES, RELEASED, FREE, REGIONS, STIFFNESSES, VALUES, REACTIONS, COLUMNS];
+/// may be released; fields on the surface; torques of the loads on them. Fields stand in the order affine, of loads, g, h; the
+/// last two tables have g and h alone.
+pub const TABLES: [&str; 9] =
+    [NODES, RELEASED, FREE, REGIONS, STIFFNESSES, VALUES, REACTIONS, COLUMNS, TORQUES];
 
 /// What a body can be changed by, without its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,10 +64,13 @@ pub struct Region {
 #[derive(Clone, Debug)]
 pub struct Updates {
     ports: Ports,
+    /// Affine fields, and all fields but g and h.
     affine: usize,
+    known: usize,
     values: DMatrix<f64>,
     reactions: DMatrix<f64>,
     columns: DMatrix<f64>,
+    torques: DMatrix<f64>,
 }
 
 /// What is changed of a body.
@@ -81,28 +87,49 @@ pub struct Change {
 pub struct Updated {
     /// The control elements that still hold, ascending.
     pub kept: Vec<usize>,
-    /// What is added to their affine columns on the surface: a column for each.
+    /// What is added to their affine columns and to those of the loads on the surface: a column for each.
     pub added: DMatrix<f64>,
-    /// The handle stiffness of those that are kept.
-    pub stiffness: DMatrix<f64>,
-    /// max |S - Sᵀ| / max |S| before it was made symmetric: how well the change was solved.
+    /// Of these, what is added to [`TORQUES`](super::TORQUES).
+    pub torques: DMatrix<f64>,
+    /// The Hessian of the energy by their coefficients: S of those that are kept, in front.
+    pub hessian: DMatrix<f64>,
+    /// max |H - Hᵀ| / max |H| before it was made symmetric: how well the change was solved.
     pub asymmetry: f64,
 }
 
+/// A change whose system is factored, for any number of right-hand sides.
+pub struct Changed<'a> {
+    updates: &'a Updates,
+    kept: Vec<usize>,
+    /// Rows of the reactions of what is released, one for each d.
+    released: Vec<usize>,
+    /// Of every port, the first row of its three in d.
+    released_at: Vec<Option<usize>>,
+    /// The regions that are changed, with α - 1.
+    regions: Vec<(&'a Region, f64)>,
+    /// Columns of g and h: d, then f of each region; where those of each region stand.
+    fields: Vec<usize>,
+    own: Vec<Range<usize>>,
+    /// Forces are counted in this many N, so that both equations have one unit.
+    unit: f64,
+    system: FullPivLU<f64, Dyn, Dyn>,
+}
+
 impl Ports {
-    /// Degrees of freedom: fields beside the affine ones.
+    /// Degrees of freedom: fields beside the affine ones and those of loads.
     pub fn fields(&self) -> usize {
         3 * (self.released.len() + self.free.len())
     }
 
-    /// With their fields, as tables: the affine ones, g and h at the ports, the reactions of all on what may be released, and
-    /// g and h on the surface.
+    /// With their fields, as tables: affine fields, those of loads, g and h at the ports, the reactions of all on what may be
+    /// released, g and h on the surface, and the torques of loads on them.
     pub fn tables(
         self,
         values: DMatrix<f64>,
         reactions: DMatrix<f64>,
         columns: DMatrix<f64>,
-    ) -> [(&'static str, DMatrix<f64>); 8] {
+        torques: DMatrix<f64>,
+    ) -> [(&'static str, DMatrix<f64>); 9] {
         let numbers = |rows: usize, all: Vec<usize>| {
             DMatrix::from_iterator(rows, all.len() / rows, all.into_iter().map(|number| number as f64))
         };
@@ -120,16 +147,17 @@ impl Ports {
             (VALUES, values),
             (REACTIONS, reactions),
             (COLUMNS, columns),
+            (TORQUES, torques),
         ]
     }
 }
 
 impl Updates {
-    /// From the tables of a body with so many control elements and surface nodes; the error names the first fault.
+    /// From the tables of a body with so many control elements, surface nodes and columns of loads; the error names the first
+    /// fault.
     pub fn of(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
-        controls: usize,
-        surface: usize,
+        [controls, surface, loads]: [usize; 3],
     ) -> Result<Updates, String> {
         let find = |name: &str| table(name).ok_or_else(|| format!("table {name} is missing"));
         let indices = |name: &str, below: &[usize]| -> Result<Vec<Vec<usize>>, String> {
@@ -170,6 +198,7 @@ impl Updates {
         }
         let ports = Ports { nodes, released, free, regions };
         let (affine, own) = (FIELDS * controls, ports.fields());
+        let known = affine + loads;
         let matrix = |name: &str, shape: (usize, usize)| {
             let found = find(name)?;
             let is_fit = found.shape() == shape && found.iter().all(|value| value.is_finite());
@@ -181,114 +210,140 @@ impl Updates {
             return Err(format!("table {STIFFNESSES} does not fit the regions"));
         }
         Ok(Updates {
-            values: matrix(VALUES, (3 * count, affine + own))?,
-            reactions: matrix(REACTIONS, (3 * ports.released.len(), affine + own))?,
+            values: matrix(VALUES, (3 * count, known + own))?,
+            reactions: matrix(REACTIONS, (3 * ports.released.len(), known + own))?,
             columns: matrix(COLUMNS, (3 * surface, own))?,
+            torques: matrix(TORQUES, (3 * own, loads))?,
             affine,
+            known,
             ports,
         })
     }
 
-    /// Whether a control element may be released.
-    pub fn may_release(&self, element: usize) -> bool {
-        self.ports.released.iter().any(|[e, _]| *e == element)
-    }
-
-    /// The body after `change`, from its handle stiffness before; `None` where what is left is not held.
-    pub fn apply(&self, change: &Change, stiffness: &DMatrix<f64>) -> Option<Updated> {
+    /// The system of a change; `None` where what is left is not held.
+    pub fn prepare(&self, change: &Change) -> Option<Changed<'_>> {
         let ports = &self.ports;
-        let controls = self.affine / FIELDS;
-        let kept: Vec<usize> = (0..controls).filter(|e| !change.released.contains(e)).collect();
-        let affine: Vec<usize> = kept.iter().flat_map(|e| FIELDS * e..FIELDS * (e + 1)).collect();
-        // d, then f of each region that is changed.
+        let kept = (0..self.affine / FIELDS).filter(|e| !change.released.contains(e)).collect();
         let released = ports.released.iter().enumerate().filter(|(_, [e, _])| change.released.contains(e));
         let released: Vec<usize> = released.flat_map(|(at, _)| 3 * at..3 * at + 3).collect();
-        // Of every port, the first row of its three in d.
         let mut released_at = vec![None; ports.nodes.len()];
         for (row, &at) in released.iter().enumerate().step_by(3) {
             released_at[ports.released[at / 3][1]] = Some(row);
         }
-        let changed: Vec<(&Region, f64)> = ports
-            .regions
-            .iter()
-            .zip(&change.factors)
-            .map(|(r, a)| (r, a - 1.0))
-            .filter(|(_, b)| *b != 0.0)
-            .collect();
-        let h_of = |port: usize| {
-            Some(self.affine + 3 * ports.released.len() + 3 * ports.free.binary_search(&port).ok()?)
-        };
-        let mut fields: Vec<usize> = released.iter().map(|row| self.affine + row).collect();
-        let mut own: Vec<Range<usize>> = Vec::new();
-        for (region, _) in &changed {
+        let factors = ports.regions.iter().zip(&change.factors);
+        let regions: Vec<_> = factors.map(|(r, a)| (r, a - 1.0)).filter(|(_, by)| *by != 0.0).collect();
+        let mut fields = released.clone();
+        let mut own = Vec::new();
+        for (region, _) in &regions {
             let first = fields.len();
-            fields.extend(region.ports.iter().filter_map(|&port| h_of(port)).flat_map(|h| h..h + 3));
+            fields.extend(region.ports.iter().filter_map(|&port| self.h(port)).flat_map(|h| h..h + 3));
             own.push(first..fields.len());
         }
-        let (known, unknown) = (affine.len(), fields.len());
-        let all: Vec<usize> = affine.iter().chain(&fields).copied().collect();
+        let stiffest = regions.iter().map(|(region, _)| region.stiffness.amax());
+        let of_released = released.iter().map(|&row| self.reactions[(row, self.known + row)].abs());
+        let unit =
+            Some(stiffest.chain(of_released).fold(0.0, f64::max)).filter(|unit| *unit > 0.0).unwrap_or(1.0);
 
-        // What acts of each changed region on its ports, for every field.
-        let values = self.values.select_columns(&all);
+        let unknown = fields.len();
+        let none = DMatrix::zeros(0, 0).full_piv_lu();
+        let mut changed =
+            Changed { updates: self, kept, released, released_at, regions, fields, own, unit, system: none };
+        let columns: Vec<usize> = changed.fields.iter().map(|field| self.known + field).collect();
+        let mut rows =
+            changed.rows(&self.values.select_columns(&columns), &self.reactions.select_columns(&columns));
+        let forces = changed.forces();
+        for row in forces..unknown {
+            rows[(row, row)] += 1.0;
+        }
+        rows.columns_mut(forces, unknown - forces).scale_mut(unit);
+        rows.scale_mut(1.0 / unit);
+        let system = rows.full_piv_lu();
+        let pivots = system.u().diagonal().abs();
+        if unknown > 0 && pivots.min() <= SINGULAR * pivots.max() {
+            return None;
+        }
+        changed.system = system;
+        Some(changed)
+    }
+
+    /// Where h of a port stands among g and h.
+    fn h(&self, port: usize) -> Option<usize> {
+        Some(3 * self.ports.released.len() + 3 * self.ports.free.binary_search(&port).ok()?)
+    }
+}
+
+impl Changed<'_> {
+    /// Unknowns before the forces.
+    fn forces(&self) -> usize {
+        self.released.len()
+    }
+
+    /// What acts of each changed region on its ports, of fields with these values at the ports.
+    fn acts(&self, values: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
         let act = |(region, by): &(&Region, f64)| {
             let rows: Vec<usize> = region.ports.iter().flat_map(|port| 3 * port..3 * port + 3).collect();
             &region.stiffness * values.select_rows(&rows) * *by
         };
-        let acts: Vec<DMatrix<f64>> = changed.iter().map(act).collect();
+        self.regions.iter().map(act).collect()
+    }
 
-        // The rows of the two equations; forces are counted in units of `unit`, so that both have the same.
-        let unit =
-            released.iter().map(|&row| self.reactions[(row, self.affine + row)].abs()).fold(0.0, f64::max);
-        let stiffest = changed.iter().map(|(region, _)| region.stiffness.amax()).fold(unit, f64::max);
-        let unit = if stiffest > 0.0 { stiffest } else { 1.0 };
-        let mut rows = DMatrix::zeros(unknown, known + unknown);
-        for (row, &at) in released.iter().enumerate() {
-            rows.set_row(row, &self.reactions.select_columns(&all).row(at));
+    /// The two equations but for the f_i alone, of fields with these values and reactions.
+    fn rows(&self, values: &DMatrix<f64>, reactions: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(self.fields.len(), values.ncols());
+        for (row, &at) in self.released.iter().enumerate() {
+            rows.set_row(row, &reactions.row(at));
         }
-        for (((region, _), act), own) in changed.iter().zip(&acts).zip(&own) {
+        for (((region, _), act), own) in self.regions.iter().zip(self.acts(values)).zip(&self.own) {
             let mut row = own.start;
             for (place, &port) in region.ports.iter().enumerate() {
                 for axis in 0..3 {
                     let acting = act.row(3 * place + axis);
-                    if h_of(port).is_some() {
+                    if self.updates.h(port).is_some() {
                         rows.set_row(row, &acting);
-                        rows[(row, known + row)] += 1.0;
                         row += 1;
-                    } else if let Some(first) = released_at[port] {
+                    } else if let Some(first) = self.released_at[port] {
                         let sum = rows.row(first + axis) + acting;
                         rows.set_row(first + axis, &sum);
                     }
                 }
             }
         }
-        let forces = own.first().map_or(unknown, |first| first.start);
-        rows.columns_mut(known + forces, unknown - forces).scale_mut(unit);
-        rows.scale_mut(1.0 / unit);
-        let mut answer = (-rows.columns(0, known)).into_owned();
-        let system = rows.columns(known, unknown).into_owned().full_piv_lu();
-        let pivots = system.u().diagonal().abs();
-        if unknown > 0 && pivots.min() <= SINGULAR * pivots.max() || !system.solve_mut(&mut answer) {
-            return None;
-        }
-        answer.rows_mut(forces, unknown - forces).scale_mut(unit);
+        rows
+    }
 
-        let mut whole = DMatrix::identity(known + unknown, known);
-        whole.rows_mut(known, unknown).copy_from(&answer);
-        let mut after = stiffness.select_rows(&affine).select_columns(&affine);
-        for (row, &at) in released.iter().enumerate() {
-            let of_kept = self.reactions.row(at).select_columns(&affine).transpose();
-            after += of_kept * answer.row(row);
+    /// d and f for fields with these values and reactions before the change, a column each.
+    fn answer(&self, values: &DMatrix<f64>, reactions: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut answer = self.rows(values, reactions) * (-1.0 / self.unit);
+        self.system.solve_mut(&mut answer);
+        let forces = self.forces();
+        let count = self.fields.len() - forces;
+        answer.rows_mut(forces, count).scale_mut(self.unit);
+        answer
+    }
+
+    /// The body after the change, from the Hessian before it of the energy by the coefficients of all affine fields and loads.
+    pub fn body(&self, hessian: &DMatrix<f64>) -> Updated {
+        let updates = self.updates;
+        let affine = self.kept.iter().flat_map(|e| FIELDS * e..FIELDS * (e + 1));
+        let all: Vec<usize> = affine.chain(updates.affine..updates.known).collect();
+        let (values, reactions) =
+            (updates.values.select_columns(&all), updates.reactions.select_columns(&all));
+        let answer = self.answer(&values, &reactions);
+        let columns: Vec<usize> = self.fields.iter().map(|field| updates.known + field).collect();
+        let whole = &values + updates.values.select_columns(&columns) * &answer;
+        let mut after = hessian.select_rows(&all).select_columns(&all);
+        for (row, &at) in self.released.iter().enumerate() {
+            after += reactions.row(at).transpose() * answer.row(row);
         }
-        for (((region, _), act), own) in changed.iter().zip(&acts).zip(&own) {
-            let acting = act * &whole;
+        for (((region, _), acting), own) in self.regions.iter().zip(self.acts(&whole)).zip(&self.own) {
             let mut row = own.start;
             for (place, &port) in region.ports.iter().enumerate() {
                 for axis in 0..3 {
-                    let of_kept = values.row(3 * port + axis).columns(0, known).transpose();
-                    if h_of(port).is_some() {
+                    let of_kept = values.row(3 * port + axis).transpose();
+                    if updates.h(port).is_some() {
                         after -= of_kept * answer.row(row);
                         row += 1;
-                    } else if released_at[port].is_none() {
+                    } else if self.released_at[port].is_none() {
                         after += of_kept * acting.row(3 * place + axis);
                     }
                 }
@@ -296,12 +351,37 @@ impl Updates {
         }
         let largest = after.amax();
         let asymmetry = if largest > 0.0 { (&after - after.transpose()).amax() / largest } else { 0.0 };
-        let columns: Vec<usize> = fields.iter().map(|field| field - self.affine).collect();
-        Some(Updated {
-            added: self.columns.select_columns(&columns) * answer,
-            stiffness: (&after + after.transpose()) * 0.5,
-            kept,
+        let mut torques = DMatrix::zeros(3 * all.len(), updates.torques.ncols());
+        for (row, &field) in self.fields.iter().enumerate() {
+            for column in 0..all.len() {
+                let more = updates.torques.rows(3 * field, 3) * answer[(row, column)];
+                let mut own = torques.rows_mut(3 * column, 3);
+                own += more;
+            }
+        }
+        Updated {
+            kept: self.kept.clone(),
+            added: updates.columns.select_columns(&self.fields) * answer,
+            torques,
+            hessian: (&after + after.transpose()) * 0.5,
             asymmetry,
-        })
+        }
+    }
+
+    /// What is added to the displacements of the surface for unit forces at these of its nodes, three columns each. By
+    /// reciprocity, such a force moves a free port by h there, and pulls on what may be released by -g.
+    pub fn compliance(&self, nodes: &[u32]) -> DMatrix<f64> {
+        let updates = self.updates;
+        let rows: Vec<usize> =
+            nodes.iter().flat_map(|&node| 3 * node as usize..3 * node as usize + 3).collect();
+        let at = updates.columns.select_rows(&rows).transpose();
+        let mut values = DMatrix::zeros(updates.values.nrows(), rows.len());
+        for port in 0..updates.ports.nodes.len() {
+            if let Some(h) = updates.h(port) {
+                values.rows_mut(3 * port, 3).copy_from(&at.rows(h, 3));
+            }
+        }
+        let reactions = -at.rows(0, updates.reactions.nrows());
+        updates.columns.select_columns(&self.fields) * self.answer(&values, &reactions)
     }
 }

@@ -23,6 +23,7 @@ use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::SurfaceCompliance;
 use crate::solve::{Factor, InverseStrip, Progress, SolveError};
+use nalgebra::DMatrix;
 use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -254,6 +255,37 @@ impl Compliance<'_> {
             }
         }
         all
+    }
+}
+
+/// What a change adds to the displacements of the whole surface for unit forces at these of its nodes: 3 rows a node of the
+/// surface, 3 columns a force.
+pub type Added<'a> = &'a dyn Fn(&[u32]) -> DMatrix<f64>;
+
+impl Compliance<'_> {
+    /// The tensors after a change by which the nodes `freed` of the surface are held no more.
+    pub fn changed(&self, freed: &[u32], added: Added<'_>) -> Vec<(String, Tensor)> {
+        let n = self.layout.n;
+        let order = [self.order, freed].concat();
+        let layout = Layout { n, m: order.len() };
+        let mut values = Vec::with_capacity(layout.len());
+        for first in (0..n).step_by(BLOCK) {
+            let own = first..(first + BLOCK).min(n);
+            let more = added(&order[own.clone()]);
+            for (i, axis) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))) {
+                for (j, &node) in order.iter().enumerate().skip(first) {
+                    // Both halves of the matrix are the same: the force is at node i.
+                    let old = |other: usize| match j < self.layout.m {
+                        true => self.values[self.layout.at(i, axis, j) + other],
+                        false => 0.0,
+                    };
+                    let new = |other: usize| more[(3 * node as usize + other, 3 * (i - first) + axis)];
+                    values.extend([0, 1, 2].map(|other| (f64::from(old(other)) + new(other)) as f32));
+                }
+            }
+        }
+        let order = Tensor::new(&[order.len()], order);
+        vec![(ORDER.to_owned(), order), (VALUES.to_owned(), Tensor::new(&[values.len()], values))]
     }
 }
 

@@ -22,7 +22,7 @@ use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::table;
-use crate::base::columns::ColumnGroup;
+use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use crate::fem::{Area, NodeFields, body_force, expansion, traction};
 use crate::mesh::{TetMesh, outer_faces, quality};
 use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource};
@@ -34,6 +34,8 @@ pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
 
 /// G over all nodes, in [`Solution::tables`].
 pub const LOAD_FIELDS: &str = "loads/fields";
+/// F over all nodes, there too.
+pub const LOAD_FORCES: &str = "loads/forces";
 pub const REACTION: &str = "loads/reaction";
 pub const LOAD_COMPLIANCE: &str = "loads/compliance";
 pub const MOMENTS: &str = "loads/moments";
@@ -112,6 +114,7 @@ fn compute(
     solution.tables.insert(MOMENTS, moments);
     solution.tables.insert(TORQUES, torques);
     solution.tables.insert(LOAD_FIELDS, g);
+    solution.tables.insert(LOAD_FORCES, f);
     solution.loads = load_metas(&assembled.body.loads());
     solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
@@ -200,12 +203,16 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let stored = columns::stored(body, fields.ncols(), &|row, column| fields[(row, column)]);
     meta.accuracy.storage_error = meta.accuracy.storage_error.max(stored.relative_error());
     meta.loads.clone_from(&body.solution.loads);
-    let surface_nodes = body.solution.surface.nodes.len();
-    let mut tensors = columns::write(body.storage, surface_nodes, names(), stored);
+    let mut tensors = load_tensors(body.solution.surface.nodes.len(), body.storage, stored);
     for name in [REACTION, LOAD_COMPLIANCE, MOMENTS, TORQUES] {
         tensors.extend(table::write(body, name));
     }
     tensors
+}
+
+/// The tensors of the columns.
+pub fn load_tensors(surface_nodes: usize, storage: Storage, stored: StoredColumns) -> Vec<(String, Tensor)> {
+    columns::write(storage, surface_nodes, names(), stored)
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {

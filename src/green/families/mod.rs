@@ -19,6 +19,7 @@ pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
 pub use compliance::{COMPLIANCE, Compliance, SurfaceInverse, Yield, compliance_size};
 pub use cubic::CUBIC;
+pub(super) use loads::load_tensors;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
@@ -41,9 +42,9 @@ pub const FAMILIES: &[FamilyEntry] = &[
     perturbation::ENTRY,
     substructures::ENTRY,
     volume::ENTRY,
-    updates::ENTRY,
     loads::ENTRY,
     compliance::ENTRY,
+    updates::ENTRY,
 ];
 
 impl GreenFile {

@@ -14,13 +14,14 @@ use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::super::update::{Ports, Region, TABLES, Updates};
 use super::affine::AFFINE;
+use super::loads::{LOAD_FIELDS, LOAD_FORCES};
 use super::stiffness::STIFFNESS;
 use super::table;
 use crate::base::machine;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::mesh::TetMesh;
 use crate::solve::{Progress, Silent, SolveError, Solver};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeSet;
 
 pub const UPDATES: Family = Family { name: "updates", from: &[AFFINE, STIFFNESS] };
@@ -45,7 +46,11 @@ fn compute(
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
     let ports = ports(assembled, solution)?;
+    let empty = DMatrix::zeros(3 * solution.mesh.nodes.len(), 0);
+    let of_loads = |name: &str| solution.tables.get(name).unwrap_or(&empty);
+    let (load_fields, load_forces) = (of_loads(LOAD_FIELDS), of_loads(LOAD_FORCES));
     let (nodes, affine) = (ports.nodes.len(), FIELDS * solution.controls.len());
+    let known = affine + load_fields.ncols();
     let (released, all) = (3 * ports.released.len(), 3 * (ports.released.len() + ports.free.len()));
     let surface = &solution.surface.nodes;
     let numbers = all * (3 * surface.len() + 3 * nodes + released) + BATCH * 6 * solution.mesh.nodes.len();
@@ -56,8 +61,9 @@ fn compute(
         let place = |node: &u32| assembled.partition.controlled.binary_search(node).unwrap_or(0);
         ports.released.iter().map(|&[_, port]| place(&ports.nodes[port])).collect()
     };
-    let mut values = DMatrix::zeros(3 * nodes, affine + all);
-    let mut reactions = DMatrix::zeros(released, affine + all);
+    let mut values = DMatrix::zeros(3 * nodes, known + all);
+    let mut reactions = DMatrix::zeros(released, known + all);
+    let mut torques = DMatrix::zeros(3 * all, load_fields.ncols());
     let mut columns = DMatrix::zeros(3 * surface.len(), all);
     let keep =
         |fields: &NodeFields, first: usize, values: &mut DMatrix<f64>, reactions: &mut DMatrix<f64>| {
@@ -72,6 +78,22 @@ fn compute(
             }
         };
     keep(&solution.fields, 0, &mut values, &mut reactions);
+    let loaded = NodeFields {
+        nodes: solution.mesh.nodes.len(),
+        columns: load_fields.ncols(),
+        data: load_fields.transpose().as_slice().to_vec(),
+    };
+    if loaded.columns > 0 {
+        keep(&loaded, affine, &mut values, &mut reactions);
+    }
+    for (at, &[_, port]) in ports.released.iter().enumerate() {
+        for axis in 0..3 {
+            for load in 0..loaded.columns {
+                let own = load_forces[(3 * ports.nodes[port] as usize + axis, load)];
+                reactions[(3 * at + axis, affine + load)] -= own;
+            }
+        }
+    }
     progress.begin("fields of what may be changed", all as u64);
     for first in (0..all).step_by(BATCH) {
         let count = BATCH.min(all - first);
@@ -95,13 +117,31 @@ fn compute(
         rhs.data.iter_mut().zip(&loads.data).for_each(|(rhs, load)| *rhs += load);
         let free = (assembled.solve)(&rhs, progress)?;
         assembled.partition.insert_free(&free, &mut fields);
-        keep(&fields, affine + first, &mut values, &mut reactions);
+        keep(&fields, known + first, &mut values, &mut reactions);
+        add_torques(&fields, load_forces, 3 * first, &mut torques);
         copy(&fields, surface, first, &mut columns);
         progress.advance(count as u64);
     }
     progress.end();
-    solution.tables.extend(ports.tables(values, reactions, columns));
+    solution.tables.extend(ports.tables(values, reactions, columns, torques));
     Ok(())
+}
+
+/// Σ u × f over the nodes, of every field u and every load f, into the rows from `first` on.
+fn add_torques(fields: &NodeFields, forces: &DMatrix<f64>, first: usize, torques: &mut DMatrix<f64>) {
+    let vector = |of: &dyn Fn(usize) -> f64| Vector3::new(of(0), of(1), of(2));
+    for load in 0..forces.ncols() {
+        for node in 0..fields.nodes {
+            let force = vector(&|axis| forces[(3 * node + axis, load)]);
+            if force == Vector3::zeros() {
+                continue;
+            }
+            for column in 0..fields.columns {
+                let torque = vector(&|axis| fields.row(3 * node + axis)[column]).cross(&force);
+                (0..3).for_each(|axis| torques[(first + 3 * column + axis, load)] += torque[axis]);
+            }
+        }
+    }
 }
 
 /// The rows of `fields` at `nodes`, into the columns of `into` from `first` on.
@@ -204,7 +244,8 @@ fn condensed(
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
-    let updates = Updates::of(&|table| file.table(name, table), body.controls.len(), body.surface_nodes);
+    let counts = [body.controls.len(), body.surface_nodes, body.load_columns()];
+    let updates = Updates::of(&|table| file.table(name, table), counts);
     updates.map(drop).map_err(|message| format!("{name}: {message}"))
 }
 
@@ -212,6 +253,7 @@ impl GreenFile {
     /// What a body can be changed by, where it was precomputed.
     pub fn updates(&self, body: &str) -> Option<Updates> {
         let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(UPDATES))?;
-        Updates::of(&|table| self.table(body, table), meta.controls.len(), meta.surface_nodes).ok()
+        let counts = [meta.controls.len(), meta.surface_nodes, meta.load_columns()];
+        Updates::of(&|table| self.table(body, table), counts).ok()
     }
 }
