@@ -68,17 +68,8 @@ impl Gpu {
     /// The best device of this machine, without a window.
     /// Errors: [`RenderError::NoAdapter`] without any driver, [`RenderError::NoDevice`] when the driver fails.
     pub fn headless() -> Result<Self, RenderError> {
-        let usual = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-        let without_gl = usual.backends.difference(wgpu::Backends::GL);
-        // OpenGL looks for a Wayland display, and its library writes an error where there is no folder for one.
-        if std::env::var_os("XDG_RUNTIME_DIR").is_none() && !without_gl.is_empty() {
-            let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { backends: without_gl, ..usual });
-            match Self::open(instance, None) {
-                Err(RenderError::NoAdapter(_)) => {}
-                opened => return opened,
-            }
-        }
-        Self::open(wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        Self::open(instance, None)
     }
 
     /// The best device of `instance` that can present on `surface`.

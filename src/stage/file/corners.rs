@@ -24,7 +24,9 @@ pub fn check(screen: &Screen, around: &Surroundings<'_>) -> Result<(), StageFaul
         return Err(better.unwrap_or(skewed));
     }
     match around.viewer {
-        Some(viewer) => check_side(screen, &viewer, around),
+        Some(viewer) => {
+            check_side(screen, &viewer, around).map_err(|fault| odd_number(screen).unwrap_or(fault))
+        }
         None => Ok(()),
     }
 }
