@@ -1,19 +1,24 @@
 //! Released control elements and changed moduli against a fresh factorization of the body as it is then.
 
-use greenstage::green::update::{Change, Updated, Updates};
-use greenstage::green::{self, FIELDS, Requirements, STIFFNESS, Solution, UPDATES};
+use greenstage::base::columns::Storage;
+use greenstage::green::update::{Change, Changed, Updated, Updates};
+use greenstage::green::{
+    self, COMPLIANCE, FIELDS, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, Precomputed, REACTION,
+    Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
+};
 use greenstage::mesh::{Block, Loaded, block};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
+use nalgebra::DMatrix;
 use std::path::Path;
 
 /// A bar along x in three regions, held at both ends, on a patch of its top and, inside the second region, on one of its
 /// bottom.
 const SCENE: &str = "[body.a]\n\
     generate = { block = { size = [1.0, 0.4, 0.3], cells = [8, 3, 3] } }\n\
-    material = { young = 1.0e6, poisson = 0.3 }\n\
-    region.2 = { young = 5.0e5, poisson = 0.35 }\n\
-    region.3 = { young = 4.0e6, poisson = 0.2 }\n\
+    material = { young = 1.0e6, poisson = 0.3, density = 900.0 }\n\
+    region.2 = { young = 5.0e5, poisson = 0.35, density = 1100.0 }\n\
+    region.3 = { young = 4.0e6, poisson = 0.2, density = 2000.0 }\n\
     gravity = true\n\
     surface_compliance = { nodes = \"surface\" }\n\
     load.side = { nodes = { group = \"zmax\" }, kind = \"stretch\" }\n\
@@ -47,17 +52,48 @@ fn updates(solution: &Solution) -> Updates {
     Updates::of(&table, [solution.controls.len(), solution.surface.nodes.len(), loads]).unwrap()
 }
 
+/// The Hessian of the energy by the coefficients of control elements and loads.
+fn hessian_of(solution: &Solution) -> DMatrix<f64> {
+    let (s, r, c) =
+        (solution.stiffness().unwrap(), &solution.tables[REACTION], &solution.tables[LOAD_COMPLIANCE]);
+    let (n, k) = (s.nrows(), c.nrows());
+    DMatrix::from_fn(n + k, n + k, |i, j| match (i < n, j < n) {
+        (true, true) => s[(i, j)],
+        (true, false) => -r[(i, j - n)],
+        (false, true) => -r[(j, i - n)],
+        (false, false) => -c[(i - n, j - n)],
+    })
+}
+
 /// The largest differences of the handle stiffness and of the columns from those of a fresh solution, as parts of the largest
 /// number of the fresh one.
-fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 2] {
-    let s = fresh.stiffness().unwrap();
-    let stiffness = (&after.stiffness - s).amax() / s.amax();
+fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 4] {
+    let h = hessian_of(fresh);
+    let n = fresh.stiffness().unwrap().nrows();
+    let k = h.nrows() - n;
+    let parts = [((0, 0), (n, n)), ((0, n), (n, k)), ((n, n), (k, k))];
+    let off = |(at, size)| (after.hessian.view(at, size) - h.view(at, size)).amax() / h.view(at, size).amax();
+    let hessian = parts.map(off).into_iter().fold(0.0, f64::max);
+    let torques = &fresh.tables[TORQUES];
+    let first = 3 * before.fields.columns;
+    let of = |&e: &usize| 3 * FIELDS * e..3 * FIELDS * (e + 1);
+    let rows: Vec<usize> = after.kept.iter().flat_map(of).chain(first..first + 3 * k).collect();
+    let torque =
+        (before.tables[TORQUES].select_rows(&rows) + &after.torques - torques).amax() / torques.amax();
     let mut largest: f64 = 0.0;
     let mut off: f64 = 0.0;
+    let (loads, of_fresh) = (&before.tables[LOAD_FIELDS], &fresh.tables[LOAD_FIELDS]);
+    let mut loaded = DMatrix::zeros(3 * fresh.surface.nodes.len(), k);
+    let mut expected = loaded.clone();
     for (row, &node) in fresh.surface.nodes.iter().enumerate() {
         for axis in 0..3 {
             let (old, new) =
                 (before.fields.row(3 * node as usize + axis), fresh.fields.row(3 * node as usize + axis));
+            for load in 0..k {
+                let at = (3 * row + axis, load);
+                loaded[at] = loads[(3 * node as usize + axis, load)] + after.added[(at.0, n + load)];
+                expected[at] = of_fresh[(3 * node as usize + axis, load)];
+            }
             for (at, &e) in after.kept.iter().enumerate() {
                 for k in 0..FIELDS {
                     let value = old[FIELDS * e + k] + after.added[(3 * row + axis, FIELDS * at + k)];
@@ -67,13 +103,40 @@ fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 2] {
             }
         }
     }
-    [stiffness, off / largest]
+    let loaded = loaded - &expected;
+    let loads = loaded.column_iter().zip(expected.column_iter()).map(|(off, all)| off.amax() / all.amax());
+    [hessian, off / largest, loads.fold(0.0, f64::max), torque]
+}
+
+/// The columns of a force at a node of the surface, of a solution that is written and read again.
+fn yields(solution: Solution, node: u32) -> Option<Vec<[[f32; 3]; 3]>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.green");
+    let requirements = Requirements::of(&[STIFFNESS, COMPLIANCE]);
+    let (name, fingerprint) = ("a".to_owned(), String::new());
+    let body = Precomputed {
+        name,
+        storage: Storage::F32,
+        fingerprint,
+        requirements,
+        plan: None,
+        solution,
+        sections: Default::default(),
+    };
+    green::write(&path, &[body]).unwrap();
+    let file = GreenFile::open(&path).unwrap();
+    let compliance = file.compliance("a")?;
+    Some(compliance.column(*compliance.places().get(&node)?))
+}
+
+fn change_of<'a>(updates: &'a Updates, change: &Change) -> Changed<'a> {
+    updates.prepare(change).unwrap()
 }
 
 #[test]
 fn a_changed_body_is_what_a_fresh_factorization_finds() {
     let scene = Scene::parse(SCENE, Path::new("any.toml")).unwrap();
-    let base = solved(&scene, &Requirements::of(&[UPDATES]));
+    let base = solved(&scene, &Requirements::of(&[UPDATES, LOADS, COMPLIANCE]));
     let updates = updates(&base);
     for (release, factors) in [
         (&["right"][..], [1.0, 1.0]),
@@ -93,17 +156,38 @@ fn a_changed_body_is_what_a_fresh_factorization_finds() {
             body.region.get_mut(region).unwrap().young *= factor;
         }
         assert_eq!(body.modulus_factors(), factors);
-        let fresh = solved(&changed, &Requirements::of(&[STIFFNESS]));
+        let fresh = solved(&changed, &Requirements::of(&[STIFFNESS, LOADS, COMPLIANCE]));
         let names: Vec<&str> = base.controls.iter().map(|control| control.name.as_str()).collect();
         let released = (0..names.len()).filter(|&e| release.contains(&names[e])).collect();
         let change = Change { released, factors: factors.to_vec() };
-        let after = updates.prepare(&change).unwrap().body(&hessian(&base));
-        let [stiffness, columns] = apart(&base, &after, &fresh);
+        let after = change_of(&updates, &change).body(&hessian_of(&base));
+        let found @ [hessian, columns, loads, torques] = apart(&base, &after, &fresh);
         println!(
-            "{release:?} {factors:?}: stiffness {stiffness:.1e}, columns {columns:.1e}, asymmetry {:.1e}",
+            "{release:?} {factors:?}: {hessian:.1e} {columns:.1e} {loads:.1e} {torques:.1e} {:.1e}",
             after.asymmetry
         );
-        assert!(stiffness < 1e-8 && columns < 1e-8, "{release:?} {factors:?}: {stiffness:e} {columns:e}");
+        assert!(found.iter().all(|off| *off < 1e-8), "{release:?} {factors:?}: {found:?}");
+        // A force at a node of the surface that is free before and after.
+        let node = base
+            .surface
+            .nodes
+            .iter()
+            .position(|&n| base.mesh.nodes[n as usize].x > 0.3 && base.mesh.nodes[n as usize].x < 0.45);
+        let node = node.unwrap() as u32;
+        let more = change_of(&updates, &change).compliance(&[node]);
+        let before = yields(base.clone(), node).unwrap();
+        let expected = yields(fresh, node).unwrap();
+        let largest = expected.iter().flatten().flatten().fold(0.0_f32, |a, b| a.max(b.abs()));
+        for (i, (before, expected)) in before.iter().zip(&expected).enumerate() {
+            for (axis, force) in (0..9).map(|k| (k / 3, k % 3)) {
+                let value = f64::from(before[axis][force]) + more[(3 * i + axis, force)];
+                let off = value - f64::from(expected[axis][force]);
+                assert!(
+                    off.abs() < 1e-6 * f64::from(largest),
+                    "{release:?} {factors:?}: {off:e} of {largest:e}"
+                );
+            }
+        }
         assert!(after.asymmetry < 1e-9, "{:e}", after.asymmetry);
     }
 }
@@ -112,7 +196,7 @@ fn a_changed_body_is_what_a_fresh_factorization_finds() {
 fn a_body_that_nothing_holds_any_more_is_no_body() {
     let text = SCENE.replace("release = [\"right\"", "release = [\"left\", \"right\"");
     let scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
-    let base = solved(&scene, &Requirements::of(&[UPDATES]));
+    let base = solved(&scene, &Requirements::of(&[UPDATES, LOADS, COMPLIANCE]));
     let all = Change { released: vec![0, 1, 2, 3], factors: vec![1.0, 1.0] };
     assert!(updates(&base).prepare(&all).is_none());
     let with = |released: [usize; 3]| {
