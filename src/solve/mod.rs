@@ -8,7 +8,10 @@
 
 mod cholesky;
 mod condition;
+mod dense;
 mod error;
+mod fronts;
+mod multifrontal;
 mod newton;
 mod no_unknowns;
 mod ordering;
@@ -19,6 +22,7 @@ mod solver;
 pub mod solver_as_text;
 mod solvers;
 mod stability;
+mod substitution;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};
