@@ -101,8 +101,11 @@ pub(super) fn factorize<T: Real>(own: &mut [T], n: usize, m: usize, shared: bool
 /// The lower half of what a factorized front takes from the unknowns below it: -B Bᵀ, B its last m rows.
 pub(super) fn update<T: Real>(own: &[T], n: usize, m: usize, numbers: &mut [T], shared: bool) {
     let b = MatRef::from_column_major_slice(own, n + m, n).split_at_row(n).1;
-    let pieces: Vec<(usize, &mut [T])> =
-        numbers.chunks_mut((TILE_COLUMNS * m).max(1)).enumerate().map(|(i, tile)| (i * TILE_COLUMNS, tile)).collect();
+    let pieces: Vec<(usize, &mut [T])> = numbers
+        .chunks_mut((TILE_COLUMNS * m).max(1))
+        .enumerate()
+        .map(|(i, tile)| (i * TILE_COLUMNS, tile))
+        .collect();
     each(shared, pieces, |(at, tile)| {
         let width = TILE_COLUMNS.min(m - at);
         let tile = MatMut::from_column_major_slice_mut(tile, m, width).subrows_mut(at, m - at);

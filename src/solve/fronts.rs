@@ -103,7 +103,18 @@ impl Fronts {
         }
         let parent = groups.parent.clone();
         Fronts {
-            forward, inverse, begin, rows, row_start, value_start, parent, children, child_start, first, work, of_node,
+            forward,
+            inverse,
+            begin,
+            rows,
+            row_start,
+            value_start,
+            parent,
+            children,
+            child_start,
+            first,
+            work,
+            of_node,
         }
     }
 
@@ -161,11 +172,11 @@ impl Fronts {
         (0..self.count() as u32).filter(|&s| self.parent[s as usize] == NONE)
     }
 
-    /// The supernodes of these nodes of the order and all above them, ascending.
-    pub(super) fn with_ancestors(&self, positions: impl Iterator<Item = usize>) -> Vec<usize> {
+    /// The supernodes of these nodes of A and all above them, ascending.
+    pub(super) fn with_ancestors(&self, nodes: &[u32]) -> Vec<usize> {
         let mut taken = vec![false; self.count()];
-        for position in positions {
-            let mut s = self.of_node[position];
+        for &node in nodes {
+            let mut s = self.of_node[self.inverse[node as usize] as usize];
             while s != NONE && !std::mem::replace(&mut taken[s as usize], true) {
                 s = self.parent[s as usize];
             }
@@ -307,7 +318,8 @@ fn postordered(a: &StiffnessMatrix, order: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let post = postorder(&parent);
     let place = inverted(&post);
     let new_parent = post.iter().map(|&p| parent[p as usize]);
-    let new_parent = new_parent.map(|parent| if parent == NONE { NONE } else { place[parent as usize] }).collect();
+    let new_parent =
+        new_parent.map(|parent| if parent == NONE { NONE } else { place[parent as usize] }).collect();
     (post.iter().map(|&p| order[p as usize]).collect(), new_parent)
 }
 

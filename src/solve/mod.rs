@@ -11,6 +11,7 @@ mod condition;
 mod dense;
 mod error;
 mod fronts;
+mod llt;
 mod multifrontal;
 mod newton;
 mod no_unknowns;

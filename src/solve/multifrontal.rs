@@ -22,15 +22,27 @@ const ASSEMBLED: usize = 96;
 #[derive(Debug)]
 pub(super) enum Failure {
     /// The position in the order of the node whose pivot is not positive.
-    NotPositive { position: usize },
+    NotPositive {
+        position: usize,
+    },
     NoMemory,
 }
 
 /// What a front hands up: the lower half of a square over the unknowns below it.
 struct Update<'a, T> {
     numbers: &'a [T],
-    /// Where the child's rows stand in the parent's front, in nodes.
-    places: Vec<u32>,
+    /// Unknowns of the square.
+    size: usize,
+    /// Where the child's rows stand in the parent's front, in runs that stand together in both.
+    runs: Vec<Run>,
+}
+
+/// Unknowns `from`..`from + length` of an update, which are to..to + length of the parent's front.
+#[derive(Clone, Copy)]
+struct Run {
+    from: usize,
+    to: usize,
+    length: usize,
 }
 
 /// Fills `values`, as long as [`Fronts::entries`] and zero, with the numbers of L.
@@ -75,7 +87,9 @@ pub(super) fn factorize<T: Real>(
         let children: Vec<Vec<T>> = fronts
             .children(s)
             .iter()
-            .map(|&child| std::mem::take(&mut *updates[child as usize].lock().unwrap_or_else(PoisonError::into_inner)))
+            .map(|&child| {
+                std::mem::take(&mut *updates[child as usize].lock().unwrap_or_else(PoisonError::into_inner))
+            })
             .collect();
         let children: Vec<Update<'_, T>> = fronts
             .children(s)
@@ -100,7 +114,12 @@ pub(super) fn zeros<T: Real>(count: usize) -> Result<Vec<T>, Failure> {
 }
 
 /// Factorizes a subtree on this thread, its numbers of L in `own`, and returns its root's update.
-fn subtree<T: Real>(fronts: &Fronts, a: &StiffnessMatrix, root: usize, own: &mut [T]) -> Result<Vec<T>, Failure> {
+fn subtree<T: Real>(
+    fronts: &Fronts,
+    a: &StiffnessMatrix,
+    root: usize,
+    own: &mut [T],
+) -> Result<Vec<T>, Failure> {
     let sizes = fronts.stacks(root);
     let mut stacks: [Vec<T>; 2] = [Vec::new(), Vec::new()];
     for (stack, &size) in stacks.iter_mut().zip(&sizes) {
@@ -189,7 +208,11 @@ fn gather<T: Real>(a: &StiffnessMatrix, fronts: &Fronts, s: usize, columns: Rang
                 continue;
             }
             // A row that is not found does not exist: all neighbours above stand in the front.
-            let place = if q < own.end { q - own.start } else { own.len() + below.partition_point(|&row| (row as usize) < q) };
+            let place = if q < own.end {
+                q - own.start
+            } else {
+                own.len() + below.partition_point(|&row| (row as usize) < q)
+            };
             // The block is K_(node, other) or its transpose; the column takes K_(other, node).
             let block = &a.blocks[edge];
             for axis in 0..3 {
@@ -202,20 +225,28 @@ fn gather<T: Real>(a: &StiffnessMatrix, fronts: &Fronts, s: usize, columns: Rang
     }
 }
 
-impl<'a, T: Real> Update<'a, T> {
+impl<'a, T> Update<'a, T> {
     fn new(fronts: &Fronts, child: usize, parent: usize, numbers: &'a [T]) -> Update<'a, T> {
         let (own, below) = (fronts.own(parent), fronts.below(parent));
+        let rows = fronts.below(child);
+        let mut runs: Vec<Run> = Vec::new();
         let mut next = 0;
-        let places = fronts.below(child).iter().map(|&row| {
-            if (row as usize) < own.end {
-                return row - own.start as u32;
+        for (i, &row) in rows.iter().enumerate() {
+            let place = if (row as usize) < own.end {
+                row as usize - own.start
+            } else {
+                while below[next] < row {
+                    next += 1;
+                }
+                own.len() + next
+            };
+            match runs.last_mut() {
+                // A run does not reach over the end of the supernode's own rows.
+                Some(run) if run.to + run.length == 3 * place && place != own.len() => run.length += 3,
+                _ => runs.push(Run { from: 3 * i, to: 3 * place, length: 3 }),
             }
-            while below[next] < row {
-                next += 1;
-            }
-            (own.len() + next) as u32
-        });
-        Update { places: places.collect(), numbers }
+        }
+        Update { numbers, size: 3 * rows.len(), runs }
     }
 }
 
@@ -224,36 +255,23 @@ impl<'a, T: Real> Update<'a, T> {
 fn add<T: Real>(children: &[Update<'_, T>], first: usize, cut: usize, rows: usize, piece: &mut [T]) {
     let last = first + piece.len() / rows.max(1);
     for child in children {
-        let places = &child.places;
-        let size = 3 * places.len();
-        let from = places.partition_point(|&place| 3 * (place as usize) < first);
-        for (j, &place) in places.iter().enumerate().skip(from) {
-            let at = 3 * place as usize;
-            if at >= last {
+        let begin = child.runs.partition_point(|run| run.to + run.length <= first);
+        for (k, run) in child.runs.iter().enumerate().skip(begin) {
+            if run.to >= last {
                 break;
             }
-            for axis in 0..3 {
-                let column = &child.numbers[(3 * j + axis) * size..][3 * j..size];
-                let out = &mut piece[(at + axis - first) * rows..][..rows];
-                scatter(column, &places[j..], cut, axis, out);
+            let skipped = first.saturating_sub(run.to);
+            for i in skipped..run.length.min(last - run.to) {
+                let column = &child.numbers[(run.from + i) * child.size..][..child.size];
+                let out = &mut piece[(run.to + i - first) * rows..][..rows];
+                // Its own run from the diagonal on, then all later ones.
+                let own = Run { from: run.from + i, to: run.to + i, length: run.length - i };
+                for part in std::iter::once(&own).chain(&child.runs[k + 1..]) {
+                    let from = &column[part.from..][..part.length];
+                    let to = &mut out[part.to - cut..][..part.length];
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += *from);
+                }
             }
         }
-    }
-}
-
-/// Adds the lower half of a column, from its diagonal block on, a node at a time.
-fn scatter<T: Real>(column: &[T], places: &[u32], cut: usize, axis: usize, out: &mut [T]) {
-    let mut pairs = column.chunks_exact(3).zip(places);
-    if let Some((three, &place)) = pairs.next() {
-        let at = 3 * place as usize - cut;
-        for row in axis..3 {
-            out[at + row] += three[row];
-        }
-    }
-    for (three, &place) in pairs {
-        let out = &mut out[3 * place as usize - cut..][..3];
-        out[0] += three[0];
-        out[1] += three[1];
-        out[2] += three[2];
     }
 }

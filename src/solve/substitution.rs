@@ -91,7 +91,14 @@ impl<T: Real> Triangle<'_, T> {
             }
             let mut xs = rows_mut(&mut x[node * own.start..node * own.end], columns);
             if !below.is_empty() {
-                matmul(xs.as_mut(), Accum::Add, bottom.transpose(), rows(rest, columns), T::of(-1.0), Par::Seq);
+                matmul(
+                    xs.as_mut(),
+                    Accum::Add,
+                    bottom.transpose(),
+                    rows(rest, columns),
+                    T::of(-1.0),
+                    Par::Seq,
+                );
             }
             solve_upper_triangular_in_place(top.transpose(), xs, Par::Seq);
         }
