@@ -247,3 +247,6 @@ impl<'a, T: Real> Llt<'a, T> {
         Ok((zeros(3 * fronts.nodes() * columns)?, zeros(scratch(fronts, columns))?))
     }
 }
+
+#[cfg(test)]
+mod tests;
