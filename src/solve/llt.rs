@@ -71,7 +71,12 @@ impl Analysis {
         // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
         let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
         let buffers = (2 * threads) as f64 * machine::largest_cache();
-        machine::expect_mapped(what, self.memory::<T>(a, columns), buffers).map_err(SolveError::FactorMemory)
+        let expect = |need: f64| machine::expect_mapped(&what, need, buffers);
+        expect(self.memory::<T>(a, columns)).map_err(|refusal| {
+            let half_fits =
+                size_of::<T>() > size_of::<f32>() && expect(self.memory::<f32>(a, columns)).is_ok();
+            if half_fits { SolveError::DoubleMemory(refusal) } else { SolveError::FactorMemory(refusal) }
+        })
     }
 }
 
