@@ -2,7 +2,7 @@ use super::*;
 use crate::base::progress::Silent;
 use crate::fem::{Lame, Partition, TET4};
 use crate::mesh::generate::{self, Block};
-use crate::solve::solver::{Factor, Solver};
+use crate::solve::solver::Solver;
 use crate::solve::{SOLVERS, residuals};
 use faer::Side;
 use faer::linalg::solvers::Solve;
