@@ -8,7 +8,7 @@ use super::residual::Column;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::DMatrix;
 
-/// A⁻¹ on one column.
+/// A⁻¹ on some columns.
 pub type Inverse<'a> = &'a (dyn Fn(&NodeFields) -> Result<NodeFields, SolveError> + Sync);
 
 /// Lanczos steps on A and on A⁻¹, after which the extreme eigenvalues are known to about ten per cent, from below.

@@ -1,24 +1,31 @@
 //! Solving A x = b for many right-hand sides: A in 3×3 blocks and its right-hand sides in, solutions and the
 //! figures that judge them out.
 //!
-//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ) and block-Jacobi preconditioned
-//! conjugate gradients, the paper's solver; both stand behind [`LinearSolver`] and measure the true residual of every
+//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a multifrontal LLᵀ), the same in f32 with conjugate
+//! gradients in f64 around it, and block-Jacobi preconditioned conjugate gradients, the paper's solver; all stand behind [`LinearSolver`] and measure the true residual of every
 //! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
 //! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
 mod cholesky;
 mod condition;
+mod dense;
 mod error;
+mod fronts;
+mod llt;
+mod mixed;
+mod multifrontal;
 mod newton;
 mod no_unknowns;
 mod ordering;
 mod pcg;
+mod refinement;
 mod residual;
 mod settle;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
 mod stability;
+mod substitution;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};

@@ -115,7 +115,7 @@ pub struct InverseStrip<'a> {
     pub values: &'a [f64],
 }
 
-/// Columns that [`Factor::inverse_block`] solves together by default.
+/// Nodes whose columns [`Factor::inverse_block`] solves together by default.
 const STRIP_NODES: usize = 32;
 
 /// A matrix that is ready to be solved with.

@@ -2,6 +2,7 @@
 
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
+use super::mixed::MIXED;
 use super::no_unknowns::NO_UNKNOWNS;
 use super::pcg::PCG;
 use super::solver::{LinearSolver, Method, Solver};
@@ -13,7 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::str::FromStr;
 
 /// All methods; a new one is one file and one line here.
-pub const SOLVERS: &[&Method] = &[&CHOLESKY, &PCG];
+pub const SOLVERS: &[&Method] = &[&CHOLESKY, &MIXED, &PCG];
 
 /// The method called `name`; the error lists the known ones.
 pub fn find_method(name: &str) -> Result<&'static Method, String> {
@@ -88,10 +89,10 @@ mod tests {
 
     #[test]
     fn a_solver_is_read_as_it_is_displayed() {
-        for text in ["cholesky", "pcg 1e-6", "pcg 2.5e-5", "pcg 1e-13"] {
+        for text in ["cholesky", "mixed", "pcg 1e-6", "pcg 2.5e-5", "pcg 1e-13"] {
             assert_eq!(text.parse::<Solver>().map(|solver| solver.to_string()), Ok(text.to_owned()));
         }
-        for text in ["", "choleski", "cholesky 1e-6", "pcg", "pcg low", "pcg 1e-6 2"] {
+        for text in ["", "choleski", "cholesky 1e-6", "mixed 1e-6", "pcg", "pcg low", "pcg 1e-6 2"] {
             assert!(text.parse::<Solver>().is_err(), "{text}");
         }
         assert!("choleski".parse::<Solver>().unwrap_err().contains("did you mean \"cholesky\""));

@@ -1,0 +1,257 @@
+//! A = P L Lᵀ Pᵀ in f64 or f32: the analysis that is reused while only numbers change, the factor, and its solves.
+//!
+//! Solves run in blocks of columns, one thread each.
+
+use super::dense::{Real, SCRATCH};
+use super::error::SolveError;
+use super::fronts::Fronts;
+use super::multifrontal::{self, Failure, zeros};
+use super::ordering::{nested_dissection, ordering_memory};
+use super::solver::InverseStrip;
+use super::substitution::{Triangle, scratch};
+use crate::base::machine;
+use crate::base::progress::Progress;
+use crate::fem::{NodeFields, StiffnessMatrix};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Instant;
+
+/// Columns that one thread solves together: fewer read the factor more often, more leave threads idle. The width depends
+/// on the number of columns alone, so that the bits do not depend on the number of threads.
+const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 24..=128;
+/// Nodes whose columns of an inverse are solved together, and the bytes that these columns should not exceed.
+const STRIP_NODES: std::ops::RangeInclusive<usize> = 8..=64;
+const STRIP_BYTES: usize = 64 << 20;
+
+/// Whether a system has been solved in this process: the threads then own their buffers already.
+static BUFFERED: AtomicBool = AtomicBool::new(false);
+
+/// The pattern of the factor.
+pub(super) struct Analysis {
+    pub(super) fronts: Fronts,
+    pub(super) ordering_s: f64,
+    pub(super) symbolic_s: f64,
+}
+
+impl Analysis {
+    /// Orders the graph of `a` and finds the pattern of its factor.
+    pub(super) fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Analysis, SolveError> {
+        machine::expect("ordering the unknowns and finding the factor's pattern", ordering_memory(a))
+            .map_err(SolveError::FactorMemory)?;
+        progress.begin("ordering", 0);
+        let started = Instant::now();
+        let ordering = nested_dissection(a)?;
+        let ordering_s = started.elapsed().as_secs_f64();
+        progress.end();
+        let started = Instant::now();
+        let fronts = Fronts::new(a, &ordering.forward);
+        Ok(Analysis { fronts, ordering_s, symbolic_s: started.elapsed().as_secs_f64() })
+    }
+
+    /// Bytes of the factor, and of what needs more: making it (the updates of the fronts that are at work at once), the
+    /// solves (at most five fields of all columns at once, a block of columns for each thread), or the estimate of
+    /// conditioning (|A|, and some 30 fields of one column).
+    pub(super) fn memory<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        let number = size_of::<T>() as f64;
+        let threads = rayon::current_num_threads();
+        let making = number * self.fronts.update_numbers(threads) as f64 + (threads * SCRATCH) as f64;
+        let width = block_width(columns).min(columns);
+        let blocks = columns.div_ceil(width.max(1)).min(threads);
+        let block = number * (3 * a.nodes() * width + scratch(&self.fronts, width)) as f64;
+        let field = 24.0 * a.nodes() as f64;
+        let solves = 5.0 * field * columns as f64 + blocks as f64 * block;
+        let conditioning = 100.0 * a.edges.len() as f64 + 30.0 * field + 2.0 * block;
+        number * self.fronts.entries() as f64 + making.max(solves).max(conditioning)
+    }
+
+    /// Errors where they take more memory than is left.
+    pub(super) fn fits<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        let entries = self.fronts.entries();
+        let what = format!("a factor of {entries} numbers, with the solves for {columns} columns");
+        // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
+        let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
+        let buffers = (2 * threads) as f64 * machine::largest_cache();
+        let expect = |need: f64| machine::expect_mapped(&what, need, buffers);
+        expect(self.memory::<T>(a, columns)).map_err(|refusal| {
+            let half_fits =
+                size_of::<T>() > size_of::<f32>() && expect(self.memory::<f32>(a, columns)).is_ok();
+            if half_fits { SolveError::DoubleMemory(refusal) } else { SolveError::FactorMemory(refusal) }
+        })
+    }
+}
+
+fn block_width(columns: usize) -> usize {
+    (columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end())
+}
+
+/// The numbers of L.
+pub(super) struct Llt<'a, T> {
+    analysis: &'a Analysis,
+    values: Vec<T>,
+    pub(super) factor_s: f64,
+}
+
+impl<'a, T: Real> Llt<'a, T> {
+    /// Errors where A is not positive definite or the factor does not fit into memory.
+    pub(super) fn new(
+        a: &StiffnessMatrix,
+        analysis: &'a Analysis,
+        progress: &dyn Progress,
+    ) -> Result<Llt<'a, T>, SolveError> {
+        analysis.fits::<T>(a, 1)?;
+        progress.begin("factorization", 0);
+        let started = Instant::now();
+        let fronts = &analysis.fronts;
+        let values = zeros(fronts.entries())
+            .and_then(|mut values| multifrontal::factorize(fronts, a, &mut values).map(|()| values))
+            .map_err(|failure| match failure {
+                Failure::NotPositive { position } => SolveError::NotPositiveDefinite {
+                    unknowns: 3 * a.nodes(),
+                    pivot: 3 * fronts.forward[position] as usize,
+                },
+                Failure::NoMemory => {
+                    let what = format!("a factor of {} numbers", fronts.entries());
+                    SolveError::FactorMemory(machine::refused(what, analysis.memory::<T>(a, 1)))
+                }
+            });
+        progress.end();
+        Ok(Llt { analysis, values: values?, factor_s: started.elapsed().as_secs_f64() })
+    }
+
+    /// Numbers in the factor, with the explicit zeros of its supernodes.
+    pub(super) fn entries(&self) -> usize {
+        self.values.len()
+    }
+
+    /// A⁻¹ b as exact as the factor, each thread its own block of columns.
+    pub(super) fn substitute(
+        &self,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<NodeFields, SolveError> {
+        let nodes: Vec<u32> = (0..b.nodes as u32).collect();
+        let x = self.between(&nodes, b, &nodes, progress);
+        BUFFERED.store(true, Relaxed);
+        x
+    }
+
+    /// The nodes `asked` of A⁻¹ b, with b given at the nodes `loaded`.
+    pub(super) fn between(
+        &self,
+        loaded: &[u32],
+        b: &NodeFields,
+        asked: &[u32],
+        progress: &dyn Progress,
+    ) -> Result<NodeFields, SolveError> {
+        let fronts = &self.analysis.fronts;
+        let triangle = Triangle { fronts, values: &self.values };
+        let up = fronts.with_ancestors(loaded);
+        let down = fronts.with_ancestors(asked);
+        let width = block_width(b.columns);
+        let blocks = (0..b.columns.div_ceil(width))
+            .into_par_iter()
+            .map(|block| {
+                let first = block * width;
+                let count = width.min(b.columns - first);
+                let (mut x, mut scratch) = self.block(count)?;
+                for (i, &node) in loaded.iter().enumerate() {
+                    let at = 3 * fronts.inverse[node as usize] as usize;
+                    for axis in 0..3 {
+                        let from = &b.row(3 * i + axis)[first..][..count];
+                        let to = &mut x[(at + axis) * count..][..count];
+                        to.iter_mut().zip(from).for_each(|(to, from)| *to = T::of(*from));
+                    }
+                }
+                triangle.forward(&mut x, count, &mut scratch, up.iter().copied());
+                triangle.backward(&mut x, count, &mut scratch, down.iter().rev().copied());
+                progress.advance(count as u64);
+                Ok(x)
+            })
+            .collect::<Result<Vec<Vec<T>>, SolveError>>()?;
+        let mut x = NodeFields::zeros(asked.len(), b.columns);
+        let row = 3 * b.columns.max(1);
+        x.data.par_chunks_mut(row).zip(asked).with_min_len(256).for_each(|(out, &node)| {
+            let at = 3 * fronts.inverse[node as usize] as usize;
+            for (k, out) in out.chunks_mut(b.columns).enumerate() {
+                for (block, out) in blocks.iter().zip(out.chunks_mut(width)) {
+                    let from = &block[(at + k) * out.len()..][..out.len()];
+                    out.iter_mut().zip(from).for_each(|(out, from)| *out = from.to_f64());
+                }
+            }
+        });
+        Ok(x)
+    }
+
+    /// See [`super::Factor::inverse_block`]. Columns in the order of elimination need, of the symmetric matrix, only rows
+    /// that are eliminated later: the solves stop there.
+    pub(super) fn inverse_block(
+        &self,
+        nodes: &[u32],
+        take: &mut dyn FnMut(&InverseStrip<'_>),
+        progress: &dyn Progress,
+    ) -> Result<(), SolveError> {
+        let fronts = &self.analysis.fronts;
+        let triangle = Triangle { fronts, values: &self.values };
+        let position = |place: u32| fronts.inverse[nodes[place as usize] as usize] as usize;
+        let mut places: Vec<u32> = (0..nodes.len() as u32).collect();
+        places.sort_unstable_by_key(|&place| position(place));
+        let all = fronts.with_ancestors(nodes);
+        let width = STRIP_BYTES / (9 * size_of::<T>() * fronts.nodes().max(1));
+        let width = width.clamp(*STRIP_NODES.start(), *STRIP_NODES.end());
+        let strip = |first: usize| {
+            let (rows, columns) = (&places[first..], &places[first..places.len().min(first + width)]);
+            let count = 3 * columns.len();
+            let (mut x, mut scratch) = self.block(count)?;
+            for (i, &place) in columns.iter().enumerate() {
+                for axis in 0..3 {
+                    x[(3 * position(place) + axis) * count + 3 * i + axis] = T::of(1.0);
+                }
+            }
+            let own: Vec<u32> = columns.iter().map(|&place| nodes[place as usize]).collect();
+            let lowest = fronts.of_node(position(columns[0]));
+            let down = all.iter().rev().copied().take_while(|&s| s >= lowest);
+            triangle.forward(&mut x, count, &mut scratch, fronts.with_ancestors(&own).into_iter());
+            triangle.backward(&mut x, count, &mut scratch, down);
+            let mut values = vec![0.0; 3 * rows.len() * count];
+            for (i, &place) in rows.iter().enumerate() {
+                let node = &x[3 * position(place) * count..][..3 * count];
+                for (axis, row) in node.chunks_exact(count).enumerate() {
+                    for (column, value) in row.iter().enumerate() {
+                        values[column * 3 * rows.len() + 3 * i + axis] = value.to_f64();
+                    }
+                }
+            }
+            Ok::<_, SolveError>((rows, columns, values))
+        };
+        progress.begin("inverse at chosen nodes", nodes.len() as u64);
+        let firsts: Vec<usize> = (0..nodes.len()).step_by(width).collect();
+        for group in firsts.chunks(rayon::current_num_threads()) {
+            let strips: Result<Vec<_>, SolveError> =
+                group.par_iter().with_max_len(1).map(|&first| strip(first)).collect();
+            for (rows, columns, values) in strips? {
+                take(&InverseStrip { rows, columns, values: &values });
+                progress.advance(columns.len() as u64);
+            }
+        }
+        progress.end();
+        Ok(())
+    }
+
+    /// A block of so many columns, zero, and its scratch.
+    fn block(&self, columns: usize) -> Result<(Vec<T>, Vec<T>), SolveError> {
+        let fronts = &self.analysis.fronts;
+        let zeros = |count: usize| {
+            let mut numbers = Vec::new();
+            numbers.try_reserve_exact(count).map_err(|_full| {
+                let what = format!("a block of {columns} columns");
+                SolveError::Memory(machine::refused(what, (size_of::<T>() * count) as f64))
+            })?;
+            numbers.resize(count, T::of(0.0));
+            Ok::<_, SolveError>(numbers)
+        };
+        Ok((zeros(3 * fronts.nodes() * columns)?, zeros(scratch(fronts, columns))?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

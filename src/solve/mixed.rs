@@ -1,0 +1,215 @@
+//! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
+//!
+//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
+//! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end; then the
+//! factor is made in f64, and the user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
+
+use super::cholesky::Cholesky;
+use super::error::SolveError;
+use super::llt::{Analysis, Llt};
+use super::refinement::{conditioning, refined};
+use super::solver::{Factor, LinearSolver, Method, SolveResult, SolveStats};
+use crate::base::progress::{Progress, Silent};
+use crate::fem::{NodeFields, StiffnessMatrix};
+use std::sync::OnceLock;
+use std::time::Instant;
+
+pub const MIXED: Method = Method {
+    name: "mixed",
+    is_direct: true,
+    bounds_error: true,
+    remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
+             check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",
+    analyse: |_, a, progress| Ok(Box::new(Direct { analysis: Analysis::new(a, progress)? })),
+};
+
+/// Iterations after which the factor is called too inexact; three or four are usual.
+const MOST: usize = 25;
+/// Relative residual to which the recurrence goes, …
+const TOLERANCE: f64 = 5e-13;
+/// … and of what it lost by rounding, and of the solves of the estimates.
+const CORRECTION: f64 = 1e-3;
+
+/// All matrices of one graph.
+struct Direct {
+    analysis: Analysis,
+}
+
+impl LinearSolver for Direct {
+    fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        // The iteration's own fields beside the solves'.
+        self.analysis.memory::<f32>(a, columns) + 3.0 * 24.0 * (a.nodes() * columns) as f64
+    }
+
+    fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        self.analysis.fits::<f32>(a, columns)
+    }
+
+    fn factor<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        match Llt::new(a, &self.analysis, progress) {
+            Ok(llt) => Ok(Box::new(Mixed { a, analysis: &self.analysis, llt, exact: OnceLock::new() })),
+            Err(SolveError::NotPositiveDefinite { .. }) => {
+                progress.tell(
+                    "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
+                     factor is made in f64.",
+                );
+                Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// A with its factor.
+struct Mixed<'a> {
+    a: &'a StiffnessMatrix,
+    analysis: &'a Analysis,
+    llt: Llt<'a, f32>,
+    /// Once the iteration has failed.
+    exact: OnceLock<Cholesky<'a>>,
+}
+
+/// An iteration whose residual does not fall.
+struct Stagnant;
+
+impl Mixed<'_> {
+    /// Conjugate gradients from zero, all columns together, to a relative residual. Returns the iterations, too.
+    fn iterate(
+        &self,
+        b: &NodeFields,
+        tolerance: f64,
+    ) -> Result<Result<(NodeFields, usize), Stagnant>, SolveError> {
+        let columns = b.columns;
+        let goal: Vec<f64> = b.norms().iter().map(|norm| tolerance * norm).collect();
+        let mut x = NodeFields::zeros(b.nodes, columns);
+        let mut r = b.clone();
+        let mut p = NodeFields::zeros(b.nodes, columns);
+        let mut ap = NodeFields::zeros(b.nodes, columns);
+        let mut rz = vec![0.0; columns];
+        for iteration in 0..=MOST {
+            let norms = r.norms();
+            let is_active: Vec<bool> =
+                norms.iter().zip(&goal).map(|(norm, goal)| norm.is_nan() || norm > goal).collect();
+            if !is_active.contains(&true) {
+                return Ok(Ok((x, iteration)));
+            }
+            if norms.iter().any(|norm| !norm.is_finite()) {
+                break;
+            }
+            let z = self.llt.substitute(&r, &Silent)?;
+            let new_rz = r.dots(&z);
+            let beta: Vec<f64> =
+                new_rz.iter().zip(&rz).map(|(new, old)| if *old > 0.0 { new / old } else { 0.0 }).collect();
+            combine(&mut p, &beta, &z, &vec![1.0; columns]);
+            rz = new_rz;
+            self.a.multiply(&p, &mut ap);
+            let pap = p.dots(&ap);
+            let step = |c: usize| if is_active[c] && pap[c] > 0.0 { rz[c] / pap[c] } else { 0.0 };
+            let alpha: Vec<f64> = (0..columns).map(step).collect();
+            let minus: Vec<f64> = alpha.iter().map(|alpha| -alpha).collect();
+            combine(&mut x, &vec![1.0; columns], &p, &alpha);
+            combine(&mut r, &vec![1.0; columns], &ap, &minus);
+        }
+        Ok(Err(Stagnant))
+    }
+
+    /// A factor in f64, made when it is needed first.
+    fn exact(&self, progress: &dyn Progress) -> Result<&Cholesky<'_>, SolveError> {
+        if let Some(exact) = self.exact.get() {
+            return Ok(exact);
+        }
+        progress.tell(
+            "The stiffness matrix is too ill-conditioned for a factor in f32: another is made in f64. \
+             Write solver = { method = \"cholesky\" } to save the time and memory of the first.",
+        );
+        let made = Cholesky::new(self.a, self.analysis, progress)?;
+        Ok(self.exact.get_or_init(|| made))
+    }
+
+    /// The solution where the iteration ends, with true residuals.
+    fn converge(
+        &self,
+        b: &NodeFields,
+        progress: &dyn Progress,
+    ) -> Result<Option<(NodeFields, SolveStats)>, SolveError> {
+        progress.begin("solves", b.columns as u64);
+        let started = Instant::now();
+        let first = self.iterate(b, TOLERANCE)?;
+        progress.advance(b.columns as u64);
+        progress.end();
+        let Ok((x, iterations)) = first else { return Ok(None) };
+        // What the recurrence lost by rounding is found by further iterations for the true residual.
+        let inverse = |r: &NodeFields| {
+            Ok(self
+                .iterate(r, TOLERANCE)?
+                .map_or_else(|Stagnant| NodeFields::zeros(r.nodes, r.columns), |(d, _)| d))
+        };
+        let (x, relative) = match refined(self.a, x, b, &inverse) {
+            Err(SolveError::Factor { .. }) => return Ok(None),
+            other => other?,
+        };
+        let stats = SolveStats {
+            method: &MIXED,
+            unknowns: 3 * b.nodes,
+            columns: b.columns,
+            ordering_s: self.analysis.ordering_s,
+            symbolic_s: self.analysis.symbolic_s,
+            factor_s: self.llt.factor_s,
+            solve_s: started.elapsed().as_secs_f64(),
+            factor_entries: self.llt.entries(),
+            iterations,
+            residuals: relative,
+            conditioning: None,
+        };
+        Ok(Some((x, stats)))
+    }
+}
+
+impl Factor for Mixed<'_> {
+    fn nodes(&self) -> usize {
+        self.a.nodes()
+    }
+
+    /// One substitution in f32.
+    fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.llt.substitute(b, &Silent)
+    }
+
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
+        if self.exact.get().is_none()
+            && let Some(solved) = self.converge(b, progress)?
+        {
+            return Ok(solved);
+        }
+        self.exact(progress)?.solve(b, progress)
+    }
+
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
+        let (x, mut stats) = self.solve(b, progress)?;
+        if let Some(exact) = self.exact.get() {
+            stats.conditioning = Some(exact.judge(&x, b, progress)?);
+            return Ok((x, stats));
+        }
+        // An estimate needs few digits.
+        let inverse = |b: &NodeFields| match self.iterate(b, CORRECTION)? {
+            Ok((x, _)) => Ok(x),
+            Err(Stagnant) => self.llt.substitute(b, &Silent),
+        };
+        stats.conditioning = Some(conditioning(self.a, &x, b, &inverse, progress)?);
+        Ok((x, stats))
+    }
+}
+
+/// x ← s x + t y, column by column.
+fn combine(x: &mut NodeFields, s: &[f64], y: &NodeFields, t: &[f64]) {
+    let columns = s.len().max(1);
+    for (x, y) in x.data.chunks_exact_mut(columns).zip(y.data.chunks_exact(columns)) {
+        for c in 0..columns {
+            x[c] = s[c] * x[c] + t[c] * y[c];
+        }
+    }
+}
