@@ -59,8 +59,10 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         );
         return Err(wrong(scene, name, "updates.modulus", message));
     }
-    if body.updates.iter().any(|updates| !updates.modulus.is_empty()) && body.thermal.is_some() {
-        let message = "the forces of warmth grow with the modulus, and are not found again: leave modulus or thermal out";
+    let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
+    if changes_modulus && (required.has(LOADS) || required.has(COMPLIANCE)) {
+        let message = "a region's modulus is changed from its border, which does not know of forces inside: leave out modulus, \
+                       or the body's loads and surface_compliance; release goes with both";
         return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
     }
     Ok(required.and(Requirements::of(&[UPDATES])))
