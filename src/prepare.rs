@@ -62,8 +62,11 @@ fn loads_required(
         let message = "\"stress\" does not know the strain that warmth causes without stress: leave the effect or thermal out";
         return Err(wrong(scene, name, "effects", message.to_owned()));
     }
-    let families: Vec<_> =
-        [(loads, LOADS), (compliance, COMPLIANCE)].into_iter().filter(|(is, _)| *is).map(|(_, of)| of).collect();
+    let families: Vec<_> = [(loads, LOADS), (compliance, COMPLIANCE)]
+        .into_iter()
+        .filter(|(is, _)| *is)
+        .map(|(_, of)| of)
+        .collect();
     Ok(Requirements::of(&families))
 }
 

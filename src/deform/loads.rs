@@ -13,9 +13,7 @@
 //! force that brings it to its place, by the compliance of all held points together.
 
 use super::frames::{PoseSlope, axial};
-use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, Response, StateAge,
-};
+use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, Response, StateAge};
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::green::{
@@ -240,7 +238,8 @@ impl Loaded {
             corners(point).map(|(node, w)| Vector3::from(rest[node as usize]).cast::<f64>() * w).sum();
         // The affine groups stand first, those of loads behind all that models have.
         let width = |group: &crate::base::columns::ColumnGroup<'_>| group.columns(nodes).unwrap_or(0);
-        let starts = groups.iter().scan(0, |start, group| Some(std::mem::replace(start, *start + width(group))));
+        let starts =
+            groups.iter().scan(0, |start, group| Some(std::mem::replace(start, *start + width(group))));
         let (mut affine, mut loads) = (DMatrix::zeros(3, c.len()), DMatrix::zeros(3, lambda.len()));
         for (group, start) in groups.iter().zip(starts.collect::<Vec<_>>()) {
             let target = match start {
@@ -392,7 +391,8 @@ impl Loaded {
         }
         torque += axial(&moments);
         let mut work = &self.reaction * lambda;
-        let rigid = moments.trace() + (rotation * net).dot(shift) - rotation.matrix().dot(&moments.transpose());
+        let rigid =
+            moments.trace() + (rotation * net).dot(shift) - rotation.matrix().dot(&moments.transpose());
         let compliant = &self.compliance * lambda;
         let mut energy = -work.dot(c) - 0.5 * lambda.dot(&compliant) - rigid;
         for (((point, force), end), pull) in points.iter().zip(forces).zip(&ends).zip(&self.applied.points) {

@@ -52,8 +52,8 @@ pub use followed::FollowedTurn;
 pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 pub use helicoidal::Helicoidal;
-pub use loads::{AppliedLoads, PointLoad, PointResult, Pull, carries_loads, refusal as load_refusal};
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
+pub use loads::{AppliedLoads, PointLoad, PointResult, Pull, carries_loads, refusal as load_refusal};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, Response,
     StateAge,

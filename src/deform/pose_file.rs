@@ -172,7 +172,9 @@ pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLo
     let entries = body.loads();
     if let Some(unknown) = pose.load.keys().find(|key| entries.iter().all(|load| load.name != **key)) {
         return Err(wrong(match entries[..] {
-            [] => format!("load.{unknown}: the scene gives this body no load; add gravity or a [body.{name}.load.NAME]"),
+            [] => format!(
+                "load.{unknown}: the scene gives this body no load; add gravity or a [body.{name}.load.NAME]"
+            ),
             _ => config::unknown_name("load", unknown, entries.iter().map(|load| load.name)),
         }));
     }
@@ -180,7 +182,9 @@ pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLo
     for load in &entries {
         let columns = load.source.columns();
         match (pose.load.get(load.name).map(LoadValue::numbers), load.source) {
-            (Some(given), _) if given.len() != columns || given.iter().any(|x| x.is_nan() || x.abs() > LARGEST) => {
+            (Some(given), _)
+                if given.len() != columns || given.iter().any(|x| x.is_nan() || x.abs() > LARGEST) =>
+            {
                 let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
                 return Err(wrong(format!("load.{}: {what} are needed, up to {LARGEST:e}", load.name)));
             }
@@ -235,14 +239,16 @@ impl PoseLoads {
                 (None, node) => {
                     let tag = node.unwrap_or(0);
                     let found = body.tags().iter().position(|known| *known == tag);
-                    let node = found.ok_or_else(|| wrong(format!("the surface has no node with tag {tag}")))?;
+                    let node =
+                        found.ok_or_else(|| wrong(format!("the surface has no node with tag {tag}")))?;
                     ([node as u32; 3], [1.0, 0.0, 0.0])
                 }
             };
             let is_held = |(node, weight): (&u32, &f64)| *weight > 1e-12 && !takes.contains(node);
             if nodes.iter().zip(&weights).any(is_held) {
                 return Err(wrong(
-                    "its place is not among the nodes of surface_compliance, or belongs to a control element".to_owned(),
+                    "its place is not among the nodes of surface_compliance, or belongs to a control element"
+                        .to_owned(),
                 ));
             }
             Ok(PointLoad { nodes, weights, pull: Pull::Force(Vector3::from(asked.force)) })

@@ -7,8 +7,8 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file::{self, Pose, PoseLoads};
 use crate::deform::{
-    AppliedLoads, ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench, find_model,
-    model_of,
+    AppliedLoads, ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench,
+    find_model, model_of,
 };
 use crate::effect::stress::{NAME as STRESS, StressedBody};
 use crate::green::{
@@ -310,9 +310,8 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
         let columns = loads.into_iter().flat_map(|fields| (0..fields.ncols()).map(move |k| fields[(row, k)]));
         columns.zip(&asked.loads.coefficients).map(|(u, c)| u * c).sum::<f64>()
     };
-    let value = |row: usize| {
-        solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>() + loaded(row)
-    };
+    let value =
+        |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>() + loaded(row);
     PoseResult {
         pose: asked.pose.to_owned(),
         body: name.to_owned(),
@@ -334,7 +333,9 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
     if let (Some(reaction), Some(compliance)) = (tables.get(REACTION), tables.get(LOAD_COMPLIANCE)) {
         let lambda = DVector::from_column_slice(&asked.loads.coefficients);
         let work = reaction * &lambda;
-        for ((slope, pose), h) in slopes.iter_mut().zip(&asked.control).zip(work.as_slice().chunks_exact(FIELDS)) {
+        for ((slope, pose), h) in
+            slopes.iter_mut().zip(&asked.control).zip(work.as_slice().chunks_exact(FIELDS))
+        {
             slope.translation -= Vector3::new(h[0], h[1], h[2]);
             slope.matrix -= Matrix3::from_row_slice(&h[3..]);
             energy -= pose.coefficients().iter().zip(h).map(|(c, h)| c * h).sum::<f64>();

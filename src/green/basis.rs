@@ -126,7 +126,8 @@ pub fn solve_prepared(
         None => Ok(NodeFields::zeros(b.nodes, b.columns)),
     };
     let (k, partition, factor) = (&k, &partition, factor.as_deref());
-    let assembled = Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
+    let assembled =
+        Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
     for entry in families {
         if let Some(compute) = entry.compute {
             compute(&assembled, &mut solution, progress)?;

@@ -35,8 +35,9 @@ pub use basis::{precompute, refuse, solve, solve_prepared};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
-    SUBSTRUCTURES, TORQUES, VOLUME, Volume, Yield, compliance_size,
+    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
+    PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
+    TORQUES, VOLUME, Volume, Yield, compliance_size,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

@@ -210,11 +210,7 @@ impl Body {
     pub fn loads(&self) -> Vec<LoadEntry<'_>> {
         let mut all = Vec::new();
         if let Some(acceleration) = self.gravity.and_then(Gravity::in_room) {
-            all.push(LoadEntry {
-                name: GRAVITY,
-                source: LoadSource::Gravity,
-                start: acceleration.to_vec(),
-            });
+            all.push(LoadEntry { name: GRAVITY, source: LoadSource::Gravity, start: acceleration.to_vec() });
         }
         if let Some(centrifugal) = &self.centrifugal {
             let source = LoadSource::Centrifugal(centrifugal);
@@ -226,8 +222,7 @@ impl Body {
         }
         for (name, load) in &self.load {
             let source = LoadSource::Pattern(load);
-            let start =
-                load.value.map_or(vec![0.0; source.columns()], |value| value.numbers().to_vec());
+            let start = load.value.map_or(vec![0.0; source.columns()], |value| value.numbers().to_vec());
             all.push(LoadEntry { name, source, start });
         }
         all
@@ -255,7 +250,8 @@ pub(super) fn check(body: &Body) -> Result<(), (String, String)> {
     if let Some(Centrifugal { axis, point, speed }) = &body.centrifugal
         && !(is_axis(axis) && finite(point) && finite(&[*speed]))
     {
-        let message = "axis must be a direction that is not zero, point three numbers (m), speed a number (rad/s)";
+        let message =
+            "axis must be a direction that is not zero, point three numbers (m), speed a number (rad/s)";
         return wrong(CENTRIFUGAL, message.to_owned());
     }
     if (acceleration.is_some() || body.centrifugal.is_some())
@@ -365,8 +361,14 @@ mod tests {
             (pattern("kind = \"shift\", value = 1.0"), "the value of a shift is three finite numbers"),
             (pattern("kind = \"twist\", value = [1, 2, 3]"), "the value of a twist is one finite number"),
             (pattern("kind = \"twist\", axis = [0, 0, 0]"), "axis must be a direction"),
-            ("load.gravity = { nodes = { group = \"xmax\" }, kind = \"twist\" }".to_owned(), "body.a.load.gravity"),
-            ("surface_compliance = { nodes = \"inside\" }".to_owned(), "expected \"surface\", or a selection"),
+            (
+                "load.gravity = { nodes = { group = \"xmax\" }, kind = \"twist\" }".to_owned(),
+                "body.a.load.gravity",
+            ),
+            (
+                "surface_compliance = { nodes = \"inside\" }".to_owned(),
+                "expected \"surface\", or a selection",
+            ),
         ] {
             let error = scene(&keys).unwrap_err();
             assert!(error.starts_with("any.toml") && error.contains(expected), "{keys}: {error}");

@@ -20,8 +20,8 @@ pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue, SurfaceCompliance,
-    SurfaceNodes, THERMAL, Take, Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
+    SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
 pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;

@@ -141,7 +141,10 @@ fn taken(
     let is_free = |node: &u32| body.takes_forces.contains(node);
     let shares = point.corners.iter().zip(point.weights);
     let mut weights = [0.0; 3];
-    weights.iter_mut().zip(shares).for_each(|(w, (node, share))| *w = if is_free(node) { share } else { 0.0 });
+    weights
+        .iter_mut()
+        .zip(shares)
+        .for_each(|(w, (node, share))| *w = if is_free(node) { share } else { 0.0 });
     let sum: f64 = weights.iter().sum();
     if sum <= 1e-6 {
         return None;

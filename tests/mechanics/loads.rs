@@ -118,14 +118,19 @@ fn warmth_expands_a_free_body_without_force_and_presses_a_clamped_one() {
         // σ = -E α ΔT on the ends, held across too: the whole end pushes with E A e for ν = 0.
         let force = body.wrenches().unwrap().0[1].force;
         let exact = -1e6 * 0.04 * strain;
-        assert!((force.x / exact - 1.0).abs() < 1e-6 && force.yz().norm() < 1e-6, "{element}: {force} {exact}");
+        assert!(
+            (force.x / exact - 1.0).abs() < 1e-6 && force.yz().norm() < 1e-6,
+            "{element}: {force} {exact}"
+        );
     }
 }
 
 /// Pulled by 1 N an end goes EA/L⁻¹; three shifts do what the pull does along their own axis.
 #[test]
 fn a_stretched_bar_has_the_stiffness_of_the_book() {
-    let pattern = |name: &str, kind: &str| format!("load.{name} = {{ nodes = {{ group = \"xmax\" }}, kind = \"{kind}\" }}\n");
+    let pattern = |name: &str, kind: &str| {
+        format!("load.{name} = {{ nodes = {{ group = \"xmax\" }}, kind = \"{kind}\" }}\n")
+    };
     let keys = pattern("pull", "stretch") + &pattern("aside", "shift");
     let solution = solved(&bar("tet4", &keys, &["xmin"]));
     let u = &solution.tables[LOAD_FIELDS];
@@ -219,10 +224,8 @@ fn a_point_force_does_what_a_fresh_solve_says() {
     let mut rhs = NodeFields::zeros(partition.free.len(), 1);
     (0..3).for_each(|axis| rhs.row_mut(3 * place(one) + axis)[0] = force[axis]);
     let (x, _) = factor.solve(&rhs, &Silent).unwrap();
-    let exact: Vec<(u32, V3)> = takes
-        .iter()
-        .map(|&node| (node, V3::from_fn(|axis, _| x.row(3 * place(node) + axis)[0])))
-        .collect();
+    let exact: Vec<(u32, V3)> =
+        takes.iter().map(|&node| (node, V3::from_fn(|axis, _| x.row(3 * place(node) + axis)[0]))).collect();
     let largest = exact.iter().map(|(_, u)| u.norm()).fold(0.0, f64::max);
     body.apply(&applied(&[], vec![push(one, force)]));
     body.evaluate(&[ControlPose::REST; 2]);
@@ -357,7 +360,9 @@ fn held_points_are_where_they_are_held() {
             .nodes
             .iter()
             .zip(point.weights)
-            .map(|(&n, w)| (Vector3::from(body.rest()[n as usize]).cast::<f64>() + body.displacement(n as usize)) * w)
+            .map(|(&n, w)| {
+                (Vector3::from(body.rest()[n as usize]).cast::<f64>() + body.displacement(n as usize)) * w
+            })
             .sum();
         assert!((told.place - places[i]).norm() < 1e-7, "{} {}", told.place, places[i]);
         assert!((shown - places[i]).norm() < 2e-6, "{shown} {}", places[i]);

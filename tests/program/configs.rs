@@ -72,7 +72,10 @@ fn stages() {
 
 #[test]
 fn scripts() {
-    holds("scripts", &["bend.toml", "models.toml", "pull.toml", "raise.toml", "stylus.toml", "two-hands.toml"]);
+    holds(
+        "scripts",
+        &["bend.toml", "models.toml", "pull.toml", "raise.toml", "stylus.toml", "two-hands.toml"],
+    );
     let script = Script::load(&config("scripts/bend.toml")).unwrap();
     assert_eq!(script.duration_s, 4.0);
     let stage = Stage::find("workbench").unwrap();
@@ -211,7 +214,16 @@ fn the_steel_bar_yields_where_beam_theory_says() {
 fn scenes() {
     holds(
         "scenes",
-        &["bar.toml", "bear.toml", "ghosts.toml", "hose.toml", "models.toml", "steel-bar.toml", "stylus.toml", "tube.toml"],
+        &[
+            "bar.toml",
+            "bear.toml",
+            "ghosts.toml",
+            "hose.toml",
+            "models.toml",
+            "steel-bar.toml",
+            "stylus.toml",
+            "tube.toml",
+        ],
     );
     let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
     let body = &scene.body["tube"];

@@ -171,7 +171,9 @@ fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
     };
     let needs_axis = !matches!(pattern.kind, LoadKind::Shift | LoadKind::Pressure);
     if needs_axis && pattern.axis.is_none() && area.normal.norm() < 1e-3 * area.size {
-        return Err("the normals of its faces cancel, so that they have no mean: give axis = [x, y, z]".to_owned());
+        return Err(
+            "the normals of its faces cancel, so that they have no mean: give axis = [x, y, z]".to_owned()
+        );
     }
     let spread = |direction: V3| traction(mesh, &faces, &|_, _| direction / area.size);
     Ok(match pattern.kind {
@@ -183,7 +185,10 @@ fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
             let arms = around.iter().zip(&mesh.nodes);
             let torque: f64 = arms.map(|(force, x)| (x - area.middle).cross(force).dot(&axis)).sum();
             if torque <= f64::MIN_POSITIVE {
-                return Err("its faces lie along its axis, so that nothing can be twisted: give another axis".to_owned());
+                return Err(
+                    "its faces lie along its axis, so that nothing can be twisted: give another axis"
+                        .to_owned(),
+                );
             }
             vec![around.into_iter().map(|force| force / torque).collect()]
         }
