@@ -15,7 +15,7 @@ mod table;
 mod volume;
 
 pub use affine::AFFINE;
-pub use compliance::{COMPLIANCE, Compliance, SurfaceInverse, Yield, compliance_size};
+pub use compliance::{COMPLIANCE, Compliance, Yield, compliance_size};
 pub use cubic::CUBIC;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
