@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
     let requirements = |scene: &Scene| -> Requirements {
-        prepare::requirements(scene, &name, &scene.body[&name]).unwrap_or_default()
+        prepare::requirements(scene, &name, &scene.body[&name].unloaded()).unwrap_or_default()
     };
     prepare::measured_requirements(&scene, &name, &scene.body[&name])?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;

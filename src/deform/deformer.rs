@@ -6,9 +6,10 @@
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
-use super::loads::{self, AppliedLoads, Loaded, PointResult, SharedLoads, carries_loads, refusal};
+use super::loads::{self, AppliedLoads, Loaded, SharedLoads, carries_loads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, PointResult, Response,
+    StateAge,
 };
 use super::models::{find_model, make_model};
 use super::normals::vertex_normals;

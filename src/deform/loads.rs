@@ -13,7 +13,9 @@
 //! force that brings it to its place, by the compliance of all held points together.
 
 use super::frames::{PoseSlope, axial};
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, Response, StateAge};
+use super::model::{
+    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, PointResult, Response, StateAge,
+};
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::green::{
@@ -71,15 +73,6 @@ pub enum Pull {
         place: V3,
         spring: Option<f64>,
     },
-}
-
-/// What a point load came to, in the body's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointResult {
-    /// Where the point is, m about the body's centre.
-    pub place: V3,
-    /// On the body, N.
-    pub force: V3,
 }
 
 /// Loads that a body's models share: set by frames, read by force loops.

@@ -1,7 +1,6 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
 use super::frames::PoseSlope;
-use super::loads::PointResult;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
@@ -138,6 +137,15 @@ pub enum Kind {
     Online(MakeModel),
     /// As static equilibrium under a law, found in the background; by [`super::Statics`] in a batch.
     Background(&'static Law),
+}
+
+/// What a force at a single point came to, in the body's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointResult {
+    /// Where the point is, m about the body's centre.
+    pub place: Vector3<f64>,
+    /// On the body, N.
+    pub force: Vector3<f64>,
 }
 
 /// How old a state is that was computed in the background.

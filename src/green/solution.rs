@@ -1,7 +1,6 @@
 //! What was computed of one body: its f64 solution, and what of it goes into the .green file.
 
 use super::control::ControlElement;
-use super::families::SurfaceInverse;
 use super::file::LoadMeta;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -62,6 +61,17 @@ impl Solution {
             + stats.solve_s
             + conditioning
     }
+}
+
+/// How the surface yields to forces at its nodes, as the family `compliance` lays it out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceInverse {
+    /// How many nodes take forces.
+    pub nodes: usize,
+    /// Indices into the surface's nodes.
+    pub order: Vec<u32>,
+    /// f32, little-endian.
+    pub bytes: Vec<u8>,
 }
 
 /// What goes into the .green file for one body.

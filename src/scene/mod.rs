@@ -4,6 +4,7 @@
 //! Models and effects stay names here, because their entries live in rooms above this one: `deform` and `effect` check them.
 
 mod accuracy_target;
+mod body_loads;
 pub mod built_in;
 pub mod file_kind;
 mod limit;
@@ -428,7 +429,7 @@ impl Scene {
             parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }
         check_target(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
-        loads::check(body).map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
+        body.check_loads().map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
         if body.control.is_empty() {
             return Err(self.invalid(
                 &entity,

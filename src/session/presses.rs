@@ -22,7 +22,8 @@ impl ScriptPresses {
             let was_pressed = std::mem::replace(&mut self.pressed[i], stylus.pressed);
             let begins = stylus.pressed && !was_pressed;
             let hands = &world.graph.get(world.fields.hands).hands;
-            if !begins || self.told[i] || hands.grip(i).is_some() || world.bodies.is_empty() {
+            let takes = hands.grip(i).is_some() || world.touched(i).is_some();
+            if !begins || self.told[i] || takes || world.bodies.is_empty() {
                 continue;
             }
             self.told[i] = true;

@@ -304,7 +304,7 @@ impl Script {
 
         for (name, value) in &key.load {
             let who = format!("load `{name}`");
-            if !(value.abs() <= LARGEST_LOAD) {
+            if value.is_nan() || value.abs() > LARGEST_LOAD {
                 return Err(KeyFrameFault::Load { who, value: *value });
             }
             if is_first {

@@ -238,7 +238,9 @@ fn measure(
         largest_key: format!("body.{name}.{}.largest", demand.key()),
         quick: true,
         packs: false,
-        requirements_of: &|scene| prepare::requirements(scene, name, &scene.body[name]).unwrap_or_default(),
+        requirements_of: &|scene| {
+            prepare::requirements(scene, name, &scene.body[name].unloaded()).unwrap_or_default()
+        },
         command: String::new(),
         scratch: scratch.path(),
         keep: None,

@@ -300,7 +300,7 @@ impl Fields {
             "touch",
             (taking, styli, self.hands, last),
             move |bodies: &mut Bodies, (taking, styli, hands, last): SeenByTouches<'_>| {
-                last.step(*taking, styli.iter(), hands, bodies)
+                last.step(*taking, styli.iter(), &hands.hands, bodies)
             },
         )
     }

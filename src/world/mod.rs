@@ -19,6 +19,7 @@ pub mod ruler;
 pub mod state_hash;
 pub mod times;
 pub mod touch;
+pub mod touching;
 pub mod turn_limits;
 pub mod wrench_error;
 

@@ -17,6 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 mod elsewhere;
+mod touch;
 mod tracked;
 
 const SCENE: &str = r#"

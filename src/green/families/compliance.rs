@@ -15,7 +15,7 @@ use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
 use super::super::numbers::{LARGEST, numbers};
 use super::super::requirements::Family;
-use super::super::solution::{Precomputed, Solution};
+use super::super::solution::{Precomputed, Solution, SurfaceInverse};
 use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use crate::base::machine;
@@ -73,17 +73,6 @@ impl Layout {
         let first = BLOCK * block;
         self.start(block) + (3 * (i - first) + axis) * 3 * (self.m - first) + 3 * (j - first)
     }
-}
-
-/// What was solved of a body.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SurfaceInverse {
-    /// How many nodes take forces.
-    pub nodes: usize,
-    /// Indices into the surface's nodes.
-    order: Vec<u32>,
-    /// f32, little-endian.
-    bytes: Vec<u8>,
 }
 
 /// The free nodes of the surface, with those in front that are selected, and how many these are.

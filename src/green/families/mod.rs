@@ -17,7 +17,7 @@ mod volume;
 
 pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
-pub use compliance::{COMPLIANCE, Compliance, SurfaceInverse, Yield, compliance_size};
+pub use compliance::{COMPLIANCE, Compliance, Yield, compliance_size};
 pub use cubic::CUBIC;
 pub(super) use loads::load_tensors;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};

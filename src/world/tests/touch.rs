@@ -1,0 +1,129 @@
+//! Points of a surface in the hand, and loads that are set.
+
+use super::*;
+use crate::interact::Taking;
+
+const LOADED: &str = "[body.b]\n\
+    generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }\n\
+    material = { young = 1e5, poisson = 0.3, density = 1000 }\n\
+    model = \"rotation\"\n\
+    gravity = true\n\
+    surface_compliance = { nodes = \"surface\", take = \"place\" }\n\
+    load.press = { nodes = { group = \"ymax\" }, kind = \"pressure\" }\n\
+    [body.b.control]\n\
+    low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+    high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+
+fn loaded(name: &str) -> World {
+    let folder = std::env::temp_dir().join(format!("greenstage-touch-{name}-{}", std::process::id()));
+    let scene = Scene::parse(LOADED, Path::new("scene.toml")).unwrap();
+    let path = folder.join("scene.green");
+    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    std::fs::remove_dir_all(&folder).unwrap();
+    World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap()
+}
+
+/// A ray from above onto the place (x, y, 0) of the block, shifted by `up` of the block's metres.
+fn above(world: &World, x: f64, up: f64, pressed: bool) -> TrackerState {
+    let room = world.bodies[0].home;
+    let (from, to) = (room * Point3::new(x, 2.0 + up, 0.1), room * Point3::new(x, up, 0.1));
+    let rotation = rotation_towards(&(to - from), 0.0).unwrap();
+    let room_from_stylus = Isometry3::from_parts(Translation3::from(from.coords), rotation).cast();
+    let stylus = StylusState { room_from_stylus, pressed, ..Default::default() };
+    TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
+}
+
+fn positions(world: &World) -> Vec<[f32; 3]> {
+    world.bodies[0].deformer.positions().into_owned()
+}
+
+#[test]
+fn a_held_point_follows_the_hand_and_goes_back() {
+    let mut world = loaded("held");
+    world.step(&above(&world, 0.3, 0.0, false));
+    let before = positions(&world);
+    world.step(&above(&world, 0.3, 0.0, true));
+    let scale = world.bodies[0].room_from_body.scaling();
+    for up in [0.05, 0.2, -0.1] {
+        world.step(&above(&world, 0.3, up, true));
+        let (touch, place) = world.touched(0).unwrap();
+        let off = (place - touch.place_in_room).norm();
+        assert!(off < 1e-6 * scale, "{off} m");
+        assert!(world.plates.len() == 1 && world.balls.len() == 1);
+    }
+    assert_eq!(world.arrows.len(), 1, "the body pulls the hand");
+    let pulled = positions(&world);
+    assert_ne!(pulled, before);
+    world.step(&above(&world, 0.3, 0.0, false));
+    assert!(world.touched(0).is_none() && world.plates.is_empty());
+    let back = positions(&world);
+    let off = back.as_flattened().iter().zip(before.as_flattened()).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f32::max) < 1e-6);
+}
+
+/// A spring as stiff as the point itself brings it half way; a control element is taken before the surface behind it.
+#[test]
+fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
+    let mut world = loaded("spring");
+    world.act(Action::SetTaking(Taking::Force));
+    world.step(&above(&world, 0.0, 0.0, false));
+    world.step(&above(&world, 0.0, 0.0, true));
+    let scale = world.bodies[0].room_from_body.scaling();
+    let start = world.touched(0).unwrap().1;
+    world.step(&above(&world, 0.0, 0.2, true));
+    let moved = (world.touched(0).unwrap().1 - start).norm() / scale;
+    assert!((0.06..0.14).contains(&moved), "{moved} m of 0.2 m");
+    world.act(Action::LetGo);
+    world.step(&above(&world, 0.0, 0.2, false));
+    world.act(Action::SetTaking(Taking::Elements));
+    world.step(&above(&world, 0.0, 0.0, true));
+    assert!(world.touched(0).is_none());
+}
+
+#[test]
+fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
+    let mut world = loaded("load");
+    world.step(&above(&world, 0.0, 1.0, false));
+    let before = positions(&world);
+    let (body, column) = world.load_named("b.press").unwrap();
+    assert_eq!((body, column, world.load_named("press")), (0, 3, Some((0, 3))));
+    assert_eq!(world.load_named("pull"), None);
+    world.act(Action::SetLoad { body, column, value: 3000.0 });
+    world.act(Action::SetLoad { body: 9, column: 9, value: 1.0 });
+    world.step(&above(&world, 0.0, 1.0, false));
+    assert_ne!(positions(&world), before);
+    world.reset();
+    assert_eq!((world.load(0, 3), positions(&world)), (Some(0.0), before));
+}
+
+/// Gravity stays downward in the room: a body that is turned by half a turn about its length sags the other way in its own frame.
+#[test]
+fn gravity_stays_in_the_room() {
+    let mut world = loaded("gravity");
+    world.step(&above(&world, 0.0, 1.0, false));
+    let c = world.bodies[0].deformer.state.coefficients.clone();
+    let gravity = &c[24..27];
+    let weight: f64 = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    assert!((weight - 9.80665).abs() < 1e-9 && c.len() == 28, "{c:?}");
+    let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(std::f64::consts::PI, 0.0, 0.0));
+    let turned = world.bodies[0].room_from_body * turn;
+    world.bodies[0].room_from_body = turned;
+    world.put(world.fields.bodies[0].place, super::super::flow::BodyPlace(turned));
+    world.evaluate();
+    let now = &world.bodies[0].deformer.state.coefficients[24..27];
+    assert!((gravity[1] + now[1]).abs() < 1e-9, "{gravity:?} {now:?}");
+}
+
+/// What a scene does not list is in no field, tensor or frame.
+#[test]
+fn a_scene_without_loads_has_nothing_of_them() {
+    let world = world("unloaded");
+    let body = &world.bodies[0];
+    assert!(world.fields.touch.is_none() && world.taking().is_none() && world.taking_words().is_empty());
+    assert!(world.fields.bodies[0].loads.is_none() && body.takes_forces.is_empty());
+    assert!(body.deformer.load_metas().is_empty() && !body.deformer.has_field());
+    assert_eq!(body.deformer.state.coefficients.len(), 24);
+    let names: Vec<&str> = world.graph.entries().iter().map(|field| field.name).collect();
+    assert!(names.iter().all(|name| !name.contains("load") && !name.contains("touch")), "{names:?}");
+}

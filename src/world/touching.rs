@@ -1,0 +1,117 @@
+//! Touched points in a world: what is shown of them, and the commands that set loads and what hands take.
+//!
+//! In: [`Touches`] of a frame. Out: a ball, an arrow and the newtons of each touched point; fields that are set.
+
+use super::body::PlacedBody;
+use super::frame::World;
+use super::touch::{Touch, Touches};
+use crate::base::plates::{Anchor, Plate};
+use crate::base::quantity::quantity;
+use crate::interact::{Taking, force_arrow};
+use crate::render::{Arrow, Ball};
+use nalgebra::Point3;
+
+/// Radius of the ball at a touched point and of its arrow's shaft, and the longest arrow, against the workspace's radius.
+const BALL: f64 = 0.018;
+const SHAFT: f64 = 0.012;
+const LONGEST: f64 = 0.6;
+/// Linear.
+const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
+
+impl World {
+    /// What hands take, where a body can be touched.
+    pub fn taking(&self) -> Option<Taking> {
+        self.fields.touch.as_ref().map(|touch| *self.graph.get(touch.taking))
+    }
+
+    /// For an overlay: what hands take beside control elements.
+    pub fn taking_words(&self) -> &'static str {
+        self.taking().map_or("", Taking::words)
+    }
+
+    /// What stylus `i` touches, and where that point is now.
+    pub fn touched(&self, i: usize) -> Option<(&Touch, Point3<f64>)> {
+        let touches = self.graph.get(self.fields.touch.as_ref()?.touches);
+        let touch = touches.of(i)?;
+        let before = (0..i).filter(|&j| touches.of(j).is_some_and(|other| other.body == touch.body)).count();
+        let body = &self.bodies[touch.body];
+        let result = body.deformer.point_results().get(before)?;
+        Some((touch, body.room_from_body * Point3::from(result.place)))
+    }
+
+    /// Shows every touched point: a ball, the force on the hand as an arrow, and its newtons.
+    pub(super) fn show_touches(&mut self) {
+        let Some(fields) = &self.fields.touch else { return };
+        let touches = self.graph.get(fields.touches).clone();
+        let radius_m = self.stage.workspace.radius_m;
+        let mut shown = vec![0; self.bodies.len()];
+        for touch in touches.all() {
+            let body = &self.bodies[touch.body];
+            let Some(result) = body.deformer.point_results().get(shown[touch.body]) else { continue };
+            shown[touch.body] += 1;
+            let place = body.room_from_body * Point3::from(result.place);
+            // The body pulls the hand back.
+            let force = -(body.room_from_body.isometry.rotation * result.force);
+            let radius = (BALL * radius_m) as f32;
+            self.balls.push(Ball { center: place.cast(), radius_m: radius, color: COLOR });
+            if let Some(arrow) = force_arrow(&place, &force, touch.full_n, LONGEST * radius_m) {
+                self.arrows.push(Arrow {
+                    from: arrow.from.cast(),
+                    along: arrow.along.cast(),
+                    radius_m: (SHAFT * radius_m) as f32,
+                    color: COLOR,
+                    through: true,
+                });
+            }
+            let newtons = quantity(force.norm(), "N");
+            let words = match touch.spring {
+                Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
+                None => format!("{newtons}, held in place"),
+            };
+            self.plates.push(Plate::of(Anchor::Place(place.into()), words));
+        }
+    }
+
+    /// The body that has the load of this name, as `tube.squeeze` or `squeeze`, and the load's first column.
+    pub fn load_named(&self, name: &str) -> Option<(usize, usize)> {
+        let of_body = |(b, body): (usize, &PlacedBody)| {
+            let own = name.strip_prefix(&format!("{}.", body.deformer.body)).unwrap_or(name);
+            let mut column = 0;
+            for meta in body.deformer.load_metas() {
+                if meta.name == own {
+                    return Some((b, column));
+                }
+                column += meta.columns;
+            }
+            None
+        };
+        self.bodies.iter().enumerate().find_map(of_body)
+    }
+
+    /// What a column of the loads of body `b` comes to.
+    pub fn load(&self, b: usize, column: usize) -> Option<f64> {
+        self.graph.get(self.fields.bodies.get(b)?.loads?).0.get(column).copied()
+    }
+
+    pub(super) fn set_load(&mut self, b: usize, column: usize, value: f64) {
+        let Some(field) = self.fields.bodies.get(b).and_then(|body| body.loads) else { return };
+        let mut loads = self.graph.get(field).clone();
+        if let Some(place) = loads.0.get_mut(column).filter(|_| value.is_finite()) {
+            *place = value;
+            self.put(field, loads);
+        }
+    }
+
+    pub(super) fn set_taking(&mut self, taking: Taking) {
+        if let Some(field) = self.fields.touch.as_ref().map(|touch| touch.taking) {
+            self.put(field, taking);
+        }
+    }
+
+    /// Every hand lets go of the point that it touches; a button that is down takes one again.
+    pub(super) fn let_go_of_points(&mut self) {
+        if let Some(field) = self.fields.touch.as_ref().map(|touch| touch.touches) {
+            self.graph.restore(field, Touches::default());
+        }
+    }
+}
