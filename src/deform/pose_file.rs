@@ -2,7 +2,7 @@
 
 use crate::base::failure::Failure;
 use crate::config;
-use crate::deform::{ControlPose, ControlPoses, Screw};
+use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, Screw};
 use crate::scene::Body;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -46,6 +46,67 @@ pub struct Affine {
     pub translation: [f64; 3],
     #[serde(default = "identity")]
     pub matrix: [[f64; 3]; 3],
+    /// Shifts and turns that are found, not given.
+    free: Option<Free>,
+    /// What pushes it where it is free, N and N·m, along the body's axes; alone they free it in every direction.
+    force: Option<[f64; 3]>,
+    moment: Option<[f64; 3]>,
+}
+
+/// A list of x, y, z, rx, ry, rz, `translation` and `rotation`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "Vec<String>")]
+struct Free([bool; 6]);
+
+impl TryFrom<Vec<String>> for Free {
+    type Error = String;
+
+    fn try_from(names: Vec<String>) -> Result<Free, String> {
+        let mut free = [false; 6];
+        for name in &names {
+            match (name.as_str(), COMPONENTS.iter().position(|known| known == name)) {
+                ("translation", _) => free[..3].fill(true),
+                ("rotation", _) => free[3..].fill(true),
+                (_, Some(place)) => free[place] = true,
+                _ => {
+                    let known = ["translation", "rotation"].into_iter().chain(COMPONENTS);
+                    return Err(config::unknown_name("free direction", name, known));
+                }
+            }
+        }
+        Ok(Free(free))
+    }
+}
+
+impl Affine {
+    /// In what the element is free; the error says what is given and free at once, or pushed and held.
+    fn freedom(&self) -> Result<Freedom, String> {
+        let pushed = self.force.is_some() || self.moment.is_some();
+        let free = self.free.map_or([pushed; 6], |free| free.0);
+        let (force, moment) = (self.force.unwrap_or_default(), self.moment.unwrap_or_default());
+        let load: [f64; 6] = std::array::from_fn(|k| if k < 3 { force[k] } else { moment[k - 3] });
+        for (k, name) in COMPONENTS.into_iter().enumerate() {
+            if load[k] != 0.0 && !free[k] {
+                let what = if k < 3 { "force" } else { "moment" };
+                return Err(format!(
+                    "a {what} pushes along {name}, in which it is held: add \"{name}\" to free, or leave the {what} out"
+                ));
+            }
+            if k < 3 && free[k] && self.translation[k] != 0.0 {
+                return Err(format!(
+                    "{name} is free, and its translation is found: leave {:e} out, or \"{name}\" out of free",
+                    self.translation[k]
+                ));
+            }
+        }
+        if !load.iter().all(|value| value.abs() <= LARGEST) {
+            return Err(format!("a force is not finite, or above {LARGEST:e}"));
+        }
+        if free[3..] == [true; 3] && self.matrix != identity() {
+            return Err("its rotation is free, and found: leave the matrix out".to_owned());
+        }
+        Ok(Freedom { free, load })
+    }
 }
 
 fn identity() -> [[f64; 3]; 3] {
@@ -131,6 +192,19 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
             Ok(pose)
         })
         .collect()
+}
+
+/// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.
+pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<Freedom>, Failure> {
+    let of = |control: &String| match pose.control.get(control) {
+        None => Ok(Freedom::default()),
+        Some(affine) => affine.freedom().map_err(|message| {
+            let (path, pose) = (path.display(), &pose.name);
+            Failure::wrong(format!("{path}: pose \"{pose}\": body.{name}: control {control}: {message}"))
+        }),
+    };
+    let found: Vec<Freedom> = body.control.keys().map(of).collect::<Result<_, _>>()?;
+    Ok(if found.iter().any(Freedom::is_any) { found } else { Vec::new() })
 }
 
 /// Which turn was taken, where two control elements of `body` are so far turned against each other that their matrices,
