@@ -1,30 +1,39 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
+use super::free_poses;
 use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
+use super::told::{Sureness, Told};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file::{self, Pose};
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench, find_model,
+    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Freedom, Kind, PoseSlope, Way, Wrench, find_model,
     model_of,
 };
+use crate::effect::expected::{self, NAME as EXPECTED};
 use crate::effect::stress::{NAME as STRESS, StressedBody};
 use crate::green::{self, GreenError, GreenFile, STIFFNESS, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
+use crate::world::wrench_error_of;
 use nalgebra::Vector3;
 use std::path::Path;
 use std::sync::Arc;
 
 /// A pose, and the body that it is for.
+#[derive(Clone)]
 pub struct Asked<'a> {
     pub pose: &'a str,
     pub body: &'a str,
     pub control: ControlPoses,
+    /// Those that the file gives, where some of them are found.
+    pub given: ControlPoses,
+    /// In what each control element is free; empty where none is.
+    pub freedom: Vec<Freedom>,
     /// Which of the poses asked for it goes on from; rest, where there is none.
     pub after: Option<usize>,
 }
@@ -43,10 +52,20 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
         let name = pose.body.as_deref().unwrap_or_default();
         return Err(wrong(crate::config::unknown_name("body", name, names())));
     };
+    let given = pose_file::control_poses(pose, body, &scene.body[body], path)?;
+    let freedom = pose_file::freedom(pose, body, &scene.body[body], path)?;
+    if !freedom.is_empty() && !has_forces(scene, body)? {
+        return Err(wrong(format!(
+            "a control element that is free is found by the forces of the body, and body.{body} has none: list \
+             effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
+        )));
+    }
     Ok(Asked {
         pose: &pose.name,
         body,
-        control: pose_file::control_poses(pose, body, &scene.body[body], path)?,
+        control: given.clone(),
+        given,
+        freedom,
         after: pose.goes_on_from,
     })
 }
@@ -55,9 +74,9 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
 ///
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
 /// in f64 instead.
-pub fn solve<'a>(
+pub fn solve(
     scene: &Scene,
-    asked: &'a [Asked<'a>],
+    asked: &[Asked<'_>],
     green: Option<&Path>,
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
@@ -67,10 +86,15 @@ pub fn solve<'a>(
         false => Some(prepare::green_file(&online, green)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
+    let asked = &free_poses::found(scene, asked, file.as_ref(), &mut set.missed)?[..];
     for (name, body) in &scene.body {
-        let own: Vec<&'a Asked<'a>> = asked.iter().filter(|asked| asked.body == *name).collect();
+        let is_missed = |asked: &Asked<'_>| {
+            set.missed.iter().any(|missed| missed.pose == asked.pose && missed.body == *name)
+        };
+        let own: Vec<&Asked<'_>> =
+            asked.iter().filter(|asked| asked.body == *name && !is_missed(asked)).collect();
         // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
-        let doubtful = |asked: &Asked| {
+        let doubtful = |asked: &Asked<'_>| {
             let doubt = pose_file::doubtful_turn(&asked.control, body);
             doubt.filter(|_| !takes_matrices(body) && asked.after.is_none())
         };
@@ -79,28 +103,60 @@ pub fn solve<'a>(
         }
         let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
             (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
-            (None, None) => volume_results(scene, name, body, &own)?,
+            (None, None) => volume_results(scene, name, body, &own, &mut set.missed)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
-                let pose = |asked: &&'a Asked<'a>| statics::PoseToSolve {
-                    name: asked.pose,
-                    control: &asked.control,
-                    after: asked.after.and_then(place),
-                };
-                let poses: Vec<_> = own.iter().map(pose).collect();
+                let pose = |asked| statics::PoseToSolve { asked, after: Asked::after(asked).and_then(place) };
+                let poses: Vec<_> = own.iter().copied().map(pose).collect();
                 let solved = statics::solve(scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
                 static_results(scene, name, solved, &own, &mut set.missed)?
             }
         };
         set.geometry.push(shape);
-        set.results.extend(found);
+        set.results.extend(found.into_iter().map(|result| told(scene, asked, result)));
     }
     let order = |result: &PoseResult| {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
     };
     set.results.sort_by_key(order);
     Ok((set, tables))
+}
+
+/// A result with where its control elements are, and by how much they were free.
+fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
+    let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
+        return result;
+    };
+    let mut told = result.told;
+    if told.control.is_empty() {
+        told.control.clone_from(&asked.control);
+    }
+    told.freedom.clone_from(&asked.freedom);
+    told.after = asked.after.map(|before| all[before].pose.to_owned());
+    if told.error == Sureness::default() {
+        told.error = Sureness::Unknown(why_unknown(&scene.body[&result.body]));
+    }
+    PoseResult { told, ..result }
+}
+
+/// Why a body's errors are not known at a pose.
+fn why_unknown(body: &Body) -> String {
+    let lists = body.effects.iter().any(|effect| effect == EXPECTED);
+    let is_static = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+    match (is_static, lists) {
+        (true, _) => "the equilibrium itself is exact; what the mesh adds is not measured: solve once more on half the cell, \
+                      or with element = \"tet10\""
+            .to_owned(),
+        (false, true) => "the pose is beyond those in which it was measured".to_owned(),
+        (false, false) => format!("list the effect \"{EXPECTED}\", which measures it while precomputing"),
+    }
+}
+
+impl Asked<'_> {
+    fn after(&self) -> Option<usize> {
+        self.after
+    }
 }
 
 /// What a run will read and give, known before anything is solved.
@@ -112,6 +168,8 @@ pub struct Outlook {
     pub has_stress: bool,
     /// Some body is shown from the .green file.
     pub needs_green: bool,
+    /// Some control element is free, and found.
+    pub has_found: bool,
 }
 
 /// Stress on the surface of a body that is solved over all nodes.
@@ -163,9 +221,14 @@ pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
         let is_static = prepare::law(scene, name, body)?.is_some();
         outlook.needs_green |= !is_static;
         outlook.has_stress |= lists_stress(body);
-        outlook.has_forces |= is_static || prepare::requirements(scene, name, body)?.has(STIFFNESS);
+        outlook.has_forces |= has_forces(scene, name)?;
     }
     Ok(outlook)
+}
+
+fn has_forces(scene: &Scene, name: &str) -> Result<bool, Failure> {
+    let body = &scene.body[name];
+    Ok(prepare::law(scene, name, body)?.is_some() || prepare::requirements(scene, name, body)?.has(STIFFNESS))
 }
 
 impl Outlook {
@@ -174,6 +237,7 @@ impl Outlook {
             Needs::Nothing => true,
             Needs::Forces => self.has_forces,
             Needs::Stress => self.has_stress,
+            Needs::Found => self.has_found,
         }
     }
 }
@@ -197,6 +261,7 @@ fn surface_results(
     let body = &scene.body[name];
     let stressed = lists_stress(body).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+    let expected = expected::read(file, name)?.filter(|errors| errors.model == body.model);
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
     let result = |(asked, standing): (&&Asked<'_>, _)| {
         let result = surface_result(asked, all, standing, body, &mut deformer);
@@ -205,7 +270,17 @@ fn surface_results(
             let nodes = stressed.at_nodes(&u);
             StressResult { reached: stressed.reached(&nodes), nodes }
         });
-        PoseResult { stress, ..result }
+        let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
+        let known = expected.as_ref().zip(wrenches.as_ref());
+        let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
+        let mut told = Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
+        if let Some(stressed) = stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond())) {
+            told.first_yield = free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
+            // Others may go on from this pose.
+            lead(asked, all, None, &mut deformer);
+            deformer.evaluate(&asked.control);
+        }
+        PoseResult { stress, told, ..result }
     };
     let found = own.iter().zip(before).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
@@ -216,7 +291,7 @@ fn surface_results(
 const STEPS: usize = 16;
 
 /// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
-fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
+pub(super) fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
     let Some(before) = asked.after.and_then(|before| all.get(before)) else {
         return body.forget();
     };
@@ -257,6 +332,7 @@ fn surface_result(
         displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
         stress: None,
+        told: Told::default(),
     }
 }
 
@@ -265,6 +341,7 @@ fn volume_results(
     name: &str,
     body: &Body,
     asked: &[&Asked<'_>],
+    missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     if !takes_matrices(body) {
         return Err(Failure::request(scene.invalid(
@@ -278,15 +355,38 @@ fn volume_results(
     }
     let held: Vec<&[u32]> = solution.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
-    let result = |asked: &&Asked<'_>| {
-        let result = volume_result(asked, name, body, &solution);
-        PoseResult {
-            stress: stressed.as_ref().map(|stressed| stressed.result(&result.displacement)),
-            ..result
-        }
-    };
-    let found = asked.iter().map(result).collect();
+    let mut found = Vec::new();
+    for asked in asked {
+        let asked = match found_in(asked, body, &solution) {
+            Ok(asked) => asked,
+            Err(why) => {
+                let (pose, body) = (asked.pose.to_owned(), name.to_owned());
+                missed.push(Missed { why: format!("pose \"{pose}\": body.{name}: {why}"), pose, body });
+                continue;
+            }
+        };
+        let result = volume_result(&asked, name, body, &solution);
+        let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement));
+        let told = Told { control: asked.control, ..Told::default() };
+        found.push(PoseResult { stress, told, ..result });
+    }
     Ok((Geometry::volume(name, &solution.mesh), found))
+}
+
+/// A pose with its free control elements found.
+fn found_in<'a>(asked: &Asked<'a>, body: &Body, solution: &Solution) -> Result<Asked<'a>, String> {
+    if asked.freedom.is_empty() {
+        return Ok(asked.clone());
+    }
+    let length = free_poses::size(solution.mesh.nodes.iter().copied());
+    let mut wrenches = |poses: &[ControlPose]| {
+        let at = Asked { control: poses.to_vec(), ..asked.clone() };
+        let found = volume_forces(&at, body, solution);
+        let found = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
+        Ok(found.controls.into_iter().map(|(_, wrench)| wrench).collect())
+    };
+    let control = free_poses::find(asked, None, (body, length), &mut wrenches)?;
+    Ok(Asked { control, ..asked.clone() })
 }
 
 fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
@@ -300,6 +400,7 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
             .collect(),
         wrenches: volume_forces(asked, body, solution),
         stress: None,
+        told: Told::default(),
     }
 }
 
@@ -323,13 +424,14 @@ fn static_results(
     let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solved.statics.mesh, &held)?;
     let mut found = Vec::new();
-    for (asked, settled) in asked.iter().zip(solved.settled) {
+    for ((asked, settled), control) in asked.iter().zip(solved.settled).zip(solved.control) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
+        let told = Told { control, ..Told::default() };
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
                 let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement));
-                found.push(PoseResult { pose, body: name, displacement, wrenches, stress });
+                found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }
             Err(why) => missed.push(Missed { pose, body: name, why }),
         }

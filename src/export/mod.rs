@@ -11,12 +11,14 @@ pub mod csv;
 pub mod exporter;
 pub mod exporters;
 pub mod files;
+mod free_poses;
 pub mod glb;
 pub mod ply;
 pub mod result_set;
 pub mod shape;
 pub mod statics;
 pub mod stl;
+pub mod told;
 pub mod vtu;
 
 pub use exporter::{Exporter, Spread};

@@ -1,5 +1,6 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
+use super::told::Told;
 use crate::deform::{Deformer, NodeStress, Wrench};
 use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
@@ -21,6 +22,8 @@ pub enum Needs {
     Nothing,
     Forces,
     Stress,
+    /// Poses of control elements that were found.
+    Found,
 }
 
 /// One body in one pose.
@@ -34,6 +37,7 @@ pub struct PoseResult {
     pub wrenches: Option<ControlForces>,
     /// Where the body lists the effect stress.
     pub stress: Option<StressResult>,
+    pub told: Told,
 }
 
 /// Stress and strain on the surface of a body.
@@ -95,6 +99,7 @@ impl ResultSet {
             Needs::Nothing => true,
             Needs::Forces => self.has_forces(),
             Needs::Stress => self.has_stress(),
+            Needs::Found => self.results.iter().any(|result| !result.told.freedom.is_empty()),
         }
     }
 
