@@ -2,9 +2,9 @@
 
 use super::print::print;
 use crate::base::failure::Failure;
-use crate::deform::pose_file;
-use crate::export::batch::{self, Asked};
-use crate::export::{Files, ResultSet};
+use crate::deform::pose_file::{self, Pose};
+use crate::export::batch::Outlook;
+use crate::export::{Asked, Files, ResultSet, ask, batch, pose_text};
 use crate::prepare;
 use crate::scene::Scene;
 use crate::tuning;
@@ -49,23 +49,24 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
     let files = Files::of(&args.output, &args.surface, names.into_iter().collect())?;
-    try_outputs(args, &files, &scene)?;
+    try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =
-        poses.iter().map(|pose| batch::ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
+        poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
-        print(&set.stress_lines())?;
+        print(&pose_text::of_set(&scene, &set))?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
 }
 
 /// Whether everything can be written, before anything is solved.
-fn try_outputs(args: &Args, files: &Files, scene: &Scene) -> Result<(), Failure> {
+fn try_outputs(args: &Args, files: &Files, scene: &Scene, has_found: bool) -> Result<(), Failure> {
     let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
     let outlook = batch::outlook(scene)?;
+    let outlook = Outlook { has_found, ..outlook };
     files.try_all(&inputs, &outlook)?;
     if outlook.needs_green && !args.all_nodes {
         prepare::try_green(scene, args.green.as_deref())

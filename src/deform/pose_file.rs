@@ -53,6 +53,14 @@ pub struct Affine {
     moment: Option<[f64; 3]>,
 }
 
+impl Pose {
+    /// Whether a control element is free in something, so that its pose is found.
+    pub fn finds(&self) -> bool {
+        let of = |affine: &Affine| affine.free.is_some() || affine.force.is_some() || affine.moment.is_some();
+        self.control.values().any(of)
+    }
+}
+
 /// A list of x, y, z, rx, ry, rz, `translation` and `rotation`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Vec<String>")]

@@ -1,20 +1,21 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
+use super::asked::{Asked, has_forces, lead};
 use super::free_poses;
 use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
 use super::told::{Sureness, Told};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::deform::pose_file::{self, Pose};
+use crate::deform::pose_file;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, Freedom, Kind, PoseSlope, Way, Wrench, find_model,
+    ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Wrench, find_model,
     model_of,
 };
 use crate::effect::expected::{self, NAME as EXPECTED};
 use crate::effect::stress::{NAME as STRESS, StressedBody};
-use crate::green::{self, GreenError, GreenFile, STIFFNESS, Solution};
+use crate::green::{self, GreenError, GreenFile, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
@@ -23,52 +24,6 @@ use crate::world::wrench_error_of;
 use nalgebra::Vector3;
 use std::path::Path;
 use std::sync::Arc;
-
-/// A pose, and the body that it is for.
-#[derive(Clone)]
-pub struct Asked<'a> {
-    pub pose: &'a str,
-    pub body: &'a str,
-    pub control: ControlPoses,
-    /// Those that the file gives, where some of them are found.
-    pub given: ControlPoses,
-    /// In what each control element is free; empty where none is.
-    pub freedom: Vec<Freedom>,
-    /// Which of the poses asked for it goes on from; rest, where there is none.
-    pub after: Option<usize>,
-}
-
-/// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
-pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
-    let names = || scene.body.keys().map(String::as_str);
-    let wrong =
-        |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
-    let body = match &pose.body {
-        None if scene.body.len() == 1 => names().next(),
-        None => return Err(wrong(format!("name its body: {}", names().collect::<Vec<_>>().join(", ")))),
-        Some(name) => names().find(|known| known == name),
-    };
-    let Some(body) = body else {
-        let name = pose.body.as_deref().unwrap_or_default();
-        return Err(wrong(crate::config::unknown_name("body", name, names())));
-    };
-    let given = pose_file::control_poses(pose, body, &scene.body[body], path)?;
-    let freedom = pose_file::freedom(pose, body, &scene.body[body], path)?;
-    if !freedom.is_empty() && !has_forces(scene, body)? {
-        return Err(wrong(format!(
-            "a control element that is free is found by the forces of the body, and body.{body} has none: list \
-             effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
-        )));
-    }
-    Ok(Asked {
-        pose: &pose.name,
-        body,
-        control: given.clone(),
-        given,
-        freedom,
-        after: pose.goes_on_from,
-    })
-}
 
 /// All bodies of a scene in the poses that are asked for, and a table of how the solves went, where there were some.
 ///
@@ -106,8 +61,10 @@ pub fn solve(
             (None, None) => volume_results(scene, name, body, &own, &mut set.missed)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
-                let pose = |asked| statics::PoseToSolve { asked, after: Asked::after(asked).and_then(place) };
-                let poses: Vec<_> = own.iter().copied().map(pose).collect();
+                let poses: Vec<_> = own
+                    .iter()
+                    .map(|asked| statics::PoseToSolve { asked, after: asked.after.and_then(place) })
+                    .collect();
                 let solved = statics::solve(scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
                 static_results(scene, name, solved, &own, &mut set.missed)?
@@ -132,6 +89,7 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     if told.control.is_empty() {
         told.control.clone_from(&asked.control);
     }
+    told.names = scene.body[&result.body].control.keys().cloned().collect();
     told.freedom.clone_from(&asked.freedom);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
@@ -150,12 +108,6 @@ fn why_unknown(body: &Body) -> String {
             .to_owned(),
         (false, true) => "the pose is beyond those in which it was measured".to_owned(),
         (false, false) => format!("list the effect \"{EXPECTED}\", which measures it while precomputing"),
-    }
-}
-
-impl Asked<'_> {
-    fn after(&self) -> Option<usize> {
-        self.after
     }
 }
 
@@ -226,11 +178,6 @@ pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
     Ok(outlook)
 }
 
-fn has_forces(scene: &Scene, name: &str) -> Result<bool, Failure> {
-    let body = &scene.body[name];
-    Ok(prepare::law(scene, name, body)?.is_some() || prepare::requirements(scene, name, body)?.has(STIFFNESS))
-}
-
 impl Outlook {
     pub fn has(&self, needs: Needs) -> bool {
         match needs {
@@ -284,28 +231,6 @@ fn surface_results(
     };
     let found = own.iter().zip(before).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
-}
-
-/// Steps in which a body is led from the pose that another goes on from to that one, so that a model that follows turns
-/// sees which way they go.
-const STEPS: usize = 16;
-
-/// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
-pub(super) fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
-    let Some(before) = asked.after.and_then(|before| all.get(before)) else {
-        return body.forget();
-    };
-    if !standing.is_some_and(|standing| std::ptr::eq(standing, before)) {
-        lead(before, all, None, body);
-        body.evaluate(&before.control);
-    }
-    let ways: Vec<Way> =
-        before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
-    for step in 1..STEPS {
-        let share = step as f64 / STEPS as f64;
-        let between: ControlPoses = ways.iter().map(|way| way.pose(share)).collect();
-        body.take(&between);
-    }
 }
 
 fn surface_result(
@@ -416,7 +341,7 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
 fn static_results(
     scene: &Scene,
     name: &str,
-    solved: statics::Solved,
+    mut solved: statics::Solved,
     asked: &[&Asked<'_>],
     missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
@@ -431,6 +356,12 @@ fn static_results(
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
                 let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement));
+                let mut told = told;
+                let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
+                if let Some(stressed) = stressed.as_ref().filter(|_| is_beyond) {
+                    let part = |u: &[Vector3<f64>]| Some(stressed.result(u).reached.limit?.0);
+                    told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &part);
+                }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }
             Err(why) => missed.push(Missed { pose, body: name, why }),

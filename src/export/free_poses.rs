@@ -1,15 +1,16 @@
 //! Poses of `deform` on their way from rest: those whose free control elements are found, and where a material first yields.
 
-use super::batch::{Asked, lead};
+use super::asked::{Asked, lead};
 use super::result_set::Missed;
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Way, Wrenches, find_model,
+    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench, Wrenches, find_model,
 };
 use crate::effect::stress::StressedBody;
 use crate::green::GreenFile;
 use crate::scene::{Body, Scene};
+use crate::solve::Silent;
 use crate::world::wrench_error_of;
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
@@ -57,7 +58,7 @@ pub(super) fn find(
 }
 
 /// Wrenches of a body that is shown from a .green file.
-fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<crate::deform::Wrench>, String> + 'a {
+fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
     |poses| {
         body.take(poses);
         let found = body.wrenches().map(|(wrenches, _)| wrenches);
@@ -116,9 +117,29 @@ pub(super) fn found<'a>(
     Ok(all)
 }
 
-/// So near its limit a material yields.
-const NEAR: f64 = 2e-3;
+/// So near its limit a material yields, of bodies that are quickly computed and of those that are solved anew.
+const NEAR: [f64; 2] = [2e-3, 1e-2];
 const TRIALS: usize = 12;
+
+/// A state on the way: the poses, and what part of a limit it reaches.
+type At = (ControlPoses, f64);
+
+/// The first share of the way at which a limit is reached: near rest stress grows as the way does, and from there the limit
+/// is approached.
+fn approach(near: f64, mut at: impl FnMut(f64) -> Option<At>) -> Option<(f64, ControlPoses)> {
+    let mut share = 1e-4;
+    for _ in 0..TRIALS {
+        let (poses, part) = at(share)?;
+        if (part - 1.0).abs() < near {
+            return Some((share, poses));
+        }
+        share = (share / part).min(1.0);
+        if !(share.is_finite() && share > 0.0) {
+            return None;
+        }
+    }
+    None
+}
 
 /// Where a body of the .green file first yields on its way from rest to a pose in which it has.
 pub(super) fn first_yield(
@@ -135,7 +156,7 @@ pub(super) fn first_yield(
     let way = |share: f64| way(&asked.given, None, linear, share);
     let mut search =
         (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
-    let mut at = |share: f64, deformer: &mut Deformer| -> Option<(ControlPoses, f64)> {
+    let (share, control) = approach(NEAR[0], |share| {
         deformer.forget();
         let poses = match &mut search {
             Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
@@ -143,24 +164,44 @@ pub(super) fn first_yield(
         };
         deformer.evaluate(&poses);
         let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
-        let part = stressed.reached(&stressed.at_nodes(&u)).limit?.0;
-        Some((poses, part))
-    };
-    // Near rest stress grows as the way does; from there the first yield is approached, not from beyond.
-    let mut share = 1e-6;
-    for _ in 0..TRIALS {
-        let (poses, part) = at(share, deformer)?;
-        if (part - 1.0).abs() < NEAR {
-            let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
-            let error = expected
-                .zip(wrenches.as_ref())
-                .and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches));
-            return Some(FirstYield { share, control: poses, wrenches, error });
-        }
-        share = (share / part).min(1.0);
-        if !(share.is_finite() && share > 0.0) {
-            return None;
-        }
+        Some((poses, stressed.reached(&stressed.at_nodes(&u)).limit?.0))
+    })?;
+    let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
+    let known = expected.zip(wrenches.as_ref());
+    let error = known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches));
+    Some(FirstYield { share, control, wrenches, error })
+}
+
+/// The same of a body that is solved anew for each pose; `part` of a limit is reached by displacements of all its nodes.
+pub(super) fn first_yield_of(
+    asked: &Asked<'_>,
+    body: &Body,
+    statics: &mut Statics,
+    part: &dyn Fn(&[Vector3<f64>]) -> Option<f64>,
+) -> Option<FirstYield> {
+    if asked.after.is_some() {
+        return None;
     }
-    None
+    let length = size(statics.mesh.nodes.iter().copied());
+    let way = |share: f64| way(&asked.given, None, is_linear(body), share);
+    let mut search =
+        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, is_linear(body), &way));
+    let mut wrenches = None;
+    let (share, control) = approach(NEAR[1], |share| {
+        let poses = match &mut search {
+            Some(search) => {
+                let mut of = |poses: &[ControlPose]| {
+                    let found = statics.solve(&poses.to_vec(), &Silent);
+                    Ok(found.map_err(|error| error.to_string())?.wrenches)
+                };
+                search.at(share, &mut of).ok()?
+            }
+            None => way(share),
+        };
+        let found = statics.solve(&poses, &Silent).ok()?;
+        let reached = part(&found.displacement)?;
+        wrenches = Some(found.wrenches);
+        Some((poses, reached))
+    })?;
+    Some(FirstYield { share, control, wrenches, error: None })
 }

@@ -1,6 +1,6 @@
 //! Bodies whose model is solved anew for every pose: the part of `greenstage deform` that needs no .green file.
 
-use super::batch::Asked;
+use super::asked::Asked;
 use super::free_poses;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;

@@ -7,6 +7,8 @@ use crate::world::WrenchError;
 /// Of one pose of one body.
 #[derive(Clone, Debug, Default)]
 pub struct Told {
+    /// Of the control elements, in the body's order.
+    pub names: Vec<String>,
     /// Every control element, in the body's order, those that were found too.
     pub control: ControlPoses,
     /// In what they are free; empty where all are held.
