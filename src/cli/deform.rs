@@ -41,6 +41,9 @@ pub struct Args {
     /// mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,
+    /// Draw every pose, into OUT.POSE.png: over its rest shape, with axes, a scale bar, the force and what holds it
+    #[arg(long)]
+    pub pictures: bool,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
@@ -48,7 +51,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let poses = pose_file::load(&args.poses)?;
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
-    let files = Files::of(&args.output, &args.surface, names.into_iter().collect())?;
+    let mut surfaces = args.surface.clone();
+    surfaces.extend(args.pictures.then(|| "png".to_owned()));
+    let files = Files::of(&args.output, &surfaces, names.into_iter().collect())?;
     try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =
@@ -57,7 +62,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
-        print(&pose_text::of_set(&scene, &set))?;
+        print(&pose_text::of_set(&set))?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
 }

@@ -89,6 +89,7 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     if told.control.is_empty() {
         told.control.clone_from(&asked.control);
     }
+    told.model.clone_from(&scene.body[&result.body].model);
     told.names = scene.body[&result.body].control.keys().cloned().collect();
     told.freedom.clone_from(&asked.freedom);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
@@ -221,6 +222,7 @@ fn surface_results(
         let known = expected.as_ref().zip(wrenches.as_ref());
         let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
         let mut told = Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
+        told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
         if let Some(stressed) = stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond())) {
             told.first_yield = free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
@@ -292,7 +294,8 @@ fn volume_results(
         };
         let result = volume_result(&asked, name, body, &solution);
         let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement));
-        let told = Told { control: asked.control, ..Told::default() };
+        let places = solution.controls.iter().map(|control| control.origin).collect();
+        let told = Told { control: asked.control, places, ..Told::default() };
         found.push(PoseResult { stress, told, ..result });
     }
     Ok((Geometry::volume(name, &solution.mesh), found))
@@ -351,7 +354,8 @@ fn static_results(
     let mut found = Vec::new();
     for ((asked, settled), control) in asked.iter().zip(solved.settled).zip(solved.control) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
-        let told = Told { control, ..Told::default() };
+        let places = solved.statics.controls.iter().map(|control| control.origin).collect();
+        let told = Told { control, places, ..Told::default() };
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));

@@ -20,6 +20,7 @@ pub mod result_set;
 pub mod shape;
 pub mod statics;
 pub mod stl;
+pub mod pose_picture;
 pub mod pose_text;
 pub mod told;
 pub mod vtu;

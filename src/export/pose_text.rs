@@ -7,32 +7,62 @@ use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
 use crate::fem::nearest_turn;
-use crate::scene::{Body, Scene};
 use nalgebra::Vector3;
 
 /// Above this error of the forces another model is named.
 const DOUBTFUL: f64 = 0.1;
 /// A control element is not far away until it is so many times the body's size.
 const FAR: f64 = 10.0;
-/// A moment counts beside a force from this part of force times size.
+/// A moment is told of from this part of that about where the element rested.
 const NOTICED: f64 = 0.02;
 
 /// All that is told, pose after pose.
-pub fn of_set(scene: &Scene, set: &ResultSet) -> String {
-    set.results.iter().map(|result| of_result(scene, set, result)).collect()
+pub fn of_set(set: &ResultSet) -> String {
+    set.results.iter().map(|result| of_result(set, result)).collect()
 }
 
-fn of_result(scene: &Scene, set: &ResultSet, result: &PoseResult) -> String {
-    let body = &scene.body[&result.body];
+fn of_result(set: &ResultSet, result: &PoseResult) -> String {
     let rest = set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
     let size = super::free_poses::size(rest.unwrap_or_default().iter().copied());
-    let heading = format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, body.model);
-    let mut lines = far(body, &result.told, size);
+    let heading = format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model);
+    let lines: String = sentences(result, Some(size)).into_iter().map(|line| format!("  {line}\n")).collect();
+    format!("{heading}{}{lines}", table(result).text())
+}
+
+/// What is to be said of a pose; what compares with the body's size where that is given.
+pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
+    let mut lines = size.map_or_else(Vec::new, |size| far(&result.told, size));
     lines.extend(stress(result));
-    lines.extend(what_holds(body, result, size));
-    lines.extend(sureness(body, result));
-    let lines: String = lines.into_iter().map(|line| format!("  {line}\n")).collect();
-    format!("{heading}{}{lines}", table(body, result).text())
+    lines.extend(what_holds(result));
+    lines.extend(sureness(result));
+    lines
+}
+
+/// Where each control element that is not at rest was moved, with the force and moment on it.
+pub fn moves(result: &PoseResult) -> Vec<String> {
+    let told = &result.told;
+    let mut lines = Vec::new();
+    for (e, (name, pose)) in told.names.iter().zip(&told.control).enumerate() {
+        if *pose == ControlPose::REST {
+            continue;
+        }
+        let turn = nearest_turn(&pose.matrix).angle().to_degrees();
+        let turned = if turn > 0.0005 { format!(", turned by {turn:.2}°") } else { String::new() };
+        let moved = quantity(pose.translation.norm(), "m");
+        let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
+        let force = wrench.map_or(String::new(), |(_, wrench)| {
+            let moment = wrench.about_the_place(pose).moment.norm();
+            format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
+        });
+        lines.push(format!("{name} moved by {moved}{turned}{force}"));
+    }
+    lines
+}
+
+/// `1.20 kN ± 80.0 N`.
+pub fn force(wrench: &Wrench, sure: &Sureness) -> String {
+    let by = plus_minus(sure.measured().map(|error| error.force), "N");
+    format!("{} {by}", quantity(wrench.force.norm(), "N")).trim_end().to_owned()
 }
 
 /// Numbers of a vector with one prefix, `(0, 0, 5.00) mm`.
@@ -52,11 +82,11 @@ fn plus_minus(value: Option<f64>, unit: &str) -> String {
     value.map_or(String::new(), |value| format!("± {}", quantity(value, unit)))
 }
 
-fn table(body: &Body, result: &PoseResult) -> Table {
+fn table(result: &PoseResult) -> Table {
     let error = result.told.error.measured();
     let heading: &[&str] = &["control", "moved by", "turned by", "force", "moment about its place"];
     let mut table = Table::new(heading);
-    for (e, name) in body.control.keys().enumerate() {
+    for (e, name) in result.told.names.iter().enumerate() {
         let Some(pose) = result.told.control.get(e) else { continue };
         let turn = nearest_turn(&pose.matrix).scaled_axis();
         let turned = format!("{:.3}°", turn.norm().to_degrees());
@@ -76,7 +106,7 @@ fn table(body: &Body, result: &PoseResult) -> Table {
 }
 
 /// What holds the control elements in directions that the pose did not speak of.
-fn what_holds(body: &Body, result: &PoseResult, size: f64) -> Vec<String> {
+fn what_holds(result: &PoseResult) -> Vec<String> {
     let Some(forces) = &result.wrenches else { return Vec::new() };
     let mut lines = Vec::new();
     for (e, (name, wrench)) in forces.controls.iter().enumerate() {
@@ -89,7 +119,7 @@ fn what_holds(body: &Body, result: &PoseResult, size: f64) -> Vec<String> {
             lines.push(format!("{name}: free in {}: {pushed} there, and its pose is found", found.join(", ")));
         }
         let is_turned = nearest_turn(&pose.matrix).angle() > 1e-9;
-        let holds = placed.moment.norm() > NOTICED * placed.force.norm() * size && placed.moment.norm() > 0.0;
+        let holds = placed.moment.norm() > NOTICED * wrench.moment.norm();
         let is_moved = *pose != ControlPose::REST;
         if is_moved && !is_turned && !freedom.free[3..].contains(&true) && holds && pose.translation.norm() > 0.0 {
             let moment = quantity(placed.moment.norm(), "N·m");
@@ -101,7 +131,7 @@ fn what_holds(body: &Body, result: &PoseResult, size: f64) -> Vec<String> {
             lines.push(format!("{name}: {along}"));
         }
     }
-    if body.control.len() == forces.controls.len() { lines } else { Vec::new() }
+    lines
 }
 
 /// A force across the way of an element, which it does not need in order to be moved.
@@ -125,9 +155,9 @@ fn slid(pose: &ControlPose, placed: &Wrench, free: &[bool; 6]) -> Option<String>
 }
 
 /// Whether the pose is of another size than the body.
-fn far(body: &Body, told: &Told, size: f64) -> Vec<String> {
+fn far(told: &Told, size: f64) -> Vec<String> {
     let mut lines = Vec::new();
-    for (name, pose) in body.control.keys().zip(&told.control) {
+    for (name, pose) in told.names.iter().zip(&told.control) {
         let times = pose.translation.norm() / size;
         if times > FAR {
             let (way, whole) = (quantity(pose.translation.norm(), "m"), quantity(size, "m"));
@@ -188,7 +218,7 @@ fn size_of(pose: &ControlPose) -> f64 {
 }
 
 /// How sure the forces are, and which model is surer.
-fn sureness(body: &Body, result: &PoseResult) -> Vec<String> {
+fn sureness(result: &PoseResult) -> Vec<String> {
     if result.wrenches.is_none() {
         return Vec::new();
     }
@@ -200,9 +230,9 @@ fn sureness(body: &Body, result: &PoseResult) -> Vec<String> {
             let mut lines = vec![format!(
                 "error of forces: {} of the largest force by the model {}, {of_mesh} by the mesh",
                 percent(model),
-                body.model
+                result.told.model
             )];
-            let is_online = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+            let is_online = find_model(&result.told.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
             if model > DOUBTFUL && is_online {
                 lines.push(
                     "for forces in this pose take model = \"stvk\": solved anew for each pose, nothing is precomputed, no \

@@ -3,12 +3,17 @@
 
 use crate::deform::{ControlPoses, Freedom, Wrench};
 use crate::world::WrenchError;
+use nalgebra::Vector3;
 
 /// Of one pose of one body.
 #[derive(Clone, Debug, Default)]
 pub struct Told {
+    /// By which the body was deformed.
+    pub model: String,
     /// Of the control elements, in the body's order.
     pub names: Vec<String>,
+    /// Where their origins rest, m, in the mesh's coordinates.
+    pub places: Vec<Vector3<f64>>,
     /// Every control element, in the body's order, those that were found too.
     pub control: ControlPoses,
     /// In what they are free; empty where all are held.
