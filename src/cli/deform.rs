@@ -13,7 +13,8 @@ use std::path::PathBuf;
 /// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
-/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. With after = "POSE",
+/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; what is absent is at rest. What is named by
+/// free = ["rotation", "x"] is found, so that no force holds it, or that of force = [x, y, z] and moment. With after = "POSE",
 /// a pose goes on from that one, so that turns add up.
 /// Writes OUT.csv (pose,node,ux,uy,uz by the mesh's node tags), OUT.vtu (the body at rest, with one displacement
 /// field per pose), OUT.forces.csv where the scene lists the effect haptics, and OUT.stress.csv where it lists stress, whose

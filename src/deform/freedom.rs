@@ -206,7 +206,9 @@ impl<'a> Search<'a> {
             match self.at(to, of) {
                 Ok(poses) if to == 1.0 => return Ok(poses),
                 Ok(_) => (share, part) = (to, 2.0 * part),
-                Err(why) if share == 0.0 && self.jacobian.is_none() && part < 2.0 * LEAST_PART => return Err(why),
+                Err(why) if share == 0.0 && self.jacobian.is_none() && part < 2.0 * LEAST_PART => {
+                    return Err(why);
+                }
                 Err(why) if part < 2.0 * LEAST_PART => {
                     return Err(format!("{why} beyond {:.0} % of the way from rest", 100.0 * share));
                 }
@@ -262,7 +264,9 @@ mod tests {
         assert!((found[0].translation.z - 5.0 * 0.125 / 6.0).abs() < 1e-9, "F L³ / 3 EI");
         let free = freedom([true; 6], [0.0; 6]);
         let found = Search::new(&free, 0.5, false, &rest).follow(&mut beam).unwrap();
-        assert!(found[0].translation.norm() < 1e-12 && (found[0].matrix - Matrix3::identity()).amax() < 1e-12);
+        assert!(
+            found[0].translation.norm() < 1e-12 && (found[0].matrix - Matrix3::identity()).amax() < 1e-12
+        );
     }
 
     #[test]

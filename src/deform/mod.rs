@@ -49,8 +49,8 @@ pub use deformer::{Deformer, FrameTimes};
 pub use expected::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors, percent};
 pub use followed::FollowedTurn;
 pub use force::Wrench;
-pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
+pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use model::{

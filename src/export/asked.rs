@@ -44,14 +44,7 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
              effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
         )));
     }
-    Ok(Asked {
-        pose: &pose.name,
-        body,
-        control: given.clone(),
-        given,
-        freedom,
-        after: pose.goes_on_from,
-    })
+    Ok(Asked { pose: &pose.name, body, control: given.clone(), given, freedom, after: pose.goes_on_from })
 }
 
 /// Whether the results of a body have forces.
@@ -81,4 +74,3 @@ pub(super) fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked
         body.take(&between);
     }
 }
-

@@ -10,8 +10,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file;
 use crate::deform::{
-    ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Wrench, find_model,
-    model_of,
+    ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Wrench, find_model, model_of,
 };
 use crate::effect::expected::{self, NAME as EXPECTED};
 use crate::effect::stress::{NAME as STRESS, StressedBody};
@@ -104,8 +103,7 @@ fn why_unknown(body: &Body) -> String {
     let lists = body.effects.iter().any(|effect| effect == EXPECTED);
     let is_static = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
     match (is_static, lists) {
-        (true, _) => "the equilibrium itself is exact; what the mesh adds is not measured: solve once more on half the cell, \
-                      or with element = \"tet10\""
+        (true, _) => "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
             .to_owned(),
         (false, true) => "the pose is beyond those in which it was measured".to_owned(),
         (false, false) => format!("list the effect \"{EXPECTED}\", which measures it while precomputing"),
@@ -221,10 +219,14 @@ fn surface_results(
         let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
         let known = expected.as_ref().zip(wrenches.as_ref());
         let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
-        let mut told = Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
+        let mut told =
+            Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
-        if let Some(stressed) = stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond())) {
-            told.first_yield = free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
+        if let Some(stressed) =
+            stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond()))
+        {
+            told.first_yield =
+                free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
             lead(asked, all, None, &mut deformer);
             deformer.evaluate(&asked.control);
@@ -295,7 +297,17 @@ fn volume_results(
         let result = volume_result(&asked, name, body, &solution);
         let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement));
         let places = solution.controls.iter().map(|control| control.origin).collect();
-        let told = Told { control: asked.control, places, ..Told::default() };
+        let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
+        let first_yield =
+            stressed.as_ref().filter(|_| is_beyond && asked.after.is_none()).and_then(|stressed| {
+                free_poses::first_yield_linear(&asked, |asked| {
+                    let at = volume_result(asked, name, body, &solution);
+                    let wrenches =
+                        at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
+                    Some((wrenches, stressed.result(&at.displacement).reached.limit?.0))
+                })
+            });
+        let told = Told { control: asked.control, places, first_yield, ..Told::default() };
         found.push(PoseResult { stress, told, ..result });
     }
     Ok((Geometry::volume(name, &solution.mesh), found))

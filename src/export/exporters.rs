@@ -4,8 +4,17 @@ use super::exporter::{Exporter, Spread};
 use super::{csv, found, glb, ply, pose_picture, stl, vtu};
 
 /// In the order in which their files are written and named.
-pub const EXPORTERS: &[Exporter] =
-    &[csv::DISPLACEMENTS, csv::FORCES, csv::STRESSES, found::POSES, vtu::BODIES, stl::SURFACE, ply::SURFACE, glb::SURFACE, pose_picture::PICTURE];
+pub const EXPORTERS: &[Exporter] = &[
+    csv::DISPLACEMENTS,
+    csv::FORCES,
+    csv::STRESSES,
+    found::POSES,
+    vtu::BODIES,
+    stl::SURFACE,
+    ply::SURFACE,
+    glb::SURFACE,
+    pose_picture::PICTURE,
+];
 
 /// Those of one pose a file, which are written where they are asked for.
 pub fn surfaces() -> impl Iterator<Item = &'static Exporter> {

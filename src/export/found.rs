@@ -11,10 +11,7 @@ const HEADING: &str = "# Poses as `greenstage deform` found them";
 /// Every pose, all control elements held where they were found.
 pub const POSES: Exporter = Exporter {
     suffix: ".poses.toml",
-    kind: Kind {
-        name: "poses found by `deform`",
-        recognizes: |head| head.starts_with(HEADING.as_bytes()),
-    },
+    kind: Kind { name: "poses found by `deform`", recognizes: |head| head.starts_with(HEADING.as_bytes()) },
     spread: Spread::AllPoses,
     needs: Needs::Found,
     write: poses,
@@ -25,14 +22,22 @@ fn poses(set: &ResultSet) -> Vec<u8> {
     for result in &set.results {
         let text_of = |name: &str| toml::Value::String(name.to_owned()).to_string();
         // Writing into a String cannot fail.
-        let _ = write!(text, "\n[[pose]]\nname = {}\nbody = {}\n", text_of(&result.pose), text_of(&result.body));
+        let _ =
+            write!(text, "\n[[pose]]\nname = {}\nbody = {}\n", text_of(&result.pose), text_of(&result.body));
         if let Some(after) = &result.told.after {
             let _ = writeln!(text, "after = {}", text_of(after));
         }
         for (name, pose) in result.told.names.iter().zip(&result.told.control) {
             if *pose != ControlPose::REST {
                 let t = pose.translation;
-                let row = |i: usize| format!("[{:?}, {:?}, {:?}]", pose.matrix[(i, 0)], pose.matrix[(i, 1)], pose.matrix[(i, 2)]);
+                let row = |i: usize| {
+                    format!(
+                        "[{:?}, {:?}, {:?}]",
+                        pose.matrix[(i, 0)],
+                        pose.matrix[(i, 1)],
+                        pose.matrix[(i, 2)]
+                    )
+                };
                 let (name, matrix) = (text_of(name), [row(0), row(1), row(2)].join(", "));
                 let _ = writeln!(
                     text,
@@ -55,8 +60,15 @@ mod tests {
 
     #[test]
     fn what_was_found_can_be_asked_for_again() {
-        let pose = ControlPose { translation: Vector3::new(1e-7, -0.25, 3.0), matrix: Matrix3::from_fn(|i, j| 0.1 * (i + 3 * j) as f64) };
-        let told = Told { names: vec!["a \"b\"".into(), "c".into()], control: vec![pose, ControlPose::REST], ..Told::default() };
+        let pose = ControlPose {
+            translation: Vector3::new(1e-7, -0.25, 3.0),
+            matrix: Matrix3::from_fn(|i, j| 0.1 * (i + 3 * j) as f64),
+        };
+        let told = Told {
+            names: vec!["a \"b\"".into(), "c".into()],
+            control: vec![pose, ControlPose::REST],
+            ..Told::default()
+        };
         let result = PoseResult {
             pose: "push 5 \"mm\"".into(),
             body: "part".into(),

@@ -5,7 +5,8 @@ use super::result_set::Missed;
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench, Wrenches, find_model,
+    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench,
+    Wrenches, find_model,
 };
 use crate::effect::stress::StressedBody;
 use crate::green::GreenFile;
@@ -16,7 +17,12 @@ use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
 /// The poses at a share of the way to those that are asked for, from rest or from those `before`.
-pub(super) fn way(asked: &ControlPoses, before: Option<&ControlPoses>, is_linear: bool, share: f64) -> ControlPoses {
+pub(super) fn way(
+    asked: &ControlPoses,
+    before: Option<&ControlPoses>,
+    is_linear: bool,
+    share: f64,
+) -> ControlPoses {
     let part = |(e, pose): (usize, &ControlPose)| match before {
         Some(before) => Way::onwards(&before[e], pose).pose(share),
         None if is_linear => ControlPose {
@@ -85,8 +91,9 @@ pub(super) fn found<'a>(
         let length = size_of(&deformer);
         for place in (0..all.len()).filter(|&place| is_own(&asked[place])) {
             let one = all[place].clone();
-            let is_missed =
-                |asked: &Asked<'_>| missed.iter().any(|m: &Missed| m.pose == asked.pose && m.body == asked.body);
+            let is_missed = |asked: &Asked<'_>| {
+                missed.iter().any(|m: &Missed| m.pose == asked.pose && m.body == asked.body)
+            };
             let before = one.after.map(|before| &all[before]);
             let lost = before.filter(|before| is_missed(before)).map(|before| before.pose);
             let settled = match (lost, one.freedom.is_empty()) {
@@ -154,8 +161,7 @@ pub(super) fn first_yield(
     }
     let (linear, length) = (is_linear(body), size_of(deformer));
     let way = |share: f64| way(&asked.given, None, linear, share);
-    let mut search =
-        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
+    let mut search = (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
     let (share, control) = approach(NEAR[0], |share| {
         deformer.forget();
         let poses = match &mut search {
@@ -202,6 +208,21 @@ pub(super) fn first_yield_of(
         let reached = part(&found.displacement)?;
         wrenches = Some(found.wrenches);
         Some((poses, reached))
+    })?;
+    Some(FirstYield { share, control, wrenches, error: None })
+}
+
+/// The same of the linear theory, in which a pose that was found is found at every share of its way.
+pub(super) fn first_yield_linear(
+    asked: &Asked<'_>,
+    of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, f64)>,
+) -> Option<FirstYield> {
+    let mut wrenches = None;
+    let (share, control) = approach(NEAR[0], |share| {
+        let control = way(&asked.control, None, true, share);
+        let (found, part) = of(&Asked { control: control.clone(), ..asked.clone() })?;
+        wrenches = found;
+        Some((control, part))
     })?;
     Some(FirstYield { share, control, wrenches, error: None })
 }

@@ -16,12 +16,14 @@ pub mod found;
 mod free_poses;
 pub mod glb;
 pub mod ply;
+pub mod pose_picture;
+pub mod pose_text;
 pub mod result_set;
 pub mod shape;
 pub mod statics;
 pub mod stl;
-pub mod pose_picture;
-pub mod pose_text;
+#[cfg(test)]
+mod tests;
 pub mod told;
 pub mod vtu;
 

@@ -16,13 +16,17 @@ const FAR: f64 = 10.0;
 /// A moment is told of from this part of that about where the element rested.
 const NOTICED: f64 = 0.02;
 
+/// Below this part of the largest a force or moment is rounding.
+const ROUNDING: f64 = 1e-7;
+
 /// All that is told, pose after pose.
 pub fn of_set(set: &ResultSet) -> String {
     set.results.iter().map(|result| of_result(set, result)).collect()
 }
 
 fn of_result(set: &ResultSet, result: &PoseResult) -> String {
-    let rest = set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
+    let rest =
+        set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
     let size = super::free_poses::size(rest.unwrap_or_default().iter().copied());
     let heading = format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model);
     let lines: String = sentences(result, Some(size)).into_iter().map(|line| format!("  {line}\n")).collect();
@@ -33,8 +37,8 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     let mut lines = size.map_or_else(Vec::new, |size| far(&result.told, size));
     lines.extend(stress(result));
-    lines.extend(what_holds(result));
     lines.extend(sureness(result));
+    lines.extend(what_holds(result));
     lines
 }
 
@@ -52,6 +56,8 @@ pub fn moves(result: &PoseResult) -> Vec<String> {
         let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
         let force = wrench.map_or(String::new(), |(_, wrench)| {
             let moment = wrench.about_the_place(pose).moment.norm();
+            // What a free end has is rounding.
+            let moment = if moment > ROUNDING * wrench.moment.norm() { moment } else { 0.0 };
             format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
         });
         lines.push(format!("{name} moved by {moved}{turned}{force}"));
@@ -83,6 +89,11 @@ fn plus_minus(value: Option<f64>, unit: &str) -> String {
 }
 
 fn table(result: &PoseResult) -> Table {
+    // What is so much smaller than the largest is rounding.
+    let all = || result.wrenches.iter().flat_map(|forces| &forces.controls);
+    let floor = |of: fn(&Wrench) -> f64| ROUNDING * all().map(|(_, wrench)| of(wrench)).fold(0.0, f64::max);
+    let floors = [floor(|wrench| wrench.force.norm()), floor(|wrench| wrench.moment.norm())];
+    let plain = |v: Vector3<f64>, floor: f64| if v.norm() <= floor { Vector3::zeros() } else { v };
     let error = result.told.error.measured();
     let heading: &[&str] = &["control", "moved by", "turned by", "force", "moment about its place"];
     let mut table = Table::new(heading);
@@ -90,15 +101,20 @@ fn table(result: &PoseResult) -> Table {
         let Some(pose) = result.told.control.get(e) else { continue };
         let turn = nearest_turn(&pose.matrix).scaled_axis();
         let turned = format!("{:.3}°", turn.norm().to_degrees());
-        let moved = if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
+        let moved =
+            if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
         let (mut force, mut moment) = ("not asked for".to_owned(), String::new());
         if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
             let placed = wrench.about_the_place(pose);
-            let of = |v: &Vector3<f64>, unit: &str, by: Option<f64>| {
+            let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
+                if v == Vector3::zeros() {
+                    return format!("0 {}", plus_minus(by, unit));
+                }
+                let v = &v;
                 format!("{} |{}| {}", vector(v, unit), quantity(v.norm(), unit), plus_minus(by, unit))
             };
-            force = of(&placed.force, "N", error.map(|error| error.force));
-            moment = of(&placed.moment, "N·m", error.map(|error| error.moment));
+            force = of(plain(placed.force, floors[0]), "N", error.map(|error| error.force));
+            moment = of(plain(placed.moment, floors[1]), "N·m", error.map(|error| error.moment));
         }
         table.row(&[name, &moved, &turned, force.trim(), moment.trim()]);
     }
@@ -115,13 +131,20 @@ fn what_holds(result: &PoseResult) -> Vec<String> {
         let placed = wrench.about_the_place(pose);
         if freedom.is_any() {
             let found: Vec<&str> = (0..6).filter(|&k| freedom.free[k]).map(|k| COMPONENTS[k]).collect();
-            let pushed = if freedom.load == [0.0; 6] { "nothing pushes" } else { "only the given force pushes" };
-            lines.push(format!("{name}: free in {}: {pushed} there, and its pose is found", found.join(", ")));
+            let pushed =
+                if freedom.load == [0.0; 6] { "nothing pushes" } else { "only the given force pushes" };
+            lines
+                .push(format!("{name}: free in {}: {pushed} there, and its pose is found", found.join(", ")));
         }
         let is_turned = nearest_turn(&pose.matrix).angle() > 1e-9;
         let holds = placed.moment.norm() > NOTICED * wrench.moment.norm();
         let is_moved = *pose != ControlPose::REST;
-        if is_moved && !is_turned && !freedom.free[3..].contains(&true) && holds && pose.translation.norm() > 0.0 {
+        if is_moved
+            && !is_turned
+            && !freedom.free[3..].contains(&true)
+            && holds
+            && pose.translation.norm() > 0.0
+        {
             let moment = quantity(placed.moment.norm(), "N·m");
             lines.push(format!(
                 "{name}: this end cannot turn: a moment of {moment} holds it; free = [\"rotation\"] lets it turn"
@@ -177,10 +200,12 @@ fn stress(result: &PoseResult) -> Vec<String> {
     match (&result.told.first_yield, reached.limit) {
         (Some(first), _) => lines.push(yielding(result, first)),
         (None, Some((part, _))) if part > 1.0 => {
-            lines.push("elastic only: what yields is not computed; forces beyond the limit are not real".to_owned());
+            lines.push(
+                "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
+            );
         }
         (None, Some((part, _))) if part > 0.0 => {
-            lines.push(format!("elastic throughout; the limit is about {:.3} times this pose away", 1.0 / part));
+            lines.push(format!("no yield: the limit lies at about {:.1} times this pose", 1.0 / part));
         }
         _ => {}
     }
@@ -192,25 +217,22 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
     let moved = (0..first.control.len())
         .max_by(|&a, &b| size_of(&first.control[a]).total_cmp(&size_of(&first.control[b])))
         .unwrap_or(0);
-    let pose = &first.control[moved];
-    let turn = nearest_turn(&pose.matrix).angle().to_degrees();
+    let (pose, name) = (&first.control[moved], result.told.names.get(moved).map_or("", String::as_str));
     let way = match pose.translation.norm() {
-        0.0 => format!("{turn:.2}°"),
-        way => quantity(way, "m"),
+        0.0 => format!("{name} turned by {:.2}°", nearest_turn(&pose.matrix).angle().to_degrees()),
+        way => format!("{name} moved by {}", quantity(way, "m")),
     };
-    let force = first.wrenches.as_ref().and_then(|wrenches| wrenches.get(moved)).map_or(String::new(), |wrench| {
+    let wrench = first.wrenches.as_ref().and_then(|wrenches| wrenches.get(moved));
+    let force = wrench.map_or(String::new(), |wrench| {
+        let size = wrench.force.norm();
         let by = plus_minus(first.error.map(|error| error.force), "N");
         let along = pose.translation.try_normalize(0.0).map(|way| wrench.force.dot(&way));
-        let along = along.filter(|along| (along.abs() - wrench.force.norm()).abs() > 0.02 * wrench.force.norm());
-        let along = along.map_or(String::new(), |along| format!(", {} of it along its way", quantity(along, "N")));
-        format!(", {} {by}{along}", quantity(wrench.force.norm(), "N")).replace(" ,", ",")
+        let along = along.filter(|along| (along.abs() - size).abs() > 0.02 * size);
+        let along = along.map_or(String::new(), |along| format!(" ({} along its way)", quantity(along, "N")));
+        format!(", with {}{along}", format!("{} {by}", quantity(size, "N")).trim_end())
     });
-    let name = result.wrenches.as_ref().and_then(|forces| forces.controls.get(moved)).map_or("", |(name, _)| name);
-    format!(
-        "elastic only: first yield at {way}{} of {name}, {:.3} of this pose; what is beyond is not real",
-        force.trim_end(),
-        first.share
-    )
+    let share = percent(first.share);
+    format!("elastic only: first yield at {way}{force}: {share} of this pose; what is beyond is not real")
 }
 
 fn size_of(pose: &ControlPose) -> f64 {
@@ -232,7 +254,8 @@ fn sureness(result: &PoseResult) -> Vec<String> {
                 percent(model),
                 result.told.model
             )];
-            let is_online = find_model(&result.told.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+            let is_online =
+                find_model(&result.told.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
             if model > DOUBTFUL && is_online {
                 lines.push(
                     "for forces in this pose take model = \"stvk\": solved anew for each pose, nothing is precomputed, no \

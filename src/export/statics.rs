@@ -54,15 +54,16 @@ pub fn solve(
         let place = format!("pose \"{}\": body.{name}", pose.asked.pose);
         let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
         let body = &scene.body[name];
-        let at = match found(pose.asked, before.and_then(|(_, held, at)| Some((held?, at))), body, &mut statics) {
-            Ok(at) => at,
-            Err(why) => {
-                table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
-                control.push(pose.asked.control.clone());
-                settled.push(Err(format!("{place}: {why}")));
-                continue;
-            }
-        };
+        let at =
+            match found(pose.asked, before.and_then(|(_, held, at)| Some((held?, at))), body, &mut statics) {
+                Ok(at) => at,
+                Err(why) => {
+                    table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
+                    control.push(pose.asked.control.clone());
+                    settled.push(Err(format!("{place}: {why}")));
+                    continue;
+                }
+            };
         let found = match before {
             None => statics.solve(&at, &bars),
             Some((before, Some(held), _)) => statics.solve_after(before, held, &at, &bars),

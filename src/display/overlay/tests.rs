@@ -26,7 +26,12 @@ fn readings(turn: f64) -> Readings {
         held: turn > 0.0,
         force: Some(ForceReading {
             wrench: Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) },
-            error: (turn > 0.0).then_some(WrenchError { force: 0.3, moment: 0.08, is_whole: true, parts: [0.0; 2] }),
+            error: (turn > 0.0).then_some(WrenchError {
+                force: 0.3,
+                moment: 0.08,
+                is_whole: true,
+                parts: [0.0; 2],
+            }),
             share: 0.6,
         }),
     };

@@ -7,21 +7,21 @@
 mod raster;
 mod view;
 
+use super::exporter::{Exporter, Spread};
+use super::result_set::{Geometry, Needs, PoseResult, ResultSet};
+use super::{pose_text, shape};
 use crate::base::legend::{round_up, ticks};
-use crate::base::quantity::{prefix, power_of, quantity, short};
 use crate::base::output::Kind;
+use crate::base::quantity::{power_of, prefix, quantity, short};
 use crate::deform::{ControlPose, Wrench};
 use crate::render::map_color;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use image::RgbaImage;
 use nalgebra::Vector3;
-use super::exporter::{Exporter, Spread};
-use super::result_set::{Geometry, Needs, PoseResult, ResultSet};
-use super::{pose_text, shape};
 use raster::{Raster, SAMPLES, linear};
 use view::View;
 
-const SIZE: [usize; 2] = [1280, 900];
+const SIZE: [usize; 2] = [1280, 960];
 const PAPER: [u8; 3] = [250, 250, 248];
 const GHOST: [u8; 3] = [170, 174, 180];
 const BODY: [u8; 3] = [104, 140, 180];
@@ -30,7 +30,7 @@ const QUIET: Color32 = Color32::from_rgb(100, 106, 116);
 const FORCE: Color32 = Color32::from_rgb(192, 48, 32);
 /// Where the body is, and below it the words.
 const STAGE: Rect = Rect { min: pos2(150.0, 100.0), max: pos2(1240.0, 640.0) };
-const BAND: Rect = Rect { min: pos2(40.0, 712.0), max: pos2(1240.0, 890.0) };
+const BAND: Rect = Rect { min: pos2(40.0, 712.0), max: pos2(1240.0, 950.0) };
 /// A body that moves by less than this part of its size is drawn as if it moved by the other.
 const SMALL: [f64; 2] = [0.03, 0.08];
 
@@ -157,6 +157,8 @@ struct Fit<'a> {
     middle: Vector3<f64>,
     /// Pixels for each metre.
     scale: f64,
+    /// Where body and ghost are in the picture.
+    drawn: Rect,
 }
 
 impl<'a> Fit<'a> {
@@ -168,7 +170,9 @@ impl<'a> Fit<'a> {
         });
         let extent = high - low;
         let scale = (f64::from(STAGE.width()) / extent.x).min(f64::from(STAGE.height()) / extent.y) * 0.86;
-        scale.is_normal().then(|| Fit { view, middle: (low + high) * 0.5, scale })
+        let half = extent * (0.5 * scale);
+        let drawn = Rect::from_center_size(STAGE.center(), 2.0 * vec2(half.x as f32, half.y as f32));
+        scale.is_normal().then(|| Fit { view, middle: (low + high) * 0.5, scale, drawn })
     }
 
     fn pixel(&self, place: &Vector3<f64>) -> Pos2 {
@@ -248,7 +252,7 @@ impl Page<'_> {
         let width = if colours.is_any() { 760.0 } else { BAND.width() };
         let mut y = BAND.min.y;
         for line in &self.words.lines {
-            let galley = self.painter.layout(line.clone(), FontId::proportional(19.0), INK, width);
+            let galley = self.painter.layout(line.clone(), FontId::proportional(18.0), INK, width);
             let height = galley.size().y;
             if y + height > BAND.max.y {
                 break;
@@ -305,12 +309,19 @@ impl Page<'_> {
         let way = way.normalized() * (24.0 + 76.0 * seen);
         self.painter.arrow(foot, way, Stroke::new(4.0, FORCE));
         let end = foot + way;
+        let galley = self.painter.layout_no_wrap(arrow.label.clone(), FontId::proportional(20.0), FORCE);
+        // Beside the arrow's end, or where that is on the body, above it.
         let is_right = end.x > STAGE.center().x;
         let anchor = if is_right { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
         let aside = vec2(if is_right { -14.0 } else { 14.0 }, if way.y < 0.0 { -10.0 } else { 10.0 });
-        let place = pos2(end.x, end.y.clamp(STAGE.min.y, STAGE.max.y)) + aside;
-        let galley = self.painter.layout_no_wrap(arrow.label.clone(), FontId::proportional(20.0), FORCE);
-        let rect = anchor.anchor_size(place, galley.size());
+        let mut rect = anchor.anchor_size(end + aside, galley.size());
+        if rect.intersects(self.fit.drawn) {
+            let x = rect.center().x.clamp(STAGE.min.x + 0.5 * rect.width(), STAGE.max.x - 0.5 * rect.width());
+            let y = self.fit.drawn.min.y.min(end.y) - 24.0;
+            rect = Rect::from_center_size(pos2(x, y), rect.size());
+            self.painter
+                .line_segment([rect.center_bottom(), end], Stroke::new(1.0, FORCE.gamma_multiply(0.5)));
+        }
         let [r, g, b] = PAPER;
         self.painter.rect_filled(rect.expand(4.0), 3.0, Color32::from_rgba_unmultiplied(r, g, b, 220));
         self.painter.galley(rect.min, galley, FORCE);
@@ -321,7 +332,8 @@ impl Page<'_> {
         let steps = 74;
         for k in 0..steps {
             let wide = bar.width() / steps as f32;
-            let rect = Rect::from_min_size(bar.min + vec2(k as f32 * wide, 0.0), vec2(wide + 0.5, bar.height()));
+            let rect =
+                Rect::from_min_size(bar.min + vec2(k as f32 * wide, 0.0), vec2(wide + 0.5, bar.height()));
             let [r, g, b] = map_color((k as f32 + 0.5) / steps as f32);
             self.painter.rect_filled(rect, 0.0, Color32::from_rgb(r, g, b));
         }

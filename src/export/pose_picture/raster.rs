@@ -55,7 +55,8 @@ impl Raster {
                 if weights.iter().any(|w| *w < if hides { -1e-9 } else { 0.0 }) {
                     continue;
                 }
-                let (at, depth) = (y * self.size[0] + x, weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
+                let (at, depth) =
+                    (y * self.size[0] + x, weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
                 if hides && depth <= self.depth[at] {
                     continue;
                 }
@@ -85,7 +86,8 @@ impl Raster {
             let image = images.get(&mesh.texture_id);
             for three in mesh.indices.chunks_exact(3) {
                 let Some([a, b, c]) = corners(three, &mesh.vertices) else { continue };
-                let place = |v: &egui::epaint::Vertex| [v.pos.x, v.pos.y, 0.0].map(|x| f64::from(x) * SAMPLES as f64);
+                let place =
+                    |v: &egui::epaint::Vertex| [v.pos.x, v.pos.y, 0.0].map(|x| f64::from(x) * SAMPLES as f64);
                 let paint = |w: [f64; 3]| {
                     let mix = |of: [f32; 3]| of.iter().zip(w).map(|(x, w)| x * w as f32).sum::<f32>();
                     let colours = [a, b, c].map(|v| Rgba::from(v.color).to_array());

@@ -26,7 +26,8 @@ fn spread(of: impl Iterator<Item = Vector3<f64>>) -> nalgebra::SymmetricEigen<f6
 /// An axis of the body in place of a direction near it, pointing the way in which its largest part is positive.
 fn tidy(direction: Vector3<f64>) -> Vector3<f64> {
     let (axis, largest) = (direction.iamax(), direction.amax());
-    let direction = if largest > NEAR_AXIS { Vector3::ith(axis, direction[axis].signum()) } else { direction };
+    let direction =
+        if largest > NEAR_AXIS { Vector3::ith(axis, direction[axis].signum()) } else { direction };
     if direction[axis] < 0.0 { -direction } else { direction }
 }
 
@@ -75,11 +76,14 @@ mod tests {
     fn the_motion_lies_in_the_picture() {
         let rest: Vec<Vector3<f64>> =
             (0..60).map(|i| Vector3::new(f64::from(i % 10), 0.5 * f64::from(i / 10), 0.0)).collect();
-        for way in [Vector3::z(), Vector3::y(), Vector3::new(0.0, -0.6, 0.8), Vector3::x(), Vector3::zeros()] {
+        for way in [Vector3::z(), Vector3::y(), Vector3::new(0.0, -0.6, 0.8), Vector3::x(), Vector3::zeros()]
+        {
             let moved: Vec<Vector3<f64>> = rest.iter().map(|x| way * x.x * x.x).collect();
             let view = View::new(&rest, &moved);
             let rows = view.0;
-            assert!((rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12 && rows.determinant() > 0.0);
+            assert!(
+                (rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12 && rows.determinant() > 0.0
+            );
             let seen = view.turned(&way);
             assert!(seen.xy().norm() > 0.95 * way.norm(), "{way}");
             assert!(view.turned(&Vector3::x()).x > 0.95, "its length is to the right");
