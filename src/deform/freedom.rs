@@ -225,7 +225,7 @@ mod tests {
 
     /// A cantilever of Bernoulli's: end force and moment of deflection w along z and turn θ about y.
     fn beam(poses: &[ControlPose]) -> Result<Vec<Wrench>, String> {
-        let (ei, l) = (2.0, 0.5);
+        let (ei, l) = (2.0, 0.5_f64);
         let pose = &poses[0];
         let (w, turn) = (pose.translation.z, pose.matrix[(0, 2)]);
         let mut wrench = Wrench { force: pose.translation * 1e3, moment: Vector3::zeros() };

@@ -44,7 +44,7 @@ fn right(set: &ResultSet, pose: usize) -> (Wrench, [Wrench; 2]) {
 const PUSHED: &str = "[[pose]]\nname = \"guided\"\ncontrol.right = { translation = [0.0, 0.0, 1e-4] }\n\
                       [[pose]]\nname = \"free\"\n\
                       control.right = { translation = [0.0, 0.0, 1e-4], free = [\"rotation\", \"x\", \"y\"] }\n\
-                      [[pose]]\nname = \"pushed\"\ncontrol.right = { force = [0.0, 0.0, 0.25] }\n";
+                      [[pose]]\nname = \"pushed\"\ncontrol.right = { force = [0.0, 0.0, 2.5e-3] }\n";
 
 /// Timoshenko's beam: w / F = L³ / 3 EI + L / κ G A where the end may turn, L³ / 12 EI + L / κ G A where it may not
 /// (Timoshenko and Gere, Mechanics of Materials, sections 9.3 and 9.10 of the first edition).
@@ -61,11 +61,11 @@ fn a_free_end_and_a_guided_one_are_timoshenkos() {
     }
     let (held, both) = right(&set, 1);
     assert!(held.moment.norm() < 1e-9 && held.force.xy().norm() < 1e-9, "{held:?}");
-    assert!((both[0].force + both[1].force).norm() < 1e-9 * held.force.z, "action and reaction");
-    assert!((both[0].moment + both[1].moment).norm() < 1e-9 * held.force.z);
+    assert!((both[0].force + both[1].force).norm() < 1e-6 * held.force.z, "action and reaction");
+    assert!((both[0].moment + both[1].moment).norm() < 1e-6 * held.force.z);
     // The force that was found for a shift finds that shift.
     let pushed = set.results[2].told.control[1].translation;
-    assert!((pushed.z * stiffness(1) / 0.25 - 1.0).abs() < 1e-5, "{pushed}");
+    assert!((pushed.z * stiffness(1) / 2.5e-3 - 1.0).abs() < 1e-4, "{pushed}");
 }
 
 /// The same by hand: six unit poses, and the free components out of their 6 × 6 matrix.
@@ -101,7 +101,7 @@ fn a_free_end_is_what_six_unit_poses_give() {
     let compliance = Matrix6::from_columns(&columns).try_inverse().unwrap();
     let force = 1e-4 / compliance[(2, 2)];
     let found = right(&set, 1).0.force.z;
-    assert!((found / force - 1.0).abs() < 1e-5, "{found} {force}");
+    assert!((found / force - 1.0).abs() < 1e-3, "{found} {force}");
     // Of large strain too, where the pose is small.
     let of_law = solved("stvk", "tet4", PUSHED);
     for pose in 0..3 {

@@ -125,13 +125,16 @@ fn draw(geometry: &Geometry, result: &PoseResult, words: &Words) -> Option<RgbaI
     Some(raster.picture())
 }
 
+/// The colour of a triangle at the weights of its corners.
+type Colour<'a> = dyn Fn(&[u32; 3], [f64; 3]) -> [f32; 3] + 'a;
+
 /// Draws a surface with light from the eye; `colour` of a triangle at the weights of its corners.
 fn body(
     raster: &mut Raster,
     fit: &Fit<'_>,
     triangles: &[[u32; 3]],
     places: &[Vector3<f64>],
-    colour: &dyn Fn(&[u32; 3], [f64; 3]) -> [f32; 3],
+    colour: &Colour<'_>,
 ) {
     for triangle in triangles {
         let [a, b, c] = triangle.map(|node| places[node as usize]);

@@ -3,7 +3,6 @@
 use egui::epaint::{ClippedPrimitive, ImageData, Primitive, textures::TexturesDelta};
 use egui::{Rgba, TextureId};
 use image::RgbaImage;
-use std::collections::BTreeMap;
 
 /// Samples of a pixel along each axis.
 pub const SAMPLES: usize = 2;
@@ -73,17 +72,14 @@ impl Raster {
 
     /// What egui has painted, at [`SAMPLES`] pixels per point.
     pub fn painted(&mut self, primitives: &[ClippedPrimitive], textures: &TexturesDelta) {
-        let mut images: BTreeMap<TextureId, &egui::ColorImage> = BTreeMap::new();
-        for (id, deltas) in &textures.set {
-            if let Some(ImageData::Color(image)) =
-                deltas.iter().rev().find(|delta| delta.pos.is_none()).map(|delta| &delta.image)
-            {
-                images.insert(*id, image);
-            }
-        }
+        let image_of = |id: &TextureId| {
+            let whole = textures.set.get(id)?.iter().rev().find(|delta| delta.pos.is_none())?;
+            let ImageData::Color(image) = &whole.image;
+            Some(image)
+        };
         for primitive in primitives {
             let Primitive::Mesh(mesh) = &primitive.primitive else { continue };
-            let image = images.get(&mesh.texture_id);
+            let image = image_of(&mesh.texture_id);
             for three in mesh.indices.chunks_exact(3) {
                 let Some([a, b, c]) = corners(three, &mesh.vertices) else { continue };
                 let place =
