@@ -84,7 +84,7 @@ fn forces(set: &ResultSet) -> Vec<u8> {
         let label = quoted(&set.label(result));
         let error = match (is_measured, result.told.error.measured()) {
             (true, Some(error)) => format!(",{:e},{:e}", error.force, error.moment),
-            (true, None) => ",,".to_owned(),
+            (true, None) => ",NaN,NaN".to_owned(),
             (false, _) => String::new(),
         };
         for (control, Wrench { force: f, moment: m }) in &forces.controls {

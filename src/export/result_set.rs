@@ -85,15 +85,6 @@ impl ResultSet {
         }
     }
 
-    /// What is reached in each pose, and where a limit is passed; a line for each body that lists the effect stress.
-    pub fn stress_lines(&self) -> String {
-        let line = |result: &PoseResult| {
-            let stress = result.stress.as_ref()?;
-            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, stress.reached.sentence()))
-        };
-        self.results.iter().filter_map(line).collect()
-    }
-
     pub fn has(&self, needs: Needs) -> bool {
         match needs {
             Needs::Nothing => true,
