@@ -4,9 +4,9 @@ use super::parsers;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
-use crate::deform::pose_file;
-use crate::export::batch::{self, Asked};
-use crate::export::{Files, ResultSet};
+use crate::deform::pose_file::{self, Pose};
+use crate::export::batch::Outlook;
+use crate::export::{Asked, Files, ResultSet, ask, batch, pose_text};
 use crate::prepare;
 use crate::scene::{Scene, Updates};
 use crate::tuning;
@@ -15,7 +15,8 @@ use std::path::PathBuf;
 /// Compute displacements and forces for a list of poses
 ///
 /// POSES holds tables `[[pose]]`: name, and per control element
-/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; elements that are not listed stay at rest. With
+/// control.NAME = { translation = [x, y, z], matrix = [[..], [..], [..]] }; elements that are not listed stay at rest. What
+/// free = ["rotation", "x"] names is found, so that no force holds it, or that of force = [x, y, z] and moment. With
 /// after = "POSE", a pose goes on from that one, so that turns add up. load.NAME = 3.0 sets a load of the scene (gravity,
 /// centrifugal, thermal, or a pattern); [[pose.force]] with at = [x, y, z] or node = TAG and force = [x, y, z] acts on a point of
 /// the surface, if the scene has surface_compliance.
@@ -53,30 +54,28 @@ pub struct Args {
     /// Young's modulus of a region, BODY.REGION=PA, in the same way
     #[arg(long, value_name = "BODY.REGION=PA", value_parser = parsers::modulus)]
     pub young: Vec<(String, String, f64)>,
+    /// Draw every pose, into OUT.POSE.png: over its rest shape, with axes, a scale bar, the force and what holds it
+    #[arg(long)]
+    pub pictures: bool,
 }
-
-/// The forces of more poses are in the file alone.
-const MOST_LINES: usize = 24;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = updated(Scene::load(&args.scene)?, args)?;
     let poses = pose_file::load(&args.poses)?;
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
-    let files = Files::of(&args.output, &args.surface, names.into_iter().collect())?;
-    try_outputs(args, &files, &scene)?;
+    let mut surfaces = args.surface.clone();
+    surfaces.extend(args.pictures.then(|| "png".to_owned()));
+    let files = Files::of(&args.output, &surfaces, names.into_iter().collect())?;
+    try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =
-        poses.iter().map(|pose| batch::ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
+        poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
         files.write(&set, |path| print(&format!("{}\n", path.display())))?;
         print(&tables)?;
-        // Those that were solved are in the table.
-        if tables.is_empty() && set.results.len() <= MOST_LINES {
-            print(&set.force_lines())?;
-        }
-        print(&set.stress_lines())?;
+        print(&pose_text::of_set(&set))?;
     }
     if set.missed.is_empty() { Ok(()) } else { Err(missed(&set, asked.len())) }
 }
@@ -115,9 +114,10 @@ fn updated(mut scene: Scene, args: &Args) -> Result<Scene, Failure> {
 }
 
 /// Whether everything can be written, before anything is solved.
-fn try_outputs(args: &Args, files: &Files, scene: &Scene) -> Result<(), Failure> {
+fn try_outputs(args: &Args, files: &Files, scene: &Scene, has_found: bool) -> Result<(), Failure> {
     let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
     let outlook = batch::outlook(scene)?;
+    let outlook = Outlook { has_found, ..outlook };
     files.try_all(&inputs, &outlook)?;
     if outlook.needs_green && !args.all_nodes {
         prepare::try_green(scene, args.green.as_deref())

@@ -3,7 +3,8 @@
 use crate::base::failure::Failure;
 use crate::config;
 use crate::deform::{
-    AppliedLoads, ControlPose, ControlPoses, Deformer, PointLoad, Pull, Screw, nearest_point,
+    AppliedLoads, COMPONENTS, ControlPose, ControlPoses, Deformer, Freedom, PointLoad, Pull, Screw,
+    nearest_point,
 };
 use crate::scene::{Body, LoadSource, LoadValue};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -77,6 +78,75 @@ pub struct Affine {
     pub translation: [f64; 3],
     #[serde(default = "identity")]
     pub matrix: [[f64; 3]; 3],
+    /// Shifts and turns that are found, not given.
+    free: Option<Free>,
+    /// What pushes it where it is free, N and N·m, along the body's axes; alone they free it in every direction.
+    force: Option<[f64; 3]>,
+    moment: Option<[f64; 3]>,
+}
+
+impl Pose {
+    /// Whether a control element is free in something, so that its pose is found.
+    pub fn finds(&self) -> bool {
+        let of = |affine: &Affine| affine.free.is_some() || affine.force.is_some() || affine.moment.is_some();
+        self.control.values().any(of)
+    }
+}
+
+/// A list of x, y, z, rx, ry, rz, `translation` and `rotation`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "Vec<String>")]
+struct Free([bool; 6]);
+
+impl TryFrom<Vec<String>> for Free {
+    type Error = String;
+
+    fn try_from(names: Vec<String>) -> Result<Free, String> {
+        let mut free = [false; 6];
+        for name in &names {
+            match (name.as_str(), COMPONENTS.iter().position(|known| known == name)) {
+                ("translation", _) => free[..3].fill(true),
+                ("rotation", _) => free[3..].fill(true),
+                (_, Some(place)) => free[place] = true,
+                _ => {
+                    let known = ["translation", "rotation"].into_iter().chain(COMPONENTS);
+                    return Err(config::unknown_name("free direction", name, known));
+                }
+            }
+        }
+        Ok(Free(free))
+    }
+}
+
+impl Affine {
+    /// In what the element is free; the error says what is given and free at once, or pushed and held.
+    fn freedom(&self) -> Result<Freedom, String> {
+        let pushed = self.force.is_some() || self.moment.is_some();
+        let free = self.free.map_or([pushed; 6], |free| free.0);
+        let (force, moment) = (self.force.unwrap_or_default(), self.moment.unwrap_or_default());
+        let load: [f64; 6] = std::array::from_fn(|k| if k < 3 { force[k] } else { moment[k - 3] });
+        for (k, name) in COMPONENTS.into_iter().enumerate() {
+            if load[k] != 0.0 && !free[k] {
+                let what = if k < 3 { "force" } else { "moment" };
+                return Err(format!(
+                    "a {what} pushes along {name}, in which it is held: add \"{name}\" to free, or leave the {what} out"
+                ));
+            }
+            if k < 3 && free[k] && self.translation[k] != 0.0 {
+                return Err(format!(
+                    "{name} is free, and its translation is found: leave {:e} out, or \"{name}\" out of free",
+                    self.translation[k]
+                ));
+            }
+        }
+        if !load.iter().all(|value| value.abs() <= LARGEST) {
+            return Err(format!("a force is not finite, or above {LARGEST:e}"));
+        }
+        if free[3..] == [true; 3] && self.matrix != identity() {
+            return Err("its rotation is free, and found: leave the matrix out".to_owned());
+        }
+        Ok(Freedom { free, load })
+    }
 }
 
 fn identity() -> [[f64; 3]; 3] {
@@ -219,6 +289,11 @@ pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLo
 }
 
 impl PoseLoads {
+    /// Whether nothing acts on the body but its control elements.
+    pub fn is_none(&self) -> bool {
+        self.forces.is_empty() && self.coefficients.iter().all(|load| *load == 0.0)
+    }
+
     /// As they are applied to the body; the error names a place that cannot take a force.
     pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
         let takes = body.takes_forces();
@@ -256,6 +331,19 @@ impl PoseLoads {
         let points = self.forces.iter().enumerate().map(point).collect::<Result<_, _>>()?;
         Ok(AppliedLoads { coefficients: self.coefficients.clone(), points })
     }
+}
+
+/// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.
+pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<Freedom>, Failure> {
+    let of = |control: &String| match pose.control.get(control) {
+        None => Ok(Freedom::default()),
+        Some(affine) => affine.freedom().map_err(|message| {
+            let (path, pose) = (path.display(), &pose.name);
+            Failure::wrong(format!("{path}: pose \"{pose}\": body.{name}: control {control}: {message}"))
+        }),
+    };
+    let found: Vec<Freedom> = body.control.keys().map(of).collect::<Result<_, _>>()?;
+    Ok(if found.iter().any(Freedom::is_any) { found } else { Vec::new() })
 }
 
 /// Which turn was taken, where two control elements of `body` are so far turned against each other that their matrices,

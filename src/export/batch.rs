@@ -1,67 +1,37 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
+use super::asked::{Asked, has_forces, lead};
+use super::free_poses;
 use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
+use super::told::{Sureness, Told};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::deform::pose_file::{self, Pose, PoseLoads};
+use crate::deform::pose_file;
 use crate::deform::{
-    AppliedLoads, ControlPose, ControlPoses, Deformer, EquilibriumResult, Frame, PoseSlope, Way, Wrench,
-    find_model, model_of,
+    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Wrench, find_model,
+    model_of,
 };
+use crate::effect::expected::{self, NAME as EXPECTED};
 use crate::effect::stress::{NAME as STRESS, StressedBody};
-use crate::green::{
-    self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, STIFFNESS, Solution,
-};
+use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
+use crate::world::wrench_error_of;
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
-
-/// A pose, and the body that it is for.
-pub struct Asked<'a> {
-    pub pose: &'a str,
-    pub body: &'a str,
-    pub control: ControlPoses,
-    pub loads: PoseLoads,
-    /// Which of the poses asked for it goes on from; rest, where there is none.
-    pub after: Option<usize>,
-}
-
-/// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
-pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
-    let names = || scene.body.keys().map(String::as_str);
-    let wrong =
-        |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
-    let body = match &pose.body {
-        None if scene.body.len() == 1 => names().next(),
-        None => return Err(wrong(format!("name its body: {}", names().collect::<Vec<_>>().join(", ")))),
-        Some(name) => names().find(|known| known == name),
-    };
-    let Some(body) = body else {
-        let name = pose.body.as_deref().unwrap_or_default();
-        return Err(wrong(crate::config::unknown_name("body", name, names())));
-    };
-    Ok(Asked {
-        pose: &pose.name,
-        body,
-        control: pose_file::control_poses(pose, body, &scene.body[body], path)?,
-        loads: pose_file::loads(pose, body, &scene.body[body], path)?,
-        after: pose.goes_on_from,
-    })
-}
 
 /// All bodies of a scene in the poses that are asked for, and a table of how the solves went, where there were some.
 ///
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
 /// in f64 instead.
-pub fn solve<'a>(
+pub fn solve(
     scene: &Scene,
-    asked: &'a [Asked<'a>],
+    asked: &[Asked<'_>],
     green: Option<&Path>,
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
@@ -71,10 +41,15 @@ pub fn solve<'a>(
         false => Some(prepare::green_file(&online, green)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
+    let asked = &free_poses::found(scene, asked, file.as_ref(), &mut set.missed)?[..];
     for (name, body) in &scene.body {
-        let own: Vec<&'a Asked<'a>> = asked.iter().filter(|asked| asked.body == *name).collect();
+        let is_missed = |asked: &Asked<'_>| {
+            set.missed.iter().any(|missed| missed.pose == asked.pose && missed.body == *name)
+        };
+        let own: Vec<&Asked<'_>> =
+            asked.iter().filter(|asked| asked.body == *name && !is_missed(asked)).collect();
         // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
-        let doubtful = |asked: &Asked| {
+        let doubtful = |asked: &Asked<'_>| {
             let doubt = pose_file::doubtful_turn(&asked.control, body);
             doubt.filter(|_| !takes_matrices(body) && asked.after.is_none())
         };
@@ -83,28 +58,57 @@ pub fn solve<'a>(
         }
         let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
             (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
-            (None, None) => volume_results(scene, name, body, &own)?,
+            (None, None) => volume_results(scene, name, body, &own, &mut set.missed)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
-                let pose = |asked: &&'a Asked<'a>| statics::PoseToSolve {
-                    name: asked.pose,
-                    control: &asked.control,
-                    after: asked.after.and_then(place),
-                };
-                let poses: Vec<_> = own.iter().map(pose).collect();
+                let poses: Vec<_> = own
+                    .iter()
+                    .map(|asked| statics::PoseToSolve { asked, after: asked.after.and_then(place) })
+                    .collect();
                 let solved = statics::solve(scene, name, law, &poses)?;
                 tables += &format!("\n{}", solved.table.text());
                 static_results(scene, name, solved, &own, &mut set.missed)?
             }
         };
         set.geometry.push(shape);
-        set.results.extend(found);
+        set.results.extend(found.into_iter().map(|result| told(scene, asked, result)));
     }
     let order = |result: &PoseResult| {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
     };
     set.results.sort_by_key(order);
     Ok((set, tables))
+}
+
+/// A result with where its control elements are, and by how much they were free.
+fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
+    let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
+        return result;
+    };
+    let mut told = result.told;
+    if told.control.is_empty() {
+        told.control.clone_from(&asked.control);
+    }
+    told.model.clone_from(&scene.body[&result.body].model);
+    told.names = scene.body[&result.body].control.keys().cloned().collect();
+    told.freedom.clone_from(&asked.freedom);
+    told.after = asked.after.map(|before| all[before].pose.to_owned());
+    if told.error == Sureness::default() {
+        told.error = Sureness::Unknown(why_unknown(&scene.body[&result.body]));
+    }
+    PoseResult { told, ..result }
+}
+
+/// Why a body's errors are not known at a pose.
+fn why_unknown(body: &Body) -> String {
+    let lists = body.effects.iter().any(|effect| effect == EXPECTED);
+    let is_static = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+    match (is_static, lists) {
+        (true, _) => "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
+            .to_owned(),
+        (false, true) => "the pose is beyond those in which it was measured".to_owned(),
+        (false, false) => format!("list the effect \"{EXPECTED}\", which measures it while precomputing"),
+    }
 }
 
 /// What a run will read and give, known before anything is solved.
@@ -116,6 +120,8 @@ pub struct Outlook {
     pub has_stress: bool,
     /// Some body is shown from the .green file.
     pub needs_green: bool,
+    /// Some control element is free, and found.
+    pub has_found: bool,
 }
 
 /// Stress on the surface of a body that is solved over all nodes.
@@ -167,7 +173,7 @@ pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
         let is_static = prepare::law(scene, name, body)?.is_some();
         outlook.needs_green |= !is_static;
         outlook.has_stress |= lists_stress(body);
-        outlook.has_forces |= is_static || prepare::requirements(scene, name, body)?.has(STIFFNESS);
+        outlook.has_forces |= has_forces(scene, name)?;
     }
     Ok(outlook)
 }
@@ -178,6 +184,7 @@ impl Outlook {
             Needs::Nothing => true,
             Needs::Forces => self.has_forces,
             Needs::Stress => self.has_stress,
+            Needs::Found => self.has_found,
         }
     }
 }
@@ -201,6 +208,7 @@ fn surface_results(
     let body = &scene.body[name];
     let stressed = lists_stress(body).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
     let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+    let expected = expected::read(file, name)?.filter(|errors| errors.model == body.model);
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
     let mut applied = own.iter().map(|asked| {
         let wrong = |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
@@ -215,32 +223,26 @@ fn surface_results(
             let nodes = stressed.at_nodes(&u);
             StressResult { reached: stressed.reached(&nodes), nodes }
         });
-        PoseResult { stress, ..result }
+        let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
+        let known = expected.as_ref().zip(wrenches.as_ref());
+        let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
+        let mut told =
+            Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
+        told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
+        if let Some(stressed) = stressed
+            .as_ref()
+            .filter(|_| asked.loads.is_none() && stress.as_ref().is_some_and(|s| s.reached.is_beyond()))
+        {
+            told.first_yield =
+                free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
+            // Others may go on from this pose.
+            lead(asked, all, None, &mut deformer);
+            deformer.evaluate(&asked.control);
+        }
+        PoseResult { stress, told, ..result }
     };
     let found = own.iter().zip(before).zip(&applied).map(result).collect();
     Ok((Geometry::surface(&deformer), found))
-}
-
-/// Steps in which a body is led from the pose that another goes on from to that one, so that a model that follows turns
-/// sees which way they go.
-const STEPS: usize = 16;
-
-/// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
-fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
-    let Some(before) = asked.after.and_then(|before| all.get(before)) else {
-        return body.forget();
-    };
-    if !standing.is_some_and(|standing| std::ptr::eq(standing, before)) {
-        lead(before, all, None, body);
-        body.evaluate(&before.control);
-    }
-    let ways: Vec<Way> =
-        before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
-    for step in 1..STEPS {
-        let share = step as f64 / STEPS as f64;
-        let between: ControlPoses = ways.iter().map(|way| way.pose(share)).collect();
-        body.take(&between);
-    }
 }
 
 fn surface_result(
@@ -267,6 +269,7 @@ fn surface_result(
         displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
         stress: None,
+        told: Told::default(),
     }
 }
 
@@ -275,6 +278,7 @@ fn volume_results(
     name: &str,
     body: &Body,
     asked: &[&Asked<'_>],
+    missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     if !takes_matrices(body) {
         return Err(Failure::request(scene.invalid(
@@ -292,15 +296,49 @@ fn volume_results(
     }
     let held: Vec<&[u32]> = solution.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
-    let result = |asked: &&Asked<'_>| {
-        let result = volume_result(asked, name, body, &solution);
-        PoseResult {
-            stress: stressed.as_ref().map(|stressed| stressed.result(&result.displacement)),
-            ..result
-        }
-    };
-    let found = asked.iter().map(result).collect();
+    let mut found = Vec::new();
+    for asked in asked {
+        let asked = match found_in(asked, body, &solution) {
+            Ok(asked) => asked,
+            Err(why) => {
+                let (pose, body) = (asked.pose.to_owned(), name.to_owned());
+                missed.push(Missed { why: format!("pose \"{pose}\": body.{name}: {why}"), pose, body });
+                continue;
+            }
+        };
+        let result = volume_result(&asked, name, body, &solution);
+        let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement));
+        let places = solution.controls.iter().map(|control| control.origin).collect();
+        let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
+        let first_yield =
+            stressed.as_ref().filter(|_| is_beyond && asked.after.is_none()).and_then(|stressed| {
+                free_poses::first_yield_linear(&asked, |asked| {
+                    let at = volume_result(asked, name, body, &solution);
+                    let wrenches =
+                        at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
+                    Some((wrenches, stressed.result(&at.displacement).reached.limit?.0))
+                })
+            });
+        let told = Told { control: asked.control, places, first_yield, ..Told::default() };
+        found.push(PoseResult { stress, told, ..result });
+    }
     Ok((Geometry::volume(name, &solution.mesh), found))
+}
+
+/// A pose with its free control elements found.
+fn found_in<'a>(asked: &Asked<'a>, body: &Body, solution: &Solution) -> Result<Asked<'a>, String> {
+    if asked.freedom.is_empty() {
+        return Ok(asked.clone());
+    }
+    let length = free_poses::size(solution.mesh.nodes.iter().copied());
+    let mut wrenches = |poses: &[ControlPose]| {
+        let at = Asked { control: poses.to_vec(), ..asked.clone() };
+        let found = volume_forces(&at, body, solution);
+        let found = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
+        Ok(found.controls.into_iter().map(|(_, wrench)| wrench).collect())
+    };
+    let control = free_poses::find(asked, None, (body, length), &mut wrenches)?;
+    Ok(Asked { control, ..asked.clone() })
 }
 
 fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
@@ -320,6 +358,7 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
             .collect(),
         wrenches: volume_forces(asked, body, solution),
         stress: None,
+        told: Told::default(),
     }
 }
 
@@ -349,7 +388,7 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
 fn static_results(
     scene: &Scene,
     name: &str,
-    solved: statics::Solved,
+    mut solved: statics::Solved,
     asked: &[&Asked<'_>],
     missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
@@ -357,13 +396,21 @@ fn static_results(
     let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solved.statics.mesh, &held)?;
     let mut found = Vec::new();
-    for (asked, settled) in asked.iter().zip(solved.settled) {
+    for ((asked, settled), control) in asked.iter().zip(solved.settled).zip(solved.control) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
+        let places = solved.statics.controls.iter().map(|control| control.origin).collect();
+        let told = Told { control, places, ..Told::default() };
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
                 let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement));
-                found.push(PoseResult { pose, body: name, displacement, wrenches, stress });
+                let mut told = told;
+                let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
+                if let Some(stressed) = stressed.as_ref().filter(|_| is_beyond) {
+                    let part = |u: &[Vector3<f64>]| Some(stressed.result(u).reached.limit?.0);
+                    told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &part);
+                }
+                found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }
             Err(why) => missed.push(Missed { pose, body: name, why }),
         }

@@ -9,7 +9,8 @@ use std::fmt::Write;
 
 const DISPLACEMENT_HEADING: &str = "pose,node,ux,uy,uz\n";
 const STRESS_HEADING: &str = "pose,von_mises,node,strain,strain_node,of_limit,passed\n";
-const FORCE_HEADING: &str = "pose,control,fx,fy,fz,mx,my,mz,energy\n";
+const FORCE_HEADING: &str = "pose,control,fx,fy,fz,mx,my,mz,energy";
+const ERROR_HEADING: &str = ",force_error,moment_error";
 
 /// The displacement of every node, by the mesh's node tags.
 pub const DISPLACEMENTS: Exporter = Exporter {
@@ -23,7 +24,7 @@ pub const DISPLACEMENTS: Exporter = Exporter {
     write: displacements,
 };
 
-/// Force and moment of every control element, and the energy of its body.
+/// Force and moment of every control element, and the energy of its body; with what they may be wrong by, where it was measured.
 pub const FORCES: Exporter = Exporter {
     suffix: ".forces.csv",
     kind: Kind {
@@ -76,14 +77,20 @@ fn displacements(set: &ResultSet) -> Vec<u8> {
 }
 
 fn forces(set: &ResultSet) -> Vec<u8> {
-    let mut text = FORCE_HEADING.to_owned();
+    let is_measured = set.results.iter().any(|result| result.told.error.measured().is_some());
+    let mut text = format!("{FORCE_HEADING}{}\n", if is_measured { ERROR_HEADING } else { "" });
     for result in &set.results {
         let Some(forces) = &result.wrenches else { continue };
         let label = quoted(&set.label(result));
+        let error = match (is_measured, result.told.error.measured()) {
+            (true, Some(error)) => format!(",{:e},{:e}", error.force, error.moment),
+            (true, None) => ",NaN,NaN".to_owned(),
+            (false, _) => String::new(),
+        };
         for (control, Wrench { force: f, moment: m }) in &forces.controls {
             let name = quoted(control);
             let numbers = [f.x, f.y, f.z, m.x, m.y, m.z, forces.energy].map(|value| format!("{value:e}"));
-            let _ = writeln!(text, "{label},{name},{}", numbers.join(","));
+            let _ = writeln!(text, "{label},{name},{}{error}", numbers.join(","));
         }
     }
     text.into_bytes()

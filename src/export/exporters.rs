@@ -1,11 +1,20 @@
 //! The list of all exporters.
 
 use super::exporter::{Exporter, Spread};
-use super::{csv, glb, ply, stl, vtu};
+use super::{csv, found, glb, ply, pose_picture, stl, vtu};
 
 /// In the order in which their files are written and named.
-pub const EXPORTERS: &[Exporter] =
-    &[csv::DISPLACEMENTS, csv::FORCES, csv::STRESSES, vtu::BODIES, stl::SURFACE, ply::SURFACE, glb::SURFACE];
+pub const EXPORTERS: &[Exporter] = &[
+    csv::DISPLACEMENTS,
+    csv::FORCES,
+    csv::STRESSES,
+    found::POSES,
+    vtu::BODIES,
+    stl::SURFACE,
+    ply::SURFACE,
+    glb::SURFACE,
+    pose_picture::PICTURE,
+];
 
 /// Those of one pose a file, which are written where they are asked for.
 pub fn surfaces() -> impl Iterator<Item = &'static Exporter> {

@@ -6,19 +6,28 @@
 //! To add a format: write a file with an [`Exporter`], declare it below as `pub mod`, add it to [`EXPORTERS`], and name its
 //! file in the chapter `deform` of the manual.
 
+pub mod asked;
 pub mod batch;
 pub mod csv;
 pub mod exporter;
 pub mod exporters;
 pub mod files;
+pub mod found;
+mod free_poses;
 pub mod glb;
 pub mod ply;
+pub mod pose_picture;
+pub mod pose_text;
 pub mod result_set;
 pub mod shape;
 pub mod statics;
 pub mod stl;
+#[cfg(test)]
+mod tests;
+pub mod told;
 pub mod vtu;
 
+pub use asked::{Asked, ask};
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;

@@ -1,6 +1,6 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
-use crate::base::quantity::quantity;
+use super::told::Told;
 use crate::deform::{Deformer, NodeStress, Wrench};
 use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
@@ -22,6 +22,8 @@ pub enum Needs {
     Nothing,
     Forces,
     Stress,
+    /// Poses of control elements that were found.
+    Found,
 }
 
 /// One body in one pose.
@@ -35,6 +37,7 @@ pub struct PoseResult {
     pub wrenches: Option<ControlForces>,
     /// Where the body lists the effect stress.
     pub stress: Option<StressResult>,
+    pub told: Told,
 }
 
 /// Stress and strain on the surface of a body.
@@ -82,31 +85,12 @@ impl ResultSet {
         }
     }
 
-    /// What is reached in each pose, and where a limit is passed; a line for each body that lists the effect stress.
-    pub fn stress_lines(&self) -> String {
-        let line = |result: &PoseResult| {
-            let stress = result.stress.as_ref()?;
-            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, stress.reached.sentence()))
-        };
-        self.results.iter().filter_map(line).collect()
-    }
-
-    /// How large the force on each control element is; a line for each pose.
-    pub fn force_lines(&self) -> String {
-        let force =
-            |(name, wrench): &(String, Wrench)| format!("{name} {}", quantity(wrench.force.norm(), "N"));
-        let line = |result: &PoseResult| {
-            let forces: Vec<String> = result.wrenches.as_ref()?.controls.iter().map(force).collect();
-            Some(format!("pose \"{}\": body.{}: {}\n", result.pose, result.body, forces.join(", ")))
-        };
-        self.results.iter().filter_map(line).collect()
-    }
-
     pub fn has(&self, needs: Needs) -> bool {
         match needs {
             Needs::Nothing => true,
             Needs::Forces => self.has_forces(),
             Needs::Stress => self.has_stress(),
+            Needs::Found => self.results.iter().any(|result| !result.told.freedom.is_empty()),
         }
     }
 

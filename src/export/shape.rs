@@ -56,7 +56,7 @@ impl Shape {
 }
 
 /// The nodes of the boundary, and its triangles, which name them by their order there.
-fn boundary(geometry: &Geometry) -> (Vec<u32>, Vec<[u32; 3]>) {
+pub fn boundary(geometry: &Geometry) -> (Vec<u32>, Vec<[u32; 3]>) {
     let is_surface = geometry.cells.iter().all(|cell| cell.len() == 3);
     if is_surface {
         let triangles = geometry.cells.iter().map(|cell| [cell[0], cell[1], cell[2]]).collect();

@@ -1,13 +1,15 @@
 //! Bodies whose model is solved anew for every pose: the part of `greenstage deform` that needs no .green file.
 
+use super::asked::Asked;
+use super::free_poses;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPoses, EquilibriumResult, HeldBody, Statics, StaticsError};
+use crate::deform::{ControlPose, ControlPoses, EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::fem::Law;
-use crate::scene::Scene;
-use crate::solve::Progress;
+use crate::scene::{Body, Scene};
+use crate::solve::{Progress, Silent};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -16,14 +18,15 @@ pub struct Solved {
     pub statics: Statics,
     /// In the order of the poses; why there is none where a pose has no equilibrium.
     pub settled: Vec<Result<EquilibriumResult, String>>,
+    /// Where the control elements are in each, those that were found too.
+    pub control: Vec<ControlPoses>,
     /// What each pose took, and how good it is.
     pub table: Table,
 }
 
 /// A pose of the body.
 pub struct PoseToSolve<'a> {
-    pub name: &'a str,
-    pub control: &'a ControlPoses,
+    pub asked: &'a Asked<'a>,
     /// Which of the poses before it this one goes on from; rest, where there is none.
     pub after: Option<usize>,
 }
@@ -42,28 +45,42 @@ pub fn solve(
     }
     let mut table =
         Table::new(&[name, "load steps", "factorizations", "residual", "least det F", "energy J", "time"]);
-    let mut settled = Vec::new();
+    let (mut settled, mut control) = (Vec::new(), Vec::new());
     // Of the poses that others go on from.
     let mut held: BTreeMap<usize, HeldBody> = BTreeMap::new();
     bars.begin("Newton", 1000 * poses.len() as u64);
     for (i, pose) in poses.iter().enumerate() {
         let started = Instant::now();
-        let place = format!("pose \"{}\": body.{name}", pose.name);
-        let found = match pose.after.map(|before| (poses[before].name, held.get(&before))) {
-            None => statics.solve(pose.control, &bars),
-            Some((before, Some(held))) => statics.solve_after(before, held, pose.control, &bars),
-            Some((before, None)) => {
-                table.row(&[pose.name, "0", "0", "none", "", "", ""]);
+        let place = format!("pose \"{}\": body.{name}", pose.asked.pose);
+        let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
+        let body = &scene.body[name];
+        let at =
+            match found(pose.asked, before.and_then(|(_, held, at)| Some((held?, at))), body, &mut statics) {
+                Ok(at) => at,
+                Err(why) => {
+                    table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
+                    control.push(pose.asked.control.clone());
+                    settled.push(Err(format!("{place}: {why}")));
+                    continue;
+                }
+            };
+        let found = match before {
+            None => statics.solve(&at, &bars),
+            Some((before, Some(held), _)) => statics.solve_after(before, held, &at, &bars),
+            Some((before, None, _)) => {
+                control.push(at);
+                table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
                 let why = format!("it goes on from pose \"{before}\", which has no equilibrium");
                 settled.push(Err(format!("{place}: {why}")));
                 continue;
             }
         };
+        control.push(at);
         let took = seconds(started.elapsed().as_secs_f64());
         match found {
             Ok(found) => {
                 let figures = [format!("{:.1e}", found.residual), format!("{:.6e}", found.energy)];
-                add_row(&mut table, pose.name, &found, [&figures[0], &figures[1]], &took);
+                add_row(&mut table, pose.asked.pose, &found, [&figures[0], &figures[1]], &took);
                 if let Some(state) = statics.held().filter(|_| poses.iter().any(|of| of.after == Some(i))) {
                     held.insert(i, state.clone());
                 }
@@ -72,7 +89,7 @@ pub fn solve(
             Err(error @ StaticsError::Stopped { .. }) => {
                 if let StaticsError::Stopped { settled, share, .. } = &error {
                     let end = format!("none beyond {:.1} %", 100.0 * share);
-                    add_row(&mut table, pose.name, settled, [&end, ""], &took);
+                    add_row(&mut table, pose.asked.pose, settled, [&end, ""], &took);
                 }
                 settled.push(Err(format!("{place}: {error}")));
             }
@@ -86,11 +103,34 @@ pub fn solve(
     }
     bars.end();
     let found =
-        poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose.name, found.as_ref().ok()?)));
+        poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose.asked.pose, found.as_ref().ok()?)));
     for (pose, found) in found.filter(|(_, found)| !found.inverted.is_empty()) {
         notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
     }
-    Ok(Solved { statics, settled, table })
+    Ok(Solved { statics, settled, control, table })
+}
+
+/// The poses of the control elements, those that are free found by solving the body on the way; without effect on what is held.
+fn found(
+    asked: &Asked<'_>,
+    before: Option<(&HeldBody, &ControlPoses)>,
+    body: &Body,
+    statics: &mut Statics,
+) -> Result<ControlPoses, String> {
+    if asked.freedom.is_empty() {
+        return Ok(asked.control.clone());
+    }
+    let length = free_poses::size(statics.mesh.nodes.iter().copied());
+    let start = before.map(|(held, _)| held.clone());
+    let mut wrenches = |poses: &[ControlPose]| {
+        let poses = poses.to_vec();
+        let found = match &start {
+            None => statics.solve(&poses, &Silent),
+            Some(held) => statics.solve_after("before", held, &poses, &Silent),
+        };
+        Ok(found.map_err(|error| error.to_string())?.wrenches)
+    };
+    free_poses::find(asked, before.map(|(_, at)| at), (body, length), &mut wrenches)
 }
 
 /// What a pose took; its residual, or how far of its way there is an equilibrium, and its energy.

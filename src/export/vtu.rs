@@ -113,6 +113,7 @@ mod tests {
             displacement: vec![Vector3::x(); 3],
             wrenches: None,
             stress: None,
+            told: Default::default(),
         });
         let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
         let text = String::from_utf8(bodies(&set)).unwrap();
@@ -150,6 +151,7 @@ mod tests {
             displacement: vec![Vector3::x()],
             wrenches: None,
             stress: None,
+            told: Default::default(),
         });
         let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
         for piece in pieces(&set) {

@@ -3,7 +3,7 @@
 //! In: a body with its [`ExpectedErrors`](crate::deform::ExpectedErrors) and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
 
 use super::body::PlacedBody;
-use crate::deform::{Moved, Wrench, reach};
+use crate::deform::{Deformer, ExpectedErrors, Moved, Wrench, reach};
 use nalgebra::Vector3;
 
 /// What may be wrong with every force and torque of a body.
@@ -15,14 +15,23 @@ pub struct WrenchError {
     pub moment: f64,
     /// Whether the model's part and the mesh's are both in it; else it may be more.
     pub is_whole: bool,
+    /// The parts of the model and of the mesh, of the largest force, or torque over the length.
+    pub parts: [f64; 2],
 }
 
 /// `None` where nothing was measured, where the pose is beyond what was, and of a model that says that it has no forces here.
 ///
 /// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
 pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchError> {
-    let expected = body.expected.as_ref()?;
-    let deformer = &body.deformer;
+    wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches)
+}
+
+/// The same of a body that is in no world.
+pub fn wrench_error_of(
+    expected: &ExpectedErrors,
+    deformer: &Deformer,
+    wrenches: &[Wrench],
+) -> Option<WrenchError> {
     let of_model = expected.moved.iter().any(|moved| !moved.bent.is_empty() || !moved.shifted.is_empty());
     let (force, moment) = match of_model {
         true => {
@@ -50,5 +59,6 @@ pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchErro
         force: (force + of_mesh) * size,
         moment: (moment + of_mesh) * size * length,
         is_whole,
+        parts: [force.max(moment), of_mesh],
     })
 }

@@ -109,6 +109,7 @@ pub fn now(world: &World) -> ResultSet {
             body: deformer.body.clone(),
             displacement: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
             stress: None,
+            told: Default::default(),
             wrenches: None,
         });
     }

@@ -373,7 +373,7 @@ fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
     });
     ui.horizontal(|ui| {
         ui.label("Export the bodies");
-        for exporter in surfaces() {
+        for exporter in surfaces().filter(|exporter| exporter.name() != "png") {
             if ui.button(exporter.name().to_uppercase()).clicked() {
                 orders.push(Order::Export(exporter.name()));
             }

@@ -61,6 +61,16 @@ pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
     model.chain(mesh).map(Row::Words).collect()
 }
 
+/// Above this part of the largest force an error of the forces is told beside the verdict on the shape.
+const DOUBTFUL: f64 = 0.1;
+
+/// What is expected to be wrong with the forces, where it is much; shapes may be good all the same.
+fn doubtful_force(body: &BodyReading) -> Option<f64> {
+    let errors = body.errors?;
+    let part = errors.model.flatten()?.wrench()? + errors.mesh.map_or(0.0, |mesh| mesh.wrench);
+    (part > DOUBTFUL).then_some(part)
+}
+
 /// How far the body is bent, compared with the turn up to which its model is good; beyond half a turn in turns.
 pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     let (turn, limits) = (body.turn, body.limits);
@@ -73,8 +83,12 @@ pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     let turned = format!("{}°  ", fixed(turn.to_degrees(), 6, 1));
     let told = match verdict {
         Verdict::Beyond => format!("{} turns · beyond", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
-        _ => verdict.name().to_owned(),
+        _ => match doubtful_force(body) {
+            Some(part) => format!("shape {}, forces off by {}", verdict.name(), percent(part)),
+            None => verdict.name().to_owned(),
+        },
     };
+    let ink = if doubtful_force(body).is_some() && ink == GOOD { BAD } else { ink };
     let whole = 1.5 * limits.fair;
     let bounds = match limits.is_measured {
         true => format!("measured to {:.0}°", limits.fair.to_degrees()),

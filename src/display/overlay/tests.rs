@@ -26,7 +26,12 @@ fn readings(turn: f64) -> Readings {
         held: turn > 0.0,
         force: Some(ForceReading {
             wrench: Wrench { force: Vector3::new(1.5, -12.25, 0.0), moment: Vector3::new(0.0, 0.25, -3.0) },
-            error: (turn > 0.0).then_some(WrenchError { force: 0.3, moment: 0.08, is_whole: true }),
+            error: (turn > 0.0).then_some(WrenchError {
+                force: 0.3,
+                moment: 0.08,
+                is_whole: true,
+                parts: [0.0; 2],
+            }),
             share: 0.6,
         }),
     };
@@ -184,7 +189,7 @@ proptest! {
             held: true,
             force: Some(ForceReading {
                 wrench: Wrench { force: vector(12), moment: vector(15) },
-                error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0 }),
+                error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0, parts: [0.0; 2] }),
                 share: 0.5,
             }),
         };
@@ -226,11 +231,11 @@ fn forces_stand_with_their_error_or_not_in_newtons() {
     let told = |error| -> Vec<String> {
         body_rows::control_rows(&control(error)).iter().map(|(_, row)| text(row)).collect()
     };
-    let measured = told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true }));
+    let measured = told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true, parts: [0.0; 2] }));
     assert_eq!(measured[5], "force    12.34 N  ±   0.30");
     assert_eq!(measured[6], "  x y z     1.5  -12.2    0.0");
     assert_eq!(measured[7], "torque    3.01 N·m  ±   0.08");
-    let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false }));
+    let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false, parts: [0.0; 2] }));
     assert_eq!(partly[5], "force     0.01 kN ±>  1.30");
     let unknown = told(None);
     assert_eq!(unknown[5], "force not measured here");

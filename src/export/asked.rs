@@ -1,0 +1,86 @@
+//! Poses that are asked for, each with the body that it is for.
+
+use crate::base::failure::Failure;
+use crate::deform::pose_file::{self, Pose, PoseLoads};
+use crate::deform::{ControlPoses, Deformer, Freedom, Way};
+use crate::green::STIFFNESS;
+use crate::prepare;
+use crate::scene::Scene;
+use std::path::Path;
+
+/// A pose, and the body that it is for.
+#[derive(Clone)]
+pub struct Asked<'a> {
+    pub pose: &'a str,
+    pub body: &'a str,
+    pub control: ControlPoses,
+    /// Those that the file gives, where some of them are found.
+    pub given: ControlPoses,
+    /// In what each control element is free; empty where none is.
+    pub freedom: Vec<Freedom>,
+    pub loads: PoseLoads,
+    /// Which of the poses asked for it goes on from; rest, where there is none.
+    pub after: Option<usize>,
+}
+
+/// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
+pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
+    let names = || scene.body.keys().map(String::as_str);
+    let wrong =
+        |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
+    let body = match &pose.body {
+        None if scene.body.len() == 1 => names().next(),
+        None => return Err(wrong(format!("name its body: {}", names().collect::<Vec<_>>().join(", ")))),
+        Some(name) => names().find(|known| known == name),
+    };
+    let Some(body) = body else {
+        let name = pose.body.as_deref().unwrap_or_default();
+        return Err(wrong(crate::config::unknown_name("body", name, names())));
+    };
+    let given = pose_file::control_poses(pose, body, &scene.body[body], path)?;
+    let freedom = pose_file::freedom(pose, body, &scene.body[body], path)?;
+    if !freedom.is_empty() && !has_forces(scene, body)? {
+        return Err(wrong(format!(
+            "a control element that is free is found by the forces of the body, and body.{body} has none: list \
+             effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
+        )));
+    }
+    let loads = pose_file::loads(pose, body, &scene.body[body], path)?;
+    Ok(Asked {
+        pose: &pose.name,
+        body,
+        control: given.clone(),
+        given,
+        freedom,
+        loads,
+        after: pose.goes_on_from,
+    })
+}
+
+/// Whether the results of a body have forces.
+pub(super) fn has_forces(scene: &Scene, name: &str) -> Result<bool, Failure> {
+    let body = &scene.body[name];
+    Ok(prepare::law(scene, name, body)?.is_some() || prepare::requirements(scene, name, body)?.has(STIFFNESS))
+}
+
+/// Steps in which a body is led from the pose that another goes on from to that one, so that a model that follows turns
+/// sees which way they go.
+const STEPS: usize = 16;
+
+/// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
+pub(super) fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
+    let Some(before) = asked.after.and_then(|before| all.get(before)) else {
+        return body.forget();
+    };
+    if !standing.is_some_and(|standing| std::ptr::eq(standing, before)) {
+        lead(before, all, None, body);
+        body.evaluate(&before.control);
+    }
+    let ways: Vec<Way> =
+        before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
+    for step in 1..STEPS {
+        let share = step as f64 / STEPS as f64;
+        let between: ControlPoses = ways.iter().map(|way| way.pose(share)).collect();
+        body.take(&between);
+    }
+}

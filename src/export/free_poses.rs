@@ -1,0 +1,235 @@
+//! Poses of `deform` on their way from rest: those whose free control elements are found, and where a material first yields.
+
+use super::asked::{Asked, lead};
+use super::result_set::Missed;
+use super::told::FirstYield;
+use crate::base::failure::Failure;
+use crate::deform::{
+    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench,
+    Wrenches, find_model,
+};
+use crate::effect::stress::StressedBody;
+use crate::green::GreenFile;
+use crate::scene::{Body, Scene};
+use crate::solve::Silent;
+use crate::world::wrench_error_of;
+use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
+
+/// The poses at a share of the way to those that are asked for, from rest or from those `before`.
+pub(super) fn way(
+    asked: &ControlPoses,
+    before: Option<&ControlPoses>,
+    is_linear: bool,
+    share: f64,
+) -> ControlPoses {
+    let part = |(e, pose): (usize, &ControlPose)| match before {
+        Some(before) => Way::onwards(&before[e], pose).pose(share),
+        None if is_linear => ControlPose {
+            translation: pose.translation * share,
+            matrix: Matrix3::identity() * (1.0 - share) + pose.matrix * share,
+        },
+        None if share == 1.0 => *pose,
+        None => Screw::default().towards(&Screw::of(pose), share).pose(),
+    };
+    asked.iter().enumerate().map(part).collect()
+}
+
+/// Whether the body's model is linear in the matrices of the poses.
+pub(super) fn is_linear(body: &Body) -> bool {
+    find_model(&body.model).is_ok_and(|model| model.frame == Frame::Rest)
+}
+
+/// The largest extent of places, m.
+pub(super) fn size<'a>(places: impl Iterator<Item = Vector3<f64>> + 'a) -> f64 {
+    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    let (low, high) = places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    let size = (high - low).max();
+    if size.is_finite() && size > 0.0 { size } else { 1.0 }
+}
+
+fn size_of(body: &Deformer) -> f64 {
+    size(body.rest().iter().map(|x| Vector3::from(*x).cast()))
+}
+
+/// Finds the control elements of one pose that are free in something.
+pub(super) fn find(
+    asked: &Asked<'_>,
+    before: Option<&ControlPoses>,
+    (body, length): (&Body, f64),
+    wrenches: &mut Wrenches<'_>,
+) -> Result<ControlPoses, String> {
+    let way = |share: f64| way(&asked.given, before, is_linear(body), share);
+    Search::new(&asked.freedom, length, is_linear(body), &way).follow(wrenches)
+}
+
+/// Wrenches of a body that is shown from a .green file.
+fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
+    |poses| {
+        body.take(poses);
+        let found = body.wrenches().map(|(wrenches, _)| wrenches);
+        found.ok_or_else(|| "the model has no forces in such a pose".to_owned())
+    }
+}
+
+/// All that is asked for, with the poses of free control elements found for the bodies of the .green file; what is not found is
+/// missed.
+pub(super) fn found<'a>(
+    scene: &Scene,
+    asked: &[Asked<'a>],
+    file: Option<&Arc<GreenFile>>,
+    missed: &mut Vec<Missed>,
+) -> Result<Vec<Asked<'a>>, Failure> {
+    let mut all = asked.to_vec();
+    let Some(file) = file else { return Ok(all) };
+    for (name, body) in scene.body.iter().filter(|(name, _)| file.meta.bodies.contains_key(*name)) {
+        let is_own = |asked: &Asked<'_>| asked.body == *name;
+        if !all.iter().any(|asked| is_own(asked) && !asked.freedom.is_empty()) {
+            continue;
+        }
+        let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+        let length = size_of(&deformer);
+        for place in (0..all.len()).filter(|&place| is_own(&asked[place])) {
+            let one = all[place].clone();
+            let loads = |asked: &Asked<'_>, body: &Deformer| {
+                let wrong =
+                    |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+                asked.loads.applied(body).map_err(wrong)
+            };
+            let is_missed = |asked: &Asked<'_>| {
+                missed.iter().any(|m: &Missed| m.pose == asked.pose && m.body == asked.body)
+            };
+            let before = one.after.map(|before| &all[before]);
+            let lost = before.filter(|before| is_missed(before)).map(|before| before.pose);
+            let settled = match (lost, one.freedom.is_empty()) {
+                (Some(lost), _) => Err(format!("it goes on from pose \"{lost}\", which has none")),
+                (None, true) => continue,
+                (None, false) => {
+                    match before {
+                        Some(before) => {
+                            deformer.apply(&loads(before, &deformer)?);
+                            lead(before, &all, None, &mut deformer);
+                            deformer.evaluate(&before.control);
+                        }
+                        None => deformer.forget(),
+                    }
+                    deformer.apply(&loads(&one, &deformer)?);
+                    let before = before.map(|before| &before.control);
+                    find(&one, before, (body, length), &mut of_file(&mut deformer))
+                }
+            };
+            match settled {
+                Ok(control) => all[place].control = control,
+                Err(why) => missed.push(Missed {
+                    pose: one.pose.to_owned(),
+                    body: name.clone(),
+                    why: format!("pose \"{}\": body.{name}: {why}", one.pose),
+                }),
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// So near its limit a material yields, of bodies that are quickly computed and of those that are solved anew.
+const NEAR: [f64; 2] = [2e-3, 1e-2];
+const TRIALS: usize = 12;
+
+/// A state on the way: the poses, and what part of a limit it reaches.
+type At = (ControlPoses, f64);
+
+/// The first share of the way at which a limit is reached: near rest stress grows as the way does, and from there the limit
+/// is approached.
+fn approach(near: f64, mut at: impl FnMut(f64) -> Option<At>) -> Option<(f64, ControlPoses)> {
+    let mut share = 1e-4;
+    for _ in 0..TRIALS {
+        let (poses, part) = at(share)?;
+        if (part - 1.0).abs() < near {
+            return Some((share, poses));
+        }
+        share = (share / part).min(1.0);
+        if !(share.is_finite() && share > 0.0) {
+            return None;
+        }
+    }
+    None
+}
+
+/// Where a body of the .green file first yields on its way from rest to a pose in which it has.
+pub(super) fn first_yield(
+    asked: &Asked<'_>,
+    body: &Body,
+    deformer: &mut Deformer,
+    stressed: &StressedBody,
+    expected: Option<&ExpectedErrors>,
+) -> Option<FirstYield> {
+    if asked.after.is_some() {
+        return None;
+    }
+    let (linear, length) = (is_linear(body), size_of(deformer));
+    let way = |share: f64| way(&asked.given, None, linear, share);
+    let mut search = (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
+    let (share, control) = approach(NEAR[0], |share| {
+        deformer.forget();
+        let poses = match &mut search {
+            Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
+            None => way(share),
+        };
+        deformer.evaluate(&poses);
+        let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
+        Some((poses, stressed.reached(&stressed.at_nodes(&u)).limit?.0))
+    })?;
+    let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
+    let known = expected.zip(wrenches.as_ref());
+    let error = known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches));
+    Some(FirstYield { share, control, wrenches, error })
+}
+
+/// The same of a body that is solved anew for each pose; `part` of a limit is reached by displacements of all its nodes.
+pub(super) fn first_yield_of(
+    asked: &Asked<'_>,
+    body: &Body,
+    statics: &mut Statics,
+    part: &dyn Fn(&[Vector3<f64>]) -> Option<f64>,
+) -> Option<FirstYield> {
+    if asked.after.is_some() {
+        return None;
+    }
+    let length = size(statics.mesh.nodes.iter().copied());
+    let way = |share: f64| way(&asked.given, None, is_linear(body), share);
+    let mut search =
+        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, is_linear(body), &way));
+    let mut wrenches = None;
+    let (share, control) = approach(NEAR[1], |share| {
+        let poses = match &mut search {
+            Some(search) => {
+                let mut of = |poses: &[ControlPose]| {
+                    let found = statics.solve(&poses.to_vec(), &Silent);
+                    Ok(found.map_err(|error| error.to_string())?.wrenches)
+                };
+                search.at(share, &mut of).ok()?
+            }
+            None => way(share),
+        };
+        let found = statics.solve(&poses, &Silent).ok()?;
+        let reached = part(&found.displacement)?;
+        wrenches = Some(found.wrenches);
+        Some((poses, reached))
+    })?;
+    Some(FirstYield { share, control, wrenches, error: None })
+}
+
+/// The same of the linear theory, in which a pose that was found is found at every share of its way.
+pub(super) fn first_yield_linear(
+    asked: &Asked<'_>,
+    of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, f64)>,
+) -> Option<FirstYield> {
+    let mut wrenches = None;
+    let (share, control) = approach(NEAR[0], |share| {
+        let control = way(&asked.control, None, true, share);
+        let (found, part) = of(&Asked { control: control.clone(), ..asked.clone() })?;
+        wrenches = found;
+        Some((control, part))
+    })?;
+    Some(FirstYield { share, control, wrenches, error: None })
+}

@@ -1,0 +1,269 @@
+//! What a terminal shows of each pose: where the control elements are, the forces with their errors, what holds them, where
+//! the material yields.
+
+use super::result_set::{PoseResult, ResultSet};
+use super::told::{FirstYield, Sureness, Told};
+use crate::base::quantity::{quantity, scale_of};
+use crate::base::table::Table;
+use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
+use crate::fem::nearest_turn;
+use nalgebra::Vector3;
+
+/// Above this error of the forces another model is named.
+const DOUBTFUL: f64 = 0.1;
+/// A control element is not far away until it is so many times the body's size.
+const FAR: f64 = 10.0;
+/// A moment is told of from this part of that about where the element rested.
+const NOTICED: f64 = 0.02;
+
+/// Below this part of the largest a force or moment is rounding.
+const ROUNDING: f64 = 1e-7;
+
+/// All that is told, pose after pose.
+pub fn of_set(set: &ResultSet) -> String {
+    set.results.iter().map(|result| of_result(set, result)).collect()
+}
+
+fn of_result(set: &ResultSet, result: &PoseResult) -> String {
+    let rest =
+        set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
+    let size = super::free_poses::size(rest.unwrap_or_default().iter().copied());
+    let heading = format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model);
+    let lines: String = sentences(result, Some(size)).into_iter().map(|line| format!("  {line}\n")).collect();
+    format!("{heading}{}{lines}", table(result).text())
+}
+
+/// What is to be said of a pose; what compares with the body's size where that is given.
+pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
+    let mut lines = size.map_or_else(Vec::new, |size| far(&result.told, size));
+    lines.extend(stress(result));
+    lines.extend(sureness(result));
+    lines.extend(what_holds(result));
+    lines
+}
+
+/// Where each control element that is not at rest was moved, with the force and moment on it.
+pub fn moves(result: &PoseResult) -> Vec<String> {
+    let told = &result.told;
+    let mut lines = Vec::new();
+    for (e, (name, pose)) in told.names.iter().zip(&told.control).enumerate() {
+        if *pose == ControlPose::REST {
+            continue;
+        }
+        let turn = nearest_turn(&pose.matrix).angle().to_degrees();
+        let turned = if turn > 0.0005 { format!(", turned by {turn:.2}°") } else { String::new() };
+        let moved = quantity(pose.translation.norm(), "m");
+        let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
+        let force = wrench.map_or(String::new(), |(_, wrench)| {
+            let moment = wrench.about_the_place(pose).moment.norm();
+            // What a free end has is rounding.
+            let moment = if moment > ROUNDING * wrench.moment.norm() { moment } else { 0.0 };
+            format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
+        });
+        lines.push(format!("{name} moved by {moved}{turned}{force}"));
+    }
+    lines
+}
+
+/// `1.20 kN ± 80.0 N`.
+pub fn force(wrench: &Wrench, sure: &Sureness) -> String {
+    let by = plus_minus(sure.measured().map(|error| error.force), "N");
+    format!("{} {by}", quantity(wrench.force.norm(), "N")).trim_end().to_owned()
+}
+
+/// Numbers of a vector with one prefix, `(0, 0, 5.00) mm`.
+fn vector(v: &Vector3<f64>, unit: &str) -> String {
+    let (scale, prefix) = scale_of(v.amax());
+    let number = |x: f64| match x / scale {
+        x if x.abs() < 0.005 => "0".to_owned(),
+        x if x.abs() < 9.995 => format!("{x:.2}"),
+        x if x.abs() < 99.95 => format!("{x:.1}"),
+        x => format!("{x:.0}"),
+    };
+    format!("({}, {}, {}) {prefix}{unit}", number(v.x), number(v.y), number(v.z))
+}
+
+/// How a number of a wrench is wrong, `± 1.2 N`.
+fn plus_minus(value: Option<f64>, unit: &str) -> String {
+    value.map_or(String::new(), |value| format!("± {}", quantity(value, unit)))
+}
+
+fn table(result: &PoseResult) -> Table {
+    // What is so much smaller than the largest is rounding.
+    let all = || result.wrenches.iter().flat_map(|forces| &forces.controls);
+    let floor = |of: fn(&Wrench) -> f64| ROUNDING * all().map(|(_, wrench)| of(wrench)).fold(0.0, f64::max);
+    let floors = [floor(|wrench| wrench.force.norm()), floor(|wrench| wrench.moment.norm())];
+    let plain = |v: Vector3<f64>, floor: f64| if v.norm() <= floor { Vector3::zeros() } else { v };
+    let error = result.told.error.measured();
+    let heading: &[&str] = &["control", "moved by", "turned by", "force", "moment about its place"];
+    let mut table = Table::new(heading);
+    for (e, name) in result.told.names.iter().enumerate() {
+        let Some(pose) = result.told.control.get(e) else { continue };
+        let turn = nearest_turn(&pose.matrix).scaled_axis();
+        let turned = format!("{:.3}°", turn.norm().to_degrees());
+        let moved =
+            if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
+        let (mut force, mut moment) = ("not asked for".to_owned(), String::new());
+        if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
+            let placed = wrench.about_the_place(pose);
+            let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
+                if v == Vector3::zeros() {
+                    return format!("0 {}", plus_minus(by, unit));
+                }
+                let v = &v;
+                format!("{} |{}| {}", vector(v, unit), quantity(v.norm(), unit), plus_minus(by, unit))
+            };
+            force = of(plain(placed.force, floors[0]), "N", error.map(|error| error.force));
+            moment = of(plain(placed.moment, floors[1]), "N·m", error.map(|error| error.moment));
+        }
+        table.row(&[name, &moved, &turned, force.trim(), moment.trim()]);
+    }
+    table
+}
+
+/// What holds the control elements in directions that the pose did not speak of.
+fn what_holds(result: &PoseResult) -> Vec<String> {
+    let Some(forces) = &result.wrenches else { return Vec::new() };
+    let mut lines = Vec::new();
+    for (e, (name, wrench)) in forces.controls.iter().enumerate() {
+        let Some(pose) = result.told.control.get(e) else { continue };
+        let freedom = result.told.freedom.get(e).copied().unwrap_or_default();
+        let placed = wrench.about_the_place(pose);
+        if freedom.is_any() {
+            let found: Vec<&str> = (0..6).filter(|&k| freedom.free[k]).map(|k| COMPONENTS[k]).collect();
+            let pushed =
+                if freedom.load == [0.0; 6] { "nothing pushes" } else { "only the given force pushes" };
+            lines
+                .push(format!("{name}: free in {}: {pushed} there, and its pose is found", found.join(", ")));
+        }
+        let is_turned = nearest_turn(&pose.matrix).angle() > 1e-9;
+        let holds = placed.moment.norm() > NOTICED * wrench.moment.norm();
+        let is_moved = *pose != ControlPose::REST;
+        if is_moved
+            && !is_turned
+            && !freedom.free[3..].contains(&true)
+            && holds
+            && pose.translation.norm() > 0.0
+        {
+            let moment = quantity(placed.moment.norm(), "N·m");
+            lines.push(format!(
+                "{name}: this end cannot turn: a moment of {moment} holds it; free = [\"rotation\"] lets it turn"
+            ));
+        }
+        if let Some(along) = slid(pose, &placed, &freedom.free) {
+            lines.push(format!("{name}: {along}"));
+        }
+    }
+    lines
+}
+
+/// A force across the way of an element, which it does not need in order to be moved.
+fn slid(pose: &ControlPose, placed: &Wrench, free: &[bool; 6]) -> Option<String> {
+    let way = pose.translation.try_normalize(0.0)?;
+    let along = placed.force.dot(&way);
+    let across = placed.force - way * along;
+    let is_held: Vec<&str> = (0..3)
+        .filter(|&k| !free[k] && way[k].abs() < 1e-9 && across[k].abs() > placed.force.norm() * 0.1)
+        .map(|k| COMPONENTS[k])
+        .collect();
+    (!is_held.is_empty()).then(|| {
+        let list: Vec<String> = is_held.iter().map(|name| format!("\"{name}\"")).collect();
+        format!(
+            "{} of its force act across its way, where it cannot slide: {} along it alone; free = [{}] lets it slide",
+            quantity(across.norm(), "N"),
+            quantity(along, "N"),
+            list.join(", ")
+        )
+    })
+}
+
+/// Whether the pose is of another size than the body.
+fn far(told: &Told, size: f64) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (name, pose) in told.names.iter().zip(&told.control) {
+        let times = pose.translation.norm() / size;
+        if times > FAR {
+            let (way, whole) = (quantity(pose.translation.norm(), "m"), quantity(size, "m"));
+            lines.push(format!(
+                "warning: {name} is moved by {way}, {times:.0} times the body's size of {whole}: poses are in metres; \
+                 were millimetres meant?"
+            ));
+        }
+    }
+    lines
+}
+
+fn stress(result: &PoseResult) -> Vec<String> {
+    let Some(stress) = &result.stress else { return Vec::new() };
+    let reached = &stress.reached;
+    let mut lines = vec![reached.sentence()];
+    match (&result.told.first_yield, reached.limit) {
+        (Some(first), _) => lines.push(yielding(result, first)),
+        (None, Some((part, _))) if part > 1.0 => {
+            lines.push(
+                "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
+            );
+        }
+        (None, Some((part, _))) if part > 0.0 => {
+            lines.push(format!("no yield: the limit lies at about {:.1} times this pose", 1.0 / part));
+        }
+        _ => {}
+    }
+    lines
+}
+
+/// Where the material first yields on the way: what moved, and the force on it.
+fn yielding(result: &PoseResult, first: &FirstYield) -> String {
+    let moved = (0..first.control.len())
+        .max_by(|&a, &b| size_of(&first.control[a]).total_cmp(&size_of(&first.control[b])))
+        .unwrap_or(0);
+    let (pose, name) = (&first.control[moved], result.told.names.get(moved).map_or("", String::as_str));
+    let way = match pose.translation.norm() {
+        0.0 => format!("{name} turned by {:.2}°", nearest_turn(&pose.matrix).angle().to_degrees()),
+        way => format!("{name} moved by {}", quantity(way, "m")),
+    };
+    let wrench = first.wrenches.as_ref().and_then(|wrenches| wrenches.get(moved));
+    let force = wrench.map_or(String::new(), |wrench| {
+        let size = wrench.force.norm();
+        let by = plus_minus(first.error.map(|error| error.force), "N");
+        let along = pose.translation.try_normalize(0.0).map(|way| wrench.force.dot(&way));
+        let along = along.filter(|along| (along.abs() - size).abs() > 0.02 * size);
+        let along = along.map_or(String::new(), |along| format!(" ({} along its way)", quantity(along, "N")));
+        format!(", with {}{along}", format!("{} {by}", quantity(size, "N")).trim_end())
+    });
+    let share = percent(first.share);
+    format!("elastic only: first yield at {way}{force}: {share} of this pose; what is beyond is not real")
+}
+
+fn size_of(pose: &ControlPose) -> f64 {
+    pose.translation.norm() + nearest_turn(&pose.matrix).angle() * 1e-6
+}
+
+/// How sure the forces are, and which model is surer.
+fn sureness(result: &PoseResult) -> Vec<String> {
+    if result.wrenches.is_none() {
+        return Vec::new();
+    }
+    match &result.told.error {
+        Sureness::Unknown(why) => vec![format!("error of forces not measured: {why}")],
+        Sureness::Measured(error) => {
+            let [model, mesh] = error.parts;
+            let of_mesh = if error.is_whole { percent(mesh) } else { "not known".to_owned() };
+            let mut lines = vec![format!(
+                "error of forces: {} of the largest force by the model {}, {of_mesh} by the mesh",
+                percent(model),
+                result.told.model
+            )];
+            let is_online =
+                find_model(&result.told.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
+            if model > DOUBTFUL && is_online {
+                lines.push(
+                    "for forces in this pose take model = \"stvk\": solved anew for each pose, nothing is precomputed, no \
+                     error by the model"
+                        .to_owned(),
+                );
+            }
+            lines
+        }
+    }
+}

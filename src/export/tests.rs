@@ -1,0 +1,111 @@
+//! `deform` from a scene and a pose file, against beams and against what is found by hand from unit poses.
+
+use super::batch::solve;
+use super::{Asked, ResultSet, ask};
+use crate::deform::{Wrench, pose_file};
+use crate::scene::Scene;
+use nalgebra::{Matrix6, Vector6};
+use std::path::Path;
+
+const YOUNG: f64 = 1.0e6;
+/// Length and side, m.
+const BEAM: [f64; 2] = [1.0, 0.1];
+
+fn solved(model: &str, element: &str, poses: &str) -> ResultSet {
+    let [length, side] = BEAM;
+    let scene = format!(
+        "[body.beam]\n\
+         generate = {{ block = {{ size = [{length}, {side}, {side}], cells = [10, 1, 1] }} }}\n\
+         material = {{ young = {YOUNG}, poisson = 0.0 }}\n\
+         element = \"{element}\"\n\
+         model = \"{model}\"\n\
+         effects = [\"haptics\"]\n\
+         control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+         control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
+    );
+    let scene = Scene::parse(&scene, Path::new("beam.toml")).unwrap();
+    let path = Path::new("poses.toml");
+    let poses = pose_file::parse(poses, path).unwrap();
+    let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+    solve(&scene, &asked, None, model == "linear").unwrap().0
+}
+
+/// What holds the right end about its place, and both ends about one point.
+fn right(set: &ResultSet, pose: usize) -> (Wrench, [Wrench; 2]) {
+    let result = &set.results[pose];
+    let [(_, left), (_, right)] = &result.wrenches.as_ref().unwrap().controls[..] else { panic!() };
+    let about = |wrench: &Wrench, e: usize| Wrench {
+        moment: wrench.moment + result.told.places[e].cross(&wrench.force),
+        ..*wrench
+    };
+    (right.about_the_place(&result.told.control[1]), [about(left, 0), about(right, 1)])
+}
+
+const PUSHED: &str = "[[pose]]\nname = \"guided\"\ncontrol.right = { translation = [0.0, 0.0, 1e-4] }\n\
+                      [[pose]]\nname = \"free\"\n\
+                      control.right = { translation = [0.0, 0.0, 1e-4], free = [\"rotation\", \"x\", \"y\"] }\n\
+                      [[pose]]\nname = \"pushed\"\ncontrol.right = { force = [0.0, 0.0, 2.5e-3] }\n";
+
+/// Timoshenko's beam: w / F = L³ / 3 EI + L / κ G A where the end may turn, L³ / 12 EI + L / κ G A where it may not
+/// (Timoshenko and Gere, Mechanics of Materials, sections 9.3 and 9.10 of the first edition).
+#[test]
+fn a_free_end_and_a_guided_one_are_timoshenkos() {
+    let set = solved("linear", "tet10", PUSHED);
+    let [length, side] = BEAM;
+    let (bending, shear) =
+        (length.powi(3) / (YOUNG * side.powi(4) / 12.0), length / (5.0 / 6.0 * 0.5 * YOUNG * side * side));
+    let stiffness = |pose: usize| right(&set, pose).0.force.z / 1e-4;
+    for (pose, flexibility) in [(0, bending / 12.0 + shear), (1, bending / 3.0 + shear)] {
+        let ratio = stiffness(pose) * flexibility;
+        assert!((ratio - 1.0).abs() < 0.03, "{pose}: {ratio}");
+    }
+    let (held, both) = right(&set, 1);
+    assert!(held.moment.norm() < 1e-9 && held.force.xy().norm() < 1e-9, "{held:?}");
+    assert!((both[0].force + both[1].force).norm() < 1e-6 * held.force.z, "action and reaction");
+    assert!((both[0].moment + both[1].moment).norm() < 1e-6 * held.force.z);
+    // The force that was found for a shift finds that shift.
+    let pushed = set.results[2].told.control[1].translation;
+    assert!((pushed.z * stiffness(1) / 2.5e-3 - 1.0).abs() < 1e-4, "{pushed}");
+}
+
+/// The same by hand: six unit poses, and the free components out of their 6 × 6 matrix.
+#[test]
+fn a_free_end_is_what_six_unit_poses_give() {
+    let mut poses = PUSHED.to_owned();
+    let unit = 1e-6;
+    for k in 0..6 {
+        let mut pose = crate::deform::ControlPose::REST;
+        if k < 3 {
+            pose.translation[k] = unit;
+        } else {
+            pose.matrix += nalgebra::Vector3::ith(k - 3, unit).cross_matrix();
+        }
+        let (t, m) = (pose.translation, pose.matrix);
+        let rows: Vec<String> =
+            (0..3).map(|i| format!("[{:?}, {:?}, {:?}]", m[(i, 0)], m[(i, 1)], m[(i, 2)])).collect();
+        poses += &format!(
+            "[[pose]]\nname = \"{k}\"\ncontrol.right = {{ translation = [{:?}, {:?}, {:?}], matrix = [{}] }}\n",
+            t.x,
+            t.y,
+            t.z,
+            rows.join(", ")
+        );
+    }
+    let set = solved("linear", "tet4", &poses);
+    let columns: Vec<Vector6<f64>> = (0..6)
+        .map(|k| {
+            let (held, _) = right(&set, 3 + k);
+            Vector6::from_iterator(held.force.iter().chain(held.moment.iter()).map(|x| x / unit))
+        })
+        .collect();
+    let compliance = Matrix6::from_columns(&columns).try_inverse().unwrap();
+    let force = 1e-4 / compliance[(2, 2)];
+    let found = right(&set, 1).0.force.z;
+    assert!((found / force - 1.0).abs() < 1e-3, "{found} {force}");
+    // Of large strain too, where the pose is small.
+    let of_law = solved("stvk", "tet4", PUSHED);
+    for pose in 0..3 {
+        let (law, linear) = (right(&of_law, pose).0.force.z, right(&set, pose).0.force.z);
+        assert!((law / linear - 1.0).abs() < 1e-3, "{pose}: {law} {linear}");
+    }
+}

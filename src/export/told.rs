@@ -1,0 +1,61 @@
+//! What `deform` tells of a pose beside its numbers: where the control elements ended, how sure the forces are, where
+//! the material first yields.
+
+use crate::deform::{ControlPoses, Freedom, Wrench};
+use crate::world::WrenchError;
+use nalgebra::Vector3;
+
+/// Of one pose of one body.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    /// By which the body was deformed.
+    pub model: String,
+    /// Of the control elements, in the body's order.
+    pub names: Vec<String>,
+    /// Where their origins rest, m, in the mesh's coordinates.
+    pub places: Vec<Vector3<f64>>,
+    /// Every control element, in the body's order, those that were found too.
+    pub control: ControlPoses,
+    /// In what they are free; empty where all are held.
+    pub freedom: Vec<Freedom>,
+    /// By how much forces may be wrong, or why that is not known.
+    pub error: Sureness,
+    /// Where a limit is passed, and the pose goes on from rest.
+    pub first_yield: Option<FirstYield>,
+    /// Name of the pose that it goes on from.
+    pub after: Option<String>,
+}
+
+/// How sure forces are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sureness {
+    /// As it was measured on the body.
+    Measured(WrenchError),
+    /// Why not, and what measures it.
+    Unknown(String),
+}
+
+impl Default for Sureness {
+    fn default() -> Sureness {
+        Sureness::Unknown(String::new())
+    }
+}
+
+impl Sureness {
+    pub fn measured(&self) -> Option<&WrenchError> {
+        match self {
+            Sureness::Measured(error) => Some(error),
+            Sureness::Unknown(_) => None,
+        }
+    }
+}
+
+/// The first state on the way from rest in which a limit of the material is reached.
+#[derive(Clone, Debug)]
+pub struct FirstYield {
+    /// Of the way.
+    pub share: f64,
+    pub control: ControlPoses,
+    pub wrenches: Option<Vec<Wrench>>,
+    pub error: Option<WrenchError>,
+}
