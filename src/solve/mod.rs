@@ -9,6 +9,7 @@
 mod cholesky;
 mod condition;
 mod error;
+mod multigrid;
 mod newton;
 mod no_unknowns;
 mod ordering;
@@ -18,6 +19,7 @@ mod settle;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
+mod spectrum;
 mod stability;
 
 pub use crate::base::progress::{Progress, Silent};
