@@ -304,6 +304,7 @@ impl Factor for Cholesky<'_> {
         }
         let stats = SolveStats {
             method: &CHOLESKY,
+            chosen: None,
             unknowns: 3 * b.nodes,
             columns: b.columns,
             ordering_s: self.symbolic.ordering_s,

@@ -6,6 +6,7 @@
 //! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
 //! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
+mod auto;
 mod cholesky;
 mod condition;
 mod error;
@@ -22,6 +23,7 @@ mod solvers;
 mod spectrum;
 mod stability;
 
+pub use auto::AUTO;
 pub use crate::base::progress::{Progress, Silent};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};

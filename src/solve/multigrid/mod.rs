@@ -17,6 +17,8 @@ mod galerkin;
 mod prolong;
 mod rows;
 mod smooth;
+#[cfg(test)]
+mod tests;
 mod transfer;
 
 use crate::fem::StiffnessMatrix;
@@ -139,12 +141,6 @@ impl Multigrid {
             (None, None) => return,
         }
         down.add(columns, &own.x, x);
-    }
-
-    /// Nodes of all levels, the finest first.
-    pub fn sizes(&self) -> Vec<usize> {
-        let fine = self.fine.matrix.nodes();
-        std::iter::once(fine).chain(self.coarse.iter().map(|level| level.matrix.nodes())).collect()
     }
 }
 
