@@ -37,8 +37,10 @@ pub struct Args {
     pub quiet: bool,
 }
 
-const CSV: Kind =
-    Kind { name: "a table of `scale`", recognizes: |head| head.starts_with(b"nodes,solver,method,iterations,") };
+const CSV: Kind = Kind {
+    name: "a table of `scale`",
+    recognizes: |head| head.starts_with(b"nodes,solver,method,iterations,"),
+};
 const PLOT: Kind = Kind {
     name: "a plot of `scale`",
     recognizes: |head| head.windows(18).any(|window| window == b" class=\"gs-plot\" r"),

@@ -59,7 +59,8 @@ pub fn measure(request: &Request, progress: &dyn Progress) -> (Vec<Row>, Vec<Lef
             let nodes = side(size).pow(3) as usize;
             let last = rows.iter().rev().find(|row: &&Row| row.solver == method.name);
             // A factor takes n² of the nodes, multigrid n.
-            let growth = |row: &Row| (nodes as f64 / row.nodes as f64).powi(1 + i32::from(row.iterations == 0));
+            let growth =
+                |row: &Row| (nodes as f64 / row.nodes as f64).powi(1 + i32::from(row.iterations == 0));
             let expected = last.map_or(0.0, |row| row.all_s * growth(row));
             if expected > request.limit_s {
                 left.push((method.name, nodes, format!("would take about {}", seconds(expected))));
@@ -125,7 +126,15 @@ fn forget_peak() {
 /// All rows for a terminal or a README.
 pub fn table(rows: &[Row]) -> Table {
     let heading = [
-        "nodes", "solver", "iterations", "mesh, assembly", "factor", "24 columns", "conditioning", "all", "memory",
+        "nodes",
+        "solver",
+        "iterations",
+        "mesh, assembly",
+        "factor",
+        "24 columns",
+        "conditioning",
+        "all",
+        "memory",
         "forward error",
     ];
     let mut table = Table::new(&heading);
@@ -191,7 +200,15 @@ fn plot(title: &'static str, label: &str, unit: Unit, rows: &[Row], of: fn(&Row)
         let series = series.iter().position(|name| *name == row.solver)?;
         let y = of(row)?;
         let tip = format!("{} nodes, {}: {}", row.nodes, row.solver, unit.text(y));
-        Some(Point { x: row.nodes as f64, y, series, line: Some(series), strong: true, tip, ..Point::default() })
+        Some(Point {
+            x: row.nodes as f64,
+            y,
+            series,
+            line: Some(series),
+            strong: true,
+            tip,
+            ..Point::default()
+        })
     };
     Plot {
         title,
@@ -218,7 +235,12 @@ mod tests {
         assert_eq!((rows.len(), left.len()), (SOLVERS.len(), 0), "{left:?}");
         for row in &rows {
             assert_eq!(row.nodes, 1000);
-            assert!(row.forward_error < 1e-7 && row.residual <= 1e-8, "{}: {:e}", row.solver, row.forward_error);
+            assert!(
+                row.forward_error < 1e-7 && row.residual <= 1e-8,
+                "{}: {:e}",
+                row.solver,
+                row.forward_error
+            );
             assert_eq!(row.iterations > 0, row.method == "pcg", "{}", row.solver);
             assert!(row.iterations < 20, "{}", row.iterations);
         }

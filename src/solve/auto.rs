@@ -25,7 +25,7 @@ pub const AUTO: Method = Method {
 
 /// Fewer unknowns are factorised in less time than a look at the alternative is worth.
 const SMALL: usize = 30_000;
-/// Numbers of the factor over n^{4/3} of the thinnest bodies ([`crate::green::Forecast`] tells where it was measured).
+/// Numbers of the factor over n^{4/3} of the thinnest bodies, as the forecast of a scene has it.
 const LEAST_FILL: f64 = 6.0;
 /// Seconds on one thread: of the factor over L^{1.5}, of a column's solve over L, of an iteration of one column and of the
 /// levels over the pairs of coupled nodes.

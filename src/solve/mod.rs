@@ -1,8 +1,8 @@
 //! Solving A x = b for many right-hand sides: A in 3×3 blocks and its right-hand sides in, solutions and the
 //! figures that judge them out.
 //!
-//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ) and block-Jacobi preconditioned
-//! conjugate gradients, the paper's solver; both stand behind [`LinearSolver`] and measure the true residual of every
+//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a supernodal LLᵀ), conjugate gradients preconditioned
+//! by multigrid, and the choice between them; all stand behind [`LinearSolver`] and measure the true residual of every
 //! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
 //! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
@@ -23,8 +23,8 @@ mod solvers;
 mod spectrum;
 mod stability;
 
-pub use auto::AUTO;
 pub use crate::base::progress::{Progress, Silent};
+pub use auto::AUTO;
 pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;

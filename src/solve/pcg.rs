@@ -141,14 +141,16 @@ impl Pcg<'_> {
 /// Takes some columns of `fields`.
 fn take(fields: &NodeFields, columns: &Range<usize>, part: &mut NodeFields) {
     let rows = part.data.par_chunks_exact_mut(part.columns).zip(fields.data.par_chunks_exact(fields.columns));
-    rows.with_min_len(1024).for_each(|(to, from)| to[..columns.len()].copy_from_slice(&from[columns.clone()]));
+    rows.with_min_len(1024)
+        .for_each(|(to, from)| to[..columns.len()].copy_from_slice(&from[columns.clone()]));
 }
 
 /// The other way round.
 fn put(part: &NodeFields, columns: Range<usize>, fields: &mut NodeFields) {
     let count = fields.columns;
     let rows = part.data.par_chunks_exact(part.columns).zip(fields.data.par_chunks_exact_mut(count));
-    rows.with_min_len(1024).for_each(|(from, to)| to[columns.clone()].copy_from_slice(&from[..columns.len()]));
+    rows.with_min_len(1024)
+        .for_each(|(from, to)| to[columns.clone()].copy_from_slice(&from[..columns.len()]));
 }
 
 /// Columns that are iterated together, in all their vectors, with columns of zeros behind them up to a multiple of four.
@@ -217,7 +219,8 @@ impl<'a> Batch<'a> {
             take(self.b, &self.columns, &mut self.r);
             self.r.data.par_iter_mut().zip(&self.q.data).with_min_len(4096).for_each(|(r, q)| *r -= q);
             let left = self.r.norms();
-            self.relative = left.iter().zip(&norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            self.relative =
+                left.iter().zip(&norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
             let worst = self.relative.iter().copied().fold(0.0, f64::max);
             if worst <= tolerance || worst > 0.5 * before || self.iterations >= max_iterations {
                 break;
@@ -242,7 +245,8 @@ impl<'a> Batch<'a> {
         let norms = self.r.norms();
         let squares = self.preconditioned_squares(&norms);
         let least = self.least();
-        let error = |(square, energy): (f64, f64)| if square == 0.0 { 0.0 } else { (square / least / energy).sqrt() };
+        let error =
+            |(square, energy): (f64, f64)| if square == 0.0 { 0.0 } else { (square / least / energy).sqrt() };
         squares.into_iter().zip(self.energies()).map(error).collect()
     }
 
@@ -270,7 +274,8 @@ impl<'a> Batch<'a> {
         let energies = self.energies();
         let parts = self.preconditioned_squares(&norms).into_iter().zip(&energies);
         let parts = parts.map(|(rz, energy)| rz / energy).enumerate();
-        let (watched, _) = parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
+        let (watched, _) =
+            parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         self.x.data.fill(0.0);
         let most = self.pcg.limits.max_iterations;
         self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched) }, &mut |_| {});
@@ -364,13 +369,13 @@ impl<'a> Batch<'a> {
             }
             self.precondition(&norms);
             let (rz, qz) = self.dots_with_z(&norms);
-            let slowest =
-                *watched.get_or_insert_with(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
+            let slowest = *watched
+                .get_or_insert_with(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
             let beta: Vec<f64> = match &before {
                 // pᵀr = 0, so that zᵀ(r - r_before) = -α zᵀq.
-                Some((rz, alpha)) => {
-                    (0..m).map(|c| if rz[c] > 0.0 { (-alpha[c] * qz[c] / rz[c]).max(0.0) } else { 0.0 }).collect()
-                }
+                Some((rz, alpha)) => (0..m)
+                    .map(|c| if rz[c] > 0.0 { (-alpha[c] * qz[c] / rz[c]).max(0.0) } else { 0.0 })
+                    .collect(),
                 None => vec![0.0; m],
             };
             if let (Some(last), true) = (coefficients.last_mut(), active[slowest]) {
@@ -404,21 +409,22 @@ impl<'a> Batch<'a> {
         const ROWS: usize = 4096;
         let m = alpha.len();
         let length = ROWS * m;
-        let squares: Vec<Vec<f64>> = (self.x.data.par_chunks_mut(length).zip(self.r.data.par_chunks_mut(length)))
-            .zip(self.p.data.par_chunks(length).zip(self.q.data.par_chunks(length)))
-            .map(|((x, r), (p, q))| {
-                let mut squares = vec![0.0; m];
-                let rows = x.chunks_exact_mut(m).zip(r.chunks_exact_mut(m));
-                for ((x, r), (p, q)) in rows.zip(p.chunks_exact(m).zip(q.chunks_exact(m))) {
-                    for c in 0..m {
-                        x[c] += alpha[c] * p[c];
-                        r[c] -= alpha[c] * q[c];
-                        squares[c] += r[c] * r[c];
+        let squares: Vec<Vec<f64>> =
+            (self.x.data.par_chunks_mut(length).zip(self.r.data.par_chunks_mut(length)))
+                .zip(self.p.data.par_chunks(length).zip(self.q.data.par_chunks(length)))
+                .map(|((x, r), (p, q))| {
+                    let mut squares = vec![0.0; m];
+                    let rows = x.chunks_exact_mut(m).zip(r.chunks_exact_mut(m));
+                    for ((x, r), (p, q)) in rows.zip(p.chunks_exact(m).zip(q.chunks_exact(m))) {
+                        for c in 0..m {
+                            x[c] += alpha[c] * p[c];
+                            r[c] -= alpha[c] * q[c];
+                            squares[c] += r[c] * r[c];
+                        }
                     }
-                }
-                squares
-            })
-            .collect();
+                    squares
+                })
+                .collect();
         (0..m).map(|c| squares.iter().map(|squares| squares[c]).sum::<f64>().sqrt()).collect()
     }
 }

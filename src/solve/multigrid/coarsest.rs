@@ -1,8 +1,8 @@
 //! The coarsest level, solved by a dense Cholesky factor.
 
-use crate::base::lanes::{LANES, lanes};
 use super::rows::Rows;
 use super::smooth::Vectors;
+use crate::base::lanes::{LANES, lanes};
 use nalgebra::DMatrix;
 
 /// L of A = L Lᵀ.

@@ -83,8 +83,7 @@ impl Multigrid {
                 break;
             }
             threshold *= 0.5;
-            let (level, next) =
-                level(&rows, &modes, threshold).map_err(|_| NotDefinite { node: 0 })?;
+            let (level, next) = level(&rows, &modes, threshold).map_err(|_| NotDefinite { node: 0 })?;
             coarse.push(level);
             below = next;
         }
@@ -101,9 +100,10 @@ impl Multigrid {
         let mut coarse: Vec<Vectors> =
             self.coarse.iter().map(|level| Vectors::new(MODES * level.matrix.nodes(), columns)).collect();
         if self.last.is_some() {
-            let above = self.coarse.last().map_or(self.fine.down.as_ref().map(Prolongator::aggregates), |level| {
-                level.down.as_ref().map(Prolongator::aggregates)
-            });
+            let above =
+                self.coarse.last().map_or(self.fine.down.as_ref().map(Prolongator::aggregates), |level| {
+                    level.down.as_ref().map(Prolongator::aggregates)
+                });
             coarse.push(Vectors::new(MODES * above.unwrap_or(0), columns));
         }
         Workspace { fine: Vectors::new(3 * self.fine.matrix.nodes(), columns), coarse }

@@ -85,14 +85,14 @@ fn orthonormal<const B: usize>(
     let places = || members.iter().map(|&node| fine.place[node as usize]);
     let centre: [f64; 3] =
         std::array::from_fn(|axis| places().map(|place| place[axis]).sum::<f64>() / members.len() as f64);
-    let from_centre = |place: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| place[axis] - centre[axis]) };
+    let from_centre =
+        |place: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| place[axis] - centre[axis]) };
     let mut q: Vec<Modes<B>> = members
         .iter()
         .map(|&node| shifted(&fine.modes[node as usize], from_centre(fine.place[node as usize])))
         .collect();
-    let dot = |q: &[Modes<B>], a: usize, b: usize| -> f64 {
-        q.iter().flatten().map(|row| row[a] * row[b]).sum()
-    };
+    let dot =
+        |q: &[Modes<B>], a: usize, b: usize| -> f64 { q.iter().flatten().map(|row| row[a] * row[b]).sum() };
     let mut r = [[0.0; MODES]; MODES];
     for c in 0..MODES {
         let before = dot(&q, c, c).sqrt();

@@ -9,8 +9,8 @@
 //! Tuminaro, J. Comput. Phys. 188, 2003, 593-610.) Vectors are row-major like
 //! [`crate::fem::NodeFields`]: all columns of an unknown stand together.
 
-use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
 use super::rows::{PART, Smoothed};
+use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 
 /// Passes over the matrix before and after the coarse correction.

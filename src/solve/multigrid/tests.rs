@@ -43,7 +43,8 @@ fn iterations(name: &str, element: &Element, mesh: &TetMesh, lame: &[Lame]) -> u
     let (exact, _) = solve("cholesky", &a, &b);
     let told = stats.conditioning.unwrap().forward_error;
     let largest = exact.data.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let worst = x.data.iter().zip(&exact.data).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / largest;
+    let worst =
+        x.data.iter().zip(&exact.data).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / largest;
     println!("{name}: {} iterations, error {worst:.1e}, told {told:.1e}", stats.iterations);
     assert!(worst < 1e-8 && told < 1e-7, "{name}: {worst:e}, {told:e}");
     stats.iterations
@@ -176,7 +177,8 @@ fn bits_depend_on_nothing_but_the_column() {
     };
     let all = with(1, &b);
     assert!(all == with(3, &b));
-    let second = NodeFields { nodes: b.nodes, columns: 1, data: b.data.iter().skip(1).step_by(3).copied().collect() };
+    let second =
+        NodeFields { nodes: b.nodes, columns: 1, data: b.data.iter().skip(1).step_by(3).copied().collect() };
     let alone = with(2, &second);
     assert!(alone.data.iter().zip(all.data.iter().skip(1).step_by(3)).all(|(a, b)| a == b));
 }

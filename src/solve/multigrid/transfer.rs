@@ -1,8 +1,8 @@
 //! Residuals to the coarse level, and its corrections back.
 
-use crate::base::lanes::{Kernel, LANES, fused, lanes, lanes_mut, run};
 use super::prolong::{MODES, Prolongator};
 use super::rows::PART;
+use crate::base::lanes::{Kernel, LANES, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 
 /// coarse = Pᵀ fine for some aggregates.
@@ -60,8 +60,10 @@ impl<const B: usize> Kernel for Up<'_, B> {
     fn run<const FUSED: bool>(self) {
         let m = self.columns;
         for (number, fine) in self.fine.chunks_exact_mut(B * m).enumerate() {
-            let (start, end) =
-                (self.prolongator.start[self.first + number], self.prolongator.start[self.first + number + 1]);
+            let (start, end) = (
+                self.prolongator.start[self.first + number],
+                self.prolongator.start[self.first + number + 1],
+            );
             for at in start..end {
                 let block = &self.prolongator.value[MODES * B * at..][..MODES * B];
                 let from = self.prolongator.column[at] as usize * MODES * m;
