@@ -154,10 +154,16 @@ impl StiffnessMatrix {
     ) {
         let m = x.columns;
         let mut sum = [[0.0; T]; 3];
-        add_product::<FUSED, T>(&self.diagonal[node], false, &x.data[3 * m * node + column..], m, &mut sum);
-        for (other, edge, transposed) in self.neighbours(node) {
-            let x = &x.data[3 * m * other + column..];
-            add_product::<FUSED, T>(&self.blocks[edge], transposed, x, m, &mut sum);
+        add_product::<FUSED, false, T>(&self.diagonal[node], &x.data[3 * m * node + column..], m, &mut sum);
+        // First those below, whose blocks are transposed, as `neighbours` has them.
+        for &(other, edge) in &self.lower[self.lower_start[node]..self.lower_start[node + 1]] {
+            let x = &x.data[3 * m * other as usize + column..];
+            add_product::<FUSED, true, T>(&self.blocks[edge as usize], x, m, &mut sum);
+        }
+        let above = self.edge_start[node]..self.edge_start[node + 1];
+        for (edge, block) in self.edges[above.clone()].iter().zip(&self.blocks[above]) {
+            let x = &x.data[3 * m * edge[1] as usize + column..];
+            add_product::<FUSED, false, T>(block, x, m, &mut sum);
         }
         for r in 0..3 {
             *lanes::lanes_mut(rows, r * m + column) = sum[r];
@@ -167,9 +173,8 @@ impl StiffnessMatrix {
 
 /// sum += M x (or Mᵀ x) for `T` columns of x, whose rows are `m` apart.
 #[inline(always)]
-fn add_product<const FUSED: bool, const T: usize>(
+fn add_product<const FUSED: bool, const TRANSPOSED: bool, const T: usize>(
     block: &Matrix3<f64>,
-    transposed: bool,
     x: &[f64],
     m: usize,
     sum: &mut [[f64; T]; 3],
@@ -178,7 +183,7 @@ fn add_product<const FUSED: bool, const T: usize>(
     for k in 0..3 {
         let x = lanes::lanes::<T, f64>(x, k * m);
         for r in 0..3 {
-            let a = if transposed { numbers[r][k] } else { numbers[k][r] };
+            let a = if TRANSPOSED { numbers[r][k] } else { numbers[k][r] };
             for t in 0..T {
                 sum[r][t] = fused64::<FUSED>(a, x[t], sum[r][t]);
             }

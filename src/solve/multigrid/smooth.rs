@@ -59,9 +59,8 @@ struct Part<'a, const B: usize> {
 impl<const B: usize> Kernel for Part<'_, B> {
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) {
-        let mut lane = 0;
         for node in 0..self.d.len() / (B * self.columns) {
-            lane = 0;
+            let mut lane = 0;
             if B == 3 {
                 while lane + 24 <= self.columns {
                     self.tile::<FUSED, 24>(node, lane);
@@ -77,7 +76,6 @@ impl<const B: usize> Kernel for Part<'_, B> {
                 lane += 4;
             }
         }
-        let _ = lane;
     }
 }
 
