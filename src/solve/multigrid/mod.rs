@@ -83,7 +83,8 @@ impl Multigrid {
                 break;
             }
             threshold *= 0.5;
-            let (level, next) = level(&rows, &modes, threshold).map_err(|_| NotDefinite { node: 0 })?;
+            let (level, next) =
+                level(&rows, &modes, threshold).map_err(|_coarse_node| NotDefinite { node: 0 })?;
             coarse.push(level);
             below = next;
         }
