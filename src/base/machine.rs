@@ -93,6 +93,11 @@ pub fn addresses_are_limited() -> bool {
     std::fs::read_to_string(LIMITS).is_ok_and(|limits| limit(&limits, ADDRESSES).is_some())
 }
 
+/// Largest resident memory of this process so far, bytes, where the system tells.
+pub fn peak_memory() -> Option<f64> {
+    kilobytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+}
+
 /// Bytes of the largest cache of a processor, as faer's matrix products read it; at least 2 MiB.
 pub fn largest_cache() -> f64 {
     let size = |index: u32| {

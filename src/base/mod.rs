@@ -12,6 +12,7 @@ pub mod disjoint;
 pub mod failure;
 pub mod fixed;
 pub mod input;
+pub mod lanes;
 pub mod last_word;
 pub mod legend;
 pub mod machine;

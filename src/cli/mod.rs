@@ -27,6 +27,7 @@ mod pattern;
 mod precompute;
 mod print;
 mod render;
+mod scale;
 mod serve;
 mod session_args;
 mod sizes;
@@ -72,6 +73,7 @@ pub enum Command {
     Deform(deform::Args),
     Bench(bench::Args),
     Accuracy(accuracy::Args),
+    Scale(scale::Args),
     Inspect(inspect::Args),
     Check(check::Args),
     Convert(convert::Args),
@@ -101,6 +103,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Deform(args)) => deform::run(&args),
         Some(Command::Bench(args)) => bench::run(&args),
         Some(Command::Accuracy(args)) => accuracy::run(&args),
+        Some(Command::Scale(args)) => scale::run(&args),
         Some(Command::Inspect(args)) => inspect::run(&args),
         Some(Command::Check(args)) => check::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),

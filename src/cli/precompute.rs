@@ -4,6 +4,7 @@ use super::expected;
 use super::opening::{self, Guess};
 use super::print::print;
 use crate::base::failure::Failure;
+pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
@@ -109,6 +110,7 @@ pub fn report(body: &Precomputed) -> Table {
         row("factor", stats.factor_s, format!("L: {fill:.3e} entries, {}", bytes(8.0 * fill)));
         row("solves", stats.solve_s, format!("{} columns, with their residuals", stats.columns));
     } else {
+        row("multigrid", stats.factor_s, format!("{} unknowns", stats.unknowns));
         row(
             "solves",
             stats.solve_s,
@@ -136,15 +138,10 @@ pub fn report(body: &Precomputed) -> Table {
         solution.offline_s(),
         format!("worst relative residual {:.1e} ({})", stats.worst_residual(), stats.method.name),
     );
+    if let Some(chosen) = &stats.chosen {
+        table.row(&["solver", "", chosen]);
+    }
     let shift = format!("error of a shift of all control elements {:.1e}{forces}", rigid.shift);
     table.row(&["rigid motion", "", &shift]);
     table
-}
-
-/// Largest resident memory of this process so far, bytes, where the system tells.
-pub fn peak_memory() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kilobytes: f64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kilobytes * 1024.0)
 }

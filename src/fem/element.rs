@@ -51,7 +51,9 @@ impl Element {
     ///
     /// Errors where a tetrahedron is flat or inverted, or where the mesh lacks the nodes of this element.
     pub fn assemble(&self, mesh: &TetMesh, lame: &[Lame]) -> Result<StiffnessMatrix, AssemblyError> {
-        Ok(assemble_elements(mesh.nodes.len(), &self.sets_of(mesh, lame)?))
+        let mut matrix = assemble_elements(mesh.nodes.len(), &self.sets_of(mesh, lame)?);
+        matrix.places = mesh.nodes.iter().map(|place| (*place).into()).collect();
+        Ok(matrix)
     }
 
     /// S_ij = a(u_i, u_j) of all fields, element by element ([`mutual_energies`]). Errors as [`Element::assemble`].

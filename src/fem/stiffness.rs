@@ -1,6 +1,7 @@
 //! The symmetric stiffness matrix in 3×3 blocks: diagonal blocks on nodes, off-diagonal blocks on edges.
 
 use super::fields::NodeFields;
+use crate::base::lanes::{self, Kernel, fused64};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -14,6 +15,8 @@ pub struct StiffnessMatrix {
     pub edges: Vec<[u32; 2]>,
     pub blocks: Vec<Matrix3<f64>>,
     pub edge_start: Vec<usize>,
+    /// Where the nodes are at rest, m, of which the rigid motions follow; empty where nobody told.
+    pub places: Vec<[f64; 3]>,
     /// Edges that end in node j: (i, edge), i < j, ascending; `lower[lower_start[j]..lower_start[j + 1]]`.
     lower: Vec<(u32, u32)>,
     lower_start: Vec<usize>,
@@ -37,6 +40,7 @@ impl StiffnessMatrix {
             edges,
             blocks,
             edge_start,
+            places: Vec::new(),
             lower,
             lower_start,
         }
@@ -65,13 +69,11 @@ impl StiffnessMatrix {
     /// y = K x for all columns at once; each row is gathered by one thread, so the bits do not depend on their
     /// number.
     pub fn multiply(&self, x: &NodeFields, y: &mut NodeFields) {
-        let m = x.columns;
-        y.data.par_chunks_mut(3 * m).enumerate().with_min_len(64).for_each(|(node, rows)| {
-            rows.fill(0.0);
-            add_block_product(&self.diagonal[node], false, &x.data[3 * m * node..][..3 * m], rows, m);
-            for (other, edge, transposed) in self.neighbours(node) {
-                add_block_product(&self.blocks[edge], transposed, &x.data[3 * m * other..][..3 * m], rows, m);
-            }
+        /// Nodes that one thread works on at a time.
+        const NODES: usize = 64;
+        let m = x.columns.max(1);
+        y.data.par_chunks_mut(3 * m * NODES).enumerate().for_each(|(part, rows)| {
+            lanes::run(Product { matrix: self, first: part * NODES, x, rows });
         });
     }
 
@@ -86,6 +88,9 @@ impl StiffnessMatrix {
             .collect();
         let edges = kept.iter().map(|&e| self.edges[e].map(|node| index[node as usize])).collect();
         let mut restricted = StiffnessMatrix::zeros(keep.len(), edges);
+        if !self.places.is_empty() {
+            restricted.places = keep.iter().map(|&node| self.places[node as usize]).collect();
+        }
         for (new, &old) in keep.iter().enumerate() {
             restricted.diagonal[new] = self.diagonal[old as usize];
         }
@@ -107,13 +112,81 @@ fn starts(nodes: usize, keys: impl Iterator<Item = u32>) -> Vec<usize> {
     start
 }
 
-/// y += M x (or Mᵀ x) for 3 × m row-major x and y.
-fn add_block_product(block: &Matrix3<f64>, transposed: bool, x: &[f64], y: &mut [f64], m: usize) {
-    for r in 0..3 {
-        let row = if transposed { block.column(r).transpose() } else { block.row(r).clone_owned() };
-        let out = &mut y[r * m..][..m];
-        for c in 0..m {
-            out[c] += row[0] * x[c] + row[1] * x[m + c] + row[2] * x[2 * m + c];
+/// Rows of K x, of the nodes from `first` on.
+struct Product<'a> {
+    matrix: &'a StiffnessMatrix,
+    first: usize,
+    x: &'a NodeFields,
+    rows: &'a mut [f64],
+}
+
+impl Kernel for Product<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let m = self.x.columns;
+        for (number, rows) in self.rows.chunks_exact_mut(3 * m).enumerate() {
+            let mut column = 0;
+            while column + 8 <= m {
+                self.matrix.row::<FUSED, 8>(self.first + number, column, self.x, rows);
+                column += 8;
+            }
+            while column + 4 <= m {
+                self.matrix.row::<FUSED, 4>(self.first + number, column, self.x, rows);
+                column += 4;
+            }
+            while column < m {
+                self.matrix.row::<FUSED, 1>(self.first + number, column, self.x, rows);
+                column += 1;
+            }
+        }
+    }
+}
+
+impl StiffnessMatrix {
+    /// `T` columns of one node's rows of K x.
+    #[inline(always)]
+    fn row<const FUSED: bool, const T: usize>(
+        &self,
+        node: usize,
+        column: usize,
+        x: &NodeFields,
+        rows: &mut [f64],
+    ) {
+        let m = x.columns;
+        let mut sum = [[0.0; T]; 3];
+        add_product::<FUSED, false, T>(&self.diagonal[node], &x.data[3 * m * node + column..], m, &mut sum);
+        // First those below, whose blocks are transposed, as `neighbours` has them.
+        for &(other, edge) in &self.lower[self.lower_start[node]..self.lower_start[node + 1]] {
+            let x = &x.data[3 * m * other as usize + column..];
+            add_product::<FUSED, true, T>(&self.blocks[edge as usize], x, m, &mut sum);
+        }
+        let above = self.edge_start[node]..self.edge_start[node + 1];
+        for (edge, block) in self.edges[above.clone()].iter().zip(&self.blocks[above]) {
+            let x = &x.data[3 * m * edge[1] as usize + column..];
+            add_product::<FUSED, false, T>(block, x, m, &mut sum);
+        }
+        for r in 0..3 {
+            *lanes::lanes_mut(rows, r * m + column) = sum[r];
+        }
+    }
+}
+
+/// sum += M x (or Mᵀ x) for `T` columns of x, whose rows are `m` apart.
+#[inline(always)]
+fn add_product<const FUSED: bool, const TRANSPOSED: bool, const T: usize>(
+    block: &Matrix3<f64>,
+    x: &[f64],
+    m: usize,
+    sum: &mut [[f64; T]; 3],
+) {
+    let numbers = &block.data.0;
+    for k in 0..3 {
+        let x = lanes::lanes::<T, f64>(x, k * m);
+        for r in 0..3 {
+            let a = if TRANSPOSED { numbers[r][k] } else { numbers[k][r] };
+            for t in 0..T {
+                sum[r][t] = fused64::<FUSED>(a, x[t], sum[r][t]);
+            }
         }
     }
 }

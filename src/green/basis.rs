@@ -86,21 +86,28 @@ pub fn solve_prepared(
     progress.end();
 
     let failed = |source| GreenError::Solve { body: place.clone(), source };
-    let mut fields = NodeFields::zeros(mesh.nodes.len(), columns);
+    let prescribed = || {
+        let mut fields = NodeFields::zeros(mesh.nodes.len(), columns);
+        for (e, control) in controls.iter().enumerate().filter(|_| columns > 0) {
+            control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
+        }
+        fields
+    };
     let mut stats = SolveStats { method: &NO_UNKNOWNS, ..Default::default() };
     let families: Vec<_> = FAMILIES.iter().filter(|entry| requirements.has(entry.family)).collect();
+    let mut fields = NodeFields::zeros(mesh.nodes.len(), 0);
     let solver;
     let mut factor: Option<Box<dyn Factor>> = None;
     if columns > 0 {
-        for (e, control) in controls.iter().enumerate() {
-            control.prescribe(&mesh.nodes, FIELDS * e, &mut fields);
-        }
-        let rhs = partition.minus_b_times(&k, &fields);
+        let rhs = partition.minus_b_times(&k, &prescribed());
         solver = body.solver.analyse(&a, progress).map_err(failed)?;
         solver.fits(&a, rhs.columns).map_err(failed)?;
         let factored = solver.factor(&a, progress).map_err(failed)?;
         let free;
         (free, stats) = factored.solve_and_judge(&rhs, progress).map_err(failed)?;
+        drop(rhs);
+        // Made again: they would be in the way of a solve that needs all memory.
+        fields = prescribed();
         partition.insert_free(&free, &mut fields);
         factor = Some(factored).filter(|_| families.iter().any(|entry| entry.solves));
     }

@@ -19,6 +19,7 @@ mod pareto;
 mod plots;
 mod readme_table;
 mod recommendation;
+pub mod scale;
 mod summary;
 mod tables;
 pub mod units;

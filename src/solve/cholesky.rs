@@ -87,6 +87,7 @@ impl Factor for Cholesky<'_> {
         let (x, relative) = refined(self.a, x, b, &|b| self.llt.substitute(b, &Silent))?;
         let stats = SolveStats {
             method: &CHOLESKY,
+            chosen: None,
             unknowns: 3 * b.nodes,
             columns: b.columns,
             ordering_s: self.analysis.ordering_s,

@@ -164,6 +164,7 @@ impl Mixed<'_> {
             iterations,
             residuals: relative,
             conditioning: None,
+            chosen: None,
         };
         Ok(Some((x, stats)))
     }

@@ -2,10 +2,12 @@
 //! figures that judge them out.
 //!
 //! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a multifrontal LLᵀ), the same in f32 with conjugate
-//! gradients in f64 around it, and block-Jacobi preconditioned conjugate gradients, the paper's solver; all stand behind [`LinearSolver`] and measure the true residual of every
+//! gradients in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them;
+//! all stand behind [`LinearSolver`] and measure the true residual of every
 //! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
 //! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
+mod auto;
 mod cholesky;
 mod condition;
 mod dense;
@@ -14,6 +16,7 @@ mod fronts;
 mod llt;
 mod mixed;
 mod multifrontal;
+mod multigrid;
 mod newton;
 mod no_unknowns;
 mod ordering;
@@ -24,10 +27,12 @@ mod settle;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
+mod spectrum;
 mod stability;
 mod substitution;
 
 pub use crate::base::progress::{Progress, Silent};
+pub use auto::AUTO;
 pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;

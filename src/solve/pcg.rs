@@ -1,14 +1,16 @@
-//! Conjugate gradients on the 3×3-block matrix, preconditioned by its diagonal blocks (block-Jacobi); all columns
-//! are iterated together, so that one pass over the matrix multiplies all of them.
+//! Conjugate gradients on the 3×3-block matrix, preconditioned by multigrid ([`super::multigrid`]). Several columns are
+//! iterated together, so that one pass over the matrix multiplies all of them.
 
 use super::error::SolveError;
-use super::residual::residuals;
+use super::multigrid::{Multigrid, NotDefinite, Workspace};
 use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
+use super::spectrum::Spectrum;
+use crate::base::lanes::padded;
 use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
-use nalgebra::Matrix3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
 pub const PCG: Method = Method {
@@ -33,49 +35,59 @@ struct Limits {
 }
 
 impl LinearSolver for Limits {
-    /// x, r, z, p, A p and a true residual; the inverse blocks.
     fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
-        6.0 * 24.0 * (a.nodes() * columns) as f64 + 72.0 * a.nodes() as f64
+        let unknowns = 3.0 * a.nodes() as f64;
+        8.0 * unknowns * columns as f64 + Multigrid::memory(a) + batch_memory(a, batch_width(a).min(columns))
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
-        Ok(machine::expect(format!("iterating {columns} columns together"), self.memory(a, columns))?)
+        let what = format!("multigrid, with the iteration of {columns} columns");
+        Ok(machine::expect(what, self.memory(a, columns))?)
     }
 
     fn factor<'a>(
         &'a self,
         a: &'a StiffnessMatrix,
-        _: &dyn Progress,
+        progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        progress.begin("multigrid", 0);
         let started = Instant::now();
-        let inverse = inverse_diagonal(a)?;
-        Ok(Box::new(Pcg { a, inverse, limits: *self, factor_s: started.elapsed().as_secs_f64() }))
+        let multigrid = Multigrid::new(a).map_err(|NotDefinite { node }| {
+            SolveError::NotPositiveDefinite { unknowns: 3 * a.nodes(), pivot: 3 * node }
+        })?;
+        progress.end();
+        Ok(Box::new(Pcg { a, multigrid, limits: *self, factor_s: started.elapsed().as_secs_f64() }))
     }
 }
 
-/// A with the inverses of its diagonal blocks.
+/// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
+/// The bits of a column do not depend on the others.
+const BATCHES: [usize; 2] = [24, 8];
+const BATCH_MEMORY: f64 = 1e9;
+
+fn batch_width(a: &StiffnessMatrix) -> usize {
+    if batch_memory(a, BATCHES[0]) <= BATCH_MEMORY { BATCHES[0] } else { BATCHES[1] }
+}
+
+/// Bytes of the vectors of so many columns: x, r, p and A p in f64, four of the finest level and half of them again in f32.
+fn batch_memory(a: &StiffnessMatrix, columns: usize) -> f64 {
+    3.0 * (a.nodes() * padded(columns)) as f64 * (4.0 * 8.0 + 4.5 * 4.0)
+}
+
+/// A with its multigrid levels.
 struct Pcg<'a> {
     a: &'a StiffnessMatrix,
-    inverse: Vec<Matrix3<f64>>,
+    multigrid: Multigrid,
     limits: Limits,
     factor_s: f64,
 }
 
 /// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
-/// residual at most this often before it is called stagnant.
+/// residual at most this often, and while that helps, before it is called stagnant.
 const RESTARTS: usize = 8;
 
 /// Relative residual to which the error of a solution is solved for.
-const PROBE: f64 = 1e-4;
-
-/// The result of an iteration that reached its tolerance.
-struct Converged {
-    x: NodeFields,
-    /// True residuals.
-    r: NodeFields,
-    spectrum: Spectrum,
-    stats: SolveStats,
-}
+const PROBE: f64 = 1e-2;
 
 impl Factor for Pcg<'_> {
     fn nodes(&self) -> usize {
@@ -83,296 +95,340 @@ impl Factor for Pcg<'_> {
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
-        self.converge(b, progress).map(|Converged { x, stats, .. }| (x, stats))
+        self.solve_batches(b, false, progress)
     }
 
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
-        let Converged { x, r, mut spectrum, mut stats } = self.converge(b, progress)?;
-        let started = Instant::now();
-        let forward_error = self.energy_error(&x, b, &r, &mut spectrum);
-        let seconds = started.elapsed().as_secs_f64();
-        stats.conditioning = Some(Conditioning { scaled_condition: None, forward_error, seconds });
-        Ok((x, stats))
+        self.solve_batches(b, true, progress)
     }
 }
 
 impl Pcg<'_> {
-    /// Solves A x = b from x = 0. Errors where a column's true residual stays above the tolerance.
-    fn converge(&self, b: &NodeFields, progress: &dyn Progress) -> Result<Converged, SolveError> {
-        let Limits { tolerance, max_iterations, .. } = self.limits;
-        // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
-        progress.begin("conjugate gradients", 1000);
+    fn solve_batches(&self, b: &NodeFields, is_judged: bool, progress: &dyn Progress) -> SolveResult {
+        let width = batch_width(self.a);
         let started = Instant::now();
         let mut x = NodeFields::zeros(b.nodes, b.columns);
-        let mut iterations = 0;
-        let mut spectrum = Spectrum::default();
-        let mut done = 0;
-        let (mut relative, mut r) = residuals(self.a, &x, b);
-        for _ in 0..=RESTARTS {
-            if relative.iter().all(|&r| r <= tolerance) || iterations >= max_iterations {
-                break;
-            }
-            let limits = Limits { max_iterations: max_iterations - iterations, ..self.limits };
-            iterations += self.iterate(limits, &mut x, r, &b.norms(), None, &mut spectrum, &mut |worst| {
-                let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
-                progress.advance(way.saturating_sub(done));
-                done = done.max(way);
-            });
-            (relative, r) = residuals(self.a, &x, b);
-        }
-        progress.end();
-        for (column, &residual) in relative.iter().enumerate() {
-            if residual > tolerance || residual.is_nan() {
-                return Err(SolveError::Residual { column, residual, limit: tolerance, iterations });
-            }
-        }
-        let stats = SolveStats {
+        let mut stats = SolveStats {
             method: self.limits.method,
             unknowns: 3 * b.nodes,
             columns: b.columns,
             factor_s: self.factor_s,
-            solve_s: started.elapsed().as_secs_f64(),
-            iterations,
-            residuals: relative,
             ..Default::default()
         };
-        Ok(Converged { x, r, spectrum, stats })
+        let mut error = Conditioning::default();
+        // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
+        let batches = b.columns.div_ceil(width);
+        progress.begin("conjugate gradients", 1000 * batches as u64);
+        for batch in 0..batches {
+            let columns = batch * width..((batch + 1) * width).min(b.columns);
+            let mut own = Batch::new(self, b, columns.clone());
+            own.converge(progress)?;
+            stats.iterations = stats.iterations.max(own.iterations);
+            stats.residuals.extend(&own.relative[..columns.len()]);
+            put(&own.x, columns, &mut x);
+            if is_judged {
+                let probing = Instant::now();
+                let found = own.energy_error();
+                if found > error.forward_error || found.is_nan() {
+                    error.forward_error = found;
+                }
+                error.seconds += probing.elapsed().as_secs_f64();
+            }
+        }
+        progress.end();
+        stats.solve_s = started.elapsed().as_secs_f64() - error.seconds;
+        stats.conditioning = is_judged.then_some(error);
+        Ok((x, stats))
+    }
+}
+
+/// Takes some columns of `fields`.
+fn take(fields: &NodeFields, columns: &Range<usize>, part: &mut NodeFields) {
+    let rows = part.data.par_chunks_exact_mut(part.columns).zip(fields.data.par_chunks_exact(fields.columns));
+    rows.with_min_len(1024)
+        .for_each(|(to, from)| to[..columns.len()].copy_from_slice(&from[columns.clone()]));
+}
+
+/// The other way round.
+fn put(part: &NodeFields, columns: Range<usize>, fields: &mut NodeFields) {
+    let count = fields.columns;
+    let rows = part.data.par_chunks_exact(part.columns).zip(fields.data.par_chunks_exact_mut(count));
+    rows.with_min_len(1024)
+        .for_each(|(from, to)| to[columns.clone()].copy_from_slice(&from[..columns.len()]));
+}
+
+/// Columns that are iterated together, in all their vectors, with columns of zeros behind them up to a multiple of four.
+struct Batch<'a> {
+    pcg: &'a Pcg<'a>,
+    b: &'a NodeFields,
+    /// Which of b.
+    columns: Range<usize>,
+    x: NodeFields,
+    r: NodeFields,
+    p: NodeFields,
+    /// A p.
+    q: NodeFields,
+    workspace: Workspace,
+    spectrum: Spectrum,
+    iterations: usize,
+    /// True residuals ‖b - A x‖₂ / ‖b‖₂.
+    relative: Vec<f64>,
+}
+
+/// Where an iteration starts and ends.
+struct Run<'a> {
+    /// Norms that residuals are compared with.
+    norms: &'a [f64],
+    tolerance: f64,
+    most: usize,
+    /// The column whose spectrum is taken; that with the most to do, if none is named.
+    watched: Option<usize>,
+}
+
+impl<'a> Batch<'a> {
+    /// x = 0.
+    fn new(pcg: &'a Pcg<'a>, b: &'a NodeFields, columns: Range<usize>) -> Batch<'a> {
+        let zeros = || NodeFields::zeros(b.nodes, padded(columns.len()));
+        let mut r = zeros();
+        take(b, &columns, &mut r);
+        Batch {
+            pcg,
+            b,
+            x: zeros(),
+            r,
+            p: zeros(),
+            q: zeros(),
+            workspace: pcg.multigrid.workspace(padded(columns.len())),
+            spectrum: Spectrum::default(),
+            iterations: 0,
+            relative: Vec::new(),
+            columns,
+        }
+    }
+
+    /// Iterates to the tolerance. Errors where a column's true residual stays above it.
+    fn converge(&mut self, progress: &dyn Progress) -> Result<(), SolveError> {
+        let Limits { tolerance, max_iterations, .. } = self.pcg.limits;
+        let mut done = 0;
+        let norms = self.r.norms();
+        let mut before = f64::INFINITY;
+        for _ in 0..=RESTARTS {
+            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None };
+            self.iterations += self.iterate(&run, &mut |worst| {
+                let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
+                progress.advance(way.saturating_sub(done));
+                done = done.max(way);
+            });
+            self.pcg.a.multiply(&self.x, &mut self.q);
+            take(self.b, &self.columns, &mut self.r);
+            self.r.data.par_iter_mut().zip(&self.q.data).with_min_len(4096).for_each(|(r, q)| *r -= q);
+            let left = self.r.norms();
+            self.relative =
+                left.iter().zip(&norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            let worst = self.relative.iter().copied().fold(0.0, f64::max);
+            if worst <= tolerance || worst > 0.5 * before || self.iterations >= max_iterations {
+                break;
+            }
+            before = worst;
+        }
+        let is_above = |residual: &f64| *residual > tolerance || residual.is_nan();
+        if !self.relative.iter().any(is_above) {
+            return Ok(());
+        }
+        // Where a stiff part floats, rounding alone leaves a large residual on it, which moves it by nothing.
+        let errors = self.estimated_errors();
+        let refused = (0..self.columns.len()).find(|&c| is_above(&self.relative[c]) && is_above(&errors[c]));
+        refused.map_or(Ok(()), |number| {
+            let (column, residual) = (self.columns.start + number, self.relative[number]);
+            Err(SolveError::Residual { column, residual, limit: tolerance, iterations: self.iterations })
+        })
+    }
+
+    /// About ‖x̂ - x‖_A / ‖x̂‖_A of every column, from rᵀM⁻¹r.
+    fn estimated_errors(&mut self) -> Vec<f64> {
+        let norms = self.r.norms();
+        let squares = self.preconditioned_squares(&norms);
+        let least = self.least();
+        let error =
+            |(square, energy): (f64, f64)| if square == 0.0 { 0.0 } else { (square / least / energy).sqrt() };
+        squares.into_iter().zip(self.energies()).map(error).collect()
+    }
+
+    /// The least eigenvalue of M⁻¹A, as far as it was seen.
+    fn least(&self) -> f64 {
+        self.spectrum.ends.map_or(1.0, |[low, _]| low.min(1.0))
     }
 
     /// The largest ‖x̂ - x‖_A / ‖x̂‖_A of all columns. The residual r = b - A x̂ is no measure where A is ill-conditioned,
-    /// and the least eigenvalue λ of D⁻¹A, with D the diagonal blocks, is seen only once the iteration has converged; so
-    /// the errors d are solved for, A d = r, to a part of [`PROBE`], and what is left, ρ = r - A d, is bounded:
+    /// and the least eigenvalue λ of M⁻¹A, with M the multigrid preconditioner, is seen only once the iteration has
+    /// converged; so the errors d are solved for, A d = r, to a part of [`PROBE`], and what is left, ρ = r - A d, is
+    /// bounded:
     ///
     /// ```text
-    /// ‖x̂ - x‖_A ≤ ‖d‖_A + (ρᵀD⁻¹ρ / λ)^½
+    /// ‖x̂ - x‖_A ≤ ‖d‖_A + (ρᵀM⁻¹ρ / λ)^½
     /// ```
     ///
-    /// (Axelsson and Kaporin, Numer. Linear Algebra Appl. 8, 2001, 265-286: ρᵀA⁻¹ρ ≤ ρᵀD⁻¹ρ / λ.) λ is an estimate from
-    /// above, which these iterations improve.
-    fn energy_error(&self, x: &NodeFields, b: &NodeFields, r: &NodeFields, spectrum: &mut Spectrum) -> f64 {
-        let norms = r.norms();
+    /// (Axelsson and Kaporin, Numer. Linear Algebra Appl. 8, 2001, 265-286: ρᵀA⁻¹ρ ≤ ρᵀM⁻¹ρ / λ.) λ is an estimate from
+    /// above, which these iterations improve. The batch is of no use afterwards: x is the error then.
+    fn energy_error(&mut self) -> f64 {
+        let norms = self.r.norms();
         if norms.iter().all(|norm| *norm == 0.0) {
             return 0.0;
         }
-        let energies: Vec<f64> = x.dots(b).iter().zip(x.dots(r)).map(|(xb, xr)| xb - xr).collect();
-        let mut z = NodeFields::zeros(r.nodes, r.columns);
-        precondition(&self.inverse, r, &mut z);
-        let parts = r.dots(&z).into_iter().zip(&energies).map(|(rz, energy)| rz / energy);
+        let energies = self.energies();
+        let parts = self.preconditioned_squares(&norms).into_iter().zip(&energies);
+        let parts = parts.map(|(rz, energy)| rz / energy).enumerate();
         let (watched, _) =
-            parts.enumerate().fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
-        let mut d = NodeFields::zeros(r.nodes, r.columns);
-        let probe = Limits { tolerance: PROBE, ..self.limits };
-        self.iterate(probe, &mut d, r.clone(), &norms, Some(watched), spectrum, &mut |_| {});
-        let (_, left) = residuals(self.a, &d, r);
-        precondition(&self.inverse, &left, &mut z);
-        let least = spectrum.ends.map_or(1.0, |[low, _]| low);
-        let known = d.dots(r).into_iter().zip(d.dots(&left)).map(|(dr, dl)| (dr - dl).abs().sqrt());
-        let unknown = left.dots(&z).into_iter().map(|rest| (rest / least).sqrt());
-        known
-            .zip(unknown)
-            .zip(&energies)
-            .map(|((known, unknown), energy)| match known + unknown {
-                0.0 => 0.0,
-                error => error / energy.sqrt(),
-            })
-            .fold(0.0, |worst: f64, error| if error > worst || error.is_nan() { error } else { worst })
+            parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
+        self.x.data.fill(0.0);
+        let most = self.pcg.limits.max_iterations;
+        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched) }, &mut |_| {});
+        let known = self.energies();
+        let left = self.r.norms();
+        let unknown = self.preconditioned_squares(&left);
+        let least = self.least();
+        let mut worst = 0.0;
+        for c in (0..norms.len()).filter(|&c| norms[c] > 0.0) {
+            let error = (known[c].sqrt() + (unknown[c] / least).sqrt()) / energies[c].sqrt();
+            if error > worst || error.is_nan() {
+                worst = error;
+            }
+        }
+        worst
     }
 
-    /// Iterates until the recurrence's residual of every column is below half the tolerance; the spectrum is taken from
-    /// the `watched` column, or from that with the largest residual. Returns the number of
-    /// iterations. A column that has converged is no longer changed.
-    #[allow(clippy::too_many_arguments, reason = "the state of one iteration, used nowhere else")]
-    fn iterate(
-        &self,
-        limits: Limits,
-        x: &mut NodeFields,
-        mut r: NodeFields,
-        b_norms: &[f64],
-        watched: Option<usize>,
-        spectrum: &mut Spectrum,
-        told: &mut dyn FnMut(f64),
-    ) -> usize {
-        let m = r.columns;
-        let mut z = NodeFields::zeros(r.nodes, m);
-        precondition(&self.inverse, &r, &mut z);
-        let mut p = z.clone();
-        let mut ap = NodeFields::zeros(r.nodes, m);
-        let mut rz = r.dots(&z);
-        // The column with the most to do sees most of the spectrum.
-        let slowest =
-            watched.unwrap_or_else(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
-        // A restart begins another Krylov space: its coefficients make a tridiagonal of their own.
-        let mut coefficients = Vec::new();
-        for iteration in 0..limits.max_iterations {
-            let relative: Vec<f64> =
-                r.norms().iter().zip(b_norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
-            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * limits.tolerance).collect();
-            told(relative.iter().copied().fold(0.0, f64::max));
-            if !active.contains(&true) {
-                spectrum.widen(&coefficients);
-                return iteration;
+    /// xᵀA x of every column.
+    fn energies(&mut self) -> Vec<f64> {
+        self.pcg.a.multiply(&self.x, &mut self.q);
+        self.x.dots(&self.q)
+    }
+
+    /// rᵀM⁻¹r of every column, whose norms of r are these.
+    fn preconditioned_squares(&mut self, norms: &[f64]) -> Vec<f64> {
+        self.precondition(norms);
+        self.dots_with_z(norms).0
+    }
+
+    /// z = M⁻¹ r, in parts of the norms of r, left in the workspace.
+    fn precondition(&mut self, norms: &[f64]) {
+        let m = self.r.columns;
+        let parts: Vec<f64> = norms.iter().map(|norm| if *norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
+        let rows = self.workspace.fine.b.par_chunks_exact_mut(m).zip(self.r.data.par_chunks_exact(m));
+        rows.with_min_len(1024).for_each(|(b, r)| {
+            for ((b, r), part) in b.iter_mut().zip(r).zip(&parts) {
+                *b = (r * part) as f32;
             }
-            self.a.multiply(&p, &mut ap);
-            let pap = p.dots(&ap);
-            let alpha: Vec<f64> =
-                (0..m).map(|c| if active[c] && pap[c] > 0.0 { rz[c] / pap[c] } else { 0.0 }).collect();
-            add_scaled(x, &alpha, &p);
-            let minus: Vec<f64> = alpha.iter().map(|a| -a).collect();
-            add_scaled(&mut r, &minus, &ap);
-            precondition(&self.inverse, &r, &mut z);
-            let new_rz = r.dots(&z);
-            let beta: Vec<f64> = (0..m).map(|c| if rz[c] > 0.0 { new_rz[c] / rz[c] } else { 0.0 }).collect();
-            p.data.par_chunks_mut(m).zip(z.data.par_chunks(m)).with_min_len(1024).for_each(|(p, z)| {
-                for c in 0..m {
-                    p[c] = z[c] + beta[c] * p[c];
+        });
+        self.pcg.multigrid.apply(&mut self.workspace);
+    }
+
+    /// rᵀz and qᵀz of every column.
+    fn dots_with_z(&self, norms: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        const ROWS: usize = 4096;
+        let m = self.r.columns;
+        let sums: Vec<[Vec<f64>; 2]> = self
+            .r
+            .data
+            .par_chunks(ROWS * m)
+            .zip(self.q.data.par_chunks(ROWS * m))
+            .zip(self.workspace.fine.x.par_chunks(ROWS * m))
+            .map(|((r, q), z)| {
+                let mut sums = [vec![0.0; m], vec![0.0; m]];
+                for ((r, q), z) in r.chunks_exact(m).zip(q.chunks_exact(m)).zip(z.chunks_exact(m)) {
+                    let [rz, qz] = &mut sums;
+                    for c in 0..m {
+                        let z = f64::from(z[c]);
+                        rz[c] += r[c] * z;
+                        qz[c] += q[c] * z;
+                    }
                 }
-            });
-            rz = new_rz;
-            // Once the column is left as it is, it tells nothing more.
-            if alpha[slowest] > 0.0 && coefficients.len() == iteration {
-                coefficients.push([alpha[slowest], beta[slowest]]);
-            }
-        }
-        spectrum.widen(&coefficients);
-        limits.max_iterations
-    }
-}
-
-/// The ends of the preconditioned matrix' spectrum as the iterations saw them, from inside.
-#[derive(Default)]
-struct Spectrum {
-    ends: Option<[f64; 2]>,
-}
-
-impl Spectrum {
-    /// Takes the coefficients α, β of one run of iterations: conjugate gradients are Lanczos in disguise, and those of one
-    /// run make one tridiagonal matrix T (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., section 6.7.3).
-    fn widen(&mut self, coefficients: &[[f64; 2]]) {
-        let mut diagonal = Vec::with_capacity(coefficients.len());
-        // Square of the number beside the diagonal, in the row after it.
-        let mut beside = Vec::with_capacity(coefficients.len());
-        let mut before = None;
-        for &[alpha, beta] in coefficients {
-            let (shift, square) =
-                before.map_or((0.0, 0.0), |[alpha, beta]: [f64; 2]| (beta / alpha, beta / (alpha * alpha)));
-            diagonal.push(1.0 / alpha + shift);
-            beside.push(square);
-            before = Some([alpha, beta]);
-        }
-        let Some([low, high]) = ends(&diagonal, &beside) else { return };
-        let known = self.ends.unwrap_or([low, high]);
-        self.ends = Some([known[0].min(low), known[1].max(high)]);
-    }
-}
-
-/// The least and the largest eigenvalue of a symmetric tridiagonal matrix, by bisection with Sturm sequences (Golub and
-/// Van Loan, Matrix Computations, 4th ed., section 8.4.1); `None` where it has no row.
-fn ends(diagonal: &[f64], beside: &[f64]) -> Option<[f64; 2]> {
-    let size = diagonal.len();
-    let reach = |row: usize| beside[row].sqrt() + beside.get(row + 1).map_or(0.0, |square| square.sqrt());
-    let rows = || (0..size).map(|row| (diagonal[row] - reach(row), diagonal[row] + reach(row)));
-    let high = rows().map(|(_, high)| high).reduce(f64::max)?;
-    let low = rows().map(|(low, _)| low).reduce(f64::min)?.max(0.0);
-    // Eigenvalues below `at`: negative pivots of T - at.
-    let below = |at: f64| {
-        let mut pivot = 1.0;
-        let count = |row: usize| {
-            pivot = diagonal[row] - at - if row == 0 { 0.0 } else { beside[row] / pivot };
-            if pivot == 0.0 {
-                pivot = f64::MIN_POSITIVE;
-            }
-            pivot < 0.0
+                sums
+            })
+            .collect();
+        let total = |which: usize| -> Vec<f64> {
+            let scale = self.pcg.multigrid.scale();
+            (0..m).map(|c| scale * norms[c] * sums.iter().map(|sums| sums[which][c]).sum::<f64>()).collect()
         };
-        (0..size).map(count).filter(|negative| *negative).count()
-    };
-    let end = |least: bool| {
-        let (mut low, mut high) = (low, high);
-        // Towards 0 the logarithm is halved first: the least may be many powers of ten below the largest.
-        for _ in 0..200 {
-            let middle = if low > 0.0 && high > 2.0 * low { (low * high).sqrt() } else { 0.5 * (low + high) };
-            if middle <= low || middle >= high {
+        (total(0), total(1))
+    }
+
+    /// Iterates until the recurrence's residual of every column is below half the tolerance, and returns the number of
+    /// iterations. A column that has converged is no longer changed. β is that of Polak and Ribière, since the
+    /// preconditioner is rounded to f32 (Notay, SIAM J. Sci. Comput. 22, 2000, 1444-1460).
+    fn iterate(&mut self, run: &Run<'_>, told: &mut dyn FnMut(f64)) -> usize {
+        let m = self.r.columns;
+        let scale = self.pcg.multigrid.scale();
+        let mut before: Option<(Vec<f64>, Vec<f64>)> = None;
+        let mut coefficients: Vec<[f64; 2]> = Vec::new();
+        let mut watched = run.watched;
+        let mut norms = self.r.norms();
+        let mut iteration = 0;
+        loop {
+            let relative: Vec<f64> =
+                norms.iter().zip(run.norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * run.tolerance).collect();
+            told(relative.iter().copied().fold(0.0, f64::max));
+            if !active.contains(&true) || iteration == run.most {
                 break;
             }
-            let most = if least { 0 } else { size - 1 };
-            if below(middle) > most {
-                high = middle;
-            } else {
-                low = middle;
+            self.precondition(&norms);
+            let (rz, qz) = self.dots_with_z(&norms);
+            let slowest = *watched
+                .get_or_insert_with(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
+            let beta: Vec<f64> = match &before {
+                // pᵀr = 0, so that zᵀ(r - r_before) = -α zᵀq.
+                Some((rz, alpha)) => (0..m)
+                    .map(|c| if rz[c] > 0.0 { (-alpha[c] * qz[c] / rz[c]).max(0.0) } else { 0.0 })
+                    .collect(),
+                None => vec![0.0; m],
+            };
+            if let (Some(last), true) = (coefficients.last_mut(), active[slowest]) {
+                last[1] = beta[slowest];
             }
-        }
-        high
-    };
-    Some([end(true), end(false)])
-}
-
-fn inverse_diagonal(a: &StiffnessMatrix) -> Result<Vec<Matrix3<f64>>, SolveError> {
-    a.diagonal
-        .iter()
-        .enumerate()
-        .map(|(node, block)| match block.cholesky() {
-            Some(factor) => Ok(factor.inverse()),
-            None => Err(SolveError::NotPositiveDefinite { unknowns: 3 * a.nodes(), pivot: 3 * node }),
-        })
-        .collect()
-}
-
-/// z = D⁻¹ r with D the diagonal blocks.
-fn precondition(inverse: &[Matrix3<f64>], r: &NodeFields, z: &mut NodeFields) {
-    let m = r.columns;
-    z.data.par_chunks_mut(3 * m).zip(r.data.par_chunks(3 * m)).zip(inverse).with_min_len(512).for_each(
-        |((z, r), inverse)| {
-            for row in 0..3 {
-                let (i0, i1, i2) = (inverse[(row, 0)], inverse[(row, 1)], inverse[(row, 2)]);
+            let parts: Vec<f64> = norms.iter().map(|norm| scale * norm).collect();
+            let rows = self.p.data.par_chunks_exact_mut(m).zip(self.workspace.fine.x.par_chunks_exact(m));
+            rows.with_min_len(1024).for_each(|(p, z)| {
                 for c in 0..m {
-                    z[row * m + c] = i0 * r[c] + i1 * r[m + c] + i2 * r[2 * m + c];
+                    p[c] = parts[c] * f64::from(z[c]) + beta[c] * p[c];
                 }
+            });
+            self.pcg.a.multiply(&self.p, &mut self.q);
+            let pq = self.p.dots(&self.q);
+            let alpha: Vec<f64> =
+                (0..m).map(|c| if active[c] && pq[c] > 0.0 { rz[c] / pq[c] } else { 0.0 }).collect();
+            norms = self.advance(&alpha);
+            // Once the column is left as it is, it tells nothing more.
+            if alpha[slowest] > 0.0 && coefficients.len() == iteration {
+                coefficients.push([alpha[slowest], 0.0]);
             }
-        },
-    );
-}
-
-/// x += s_c p for every column c.
-fn add_scaled(x: &mut NodeFields, scale: &[f64], p: &NodeFields) {
-    let m = x.columns;
-    x.data.par_chunks_mut(m).zip(p.data.par_chunks(m)).with_min_len(1024).for_each(|(x, p)| {
-        for c in 0..m {
-            x[c] += scale[c] * p[c];
+            before = Some((rz, alpha));
+            iteration += 1;
         }
-    });
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// -u'' on n points: eigenvalues 2 - 2 cos(k π / (n + 1)).
-    #[test]
-    fn bisection_finds_the_ends_of_a_known_spectrum() {
-        for size in [1, 2, 7, 1000] {
-            let mut beside = vec![1.0; size];
-            beside[0] = 0.0;
-            let [low, high] = ends(&vec![2.0; size], &beside).unwrap();
-            let exact = |k: f64| 2.0 - 2.0 * (k * std::f64::consts::PI / (size as f64 + 1.0)).cos();
-            assert!((low / exact(1.0) - 1.0).abs() < 1e-9, "{size}: {low} of {}", exact(1.0));
-            assert!((high / exact(size as f64) - 1.0).abs() < 1e-9, "{size}: {high}");
-        }
-        assert_eq!(ends(&[], &[]), None);
+        self.spectrum.widen(&coefficients);
+        iteration
     }
 
-    /// Runs of α = 1/2, β = 0 see the eigenvalue 2 and nothing else, however many there are.
-    #[test]
-    fn every_run_has_a_spectrum_of_its_own() {
-        let mut spectrum = Spectrum::default();
-        spectrum.widen(&[]);
-        assert_eq!(spectrum.ends, None);
-        let is = |spectrum: &Spectrum, ends: [f64; 2]| {
-            let found = spectrum.ends.unwrap();
-            assert!((0..2).all(|end| (found[end] - ends[end]).abs() < 1e-12), "{found:?}");
-        };
-        spectrum.widen(&[[0.5, 3.0]]);
-        spectrum.widen(&[[0.5, 3.0]]);
-        is(&spectrum, [2.0, 2.0]);
-        spectrum.widen(&[[0.25, 3.0]]);
-        is(&spectrum, [2.0, 4.0]);
+    /// x += α p, r -= α q; the norms of r.
+    fn advance(&mut self, alpha: &[f64]) -> Vec<f64> {
+        const ROWS: usize = 4096;
+        let m = alpha.len();
+        let length = ROWS * m;
+        let squares: Vec<Vec<f64>> =
+            (self.x.data.par_chunks_mut(length).zip(self.r.data.par_chunks_mut(length)))
+                .zip(self.p.data.par_chunks(length).zip(self.q.data.par_chunks(length)))
+                .map(|((x, r), (p, q))| {
+                    let mut squares = vec![0.0; m];
+                    let rows = x.chunks_exact_mut(m).zip(r.chunks_exact_mut(m));
+                    for ((x, r), (p, q)) in rows.zip(p.chunks_exact(m).zip(q.chunks_exact(m))) {
+                        for c in 0..m {
+                            x[c] += alpha[c] * p[c];
+                            r[c] -= alpha[c] * q[c];
+                            squares[c] += r[c] * r[c];
+                        }
+                    }
+                    squares
+                })
+                .collect();
+        (0..m).map(|c| squares.iter().map(|squares| squares[c]).sum::<f64>().sqrt()).collect()
     }
 }

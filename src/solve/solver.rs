@@ -177,6 +177,8 @@ pub trait Factor {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SolveStats {
     pub method: &'static Method,
+    /// Why this method, where `auto` took it.
+    pub chosen: Option<String>,
     pub unknowns: usize,
     pub columns: usize,
     pub ordering_s: f64,

@@ -1,5 +1,6 @@
 //! The list of methods that solve A x = b.
 
+use super::auto::AUTO;
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
 use super::mixed::MIXED;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::str::FromStr;
 
 /// All methods; a new one is one file and one line here.
-pub const SOLVERS: &[&Method] = &[&CHOLESKY, &MIXED, &PCG];
+pub const SOLVERS: &[&Method] = &[&CHOLESKY, &MIXED, &PCG, &AUTO];
 
 /// The method called `name`; the error lists the known ones.
 pub fn find_method(name: &str) -> Result<&'static Method, String> {

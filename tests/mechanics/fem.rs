@@ -205,7 +205,7 @@ fn pcg_and_cholesky_agree() {
         green::solve(&block_scene([5, 4, 4], ""), "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     let scene = block_scene([5, 4, 4], "solver = { method = \"pcg\", tolerance = 1e-12 }");
     let pcg = green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
-    assert!(pcg.stats.iterations > 10 && cholesky.stats.iterations == 0);
+    assert!(pcg.stats.iterations > 2 && cholesky.stats.iterations == 0);
     assert!(pcg.stats.worst_residual() <= 1e-12 && cholesky.stats.worst_residual() <= 1e-12);
     let worst =
         cholesky.fields.data.iter().zip(&pcg.fields.data).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

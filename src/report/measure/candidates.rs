@@ -13,7 +13,7 @@ use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Requirements};
 use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
-use crate::solve::{Progress, SOLVERS, Solver};
+use crate::solve::{AUTO, Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
 
 /// Tolerances of conjugate gradients to be measured.
@@ -97,7 +97,7 @@ pub fn discretisations(request: &Request<'_>, meshes: &Meshes) -> Vec<(u32, &'st
 
 /// Conjugate gradients by tolerance, which are measured on the scene's own mesh and element.
 pub fn iterative() -> impl Iterator<Item = Solver> {
-    let methods = SOLVERS.iter().copied().filter(|method| !method.is_direct);
+    let methods = SOLVERS.iter().copied().filter(|method| !method.is_direct && **method != AUTO);
     methods.flat_map(|method| TOLERANCES.map(|tolerance| Solver { method, tolerance, ..Solver::default() }))
 }
 

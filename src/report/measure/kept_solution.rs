@@ -102,6 +102,7 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
     let [ordering_s, symbolic_s, factor_s, solve_s] = head.seconds;
     let stats = SolveStats {
         method: if head.is_without_unknowns { &NO_UNKNOWNS } else { own.solver.method },
+        chosen: None,
         unknowns: head.unknowns,
         columns: head.solved_columns,
         ordering_s,

@@ -1,0 +1,181 @@
+//! The method that is fastest among those that fit into memory, by a prediction from the symbolic step.
+//!
+//! In: A's graph and the number of columns. Out: Cholesky or conjugate gradients, and the reason in words, which goes into
+//! the closing table.
+
+use super::cholesky::CHOLESKY;
+use super::error::SolveError;
+use super::ordering::ordering_memory;
+use super::pcg::PCG;
+use super::solver::{Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, Solver};
+use crate::base::machine;
+use crate::base::progress::Progress;
+use crate::base::table::{bytes, seconds};
+use crate::fem::{NodeFields, StiffnessMatrix};
+use std::sync::{Mutex, PoisonError};
+
+pub const AUTO: Method = Method {
+    name: "auto",
+    is_direct: false,
+    bounds_error: false,
+    remedy: "write solver.method = \"cholesky\", and look for slivers, for thin parts and for large contrasts of stiffness \
+             (`greenstage check`)",
+    analyse: |solver, a, progress| Ok(Box::new(Auto::new(solver, a, progress)?)),
+};
+
+/// Fewer unknowns are factorised in less time than a look at the alternative is worth.
+const SMALL: usize = 30_000;
+/// Numbers of the factor over n^{4/3} of the thinnest bodies, as the forecast of a scene has it.
+const LEAST_FILL: f64 = 6.0;
+/// Seconds on one thread: of the factor over L^{1.5}, of a column's solve over L, of an iteration of one column and of the
+/// levels over the pairs of coupled nodes.
+const FACTOR_S: f64 = 3.4e-11;
+const SOLVE_S: f64 = 1.0e-9;
+const ITERATION_S: f64 = 2.0e-8;
+const LEVELS_S: f64 = 3.5e-6;
+/// Iterations of bodies without thin parts or large contrasts, with those of the forward error.
+const ITERATIONS: f64 = 25.0;
+
+/// Both methods; the factor's symbolic step only where it may be wanted.
+struct Auto {
+    direct: Option<Box<dyn LinearSolver>>,
+    iterative: Box<dyn LinearSolver>,
+    /// Why there is no direct one.
+    unfit: String,
+    /// How many columns there will be: told by [`LinearSolver::fits`].
+    columns: Mutex<usize>,
+}
+
+/// What is predicted of a method.
+struct Cost {
+    seconds: f64,
+    bytes: f64,
+}
+
+impl Cost {
+    fn told(&self) -> String {
+        format!("{} and {}", seconds(self.seconds), bytes(self.bytes))
+    }
+}
+
+impl Auto {
+    fn new(solver: &Solver, a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Auto, SolveError> {
+        let of = |method: &'static Method| (method.analyse)(&Solver { method, ..*solver }, a, progress);
+        let iterative = of(&PCG)?;
+        let least = 8.0 * LEAST_FILL * (3.0 * a.nodes() as f64).powf(4.0 / 3.0);
+        let need = least.max(ordering_memory(a));
+        let (direct, unfit) = match machine::expect("the least factor of a body of this size", need) {
+            Err(refused) if 3 * a.nodes() > SMALL => (None, refused.to_string()),
+            _ => match of(&CHOLESKY) {
+                Ok(direct) => (Some(direct), String::new()),
+                Err(SolveError::FactorMemory(refused)) => (None, refused.to_string()),
+                Err(other) => return Err(other),
+            },
+        };
+        Ok(Auto { direct, iterative, unfit, columns: Mutex::new(24) })
+    }
+
+    /// The method to take, and why.
+    fn choose(&self, a: &StiffnessMatrix, columns: usize) -> (&dyn LinearSolver, String) {
+        let Some(direct) = &self.direct else {
+            return (self.iterative.as_ref(), format!("pcg by \"auto\", for {}", self.unfit));
+        };
+        if 3 * a.nodes() <= SMALL && direct.fits(a, columns).is_ok() {
+            return (direct.as_ref(), "cholesky by \"auto\", as for every small body".into());
+        }
+        let [cholesky, pcg] = [direct_cost(direct.as_ref(), a, columns), self.iterative_cost(a, columns)];
+        let told = format!("predicted for cholesky {}, for pcg {}", cholesky.told(), pcg.told());
+        if let Err(refused) = direct.fits(a, columns) {
+            let SolveError::FactorMemory(refused) = refused else {
+                return (self.iterative.as_ref(), format!("pcg by \"auto\": {told}"));
+            };
+            return (self.iterative.as_ref(), format!("pcg by \"auto\", for {refused}; {told}"));
+        }
+        let is_direct = cholesky.seconds <= pcg.seconds || self.iterative.fits(a, columns).is_err();
+        let (solver, name) =
+            if is_direct { (direct.as_ref(), "cholesky") } else { (self.iterative.as_ref(), "pcg") };
+        (solver, format!("{name} by \"auto\": {told}"))
+    }
+
+    fn iterative_cost(&self, a: &StiffnessMatrix, columns: usize) -> Cost {
+        let threads = rayon::current_num_threads() as f64;
+        let pairs = a.edges.len() as f64;
+        let seconds = pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / threads;
+        Cost { seconds, bytes: self.iterative.memory(a, columns) }
+    }
+
+    fn columns(&self) -> usize {
+        *self.columns.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Of one column more the memory is the factor's, nearly.
+fn direct_cost(direct: &dyn LinearSolver, a: &StiffnessMatrix, columns: usize) -> Cost {
+    let threads = rayon::current_num_threads() as f64;
+    let entries = direct.memory(a, 1) / 8.0;
+    let seconds = FACTOR_S * entries.powf(1.5) / threads + SOLVE_S * entries * columns as f64 / threads;
+    Cost { seconds, bytes: direct.memory(a, columns) }
+}
+
+impl LinearSolver for Auto {
+    fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        self.choose(a, columns).0.memory(a, columns)
+    }
+
+    fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        *self.columns.lock().unwrap_or_else(PoisonError::into_inner) = columns;
+        self.choose(a, columns).0.fits(a, columns)
+    }
+
+    fn factor<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        let (solver, chosen) = self.choose(a, self.columns());
+        Ok(Box::new(Chosen { factor: solver.factor(a, progress)?, chosen }))
+    }
+}
+
+/// A factor with the reason why it was taken.
+struct Chosen<'a> {
+    factor: Box<dyn Factor + 'a>,
+    chosen: String,
+}
+
+impl Chosen<'_> {
+    fn told(&self, (x, stats): (NodeFields, SolveStats)) -> (NodeFields, SolveStats) {
+        (x, SolveStats { chosen: Some(self.chosen.clone()), ..stats })
+    }
+}
+
+impl Factor for Chosen<'_> {
+    fn nodes(&self) -> usize {
+        self.factor.nodes()
+    }
+
+    fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
+        self.factor.solve_at(loaded, b, asked)
+    }
+
+    fn inverse_block(
+        &self,
+        nodes: &[u32],
+        take: &mut dyn FnMut(&InverseStrip<'_>),
+        progress: &dyn Progress,
+    ) -> Result<(), SolveError> {
+        self.factor.inverse_block(nodes, take, progress)
+    }
+
+    fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
+        self.factor.solve(b, progress).map(|solved| self.told(solved))
+    }
+
+    fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
+        self.factor.precondition(b)
+    }
+
+    fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
+        self.factor.solve_and_judge(b, progress).map(|solved| self.told(solved))
+    }
+}

@@ -1,0 +1,191 @@
+//! Smoothed aggregation algebraic multigrid with rigid-body modes: a preconditioner of conjugate gradients whose
+//! iterations hardly grow with the mesh (Vaněk, Mandel and Brezina, Computing 56, 1996, 179-196).
+//!
+//! In: A and the places of its nodes. Out: [`Multigrid::apply`], about A⁻¹ r for several columns at once.
+//!
+//! ```text
+//! rows → Aggregates → Prolongator P → Pᵀ A P → …  until few unknowns are left → Dense
+//! apply: smooth, residual, Pᵀ, the next level, P, smooth
+//! ```
+//!
+//! Levels are built in f64 and applied in f32, which halves their memory and time: what the finest level cannot hold of the
+//! softest motions is held by the coarse matrices, and conjugate gradients in f64 correct the rest.
+
+mod aggregate;
+mod coarsest;
+mod galerkin;
+mod prolong;
+mod rows;
+mod smooth;
+#[cfg(test)]
+mod tests;
+mod transfer;
+
+use crate::fem::StiffnessMatrix;
+use aggregate::Aggregates;
+use coarsest::Dense;
+use prolong::{MODES, Prolongator, RigidModes};
+use rows::{Rows, Scaled, Smoothed};
+use smooth::Vectors;
+
+/// Coupling of two nodes, in parts of their diagonal blocks, below which they are not gathered.
+const THRESHOLD: f64 = 0.02;
+/// A level of so many unknowns is solved by a dense factor.
+const DENSE: usize = 600;
+/// Levels that are smaller than the last by less than this are of no use.
+const SHRINK: f64 = 0.7;
+/// Lanczos' iteration sees the largest eigenvalue from below.
+const MARGIN: f64 = 1.1;
+
+/// One level: the matrix that is smoothed with, and the way to the next.
+struct Level<const B: usize> {
+    matrix: Smoothed<B>,
+    largest: f64,
+    down: Option<Prolongator<B>>,
+}
+
+pub struct Multigrid {
+    fine: Level<3>,
+    coarse: Vec<Level<6>>,
+    /// The last level; where levels stop shrinking, it is smoothed alone.
+    last: Option<Dense>,
+    /// A is held in parts of 1/`scale`.
+    scale: f64,
+}
+
+/// The vectors of all levels for so many columns.
+pub struct Workspace {
+    pub fine: Vectors,
+    coarse: Vec<Vectors>,
+}
+
+/// A level's diagonal block at this node is not positive definite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NotDefinite {
+    pub node: usize,
+}
+
+impl Multigrid {
+    /// Builds all levels.
+    pub fn new(a: &StiffnessMatrix) -> Result<Multigrid, NotDefinite> {
+        let rows = Scaled::new(a);
+        let modes = fine_modes(a);
+        let (fine, mut below) = level(&rows, &modes, THRESHOLD).map_err(|node| NotDefinite { node })?;
+        drop(modes);
+        let mut coarse = Vec::new();
+        let mut last = None;
+        let mut threshold = THRESHOLD;
+        while let Some((rows, modes)) = below {
+            if MODES * rows.nodes() <= DENSE
+                && let Some(dense) = Dense::new(&rows)
+            {
+                last = Some(dense);
+                break;
+            }
+            threshold *= 0.5;
+            let (level, next) =
+                level(&rows, &modes, threshold).map_err(|_coarse_node| NotDefinite { node: 0 })?;
+            coarse.push(level);
+            below = next;
+        }
+        Ok(Multigrid { fine, coarse, last, scale: rows.scale })
+    }
+
+    /// Bytes of all levels of `a` while they are built, at most.
+    pub fn memory(a: &StiffnessMatrix) -> f64 {
+        let nodes = a.nodes() as f64;
+        40.0 * (2.0 * a.edges.len() as f64 + nodes) + 1000.0 * nodes
+    }
+
+    pub fn workspace(&self, columns: usize) -> Workspace {
+        let mut coarse: Vec<Vectors> =
+            self.coarse.iter().map(|level| Vectors::new(MODES * level.matrix.nodes(), columns)).collect();
+        if self.last.is_some() {
+            let above =
+                self.coarse.last().map_or(self.fine.down.as_ref().map(Prolongator::aggregates), |level| {
+                    level.down.as_ref().map(Prolongator::aggregates)
+                });
+            coarse.push(Vectors::new(MODES * above.unwrap_or(0), columns));
+        }
+        Workspace { fine: Vectors::new(3 * self.fine.matrix.nodes(), columns), coarse }
+    }
+
+    /// One cycle: `fine.x` ≈ A⁻¹ `fine.b` / [`Multigrid::scale`].
+    pub fn apply(&self, v: &mut Workspace) {
+        self.fine.cycle(&mut v.fine, |residual, columns, down, x| {
+            self.below(0, residual, columns, down, x, &mut v.coarse);
+        });
+    }
+
+    /// What [`Multigrid::apply`] leaves is to be multiplied with.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// x += P (about A_c⁻¹) Pᵀ residual.
+    fn below<const B: usize>(
+        &self,
+        level: usize,
+        residual: &[f32],
+        columns: usize,
+        down: &Prolongator<B>,
+        x: &mut [f32],
+        vectors: &mut [Vectors],
+    ) {
+        let Some((own, rest)) = vectors.split_first_mut() else { return };
+        down.restrict(columns, residual, &mut own.b);
+        match (self.coarse.get(level), &self.last) {
+            (Some(coarse), _) => coarse.cycle(own, |residual, columns, down, x| {
+                self.below(level + 1, residual, columns, down, x, rest);
+            }),
+            (None, Some(last)) => last.solve(own),
+            (None, None) => return,
+        }
+        down.add(columns, &own.x, x);
+    }
+}
+
+impl<const B: usize> Level<B> {
+    fn cycle(&self, v: &mut Vectors, below: impl FnOnce(&[f32], usize, &Prolongator<B>, &mut [f32])) {
+        self.matrix.smooth(self.largest, true, v);
+        if let Some(down) = &self.down {
+            self.matrix.residual(v);
+            below(&v.d, v.columns, down, &mut v.x);
+        }
+        self.matrix.smooth(self.largest, false, v);
+    }
+}
+
+impl<const B: usize> Prolongator<B> {
+    fn aggregates(&self) -> usize {
+        self.down_start.len() - 1
+    }
+}
+
+/// The rows and rigid motions of the level below.
+type Below = Option<(rows::CoarseRows, RigidModes<MODES>)>;
+
+/// Errors with the node whose diagonal block is not positive definite.
+fn level<const B: usize>(
+    rows: &impl Rows<B>,
+    modes: &RigidModes<B>,
+    threshold: f64,
+) -> Result<(Level<B>, Below), usize> {
+    let matrix = Smoothed::new(rows)?;
+    let largest = MARGIN * matrix.largest_eigenvalue(&matrix.diagonal());
+    let aggregates = Aggregates::new(rows, threshold);
+    let unknowns = B * rows.nodes();
+    if aggregates.count == 0 || MODES as f64 * aggregates.count as f64 > 2.0 * SHRINK * unknowns as f64 {
+        return Ok((Level { matrix, largest, down: None }, None));
+    }
+    let (prolongator, coarse_modes) = Prolongator::new(rows, &aggregates, modes, largest);
+    let coarse = galerkin::coarse(rows, &prolongator);
+    Ok((Level { matrix, largest, down: Some(prolongator) }, Some((coarse, coarse_modes))))
+}
+
+/// Each node moves with a shift, and a turn about its own place does not move it; without places, no turns are known.
+fn fine_modes(a: &StiffnessMatrix) -> RigidModes<3> {
+    let shift = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
+    let place = if a.places.len() == a.nodes() { a.places.clone() } else { vec![[0.0; 3]; a.nodes()] };
+    RigidModes { place, modes: vec![shift; a.nodes()] }
+}

@@ -1,0 +1,228 @@
+//! The prolongator: what a motion of the aggregates is on their nodes.
+//!
+//! ```text
+//! tentative    [N_i S(o_i - c)]_(i in aggregate) = Q R      P₀ = Q,  coarse N = R about the centre c
+//! smoothed     P = (I - ω D⁻¹ A) P₀                         ω = 4/3 / λ_max(D⁻¹ A)
+//! ```
+//!
+//! N_i are a node's six rigid motions about its own place o_i, and S(d) takes a motion (t, ω) about c to that about c + d:
+//! t + ω × d. Rigid motions of the whole body are therefore motions of the aggregates, exactly, and have no energy on the
+//! coarse level either. A motion that the aggregate's nodes do not tell from the others (the turn of a straight row of
+//! nodes about itself) is left out: its column of Q is zero.
+
+use super::aggregate::{ALONE, Aggregates};
+use super::rows::{Block, PART, Rows, inverse};
+use rayon::prelude::*;
+
+/// Rigid motions.
+pub const MODES: usize = 6;
+/// Length of a column of Q before it is made 1, in parts of the column that it was made of, below which it is left out.
+const DEPENDENT: f64 = 1e-6;
+
+/// A node's part of a column for each rigid motion.
+pub type Modes<const B: usize> = [[f64; MODES]; B];
+
+/// Rigid motions of the nodes of one level, each about its own place.
+pub struct RigidModes<const B: usize> {
+    pub place: Vec<[f64; 3]>,
+    pub modes: Vec<Modes<B>>,
+}
+
+/// P, by its rows and by its columns.
+pub struct Prolongator<const B: usize> {
+    /// Blocks of fine node i: `start[i]..start[i + 1]`.
+    pub start: Vec<usize>,
+    pub column: Vec<u32>,
+    /// 6 B numbers a block, column by column.
+    pub value: Vec<f32>,
+    /// Blocks of aggregate a: `down_start[a]..down_start[a + 1]`, ascending by the fine nodes.
+    pub down_start: Vec<usize>,
+    /// The fine node, and the block's number among the rows.
+    pub down: Vec<(u32, u32)>,
+}
+
+/// A motion (t, ω) about a place is this one about another that is `d` away from it.
+fn shifted<const B: usize>(modes: &Modes<B>, d: [f64; 3]) -> Modes<B> {
+    // t + ω × d: the columns of ω × d for the unit turns.
+    let turned = [[0.0, -d[2], d[1]], [d[2], 0.0, -d[0]], [-d[1], d[0], 0.0]];
+    std::array::from_fn(|r| {
+        let row = &modes[r];
+        std::array::from_fn(|c| match c {
+            0..3 => row[c],
+            _ => row[c] + (0..3).map(|t| row[t] * turned[c - 3][t]).sum::<f64>(),
+        })
+    })
+}
+
+/// Q of every node, and the motions of the aggregates: R.
+fn tentative<const B: usize>(
+    aggregates: &Aggregates,
+    fine: &RigidModes<B>,
+) -> (Vec<Modes<B>>, RigidModes<MODES>) {
+    let (start, members) = aggregates.members();
+    let made: Vec<([f64; 3], Modes<MODES>, Vec<Modes<B>>)> = (0..aggregates.count)
+        .into_par_iter()
+        .with_min_len(64)
+        .map(|aggregate| orthonormal(&members[start[aggregate]..start[aggregate + 1]], fine))
+        .collect();
+    let mut q = vec![[[0.0; MODES]; B]; fine.place.len()];
+    let mut coarse = RigidModes { place: Vec::new(), modes: Vec::new() };
+    for (aggregate, (centre, r, own)) in made.into_iter().enumerate() {
+        coarse.place.push(centre);
+        coarse.modes.push(r);
+        for (&node, own) in members[start[aggregate]..].iter().zip(own) {
+            q[node as usize] = own;
+        }
+    }
+    (q, coarse)
+}
+
+/// The centre of one aggregate, R and Q, by Gram and Schmidt twice.
+fn orthonormal<const B: usize>(
+    members: &[u32],
+    fine: &RigidModes<B>,
+) -> ([f64; 3], Modes<MODES>, Vec<Modes<B>>) {
+    let places = || members.iter().map(|&node| fine.place[node as usize]);
+    let centre: [f64; 3] =
+        std::array::from_fn(|axis| places().map(|place| place[axis]).sum::<f64>() / members.len() as f64);
+    let from_centre =
+        |place: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| place[axis] - centre[axis]) };
+    let mut q: Vec<Modes<B>> = members
+        .iter()
+        .map(|&node| shifted(&fine.modes[node as usize], from_centre(fine.place[node as usize])))
+        .collect();
+    let dot =
+        |q: &[Modes<B>], a: usize, b: usize| -> f64 { q.iter().flatten().map(|row| row[a] * row[b]).sum() };
+    let mut r = [[0.0; MODES]; MODES];
+    for c in 0..MODES {
+        let before = dot(&q, c, c).sqrt();
+        for _ in 0..2 {
+            for k in 0..c {
+                let along = dot(&q, k, c);
+                r[k][c] += along;
+                q.iter_mut().flatten().for_each(|row| row[c] -= along * row[k]);
+            }
+        }
+        let length = dot(&q, c, c).sqrt();
+        let is_new = length > DEPENDENT * before;
+        r[c][c] = if is_new { length } else { 0.0 };
+        q.iter_mut().flatten().for_each(|row| row[c] = if is_new { row[c] / length } else { 0.0 });
+    }
+    (centre, r, q)
+}
+
+impl<const B: usize> Prolongator<B> {
+    /// The smoothed prolongator and the rigid motions of the coarse level; `largest`: λ_max(D⁻¹ A).
+    pub fn new(
+        rows: &impl Rows<B>,
+        aggregates: &Aggregates,
+        fine: &RigidModes<B>,
+        largest: f64,
+    ) -> (Prolongator<B>, RigidModes<MODES>) {
+        let (q, coarse) = tentative(aggregates, fine);
+        let nodes = rows.nodes();
+        let damping = 4.0 / 3.0 / largest;
+        let parts: Vec<_> = (0..nodes.div_ceil(PART))
+            .into_par_iter()
+            .map(|part| {
+                let (mut counts, mut column, mut value) = (Vec::new(), Vec::new(), Vec::new());
+                let mut row: Vec<(u32, Modes<B>)> = Vec::new();
+                for node in part * PART..((part + 1) * PART).min(nodes) {
+                    smoothed_row(rows, aggregates, &q, damping, node, &mut row);
+                    counts.push(row.len());
+                    for (aggregate, block) in &row {
+                        column.push(*aggregate);
+                        value.extend((0..MODES * B).map(|at| block[at % B][at / B] as f32));
+                    }
+                }
+                (counts, column, value)
+            })
+            .collect();
+        let mut start = Vec::with_capacity(nodes + 1);
+        start.push(0);
+        let blocks = parts.iter().map(|(_, column, _)| column.len()).sum();
+        let mut column: Vec<u32> = Vec::with_capacity(blocks);
+        let mut value: Vec<f32> = Vec::with_capacity(MODES * B * blocks);
+        let mut end = 0;
+        for (counts, columns, values) in parts {
+            for count in counts {
+                end += count;
+                start.push(end);
+            }
+            column.extend(columns);
+            value.extend(values);
+        }
+        let (down_start, down) = by_columns(&start, &column, aggregates.count);
+        (Prolongator { start, column, value, down_start, down }, coarse)
+    }
+
+    /// Block number `at`, B × 6.
+    #[inline(always)]
+    pub fn block(&self, at: usize) -> Modes<B> {
+        let value = &self.value[MODES * B * at..][..MODES * B];
+        std::array::from_fn(|r| std::array::from_fn(|c| f64::from(value[c * B + r])))
+    }
+}
+
+/// The blocks of P in one row, ascending by their aggregates.
+fn smoothed_row<const B: usize>(
+    rows: &impl Rows<B>,
+    aggregates: &Aggregates,
+    q: &[Modes<B>],
+    damping: f64,
+    node: usize,
+    row: &mut Vec<(u32, Modes<B>)>,
+) {
+    row.clear();
+    let diagonal = rows.diagonal(node);
+    let mut add = |other: usize, block: &Block<B>| {
+        let aggregate = aggregates.of_node[other];
+        if aggregate == ALONE {
+            return;
+        }
+        let at = row.iter().position(|(known, _)| *known == aggregate).unwrap_or_else(|| {
+            row.push((aggregate, [[0.0; MODES]; B]));
+            row.len() - 1
+        });
+        let (sum, q) = (&mut row[at].1, &q[other]);
+        for r in 0..B {
+            for k in 0..B {
+                for c in 0..MODES {
+                    sum[r][c] += block[r][k] * q[k][c];
+                }
+            }
+        }
+    };
+    add(node, &diagonal);
+    rows.each(node, &mut add);
+    let Some(inverse) = inverse(&diagonal) else { return row.clear() };
+    for (aggregate, sum) in row.iter_mut() {
+        let product = *sum;
+        for r in 0..B {
+            for c in 0..MODES {
+                let correction: f64 = (0..B).map(|k| inverse[r][k] * product[k][c]).sum();
+                let own = if *aggregate == aggregates.of_node[node] { q[node][r][c] } else { 0.0 };
+                sum[r][c] = own - damping * correction;
+            }
+        }
+    }
+    row.sort_unstable_by_key(|(aggregate, _)| *aggregate);
+}
+
+fn by_columns(start: &[usize], column: &[u32], count: usize) -> (Vec<usize>, Vec<(u32, u32)>) {
+    let mut down_start = vec![0; count + 1];
+    column.iter().for_each(|&aggregate| down_start[aggregate as usize + 1] += 1);
+    for aggregate in 0..count {
+        down_start[aggregate + 1] += down_start[aggregate];
+    }
+    let mut next = down_start.clone();
+    let mut down = vec![(0, 0); column.len()];
+    for node in 0..start.len() - 1 {
+        for at in start[node]..start[node + 1] {
+            let slot = &mut next[column[at] as usize];
+            down[*slot] = (node as u32, at as u32);
+            *slot += 1;
+        }
+    }
+    (down_start, down)
+}

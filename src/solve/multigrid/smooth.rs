@@ -1,0 +1,271 @@
+//! One pass over a level's matrix for all columns, and Chebyshev's iteration made of such passes.
+//!
+//! ```text
+//! residual   d ← b - A x
+//! step       d ← c₁ d + c₂ D⁻¹ (b - A x),   y ← x + d
+//! ```
+//!
+//! (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 12.1; as a smoother: Adams, Brezina, Hu and
+//! Tuminaro, J. Comput. Phys. 188, 2003, 593-610.) Vectors are row-major like
+//! [`crate::fem::NodeFields`]: all columns of an unknown stand together.
+
+use super::rows::{PART, Smoothed};
+use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
+use rayon::prelude::*;
+
+/// Passes over the matrix before and after the coarse correction.
+pub const DEGREE: usize = 2;
+/// The smoother damps errors with eigenvalues of D⁻¹ A between the largest and this part of it.
+const DAMPED: f64 = 1.0 / 10.0;
+
+/// The vectors of one level, f32, for so many columns.
+#[derive(Default)]
+pub struct Vectors {
+    pub columns: usize,
+    pub b: Vec<f32>,
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    pub d: Vec<f32>,
+}
+
+impl Vectors {
+    pub fn new(unknowns: usize, columns: usize) -> Vectors {
+        let zeros = || vec![0.0; unknowns * columns];
+        Vectors { columns, b: zeros(), x: zeros(), y: zeros(), d: zeros() }
+    }
+}
+
+/// What is made of A x.
+#[derive(Clone, Copy)]
+enum Pass {
+    Residual,
+    Step([f32; 2]),
+    /// x = 0, and A is not read.
+    First(f32),
+}
+
+/// Nodes `first..` of one pass; `y` and `d` are theirs.
+struct Part<'a, const B: usize> {
+    matrix: &'a Smoothed<B>,
+    pass: Pass,
+    columns: usize,
+    first: usize,
+    b: &'a [f32],
+    x: &'a [f32],
+    y: &'a mut [f32],
+    d: &'a mut [f32],
+}
+
+impl<const B: usize> Kernel for Part<'_, B> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(mut self) {
+        for node in 0..self.d.len() / (B * self.columns) {
+            let mut lane = 0;
+            if B == 3 {
+                while lane + 24 <= self.columns {
+                    self.tile::<FUSED, 24>(node, lane);
+                    lane += 24;
+                }
+            }
+            while lane + 8 <= self.columns {
+                self.tile::<FUSED, 8>(node, lane);
+                lane += 8;
+            }
+            while lane + 4 <= self.columns {
+                self.tile::<FUSED, 4>(node, lane);
+                lane += 4;
+            }
+        }
+    }
+}
+
+impl<const B: usize> Part<'_, B> {
+    /// `T` columns of one node.
+    #[inline(always)]
+    fn tile<const FUSED: bool, const T: usize>(&mut self, node: usize, lane: usize) {
+        let m = self.columns;
+        let (here, there) = (node * B * m + lane, (self.first + node) * B * m + lane);
+        let mut rest = [[0.0_f32; T]; B];
+        for r in 0..B {
+            rest[r] = *lanes::<T, f32>(self.b, there + r * m);
+        }
+        if !matches!(self.pass, Pass::First(_)) {
+            let mut sum = [[0.0_f32; T]; B];
+            let row = self.matrix.start[self.first + node]..self.matrix.start[self.first + node + 1];
+            let blocks = self.matrix.value[row.start * B * B..row.end * B * B].chunks_exact(B * B);
+            for (block, &other) in blocks.zip(&self.matrix.column[row]) {
+                let from = other as usize * B * m + lane;
+                for k in 0..B {
+                    let x = lanes::<T, f32>(self.x, from + k * m);
+                    for r in 0..B {
+                        let a = block[k * B + r];
+                        for t in 0..T {
+                            sum[r][t] = fused::<FUSED>(a, x[t], sum[r][t]);
+                        }
+                    }
+                }
+            }
+            for r in 0..B {
+                for t in 0..T {
+                    rest[r][t] -= sum[r][t];
+                }
+            }
+        }
+        let (keep, take) = match self.pass {
+            Pass::Residual => {
+                for r in 0..B {
+                    *lanes_mut(self.d, here + r * m) = rest[r];
+                }
+                return;
+            }
+            Pass::Step([keep, take]) => (keep, take),
+            Pass::First(take) => (0.0, take),
+        };
+        let inverse = &self.matrix.inverse[(self.first + node) * B * B..][..B * B];
+        for r in 0..B {
+            let mut sum = [0.0_f32; T];
+            for k in 0..B {
+                let a = inverse[k * B + r];
+                for t in 0..T {
+                    sum[t] = fused::<FUSED>(a, rest[k][t], sum[t]);
+                }
+            }
+            let d = lanes_mut::<T, f32>(self.d, here + r * m);
+            for t in 0..T {
+                // What stands there before the first step may be anything.
+                d[t] = if keep == 0.0 { take * sum[t] } else { keep * d[t] + take * sum[t] };
+            }
+            let y = lanes_mut::<T, f32>(self.y, here + r * m);
+            if matches!(self.pass, Pass::First(_)) {
+                *y = *d;
+            } else {
+                let x = lanes::<T, f32>(self.x, there + r * m);
+                for t in 0..T {
+                    y[t] = x[t] + d[t];
+                }
+            }
+        }
+    }
+}
+
+impl<const B: usize> Smoothed<B> {
+    /// One pass; what it makes of x goes to y, or the residual to d.
+    fn pass(&self, pass: Pass, v: &mut Vectors) {
+        let columns = v.columns;
+        let length = PART * B * columns;
+        let (b, x) = (&v.b, &v.x);
+        v.y.par_chunks_mut(length).zip(v.d.par_chunks_mut(length)).enumerate().for_each(|(part, (y, d))| {
+            run(Part { matrix: self, pass, columns, first: part * PART, b, x, y, d });
+        });
+    }
+
+    /// d = b - A x.
+    pub fn residual(&self, v: &mut Vectors) {
+        self.pass(Pass::Residual, v);
+    }
+
+    /// Smooths x; `is_zero`: whether x is zero, and so need not be read.
+    pub fn smooth(&self, largest: f64, is_zero: bool, v: &mut Vectors) {
+        let (high, low) = (largest, DAMPED * largest);
+        let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
+        let sigma = middle / half;
+        let mut rho = 1.0 / sigma;
+        for step in 0..DEGREE {
+            let pass = if step > 0 {
+                let next = 1.0 / (2.0 * sigma - rho);
+                let pass = Pass::Step([(next * rho) as f32, (2.0 * next / half) as f32]);
+                rho = next;
+                pass
+            } else if is_zero {
+                Pass::First((1.0 / middle) as f32)
+            } else {
+                Pass::Step([0.0, (1.0 / middle) as f32])
+            };
+            self.pass(pass, v);
+            std::mem::swap(&mut v.x, &mut v.y);
+        }
+    }
+
+    /// λ_max(D⁻¹ A) by Lanczos' iteration in the product with D, from below to a few per cent.
+    pub fn largest_eigenvalue(&self, diagonal: &[f32]) -> f64 {
+        const STEPS: usize = 15;
+        let unknowns = B * self.nodes();
+        let dot = |a: &[f64], b: &[f64]| -> f64 {
+            let parts: Vec<f64> = a
+                .par_chunks(4096)
+                .zip(b.par_chunks(4096))
+                .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a * b).sum())
+                .collect();
+            parts.iter().sum()
+        };
+        // Numbers without a pattern, always the same (Weyl's sequence).
+        let mut v: Vec<f64> =
+            (1..=unknowns).map(|i| 2.0 * (i as f64 * 0.754_877_666_246_692_7).fract() - 1.0).collect();
+        let mut dv = self.blockwise(diagonal, &v);
+        let (mut v_before, mut dv_before) = (vec![0.0; unknowns], vec![0.0; unknowns]);
+        let mut length = dot(&v, &dv).sqrt();
+        let (mut main, mut beside): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        for _ in 0..STEPS.min(unknowns) {
+            if length <= 0.0 || length.is_nan() {
+                break;
+            }
+            v.iter_mut().chain(&mut dv).for_each(|value| *value /= length);
+            let mut w = self.product(&v);
+            let mut u = self.blockwise(&self.inverse, &w);
+            let alpha = dot(&v, &w);
+            let beta = beside.last().copied().unwrap_or(0.0);
+            for (u, (v, before)) in u.iter_mut().zip(v.iter().zip(&v_before)) {
+                *u -= alpha * v + beta * before;
+            }
+            for (w, (dv, before)) in w.iter_mut().zip(dv.iter().zip(&dv_before)) {
+                *w -= alpha * dv + beta * before;
+            }
+            main.push(alpha);
+            length = dot(&u, &w).max(0.0).sqrt();
+            beside.push(length);
+            (v_before, dv_before) = (std::mem::replace(&mut v, u), std::mem::replace(&mut dv, w));
+        }
+        let size = main.len();
+        let tridiagonal = nalgebra::DMatrix::from_fn(size, size, |r, c| match r.abs_diff(c) {
+            0 => main[r],
+            1 => beside[r.min(c)],
+            _ => 0.0,
+        });
+        tridiagonal.symmetric_eigenvalues().max()
+    }
+
+    /// A x of one column.
+    fn product(&self, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; x.len()];
+        y.par_chunks_mut(B).enumerate().with_min_len(256).for_each(|(node, y)| {
+            for at in self.start[node]..self.start[node + 1] {
+                let x = lanes::<B, f64>(x, B * self.column[at] as usize);
+                for (k, column) in self.value[B * B * at..][..B * B].chunks_exact(B).enumerate() {
+                    for r in 0..B {
+                        y[r] += f64::from(column[r]) * x[k];
+                    }
+                }
+            }
+        });
+        y
+    }
+
+    /// The blocks of a diagonal, column by column, times one column.
+    fn blockwise(&self, blocks: &[f32], x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; x.len()];
+        for ((y, x), block) in y.chunks_exact_mut(B).zip(x.chunks_exact(B)).zip(blocks.chunks_exact(B * B)) {
+            for (k, column) in block.chunks_exact(B).enumerate() {
+                for r in 0..B {
+                    y[r] += f64::from(column[r]) * x[k];
+                }
+            }
+        }
+        y
+    }
+
+    /// The diagonal's blocks, column by column.
+    pub fn diagonal(&self) -> Vec<f32> {
+        let blocks = self.start[..self.nodes()].iter();
+        blocks.flat_map(|&at| self.value[B * B * at..][..B * B].iter().copied()).collect()
+    }
+}
