@@ -127,6 +127,9 @@ pub fn report(body: &Precomputed) -> Table {
         let size = stats.columns;
         row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
     }
+    if times.cubic_s > 0.0 {
+        row("cubic energy", times.cubic_s, "for forces at large rotations".into());
+    }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {
         format!("; error of its forces {shift:.1e}, of those of a turn {turn:.1e}, relative to one element's")

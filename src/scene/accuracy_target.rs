@@ -17,7 +17,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {
-    /// 99th percentile of the time of one evaluation.
+    /// Time of one evaluation with every control element moved: from poses to the surface.
     pub frame_ms: Option<f64>,
     pub file_mb: Option<f64>,
     pub offline_s: Option<f64>,

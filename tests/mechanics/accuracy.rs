@@ -289,7 +289,7 @@ fn nothing_cheaper_meets_the_demand_than_what_is_chosen() {
             held += usize::from(matches!(demand, AccuracyTarget::Accuracy(Accuracy { force: Some(_), .. })));
             assert!(meets(&choice.row));
             for row in report.rows.iter().filter(meets) {
-                let [own, chosen] = [row, choice.row].map(|row| time(row, &report.rows));
+                let [own, chosen] = [row, choice.row].map(time);
                 assert!(1.1 * own >= chosen, "{name}, {demand:?}: {:?} is faster", row.setting);
             }
         }
