@@ -49,7 +49,8 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigEr
     parsed.map_err(|error| {
         let at = error.span().map_or(0, |span| span.start);
         let (line, column) = line_and_column(text, at);
-        let advice = if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
+        let advice =
+            if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
         let message = explain(error.message()) + advice;
         ConfigError::Parse { path: path.to_owned(), line, column, message }
     })

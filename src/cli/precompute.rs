@@ -55,6 +55,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let writing = Instant::now();
     let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
+    tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
         .iter()

@@ -102,7 +102,8 @@ pub fn script(
     }
     let trackers: Vec<&String> = stand_in.devices.iter().flat_map(|device| &device.trackers).collect();
     if !trackers.is_empty() {
-        let here = if place.ip().is_unspecified() { "THIS-MACHINE".to_owned() } else { place.ip().to_string() };
+        let here =
+            if place.ip().is_unspecified() { "THIS-MACHINE".to_owned() } else { place.ip().to_string() };
         let here = if place.port() == PORT { here } else { format!("{here}:{}", place.port()) };
         let options: Vec<String> = trackers.iter().map(|name| format!("--tracker {name}={here}")).collect();
         notice!("note: track, view and stage-view take the poses from here with {}", options.join(" "));

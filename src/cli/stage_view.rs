@@ -90,7 +90,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     if let Some(path) = &args.output {
         if !session.world.stage.tracking.trackers.is_empty() {
-            notice!("note: the picture shows head and stylus as the files have them; without -o a window shows the trackers live");
+            notice!(
+                "note: the picture shows head and stylus as the files have them; without -o a window shows the trackers live"
+            );
         }
         play(&mut session, args.time)?;
         save(&picture(&mut session, &camera, args.size, args.samples, device::Args::default())?, path)?;

@@ -133,7 +133,8 @@ fn missing_parts(reports: &[TrackerReport]) -> Option<String> {
     let of = |report: &TrackerReport| {
         let is_there = matches!(report.link, Link::Up | Link::Quiet);
         let unheard = report.sensors.iter().filter(|sensor| sensor.count == 0);
-        let unheard = unheard.filter_map(|sensor| Some(format!("sensor {} was never heard", sensor.name.as_ref()?)));
+        let unheard =
+            unheard.filter_map(|sensor| Some(format!("sensor {} was never heard", sensor.name.as_ref()?)));
         let link = (!is_there).then(|| format!("tracker {} is {}", report.name, link(&report.link)));
         link.into_iter().chain(unheard).collect::<Vec<_>>()
     };

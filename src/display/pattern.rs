@@ -213,7 +213,7 @@ impl Pattern<'_> {
             format!("{}   {width_m:.3} × {height_m:.3} m", self.stage),
             format!("both diagonals {:.3} m", width_m.hypot(height_m)),
             format!("{} × {} pixels", size.x, size.y),
-            format!("of {x:.3} × {y:.3} mm", ),
+            format!("of {x:.3} × {y:.3} mm",),
             format!("grid {}, ticks {}", length(self.cell_m()), length(self.tick_m())),
             format!("circle {} across, rulers in cm", length(2.0 * self.radius_m())),
         ];
@@ -279,7 +279,13 @@ impl Pattern<'_> {
             if own {
                 let font = FontId::proportional(9.0 * unit);
                 self.painter.text(place, Align2::CENTER_CENTER, letter, font, DARK);
-                self.write(place + vec2(0.0, 1.3 * radius * shape.y), Align2::CENTER_TOP, name, 3.0 * unit, color);
+                self.write(
+                    place + vec2(0.0, 1.3 * radius * shape.y),
+                    Align2::CENTER_TOP,
+                    name,
+                    3.0 * unit,
+                    color,
+                );
             }
         }
     }

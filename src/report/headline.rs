@@ -268,7 +268,9 @@ mod tests {
     fn a_cheaper_setting_that_is_as_good_is_named() {
         let text = said(vec![row("rotation", 43.0, 0.01, 0.01), row("linear", 20.0, 0.02, 0.02)]);
         assert!(
-            text.contains("linear (20 µs an evaluation, 2 s offline) keeps both within 5 % too, and is cheaper."),
+            text.contains(
+                "linear (20 µs an evaluation, 2 s offline) keeps both within 5 % too, and is cheaper."
+            ),
             "{text}"
         );
     }

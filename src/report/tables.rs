@@ -207,13 +207,11 @@ pub fn errors(rows: &[Measurement]) -> String {
         let largest = error.dominating();
         let mut line = parameters(row, on.contains(&true));
         let parts = PARAMETERS.iter().zip(error.parts()).enumerate();
-        line.extend(
-            parts.map(|(i, (parameter, part))| {
-                let is_reference = i == 0 && row.is_reference();
-                let cell = if is_reference { number("reference") } else { maybe(part) };
-                (parameter.part, bold(cell, largest == Some(i)))
-            }),
-        );
+        line.extend(parts.map(|(i, (parameter, part))| {
+            let is_reference = i == 0 && row.is_reference();
+            let cell = if is_reference { number("reference") } else { maybe(part) };
+            (parameter.part, bold(cell, largest == Some(i)))
+        }));
         let displacement = error.displacement_m;
         line.extend([
             ("total error", both(error.uncancelled)),

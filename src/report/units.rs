@@ -120,7 +120,10 @@ mod tests {
         assert_eq!(bytes, ["1 B", "1 kB", "2.5 MB", "0.5 B"]);
         assert_eq!([0.0123, 1.4, 3.14e-5, 0.0].map(relative), ["1.2 %", "140 %", "3.1·10⁻⁵", "0"]);
         assert_eq!([2.0, 31.4, 123.4, 9.96].map(times), ["2.0", "31", "123", "10"]);
-        assert_eq!([10.0, 0.5, 1e-4, 1e-5].map(|e| Unit::Ratio.text(e)), ["1000 %", "50 %", "0.01 %", "10⁻⁵"]);
+        assert_eq!(
+            [10.0, 0.5, 1e-4, 1e-5].map(|e| Unit::Ratio.text(e)),
+            ["1000 %", "50 %", "0.01 %", "10⁻⁵"]
+        );
         assert_eq!(Unit::Degrees.text(22.5), "22.5°");
     }
 }

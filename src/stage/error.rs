@@ -213,7 +213,8 @@ pub enum TrackingFault {
     #[error(
         "`position` in {what} is {:.2} m from the sensor, which is at most {MAX_MOUNT_M} m from what it is mounted on: it is in \
          metres{}",
-        length(position), in_metres(position)
+        length(position),
+        in_metres(position)
     )]
     FarBody { what: String, position: [f64; 3] },
     #[error("{who}: {message}")]

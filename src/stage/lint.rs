@@ -48,7 +48,8 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
         }
     }
     found.extend(overlaps.iter().map(|overlap| twice(stage, overlap)));
-    let overlaps_none = |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
+    let overlaps_none =
+        |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
     found.extend(stage.apart().iter().filter(|&lone| overlaps_none(lone)).map(|lone| apart(stage, lone)));
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
@@ -231,7 +232,12 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
         push(found, Severity::Note, "swap_eyes", "each eye is shown what the other should see");
     }
     for window in &stage.windows {
-        let swapped: Vec<&str> = window.tiles.iter().filter(|tile| tile.swap_eyes).map(|tile| stage.screens[tile.screen].name.as_str()).collect();
+        let swapped: Vec<&str> = window
+            .tiles
+            .iter()
+            .filter(|tile| tile.swap_eyes)
+            .map(|tile| stage.screens[tile.screen].name.as_str())
+            .collect();
         if !swapped.is_empty() {
             let message = format!("on {}, each eye is shown what the other should see", swapped.join(", "));
             push(found, Severity::Note, &format!("window.{}.swap_eyes", window.name), message);
@@ -313,7 +319,10 @@ fn windows(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
             let other_area = place.map_or(0, |(_, [width, height])| i64::from(width) * i64::from(height));
             if shared > 0 {
                 let (severity, message) = match shared == area && shared == other_area {
-                    true => (Severity::Error, format!("it and window `{}` stand in one place: one hides the other", other.name)),
+                    true => (
+                        Severity::Error,
+                        format!("it and window `{}` stand in one place: one hides the other", other.name),
+                    ),
                     false => (
                         Severity::Warning,
                         format!("{shared} of its pixels lie under or over window `{}`", other.name),

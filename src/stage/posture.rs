@@ -47,7 +47,10 @@ impl Screen {
     /// Sides, tilt and heights, to be held against the tape.
     pub fn measures(&self) -> String {
         let heights = [self.lower_left, self.lower_right, self.upper_left, self.upper_right()].map(|c| c.y);
-        let [low, high] = [heights.iter().fold(f64::INFINITY, |a, b| a.min(*b)), heights.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b))];
+        let [low, high] = [
+            heights.iter().fold(f64::INFINITY, |a, b| a.min(*b)),
+            heights.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b)),
+        ];
         // Adding 0.0 prints -0.0 as 0.0.
         let tenth = |degrees: f64| (degrees * 10.0).round() / 10.0 + 0.0;
         format!(

@@ -48,7 +48,9 @@ impl Apart {
 
     /// `upper edge of table and lower edge of wall`.
     pub fn told(&self, stage: &Stage) -> String {
-        let [a, b] = self.edges.map(|(screen, edge)| format!("{} edge of {}", edge.name(), stage.screens[screen].name));
+        let [a, b] = self
+            .edges
+            .map(|(screen, edge)| format!("{} edge of {}", edge.name(), stage.screens[screen].name));
         format!("{a} and {b}")
     }
 }

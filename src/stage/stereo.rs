@@ -98,7 +98,9 @@ impl Stereo {
         let word = name.to_lowercase().replace(['-', ' '], "_");
         let known_as = OTHER_WORDS.iter().find(|(words, _)| words.contains(&word.as_str()));
         found.map(|(_, kind)| *kind).ok_or_else(|| match known_as {
-            Some((_, advice)) => format!("unknown kind of stereo \"{name}\": {advice} (`greenstage manual stages`)"),
+            Some((_, advice)) => {
+                format!("unknown kind of stereo \"{name}\": {advice} (`greenstage manual stages`)")
+            }
             None => config::unknown_name("kind of stereo", name, names()),
         })
     }

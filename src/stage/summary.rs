@@ -82,7 +82,11 @@ impl Stage {
         let tile = |tile: &Tile| {
             let swapped = if tile.swap_eyes { ", eyes swapped" } else { "" };
             let (screen, [x, y, width, height]) = (&self.screens[tile.screen].name, tile.rect);
-            let part = if window.tiles.len() > 1 { format!(" in {width} × {height} at ({x}, {y})") } else { String::new() };
+            let part = if window.tiles.len() > 1 {
+                format!(" in {width} × {height} at ({x}, {y})")
+            } else {
+                String::new()
+            };
             format!("{screen}{part}, {}{swapped}", tile.stereo.name())
         };
         let tiles: Vec<String> = window.tiles.iter().map(tile).collect();

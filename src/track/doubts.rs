@@ -83,10 +83,8 @@ fn unit(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>, expected: Po
     let sensor = stage.tracking.sensors.get(name);
     let tracker = sensor.and_then(|sensor| stage.tracking.trackers.get_key_value(&sensor.tracker));
     let (Some(sensor), Some((tracker, found))) = (sensor, tracker) else { return String::new() };
-    let (origin, scale) = (
-        found.frame.room_from_tracker.isometry.translation.vector,
-        found.frame.room_from_tracker.scaling(),
-    );
+    let (origin, scale) =
+        (found.frame.room_from_tracker.isometry.translation.vector, found.frame.room_from_tracker.scaling());
     let room_from_sensor = room_from_body * sensor.sensor_from_body.inverse();
     let from_origin = room_from_sensor.translation.vector - origin;
     let off_m = |unit: f64| {
@@ -180,7 +178,8 @@ mod tests {
         let found = told("", LEVEL, at(INCHES));
         let [doubt] = &found[..] else { panic!("{found:?}") };
         assert_eq!((doubt.kind, doubt.sensor.as_str()), (DoubtKind::Far, "head"));
-        for part in ["m from the nearest screen", "reports inches, write scale = 0.0254", "(now 1)", "0.00 m"] {
+        for part in ["m from the nearest screen", "reports inches, write scale = 0.0254", "(now 1)", "0.00 m"]
+        {
             assert!(doubt.text.contains(part), "no `{part}` in {}", doubt.text);
         }
         assert_eq!(told(", scale = 0.0254", LEVEL, at(INCHES)), []);

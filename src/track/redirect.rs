@@ -39,7 +39,8 @@ impl Redirect {
         let TrackerSource::Table(table) = &mut tracker.source else {
             return Err(format!("tracker `{}` is a force device, which stays where it is", self.tracker));
         };
-        let vrpn = if self.place.contains('@') { self.place.clone() } else { format!("{device}@{}", self.place) };
+        let vrpn =
+            if self.place.contains('@') { self.place.clone() } else { format!("{device}@{}", self.place) };
         table.keys = [("vrpn".to_owned(), vrpn.into())].into_iter().collect();
         Ok(())
     }

@@ -276,9 +276,8 @@ grab = { tracker = "pad", button = 7 }
             });
             let mut trackers = TrackerSet::with_sources(&stage.tracking, sources.collect(), now_s());
             let state = trackers.state(now_s());
-            let off = |a: &Isometry3<f32>, b: &Isometry3<f32>| {
-                (a.to_homogeneous() - b.to_homogeneous()).amax()
-            };
+            let off =
+                |a: &Isometry3<f32>, b: &Isometry3<f32>| (a.to_homogeneous() - b.to_homogeneous()).amax();
             assert!(off(&state.head.unwrap(), &expected.head.unwrap()) < 1e-5, "{time_s} s");
             let [a, b] = [&state.styli[0], &expected.styli[0]];
             assert!(off(&a.room_from_stylus, &b.room_from_stylus) < 1e-5, "{time_s} s");

@@ -129,6 +129,19 @@ pub fn choose_among<'a>(
     Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
 }
 
+/// What measured rows answer to a question, in lines.
+pub fn answer(rows: &[Measurement], demand: &AccuracyTarget) -> Vec<String> {
+    let Some(choice) = choose(rows, demand) else {
+        return vec!["nothing that was measured can be chosen".into()];
+    };
+    if let Some(missed) = choice.missed(demand) {
+        return vec![missed];
+    }
+    let mut lines = choice.sentences();
+    lines.push(format!("as keys of the body: {}", keys(&choice.row.setting)));
+    lines
+}
+
 /// A setting as a sentence names it.
 pub fn name(setting: &Setting) -> String {
     let refined = match setting.refine {
@@ -186,7 +199,11 @@ impl Choice<'_> {
 }
 
 fn errors(row: &Measurement) -> String {
-    format!("displacement to {:.2} %, force and torque to {:.2} % of the largest wrench", 100.0 * error(row), 100.0 * held(row))
+    format!(
+        "displacement to {:.2} %, force and torque to {:.2} % of the largest wrench",
+        100.0 * error(row),
+        100.0 * held(row)
+    )
 }
 
 fn price(row: &Measurement) -> String {
@@ -195,7 +212,7 @@ fn price(row: &Measurement) -> String {
 }
 
 /// A setting as a scene's body names it.
-pub fn keys(setting: &Setting) -> String {
+fn keys(setting: &Setting) -> String {
     let Setting { refine, element, solver, storage, model } = setting;
     let tolerance =
         solver.tolerance().map_or(String::new(), |tolerance| format!(", tolerance = {tolerance:e}"));

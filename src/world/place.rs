@@ -59,7 +59,10 @@ pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &
     }
     let fitted = stage.room_from_mesh(points, &GivenPlace::default())?;
     let remedy = place_line(&fitted);
-    Some(format!("{}. Remove its `place`, and it is put where it is seen; or write {remedy}", wrong.join("; ")))
+    Some(format!(
+        "{}. Remove its `place`, and it is put where it is seen; or write {remedy}",
+        wrong.join("; ")
+    ))
 }
 
 #[cfg(test)]

@@ -30,8 +30,13 @@ fn readings(turn: f64) -> Readings {
             share: 0.6,
         }),
     };
-    let sensor =
-        |name: &str, age_s: f64, signal| SensorReading { name: name.into(), rate_hz: 119.9, age_s, signal, heard: true };
+    let sensor = |name: &str, age_s: f64, signal| SensorReading {
+        name: name.into(),
+        rate_hz: 119.9,
+        age_s,
+        signal,
+        heard: true,
+    };
     Readings {
         stage: "workbench".into(),
         device: "a device by Vulkan".into(),

@@ -62,7 +62,12 @@ impl Camera {
         if away.y > OVERHEAD.sin() * distance_m {
             let target = Point3::new(place.x, camera.target.y, place.z)
                 - Vector3::new(behind.sin(), 0.0, behind.cos()) * (away.y / STEEPEST.tan());
-            return Self { target, azimuth: behind, elevation: STEEPEST, distance_m: (place - target).norm() };
+            return Self {
+                target,
+                azimuth: behind,
+                elevation: STEEPEST,
+                distance_m: (place - target).norm(),
+            };
         }
         Self {
             azimuth: away.x.atan2(away.z),

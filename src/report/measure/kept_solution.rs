@@ -125,11 +125,5 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
         matrix_entries: head.matrix_entries,
         notices: Vec::new(),
     };
-    Some(Candidate {
-        refine: 0,
-        element: own.element,
-        solver: own.solver,
-        models: models.to_vec(),
-        solution,
-    })
+    Some(Candidate { refine: 0, element: own.element, solver: own.solver, models: models.to_vec(), solution })
 }

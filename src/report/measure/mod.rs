@@ -55,6 +55,7 @@ use candidates::Meshes;
 use course::Course;
 use kept::Kept;
 use reference::References;
+use std::path::Path;
 
 /// Costs and errors of every setting, and what they are compared with.
 pub struct Measured {
@@ -176,7 +177,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         schema: SCHEMA,
         program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
         machine: machine.into_iter().flatten().collect::<Vec<_>>().join(". "),
-        scene: request.scene.path.display().to_string(),
+        scene: scene_name(&request.scene.path),
         command: request.command.clone(),
         body: request.body.to_owned(),
         about: about(request, base),
@@ -195,6 +196,14 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         left_out: course.left_out(),
         shapes,
     })
+}
+
+/// The file, or the name of a scene that the program brings along.
+fn scene_name(path: &Path) -> String {
+    match path.file_stem() {
+        Some(name) if !path.exists() => format!("{}, which the program brings along", name.to_string_lossy()),
+        _ => path.display().to_string(),
+    }
 }
 
 /// What the scene asks for; of a direct solver the tolerance means nothing.

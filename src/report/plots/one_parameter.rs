@@ -125,7 +125,8 @@ impl OneParameter {
         };
         // A setting that nothing else is like is compared with nothing.
         let compared: Vec<&Measurement> = rows.iter().copied().filter(|row| alike(row).count() > 1).collect();
-        let least = |row: &Measurement| alike(row).map(|other| self.cost(other)).fold(f64::INFINITY, f64::min);
+        let least =
+            |row: &Measurement| alike(row).map(|other| self.cost(other)).fold(f64::INFINITY, f64::min);
         let sentence = |value: &String| {
             let of = || compared.iter().filter(|row| (self.parameter.value)(&row.setting) == *value);
             let errors = of().filter_map(|row| (self.parameter.error)(&row.error));
@@ -140,10 +141,10 @@ impl OneParameter {
             };
             format!("{value} {range}error at most {}", relative(error))
         };
-        let is_compared = |value: &&String| {
-            compared.iter().any(|row| (self.parameter.value)(&row.setting) == **value)
-        };
-        let sentences: Vec<String> = self.values(&report.rows).iter().filter(is_compared).map(sentence).collect();
+        let is_compared =
+            |value: &&String| compared.iter().any(|row| (self.parameter.value)(&row.setting) == **value);
+        let sentences: Vec<String> =
+            self.values(&report.rows).iter().filter(is_compared).map(sentence).collect();
         if sentences.is_empty() {
             return String::new();
         }

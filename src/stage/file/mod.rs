@@ -15,9 +15,7 @@ use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::window::{MonitorFile, WindowFile};
 use super::built_in::text_of;
 use super::description::Stage;
-use super::error::{
-    IPD_M, Located, MAX_SIDE_M, StageError, StageFault, TrackingFault,
-};
+use super::error::{IPD_M, Located, MAX_SIDE_M, StageError, StageFault, TrackingFault};
 use super::haptic::Haptic;
 use super::screen::{ROOM_LIMIT_M, Screen};
 use super::stereo::Stereo;

@@ -51,7 +51,11 @@ pub fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
     let across = screen.lower_right - screen.lower_left;
     let area = across.cross(&(screen.upper_left - screen.lower_left)).norm();
     if !side.contains(&width_m) || !side.contains(&height_m) || area < 1e-6 * width_m * height_m {
-        return Err(odd_number(&screen).unwrap_or(StageFault::Size { screen: screen.name, width_m, height_m }));
+        return Err(odd_number(&screen).unwrap_or(StageFault::Size {
+            screen: screen.name,
+            width_m,
+            height_m,
+        }));
     }
     Ok(screen)
 }
@@ -77,7 +81,9 @@ fn corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
     }
     for (key, corner) in [("lower_right", file.lower_right), ("upper_left", file.upper_left)] {
         if corner.is_some() {
-            return Err(fault(format!("`{key}` does not go with width, height and tilt_degrees: {TWO_WAYS}")));
+            return Err(fault(format!(
+                "`{key}` does not go with width, height and tilt_degrees: {TWO_WAYS}"
+            )));
         }
     }
     let mut given = ANCHORS.iter().zip(anchors).filter(|(_, place)| place.is_some());
@@ -183,7 +189,10 @@ mod tests {
             (whole.to_owned() + "lower_left = [0, 0, 0]\n", "from exactly one place"),
             (whole.replace("= 0\n", "= 270\n"), "between -180 and 180"),
             (whole.replace("1.6", "nan"), "width of screen `table` is NaN"),
-            (whole.replace("1.6", "160").replace("1.2", "120"), "these look like centimetres: 1.600 × 1.200 m"),
+            (
+                whole.replace("1.6", "160").replace("1.2", "120"),
+                "these look like centimetres: 1.600 × 1.200 m",
+            ),
             ("lower_left = [0, 0, 0]\nlower_right = [1, 0, 0]".into(), "`upper_left` is missing"),
         ] {
             let text = refused(&keys);

@@ -18,8 +18,9 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
         }
         // Whoever takes it for millimetres per unit writes 25.4.
         let instead = [1e-3, 1e-2].into_iter().map(|unit| scale * unit);
-        let instead =
-            instead.filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale)).map(|scale| scale.to_string());
+        let instead = instead
+            .filter(|scale| (SHORTEST_UNIT_M..=LONGEST_UNIT_M).contains(scale))
+            .map(|scale| scale.to_string());
         let instead: Vec<String> = instead.collect();
         let instead = if instead.is_empty() { String::new() } else { format!("; {}?", instead.join(" or ")) };
         let message = format!(
