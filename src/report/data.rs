@@ -2,7 +2,7 @@
 //!
 //! accuracy.json is a [`Report`] as JSON; the names of the fields are the names in the file.
 
-use crate::scene::TOLERANCE;
+use crate::scene::{Storage, TOLERANCE};
 use crate::solve::{ERROR_LIMITS, Solver};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -148,8 +148,13 @@ impl Measurement {
             && self.setting.solver.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
     }
 
+    /// Whether what its storage adds is known, or is below any error that could be asked for.
+    pub fn is_storage_known(&self) -> bool {
+        self.error.storage.is_some() || self.setting.storage == Storage::F32.name()
+    }
+
     pub fn can_be_chosen(&self) -> bool {
-        self.is_trusted() && !self.is_reference()
+        self.is_trusted() && !self.is_reference() && self.is_storage_known()
     }
 
     /// Error of the shape in the worst pose.

@@ -68,7 +68,10 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
     let source: TableSource<'_> = &|plain, name, key, demand| {
         let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
         let mut table = match kept? {
-            Some(table) => table,
+            Some(table) => {
+                remove(&steps(plain, name));
+                table
+            }
             None => measure(plain, name, key, demand, quiet)?,
         };
         for pose in &table.left_out {

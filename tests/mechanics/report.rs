@@ -515,6 +515,7 @@ fn a_part_that_is_not_known_is_a_dash() {
     }
     let (_dir, files) = written(&report);
     assert!(!pictures(&report).iter().any(|(entry, _)| entry.name == "storage"));
+    assert!(report.rows.iter().all(|row| row.setting.storage == "f32" || !row.can_be_chosen()));
     let records = records(&files[2].1);
     for name in ["storage_median_relative", "frame_bytes"] {
         let column = records[0].iter().position(|head| head == name).unwrap();
