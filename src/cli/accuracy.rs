@@ -12,7 +12,8 @@ use crate::green::Requirements;
 use crate::prepare;
 use crate::report::measure::TimeLimit;
 use crate::report::{self, Limits, Request};
-use crate::scene::Scene;
+use crate::scene::{AccuracyTarget, Scene};
+use crate::tuning;
 use crate::tuning::poses::{NamedPoses, scripted_or_random};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -52,6 +53,10 @@ pub struct Args {
     /// A Markdown file whose lines between `<!-- accuracy: begin -->` and `<!-- accuracy: end -->` become a table
     #[arg(long)]
     pub readme: Option<PathBuf>,
+    /// Also answer a question, as a scene asks it: "displacement = 0.05, force = 10%" for the fastest setting that is as
+    /// accurate, "frame_ms = 0.05, file_mb = 5, offline_s = 60" for the most accurate one within these costs; may be repeated
+    #[arg(long, value_name = "QUESTION")]
+    pub ask: Vec<AccuracyTarget>,
     /// Show no progress bars
     #[arg(long)]
     pub quiet: bool,
@@ -106,7 +111,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }
     let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
-    print(&format!("{}\n{listed}", report::summary(&report)))
+    print(&format!("{}\n{}{listed}", report::summary(&report), answers(&args.ask, &report.rows)))
+}
+
+/// What the measured settings answer to the questions.
+fn answers(asked: &[AccuracyTarget], rows: &[report::Measurement]) -> String {
+    let answer = |demand: &AccuracyTarget| {
+        let lines: String = tuning::answer(rows, demand).iter().map(|line| format!("  {line}\n")).collect();
+        format!("Asked for {}:\n{lines}\n", demand.asked())
+    };
+    asked.iter().map(answer).collect()
 }
 
 /// Whether all that is written can be, before anything is measured.

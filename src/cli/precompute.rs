@@ -56,6 +56,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let writing = Instant::now();
     let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
+    tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
         .iter()
@@ -128,6 +129,9 @@ pub fn report(body: &Precomputed) -> Table {
     if let Some(asymmetry) = solution.asymmetry {
         let size = stats.columns;
         row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
+    }
+    if times.cubic_s > 0.0 {
+        row("cubic energy", times.cubic_s, "for forces at large rotations".into());
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {

@@ -18,7 +18,10 @@ use std::collections::BTreeMap;
 pub struct StepTimes {
     pub mesh_s: f64,
     pub assembly_s: f64,
+    /// Of the handle stiffness, and of the families of the models that have some of their own.
     pub stiffness_s: f64,
+    /// Of the family `cubic`.
+    pub cubic_s: f64,
 }
 
 /// The full f64 solution of one body: every basis field over every node.
@@ -55,6 +58,7 @@ impl Solution {
         times.mesh_s
             + times.assembly_s
             + times.stiffness_s
+            + times.cubic_s
             + stats.ordering_s
             + stats.symbolic_s
             + stats.factor_s

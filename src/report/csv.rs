@@ -17,13 +17,13 @@ pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {
         ("frame_p50_s", Some(cost.frame_p50_s)),
         ("frame_p99_s", Some(cost.frame_p99_s)),
         ("frame_one_p50_s", Some(cost.frame_one_p50_s)),
-        ("frame_bytes", Some(cost.frame_bytes)),
+        ("frame_bytes", cost.frame_bytes),
     ];
     let errors: [(&str, &str, Option<Spread>); 11] = [
         ("discretisation", "relative", Some(error.discretisation)),
         ("energy", "relative", Some(error.energy)),
         ("solver", "relative", Some(error.solver)),
-        ("storage", "relative", Some(error.storage)),
+        ("storage", "relative", error.storage),
         ("model", "relative", Some(error.model)),
         ("total", "relative", Some(error.total)),
         ("uncancelled", "relative", Some(error.uncancelled)),

@@ -2,13 +2,13 @@
 //!
 //! accuracy.json is a [`Report`] as JSON; the names of the fields are the names in the file.
 
-use crate::scene::TOLERANCE;
+use crate::scene::{Storage, TOLERANCE};
 use crate::solve::{ERROR_LIMITS, Solver};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `accuracy` describes it.
-pub const SCHEMA: u32 = 4;
+pub const SCHEMA: u32 = 5;
 
 /// All that was measured of one body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,8 @@ pub struct Report {
     /// What the scene itself asks for, with the storage and solver that it names.
     pub own: Setting,
     pub rows: Vec<Measurement>,
+    /// How far the times of the rows can be relied on.
+    pub timing: Timing,
     /// Errors of the models alone, by the largest local rotation of the pose.
     pub models: Vec<ModelError>,
     /// Every model alone, by how far one control element turns.
@@ -47,6 +49,36 @@ pub struct Report {
     /// The body as some of the settings bend it, for the page alone.
     #[serde(skip)]
     pub shapes: Option<Shapes>,
+}
+
+/// What else the machine did while evaluations were timed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// Time of an evaluation in the busiest stretch of the measurement over that in the calmest: the median of all settings.
+    pub scatter: f64,
+    /// Programs that were running or waiting, the mean of the last minute, and processors for them.
+    pub load: f64,
+    pub processors: usize,
+}
+
+impl Timing {
+    /// Of an idle machine the scatter is below 1.1, and its load is that of this program.
+    const BUSY: [f64; 2] = [1.3, 1.5];
+
+    /// Says that the machine was too busy for the times to be used; nothing where it was not.
+    pub fn warning(&self) -> Option<String> {
+        let [scatter, load] = Timing::BUSY;
+        let is_busy = self.scatter > scatter || self.load > load * self.processors as f64;
+        is_busy.then(|| {
+            format!(
+                "The machine was busy: the same evaluation took {} times as long in one stretch of the measurement as in another, \
+                 and {:.1} programs shared {} processors. Do not use these times; errors and sizes hold.",
+                super::units::times(self.scatter.max(1.0)),
+                self.load,
+                self.processors
+            )
+        })
+    }
 }
 
 /// The body's surface in the pose in which the scene's own setting is most wrong.
@@ -116,8 +148,13 @@ impl Measurement {
             && self.setting.solver.tolerance().is_none_or(|tolerance| tolerance <= *TOLERANCE.end())
     }
 
+    /// Whether what its storage adds is known, or is below any error that could be asked for.
+    pub fn is_storage_known(&self) -> bool {
+        self.error.storage.is_some() || self.setting.storage == Storage::F32.name()
+    }
+
     pub fn can_be_chosen(&self) -> bool {
-        self.is_trusted() && !self.is_reference()
+        self.is_trusted() && !self.is_reference() && self.is_storage_known()
     }
 
     /// Error of the shape in the worst pose.
@@ -136,7 +173,7 @@ impl Measurement {
     }
 }
 
-/// Times are medians over runs of the program's own code; bytes are counted.
+/// Times are those of the program's own code, in the calmest of several runs; bytes are counted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     pub offline_s: f64,
@@ -145,13 +182,13 @@ pub struct Cost {
     pub file_bytes: f64,
     /// The file packed for shipping, where that was measured.
     pub packed_bytes: Option<f64>,
-    /// One evaluation with every control element moved: median and 99th percentile.
+    /// One evaluation with every control element moved: median of the calmest stretch, and 99th percentile of all.
     pub frame_p50_s: f64,
     pub frame_p99_s: f64,
     /// The same with one control element moved: the others' sums are kept.
     pub frame_one_p50_s: f64,
-    /// Bytes of columns that one evaluation reads.
-    pub frame_bytes: f64,
+    /// Bytes of columns that one evaluation reads; nothing where that was not counted.
+    pub frame_bytes: Option<f64>,
 }
 
 /// Relative L2 errors over the body's volume, unless said otherwise. As vector fields the parts sum to the total.
@@ -161,7 +198,8 @@ pub struct Errors {
     /// The same in the energy norm.
     pub energy: Spread,
     pub solver: Spread,
-    pub storage: Spread,
+    /// Nothing of models whose displacements are more than a sum of stored columns.
+    pub storage: Option<Spread>,
     pub model: Spread,
     pub total: Spread,
     /// Settings are chosen by this error: the total, or the root of the sum of the parts' squares where that is larger.
@@ -263,6 +301,12 @@ pub struct SmoothError {
     pub l2_rate: Option<f64>,
     pub energy_rate: Option<f64>,
     pub promised: [f64; 2],
+}
+
+impl EffectCost {
+    pub fn is_free(&self) -> bool {
+        [self.offline_s, self.file_bytes, self.memory_bytes, self.frame_s].iter().all(|cost| *cost == 0.0)
+    }
 }
 
 /// What an effect adds to a body without it.

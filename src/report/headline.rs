@@ -88,16 +88,17 @@ pub fn headline(report: &Report) -> Vec<String> {
     }
     said.push(verdict(row));
     said.push(remedy(rows, i));
+    said.extend(report.timing.warning());
     said
 }
 
-/// "For 43 µs a frame the shape is within 2.3 %, and force and torque within 264 %: do not trust the force."
+/// "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: do not trust the force."
 fn verdict(row: &Measurement) -> String {
     let time = seconds(row.cost.frame_p50_s);
     let shape = relative(row.shape());
     if !row.is_trusted() {
         return format!(
-            "For {time} a frame: do not trust this setting. Its solver ({}) stops before its own estimate of the error is small \
+            "For {time} an evaluation: do not trust this setting. Its solver ({}) stops before its own estimate of the error is small \
              enough, whatever the measured poses show.",
             row.setting.solver
         );
@@ -112,7 +113,7 @@ fn verdict(row: &Measurement) -> String {
             Trust::Bad => "do not trust the shape",
         };
         return format!(
-            "For {time} a frame the shape is {within} {shape}: {verdict}. Its forces were not measured."
+            "For {time} an evaluation the shape is {within} {shape}: {verdict}. Its forces were not measured."
         );
     };
     let verdict = if row.is_reference() && Trust::of(row.worst()) == Trust::Good {
@@ -121,7 +122,7 @@ fn verdict(row: &Measurement) -> String {
         both(Trust::of(row.shape()), Trust::of(held))
     };
     format!(
-        "For {time} a frame the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
+        "For {time} an evaluation the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
         relative(held)
     )
 }
@@ -172,10 +173,10 @@ fn rows_errors(row: &Measurement) -> String {
     super::recommendation::errors(row)
 }
 
-/// "tet10 h · cholesky · f32 · reduced (900 µs a frame, 12 s offline)".
+/// "tet10 h · cholesky · f32 · reduced (900 µs an evaluation, 12 s offline)".
 fn price(row: &Measurement) -> String {
     let (time, offline) = (seconds(row.cost.frame_p50_s), seconds(row.cost.offline_s));
-    format!("{} ({time} a frame, {offline} offline)", row.setting)
+    format!("{} ({time} an evaluation, {offline} offline)", row.setting)
 }
 
 #[cfg(test)]
@@ -218,13 +219,13 @@ mod tests {
         let reduced = || row("reduced", 900.0, 0.01, 0.02);
         assert_eq!(
             said(vec![row("rotation", 43.0, 0.023, 2.64), reduced()]),
-            "For 43 µs a frame the shape is within 2.3 %, and force and torque within 264 %: trust the shape, do not trust \
-             the force. tet4 h · cholesky · f32 · reduced (900 µs a frame, 2 s offline) brings both within 5 %: shape to \
+            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: trust the shape, do not trust \
+             the force. tet4 h · cholesky · f32 · reduced (900 µs an evaluation, 2 s offline) brings both within 5 %: shape to \
              1 %, force and torque to 2 %."
         );
         assert_eq!(
             said(vec![row("rotation", 43.0, 0.023, 0.04), reduced()]),
-            "For 43 µs a frame the shape is within 2.3 %, and force and torque within 4 %: both can be trusted. Nothing \
+            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 4 %: both can be trusted. Nothing \
              cheaper that was measured keeps both within 5 %."
         );
         let all = [0.01, 0.1, 1.0];
@@ -267,7 +268,9 @@ mod tests {
     fn a_cheaper_setting_that_is_as_good_is_named() {
         let text = said(vec![row("rotation", 43.0, 0.01, 0.01), row("linear", 20.0, 0.02, 0.02)]);
         assert!(
-            text.contains("linear (20 µs a frame, 2 s offline) keeps both within 5 % too, and is cheaper."),
+            text.contains(
+                "linear (20 µs an evaluation, 2 s offline) keeps both within 5 % too, and is cheaper."
+            ),
             "{text}"
         );
     }

@@ -27,7 +27,7 @@ pub mod units;
 pub use cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 pub use data::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
-    Shapes, SmoothError, Spread, TrialMotion,
+    Shapes, SmoothError, Spread, Timing, TrialMotion,
 };
 pub use drawing::canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};

@@ -9,20 +9,21 @@ pub struct Parameter {
     pub value: fn(&Setting) -> String,
     /// The part of the error that it makes.
     pub part: &'static str,
-    pub error: fn(&Errors) -> Spread,
+    /// Nothing where it was not measured.
+    pub error: fn(&Errors) -> Option<Spread>,
 }
 
 pub const MESH: Parameter = Parameter {
     name: "mesh and element",
     value: Setting::mesh,
     part: "discretisation",
-    error: |error| error.discretisation,
+    error: |error| Some(error.discretisation),
 };
 pub const SOLVER: Parameter = Parameter {
     name: "solver",
     value: |setting| setting.solver.to_string(),
     part: "solver",
-    error: |error| error.solver,
+    error: |error| Some(error.solver),
 };
 pub const STORAGE: Parameter = Parameter {
     name: "storage",
@@ -34,7 +35,7 @@ pub const MODEL: Parameter = Parameter {
     name: "model",
     value: |setting| setting.model.clone(),
     part: "model",
-    error: |error| error.model,
+    error: |error| Some(error.model),
 };
 
 /// The parts of the error are independent: each entry can be changed alone.
@@ -55,13 +56,13 @@ impl std::fmt::Display for Setting {
 
 impl Errors {
     /// The part that each of [`PARAMETERS`] makes.
-    pub fn parts(&self) -> [Spread; PARAMETERS.len()] {
+    pub fn parts(&self) -> [Option<Spread>; PARAMETERS.len()] {
         PARAMETERS.map(|parameter| (parameter.error)(self))
     }
 
     /// Index into [`PARAMETERS`] of the one whose part has the largest median. `None` where all are zero.
     pub fn dominating(&self) -> Option<usize> {
-        let medians = self.parts().map(|part| part.median);
+        let medians = self.parts().map(|part| part.map_or(0.0, |part| part.median));
         (0..medians.len()).filter(|&i| medians[i] > 0.0).max_by(|&a, &b| medians[a].total_cmp(&medians[b]))
     }
 

@@ -63,6 +63,10 @@ pub fn outside(rows: &[&Measurement], front: &[usize], point: impl Fn(&Measureme
             count(|row| !row.is_reference() && !row.is_trusted()),
             "with a solver whose own estimate of its error is too large",
         ),
+        (
+            count(|row| !row.is_reference() && row.is_trusted() && !row.is_storage_known()),
+            "with a coarser storage whose error was not measured",
+        ),
         (count(Measurement::can_be_chosen), "less than 2 % better than a step"),
     ];
     let said: Vec<String> =

@@ -1,6 +1,6 @@
 //! A report as one Markdown table for a README: each parameter changed alone, the others as in the first row.
 
-use super::data::Report;
+use super::data::{Report, Spread};
 use super::parameters::PARAMETERS;
 use super::units::{bytes, relative, seconds};
 use crate::base::table::Table;
@@ -20,15 +20,19 @@ pub fn readme_table(report: &Report) -> String {
             }
             let part = (parameter.error)(&row.error);
             let is_reference = changed == 0 && row.is_reference();
-            let error = |value: f64| if is_reference { "reference".to_owned() } else { relative(value) };
+            let error = |of: fn(Spread) -> f64| match part {
+                _ if is_reference => "reference".to_owned(),
+                None => "–".to_owned(),
+                Some(part) => relative(of(part)),
+            };
             table.row(&[
                 parameter.name,
                 &values[changed],
                 &seconds(row.cost.offline_s),
                 &bytes(row.cost.file_bytes),
                 &seconds(row.cost.frame_p50_s),
-                &error(part.median),
-                &error(part.worst),
+                &error(|part| part.median),
+                &error(|part| part.worst),
             ]);
         }
     }

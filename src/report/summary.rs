@@ -21,8 +21,9 @@ pub fn summary(report: &Report) -> String {
                     torque";
         format!("\n{lead}:\n\n{}", text(&motions))
     };
+    let busy = report.timing.warning().map_or_else(String::new, |warning| format!("{warning}\n\n"));
     format!(
-        "{} of {} settings, from fast to accurate, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n{models}",
+        "{busy}{} of {} settings, from fast to accurate, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n{models}",
         settings.len(),
         report.rows.len(),
         report.poses.len(),

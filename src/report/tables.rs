@@ -75,10 +75,9 @@ pub fn compared(report: &Report) -> String {
         vec![
             ("setting", bold(word(capital(role)), true)),
             ("", word(setting.to_string())),
-            ("a frame", number(seconds(cost.frame_p50_s))),
+            ("one evaluation", number(seconds(cost.frame_p50_s))),
             ("shape", judged(shape, error.uncancelled.worst)),
-            ("force", maybe(error.force)),
-            ("torque", maybe(error.torque)),
+            ("force and torque", maybe(error.uncancelled_held)),
             ("offline", number(seconds(cost.offline_s))),
             ("file", number(bytes(cost.file_bytes))),
         ]
@@ -108,8 +107,8 @@ pub fn goals(rows: &[Measurement]) -> String {
         let both = |row: &Measurement| shape(row) && held(row);
         vec![
             ("within", bold(number(relative(goal)), true)),
-            ("shape: fastest frame", by(&ONLINE, &shape)),
-            ("force and torque: fastest frame", by(&ONLINE, &held)),
+            ("shape: fastest evaluation", by(&ONLINE, &shape)),
+            ("force and torque: fastest evaluation", by(&ONLINE, &held)),
             ("all of them: least offline time", by(&OFFLINE, &both)),
             ("all of them: smallest file", by(&FILE, &both)),
         ]
@@ -120,8 +119,8 @@ pub fn goals(rows: &[Measurement]) -> String {
 /// The settings worth their time as lines with tabs between numbers without units, for a spreadsheet.
 pub fn to_copy(rows: &[Measurement]) -> String {
     let percent = |error: f64| digits(100.0 * error, 3);
-    let mut text = "mesh and element\tsolver\tstorage\tmodel\ttime of a frame (µs)\toffline (s)\tfile (MB)\t\
-                    shape, worst (%)\tlargest displacement error (mm)\tforce, worst (%)\ttorque, worst (%)\n"
+    let mut text = "mesh and element\tsolver\tstorage\tmodel\tone evaluation (µs)\toffline (s)\tfile (MB)\t\
+                    shape, worst (%)\tlargest displacement error (mm)\tforce and torque, worst (%)\n"
         .to_owned();
     let mut shown = ladder(rows, &ONLINE);
     shown.extend(most_accurate(rows).filter(|best| !shown.contains(best)));
@@ -133,8 +132,7 @@ pub fn to_copy(rows: &[Measurement]) -> String {
             digits(1e-6 * cost.file_bytes, 3),
             percent(error.uncancelled.worst),
             digits(1e3 * error.displacement_m.worst, 3),
-            maybe(error.force),
-            maybe(error.torque),
+            maybe(error.uncancelled_held),
         ];
         text += &format!("{}\t{}\n", setting.values().join("\t"), cells.join("\t"));
     }
@@ -193,7 +191,7 @@ pub fn costs(rows: &[Measurement]) -> String {
             ("one evaluation", bold(number(seconds(cost.frame_p50_s)), online)),
             ("p99", number(seconds(cost.frame_p99_s))),
             ("one element moved", number(seconds(cost.frame_one_p50_s))),
-            ("reads", number(bytes(cost.frame_bytes))),
+            ("reads", number(cost.frame_bytes.map_or_else(|| "–".into(), bytes))),
             ("total error", bold(number(relative(row.error.uncancelled.median)), on_any)),
         ]);
         line
@@ -209,14 +207,16 @@ pub fn errors(rows: &[Measurement]) -> String {
         let largest = error.dominating();
         let mut line = parameters(row, on.contains(&true));
         let parts = PARAMETERS.iter().zip(error.parts()).enumerate();
-        line.extend(
-            parts.map(|(i, (parameter, part))| (parameter.part, bold(both(part), largest == Some(i)))),
-        );
+        line.extend(parts.map(|(i, (parameter, part))| {
+            let is_reference = i == 0 && row.is_reference();
+            let cell = if is_reference { number("reference") } else { maybe(part) };
+            (parameter.part, bold(cell, largest == Some(i)))
+        }));
         let displacement = error.displacement_m;
         line.extend([
             ("total error", both(error.uncancelled)),
             ("as measured", both(error.total)),
-            ("energy norm", both(error.energy)),
+            ("energy norm", if row.is_reference() { number("reference") } else { both(error.energy) }),
             (
                 "displacement",
                 number(format!("{} / {}", metres(displacement.median), metres(displacement.worst))),
@@ -256,7 +256,7 @@ pub fn models(report: &Report) -> String {
     html(&poses.iter().map(line).collect::<Vec<_>>())
 }
 
-/// A line a motion, a column a model; the last line has the median times of a frame.
+/// A line a motion, a column a model; the last line has the median times of an evaluation with normals and forces.
 pub fn trials(report: &Report) -> String {
     let cell = |row: &ModelTrial| {
         let energy = row.energy.map_or_else(|| "–".into(), |energy| format!("{energy:.3}"));
@@ -304,7 +304,7 @@ pub fn trial_lines<'a>(
             let of = rows.iter().filter(|row| row.model == *model).map(|row| row.frame_s);
             (*model, number(seconds(median(of))))
         };
-        let name = ("motion", word("time of a frame"));
+        let name = ("motion", word("evaluation with normals and forces"));
         lines.push(std::iter::once(name).chain(models.iter().map(time)).collect());
     }
     lines
@@ -329,14 +329,14 @@ pub fn smooth(report: &Report) -> String {
 }
 
 pub fn effects(report: &Report) -> String {
-    let lines = report.effects.iter().map(|of| {
+    let lines = report.effects.iter().filter(|of| of.listed || !of.is_free()).map(|of| {
         vec![
             ("effect", bold(word(&of.effect), of.listed)),
             ("listed in the scene", word(if of.listed { "yes" } else { "no" })),
             ("offline", number(seconds(of.offline_s))),
             ("in the file", number(bytes(of.file_bytes))),
             ("memory online", number(bytes(of.memory_bytes))),
-            ("a frame", number(seconds(of.frame_s))),
+            ("its part of a frame", number(seconds(of.frame_s))),
         ]
     });
     html(&lines.collect::<Vec<_>>())

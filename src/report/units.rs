@@ -3,7 +3,7 @@
 /// The unit of an axis or a cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// A dimensionless ratio, shown as a power of ten.
+    /// A relative error, shown in percent where that is readable.
     Ratio,
     Seconds,
     Bytes,
@@ -14,7 +14,8 @@ pub enum Unit {
 impl Unit {
     pub fn text(self, value: f64) -> String {
         match self {
-            Unit::Ratio => power(value),
+            Unit::Ratio if (0.99e-6..1e3).contains(&value) => format!("{} %", digits(100.0 * value, 3)),
+            Unit::Ratio => brief(value),
             Unit::Seconds => prefixed(value, "s"),
             Unit::Bytes => prefixed(value, "B"),
             Unit::Metres => prefixed(value, "m"),
@@ -120,6 +121,10 @@ mod tests {
         assert_eq!(bytes, ["1 B", "1 kB", "2.5 MB", "0.5 B"]);
         assert_eq!([0.0123, 1.4, 3.14e-5, 0.0].map(relative), ["1.2 %", "140 %", "3.1·10⁻⁵", "0"]);
         assert_eq!([2.0, 31.4, 123.4, 9.96].map(times), ["2.0", "31", "123", "10"]);
+        assert_eq!(
+            [10.0, 0.5, 1e-4, 1e-5].map(|e| Unit::Ratio.text(e)),
+            ["1000 %", "50 %", "0.01 %", "0.001 %"]
+        );
         assert_eq!(Unit::Degrees.text(22.5), "22.5°");
     }
 }

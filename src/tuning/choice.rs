@@ -1,7 +1,7 @@
 //! The fastest setting that is accurate enough, or the most accurate one within a budget, from measured rows.
 
 use crate::deform::MODELS;
-use crate::report::units::seconds;
+use crate::report::units::{digits, seconds};
 use crate::report::{Measurement, Setting};
 use crate::scene::{Accuracy, AccuracyTarget, Budget, Storage};
 
@@ -12,13 +12,15 @@ pub struct Choice<'a> {
     pub row: &'a Measurement,
     /// The largest ratio of measured to asked: at most 1 where the row reaches what is asked.
     pub miss: f64,
-    /// The fastest of those with a worst error below 0.9 of the chosen one's.
+    /// The fastest of those with a worst error of displacement below 0.9 of the chosen one's.
     pub next: Option<&'a Measurement>,
 }
 
 /// Times of evaluations within this ratio count as equal.
 const SAME_TIME: f64 = 1.1;
-/// So do errors, and ratios of measured to asked.
+/// A setting with at most this part of another's error is more accurate.
+const BETTER: f64 = 0.9;
+/// Errors, and ratios of measured to asked, within this ratio count as equal.
 const SAME_ERROR: f64 = 1.02;
 
 /// The order among settings that count as equal: Cholesky before conjugate gradients, f32 before coarser storage, the
@@ -47,15 +49,27 @@ fn least<'a>(
     rows.iter().copied().filter(|row| value(row) <= same * least).min_by(|a, b| preference(a, b))
 }
 
-/// Time of one evaluation, s. The solver has no part in it, so it is the least time among all rows that differ in the
-/// solver alone: no solver wins by noise in the timing.
-pub fn time(row: &Measurement, rows: &[Measurement]) -> f64 {
-    let is_alike = |other: &&Measurement| {
-        let solver = row.setting.solver;
-        Setting { solver, ..other.setting.clone() } == row.setting
-    };
-    let alike = rows.iter().filter(is_alike);
-    alike.map(|other| other.cost.frame_p50_s).fold(f64::INFINITY, f64::min)
+/// Time of one evaluation, s: the same for all settings that differ in the solver alone.
+pub fn time(row: &Measurement) -> f64 {
+    row.cost.frame_p50_s
+}
+
+/// The setting itself, or one that is better in everything that is printed: more accurate by a tenth, and no dearer.
+fn undominated<'a>(first: &'a Measurement, met: &[&'a Measurement]) -> &'a Measurement {
+    let mut row = first;
+    loop {
+        let is_better = |other: &&&Measurement| {
+            let costs = |row: &Measurement| [time(row), row.cost.offline_s, row.cost.file_bytes];
+            let no_dearer = costs(other).iter().zip(costs(row)).all(|(other, own)| *other <= own);
+            no_dearer && held(other) <= held(row) && error(other) < BETTER * error(row)
+        };
+        let better: Vec<&Measurement> = met.iter().filter(is_better).copied().collect();
+        // Each is better than the one before by a tenth, so this ends.
+        match least(&better, time, SAME_TIME) {
+            Some(other) => row = other,
+            None => return row,
+        }
+    }
 }
 
 /// The worst error of displacements.
@@ -75,7 +89,7 @@ fn asked(row: &Measurement, demand: &AccuracyTarget) -> Vec<(&'static str, f64, 
             vec![("displacement", error(row), *displacement), ("force", held(row), *force)]
         }
         AccuracyTarget::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => vec![
-            ("frame_ms", 1e3 * row.cost.frame_p99_s, *frame_ms),
+            ("frame_ms", 1e3 * time(row), *frame_ms),
             ("file_mb", 1e-6 * row.cost.file_bytes, *file_mb),
             ("offline_s", row.cost.offline_s, *offline_s),
         ],
@@ -104,15 +118,28 @@ pub fn choose_among<'a>(
     let can_be_chosen = |row: &&Measurement| row.can_be_chosen() && is_known(row);
     let candidates: Vec<&Measurement> = rows.iter().filter(can_be_chosen).collect();
     let met: Vec<&Measurement> = candidates.iter().copied().filter(|row| miss(row, demand) <= 1.0).collect();
-    let fastest = |of: &[&'a Measurement]| least(of, |row| time(row, rows), SAME_TIME);
+    let fastest = |of: &[&'a Measurement]| least(of, time, SAME_TIME);
     let best = match demand {
-        AccuracyTarget::Accuracy(_) => fastest(&met),
+        AccuracyTarget::Accuracy(_) => fastest(&met).map(|first| undominated(first, &met)),
         AccuracyTarget::Budget(_) => least(&met, error, SAME_ERROR),
     };
     let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
     let better: Vec<&Measurement> =
-        candidates.into_iter().filter(|other| error(other) < 0.9 * error(row)).collect();
+        candidates.into_iter().filter(|other| error(other) < BETTER * error(row)).collect();
     Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
+}
+
+/// What measured rows answer to a question, in lines.
+pub fn answer(rows: &[Measurement], demand: &AccuracyTarget) -> Vec<String> {
+    let Some(choice) = choose(rows, demand) else {
+        return vec!["nothing that was measured can be chosen".into()];
+    };
+    if let Some(missed) = choice.missed(demand) {
+        return vec![missed];
+    }
+    let mut lines = choice.sentences();
+    lines.push(format!("as keys of the body: {}", keys(&choice.row.setting)));
+    lines
 }
 
 /// A setting as a sentence names it.
@@ -152,7 +179,11 @@ impl Choice<'_> {
             .into_iter()
             .filter(|(_, measured, asked)| measured > asked)
             .map(|(key, measured, asked)| {
-                format!("{key} = {measured:.3} where {asked} is asked, {:.2} times as much", measured / asked)
+                format!(
+                    "{key} = {} where {asked} is asked, {:.2} times as much",
+                    digits(measured, 3),
+                    measured / asked
+                )
             })
             .collect();
         Some(format!(
@@ -168,7 +199,11 @@ impl Choice<'_> {
 }
 
 fn errors(row: &Measurement) -> String {
-    format!("displacement to {:.2} %, force and torque to {:.2} %", 100.0 * error(row), 100.0 * held(row))
+    format!(
+        "displacement to {:.2} %, force and torque to {:.2} % of the largest wrench",
+        100.0 * error(row),
+        100.0 * held(row)
+    )
 }
 
 fn price(row: &Measurement) -> String {

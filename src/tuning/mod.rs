@@ -8,5 +8,5 @@ mod planner;
 pub mod poses;
 mod verified;
 
-pub use choice::{Choice, choose, miss, time};
-pub use planner::{settle, settle_from_file};
+pub use choice::{Choice, answer, choose, miss, time};
+pub use planner::{forget_steps, settle, settle_from_file};

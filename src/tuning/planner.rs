@@ -12,11 +12,12 @@ use crate::deform::{ControlPose, ControlPoses, Kind, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
 use crate::prepare;
-use crate::report::measure::settings;
-use crate::report::{Limits, Measurement, Request, Setting};
+use crate::report::measure::{FOLDER, remove, settings};
+use crate::report::{Limits, Measurement, Request, SCHEMA, Setting};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// The result of measuring one body, as its .green file keeps it.
 #[derive(Serialize, Deserialize)]
@@ -67,7 +68,10 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
     let source: TableSource<'_> = &|plain, name, key, demand| {
         let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
         let mut table = match kept? {
-            Some(table) => table,
+            Some(table) => {
+                remove(&steps(plain, name));
+                table
+            }
             None => measure(plain, name, key, demand, quiet)?,
         };
         for pose in &table.left_out {
@@ -91,13 +95,14 @@ fn verify_choice(
     table: &mut MeasuredTable,
     demand: &AccuracyTarget,
 ) -> Result<(), Failure> {
-    if matches!(demand, AccuracyTarget::Budget(_)) {
-        return Ok(());
-    }
     let (mut poses, mut missed) = (None, 0);
     loop {
         let Some(choice) = choose(&table.rows, demand) else { return Ok(()) };
+        let is_budget = matches!(demand, AccuracyTarget::Budget(_));
         missed += usize::from(choice.miss > 1.0);
+        if is_budget && missed > 0 {
+            return Ok(());
+        }
         if missed > NEAREST || table.verified.contains(&choice.row.setting) {
             return Ok(());
         }
@@ -126,6 +131,10 @@ fn verify_choice(
             found.against,
             100.0 * found.shape
         );
+        if is_budget {
+            // More accurate is nothing within the budget that was asked for; what it is worth is told.
+            return Ok(());
+        }
         // Storage and solver are the least part of what was found.
         let is_alike = |other: &Setting| {
             (other.refine, &other.element, &other.model) == (setting.refine, &setting.element, &setting.model)
@@ -177,7 +186,8 @@ fn choose_from(
     for (name, demand) in demands {
         let requirements = prepare::measured_requirements(&plain, &name, &plain.body[&name])?;
         let largest = demand.largest().unwrap_or(LARGEST);
-        let key = format!("{}, {largest} unknowns", green::fingerprint(&plain, &name, &requirements)?);
+        let body = green::fingerprint(&plain, &name, &requirements)?;
+        let key = format!("{body}, {largest} unknowns, schema {SCHEMA}");
         let Some(table) = source(&plain, &name, key, &demand)? else { continue };
         let choice = table.choice(&demand).ok_or_else(|| {
             Failure::work(scene.invalid(&format!("body.{name}"), "nothing could be measured"))
@@ -243,15 +253,28 @@ fn measure(
         },
         command: String::new(),
         scratch: scratch.path(),
-        keep: None,
+        keep: Some(&steps(scene, name)),
         limit: None,
     };
     let measured = settings(&request, &Bars::new(name, quiet)).map_err(Failure::work)?;
     let range = measured.poses.iter().map(|(_, poses)| largest_turn(poses)).fold(0.0, f64::max);
     let machine = machine::description();
+    measured.timing.warning().iter().for_each(|warning| notice!("body.{name}: {warning}"));
     measured.models_left_out.iter().for_each(|model| notice!("body.{name}: left out: {model}"));
     let (rows, left_out, models) = (measured.rows, measured.left_out, models());
     Ok(MeasuredTable { key, machine, range, rows, models, left_out, verified: Vec::new() })
+}
+
+/// Where the steps of measuring a body wait until its table is in the .green file: after Ctrl-C, and where nothing reached what
+/// was asked, measuring goes on from there.
+fn steps(scene: &Scene, name: &str) -> PathBuf {
+    let plain = name.replace(|c: char| !c.is_alphanumeric(), "_");
+    prepare::green_path(scene).with_extension(format!("{plain}.{FOLDER}"))
+}
+
+/// Removes these steps, which the tables in the .green file replace.
+pub fn forget_steps(scene: &Scene) {
+    scene.body.keys().for_each(|name| remove(&steps(scene, name)));
 }
 
 /// The models of this program that are evaluated in every frame: a table without one of them is measured again.

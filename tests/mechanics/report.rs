@@ -3,7 +3,7 @@
 use crate::report_common::made_up;
 use greenstage::report::measure::poses::Random;
 use greenstage::report::{
-    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Shapes, Spread,
+    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, Setting, Shapes, Spread, Timing,
     TrialMotion, cheapest, ladder, pictures, summary,
 };
 use nalgebra::Vector3;
@@ -173,7 +173,7 @@ fn plots_that_say_nothing_are_left_out_with_a_word() {
 fn the_page_begins_with_the_answer() {
     let report = made_up();
     let said = report::headline(&report).join(" ");
-    assert!(said.starts_with("For ") && said.contains(" µs a frame the shape is within "), "{said}");
+    assert!(said.starts_with("For ") && said.contains(" µs an evaluation the shape is within "), "{said}");
     let text = parsed(&written(&report).1[0].1).1;
     let (answer, goals) = (text.find(&said[..40]).unwrap(), text.find("What each accuracy costs").unwrap());
     assert!(answer < goals && goals < text.find("What was measured").unwrap());
@@ -220,7 +220,8 @@ fn extreme(a: f64, b: f64) -> Report {
         row.cost.offline_s = next();
         row.cost.file_bytes = next();
         let error = &mut row.error;
-        for part in [&mut error.discretisation, &mut error.solver, &mut error.storage, &mut error.model] {
+        let storage = error.storage.as_mut().unwrap();
+        for part in [&mut error.discretisation, &mut error.solver, storage, &mut error.model] {
             part.median = next();
             part.worst = b;
         }
@@ -333,7 +334,7 @@ fn the_csv_has_a_line_a_row_and_every_number_of_it() {
         assert_eq!(record.len(), records[0].len());
         let number = |name: &str| record[column(name)].parse::<f64>().ok();
         assert_eq!(number("frame_p50_s"), Some(row.cost.frame_p50_s));
-        assert_eq!(number("storage_median_relative"), Some(row.error.storage.median));
+        assert_eq!(number("storage_median_relative"), row.error.storage.map(|part| part.median));
         assert_eq!(number("displacement_worst_m"), Some(row.error.displacement_m.worst));
         assert_eq!(number("torque_median_relative"), row.error.torque.map(|torque| torque.median));
     }
@@ -363,7 +364,10 @@ fn models_are_told_by_how_far_they_turn() {
     let said = summary(&report);
     let line = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
     assert!(line("bend 90°").contains("7.4 % · 74 %"), "{said}");
-    assert!(line("time of a frame").contains("900 µs") && !said.contains("bend 360°"), "{said}");
+    assert!(
+        line("evaluation with normals and forces").contains("900 µs") && !said.contains("bend 360°"),
+        "{said}"
+    );
     let page = &written(&report).1[0].1;
     assert!(page.contains("<td>bend 360°</td>") && parsed(page).1.contains("Made up: the control element"));
     let none = Report { trials: Default::default(), ..report };
@@ -459,7 +463,7 @@ fn the_reference_is_never_recommended() {
     let is_finest = |row: &Measurement| row.setting.element == "tet10" && row.setting.refine == 2;
     for row in report.rows.iter_mut().filter(|row| is_finest(row)) {
         row.error.discretisation = Default::default();
-        (row.error.total, row.error.uncancelled) = (row.error.storage, row.error.storage);
+        (row.error.total, row.error.uncancelled) = (row.error.storage.unwrap(), row.error.storage.unwrap());
         row.cost.frame_p50_s = 1e-9;
     }
     let known: Vec<Measurement> = report.rows.iter().filter(|row| !is_finest(row)).cloned().collect();
@@ -485,6 +489,39 @@ fn the_reference_is_never_recommended() {
     let nothing_else = Report { rows: rows.iter().filter(|row| is_finest(row)).cloned().collect(), ..report };
     assert!(pictures(&nothing_else).iter().all(|(_, picture)| !parsed(&picture.file()).0.is_empty()));
     well_formed(&nothing_else);
+}
+
+/// A machine that was busy is told beside the answer, on the page and in a terminal; an idle one is not.
+#[test]
+fn times_of_a_busy_machine_are_not_offered() {
+    let mut report = made_up();
+    report.timing = Timing { scatter: 1.05, load: 2.1, processors: 2 };
+    let warning = "The machine was busy";
+    assert!(!summary(&report).contains(warning) && !report::headline(&report).concat().contains(warning));
+    for timing in
+        [Timing { scatter: 2.4, ..report.timing.clone() }, Timing { load: 8.0, ..report.timing.clone() }]
+    {
+        report.timing = timing;
+        assert!(summary(&report).starts_with(warning) && written(&report).1[0].1.contains(warning));
+    }
+}
+
+/// What was not measured is no zero.
+#[test]
+fn a_part_that_is_not_known_is_a_dash() {
+    let mut report = made_up();
+    for row in report.rows.iter_mut() {
+        (row.error.storage, row.cost.frame_bytes) = (None, None);
+    }
+    let (_dir, files) = written(&report);
+    assert!(!pictures(&report).iter().any(|(entry, _)| entry.name == "storage"));
+    assert!(report.rows.iter().all(|row| row.setting.storage == "f32" || !row.can_be_chosen()));
+    let records = records(&files[2].1);
+    for name in ["storage_median_relative", "frame_bytes"] {
+        let column = records[0].iter().position(|head| head == name).unwrap();
+        assert!(records[1..].iter().all(|record| record[column].is_empty()), "{name}");
+    }
+    well_formed(&report);
 }
 
 /// Its solver adds an error of the opposite sign: in the measured poses the whole looks best, and nothing recommends it.
@@ -519,7 +556,8 @@ fn errors_that_cancel_are_never_recommended() {
 fn the_part_that_limits_is_the_largest() {
     let mut error = Errors::default();
     assert_eq!(error.dominating(), None);
-    (error.storage.median, error.model.median) = (2e-5, 1e-5);
+    error.storage = Some(Spread { median: 2e-5, worst: 2e-5 });
+    error.model.median = 1e-5;
     assert_eq!(error.dominating(), Some(2));
 }
 
@@ -547,7 +585,7 @@ proptest! {
             (row.cost.frame_p50_s, row.cost.offline_s, row.cost.file_bytes) = (n[0], n[1], n[2]);
             row.error.discretisation.median = n[3];
             row.error.solver.median = n[4];
-            row.error.storage.median = n[5];
+            row.error.storage.as_mut().unwrap().median = n[5];
             row.error.model.median = n[6];
             row.error.total.median = n[7];
             row.error.uncancelled.median = n[7];

@@ -2,7 +2,7 @@
 
 use greenstage::report::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
-    SmoothError, Spread, TrialMotion,
+    SmoothError, Spread, Timing, TrialMotion,
 };
 
 const ELEMENTS: [&str; 3] = ["tet4", "tet4_anp", "tet10"];
@@ -77,6 +77,7 @@ pub fn made_up() -> Report {
             model: "rotation".into(),
         },
         rows,
+        timing: Timing { scatter: 1.05, load: 1.0, processors: 2 },
         models: models(),
         trials: trials(),
         smooth: smooth(),
@@ -126,13 +127,13 @@ fn row(
             frame_p50_s: frame,
             frame_p99_s: 1.7 * frame,
             frame_one_p50_s: 0.45 * frame,
-            frame_bytes: columns * storage_bytes,
+            frame_bytes: Some(columns * storage_bytes),
         },
         error: Errors {
             discretisation: spread(parts[0]),
             energy: spread(2.7 * parts[0].sqrt() * 0.2),
             solver: spread(parts[1]),
-            storage: spread(parts[2]),
+            storage: Some(spread(parts[2])),
             model: spread(parts[3]),
             total: spread(total),
             uncancelled: spread(total),

@@ -46,7 +46,7 @@ fn compute(
     let Solution { element, mesh, fields, .. } = &*solution;
     let theta = cubic_energy(element, mesh, assembled.lame, fields).map_err(unfit)?;
     solution.tables.insert(CUBIC.name, DMatrix::from_vec(theta.len(), 1, theta));
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
+    solution.times.cubic_s += started.elapsed().as_secs_f64();
     progress.end();
     Ok(())
 }

@@ -245,7 +245,7 @@ impl Plot {
                 x if x >= rect.x + rect.width => (rect.x + rect.width, "end"),
                 _ => (rect.x + 0.5 * rect.width, "middle"),
             };
-            canvas.text([x, rect.y + 11.5], anchor, "gs-text gs-halo", label);
+            canvas.text_on_halo([x, rect.y + 11.5], anchor, label);
         }
     }
 }

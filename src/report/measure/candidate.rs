@@ -4,7 +4,7 @@ use super::names;
 use super::of_models::is_common;
 use crate::deform::ModelEntry;
 use crate::fem::Element;
-use crate::green::Solution;
+use crate::green::{CUBIC, Requirements, STIFFNESS, Solution};
 use crate::solve::Solver;
 
 /// One discretisation, solved.
@@ -15,7 +15,6 @@ pub struct Candidate {
     /// The models that are measured with it.
     pub models: Vec<&'static ModelEntry>,
     pub solution: Solution,
-    pub offline_s: f64,
 }
 
 impl Candidate {
@@ -38,6 +37,16 @@ impl Candidate {
     /// Whether it is solved directly, and the model is measured with it.
     pub fn is_exact(&self, model: &ModelEntry) -> bool {
         self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)
+    }
+
+    /// Time of the whole offline stage with these families, of those that every candidate has, s. What a model has no use for
+    /// is no part of what it costs.
+    pub fn offline_s(&self, needed: &Requirements) -> f64 {
+        let times = self.solution.times;
+        let spared = [(STIFFNESS, times.stiffness_s), (CUBIC, times.cubic_s)];
+        let is_shared = self.models.iter().all(|model| is_common(model));
+        let spared = spared.iter().filter(|(family, _)| is_shared && !needed.has(*family));
+        self.solution.offline_s() - spared.map(|(_, seconds)| seconds).sum::<f64>()
     }
 
     /// The solver's estimate; finite.

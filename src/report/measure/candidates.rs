@@ -7,7 +7,6 @@ use super::ladder::MeshLadder;
 use super::names;
 use super::of_models::{families, is_common, online};
 use super::request::{MeasureError, Request};
-use crate::base::statistics::median;
 use crate::deform::ModelEntry;
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, Requirements};
@@ -188,14 +187,15 @@ fn solve_once(
     let of_files = models.iter().map(|model| request.requirements(model));
     let requirements = of_files.fold(families(models), Requirements::and);
     let models = models.to_vec();
-    let mut times = Vec::new();
-    loop {
-        let solution = green::solve(scene, request.body, &requirements, progress)?;
-        times.push(solution.offline_s());
-        // Short times scatter, so they are measured three times.
-        if times.len() == 3 || times[0] > 1.0 || request.quick {
-            let offline_s = median(times);
-            return Ok(Candidate { refine: 0, element, solver, models, solution, offline_s });
+    let mut solution = green::solve(scene, request.body, &requirements, progress)?;
+    // What else the machine does makes short times longer, never shorter: the fastest of three.
+    if solution.offline_s() < 1.0 && !request.quick {
+        for _ in 0..2 {
+            let again = green::solve(scene, request.body, &requirements, progress)?;
+            if again.offline_s() < solution.offline_s() {
+                solution = again;
+            }
         }
     }
+    Ok(Candidate { refine: 0, element, solver, models, solution })
 }

@@ -2,19 +2,23 @@
 
 use super::poses::on_the_way;
 use crate::base::columns::ColumnGroup;
+use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
 use crate::green::GreenFile;
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Stretches of the measurement, each with all poses: what disturbs the machine for a while spoils some of them alone.
+pub const STRETCHES: usize = 5;
+
 /// A deformer and the times that its evaluations took.
 pub struct TimedDeformer {
     pub deformer: Deformer,
-    /// Times of one evaluation with all control elements moved, s.
-    pub all_s: Vec<f64>,
+    /// Times of one evaluation with all control elements moved, s, by stretches.
+    all_s: [Vec<f64>; STRETCHES],
     /// The same with the last control element moved alone.
-    pub one_s: Vec<f64>,
+    one_s: [Vec<f64>; STRETCHES],
     /// Columns that one evaluation with all control elements moved read, at most.
     columns_read: usize,
 }
@@ -23,44 +27,69 @@ impl TimedDeformer {
     /// Errors name what the file or the model lacks.
     pub fn new(file: &Arc<GreenFile>, body: &str, model: &ModelEntry) -> Result<TimedDeformer, String> {
         let deformer = Deformer::of_model(file.clone(), body, model)?;
-        Ok(TimedDeformer { deformer, all_s: Vec::new(), one_s: Vec::new(), columns_read: 0 })
+        Ok(TimedDeformer { deformer, all_s: Default::default(), one_s: Default::default(), columns_read: 0 })
     }
 
-    /// Bytes of columns that one evaluation of all control elements reads.
-    pub fn bytes_read(&self) -> f64 {
+    /// The median of the calmest stretch with all control elements moved, the 99th percentile of all stretches, and the median
+    /// of the calmest stretch with one element moved, s.
+    pub fn times_s(&self) -> [f64; 3] {
+        let p99 = quantile(self.all_s.iter().flatten().copied(), 0.99);
+        [calmest(&self.all_s), p99, calmest(&self.one_s)]
+    }
+
+    /// Median time of the busiest stretch over that of the calmest.
+    pub fn scatter(&self) -> f64 {
+        let most = medians(&self.all_s).fold(0.0, f64::max);
+        if most > 0.0 { most / calmest(&self.all_s) } else { 1.0 }
+    }
+
+    /// Bytes of columns that one evaluation of all control elements reads; nothing where its model counts none.
+    pub fn bytes_read(&self) -> Option<f64> {
         let width = match self.deformer.groups().first() {
             Some(ColumnGroup::F16 { .. } | ColumnGroup::Int16 { .. }) => 2,
             _ => 4,
         };
-        (self.columns_read * 3 * self.deformer.rest().len() * width) as f64
+        let bytes = (self.columns_read * 3 * self.deformer.rest().len() * width) as f64;
+        (bytes > 0.0).then_some(bytes)
     }
 }
 
-/// Evaluates all deformers in turn, `rounds` times in all, so that what disturbs the machine disturbs them alike. They come to
-/// each pose as a hand does, untimed, and then stay near it: a model that goes on from its last state is not timed in jumps
-/// that no frame has.
+fn medians(stretches: &[Vec<f64>; STRETCHES]) -> impl Iterator<Item = f64> {
+    stretches.iter().filter(|times| !times.is_empty()).map(|times| median(times.iter().copied()))
+}
+
+fn calmest(stretches: &[Vec<f64>; STRETCHES]) -> f64 {
+    let least = medians(stretches).fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// Evaluates all deformers in turn, at least `rounds` times in all, so that what disturbs the machine disturbs them alike. They
+/// come to each pose as a hand does, untimed, and then stay near it: a model that goes on from its last state is not timed in
+/// jumps that no frame has. Before each timed evaluation comes an untimed one, so that none is measured with the caches
+/// that another left.
 pub fn time_in_turn(timed_deformers: &mut [&mut TimedDeformer], poses: &[ControlPoses], rounds: usize) {
-    let mut last = None;
-    for round in 0..rounds {
-        let at = round * poses.len() / rounds;
-        let pose = &poses[at];
-        if last.replace(at) != Some(at) {
-            for timed_deformer in timed_deformers.iter_mut() {
-                timed_deformer.deformer.forget();
-                for between in on_the_way(pose) {
-                    timed_deformer.deformer.take(&between);
-                }
-                timed_deformer.deformer.evaluate(pose);
+    let near = rounds.div_ceil(STRETCHES * poses.len().max(1));
+    let turns = (0..STRETCHES).flat_map(|stretch| poses.iter().map(move |pose| (stretch, pose)));
+    for (turn, (stretch, pose)) in turns.enumerate() {
+        for timed_deformer in timed_deformers.iter_mut() {
+            timed_deformer.deformer.forget();
+            for between in on_the_way(pose) {
+                timed_deformer.deformer.take(&between);
             }
         }
-        for timed_deformer in timed_deformers.iter_mut() {
-            let mut moved = jogged(pose, round, 0);
-            let (all_s, columns) = timed(&mut timed_deformer.deformer, &moved);
-            timed_deformer.all_s.push(all_s);
-            timed_deformer.columns_read = timed_deformer.columns_read.max(columns);
-            let last = moved.len() - 1;
-            moved[last] = jogged(pose, round + 1, last)[last];
-            timed_deformer.one_s.push(timed(&mut timed_deformer.deformer, &moved).0);
+        for round in turn * near..(turn + 1) * near {
+            for timed_deformer in timed_deformers.iter_mut() {
+                let deformer = &mut timed_deformer.deformer;
+                deformer.evaluate(pose);
+                let mut moved = jogged(pose, round, 0);
+                let (all_s, columns) = timed(deformer, &moved);
+                let last = moved.len() - 1;
+                moved[last] = jogged(pose, round + 1, last)[last];
+                let (one_s, _) = timed(deformer, &moved);
+                timed_deformer.all_s[stretch].push(all_s);
+                timed_deformer.one_s[stretch].push(one_s);
+                timed_deformer.columns_read = timed_deformer.columns_read.max(columns);
+            }
         }
     }
 }
@@ -113,8 +142,19 @@ mod tests {
         time_in_turn(&mut [&mut timed_deformer], &[vec![ControlPose::REST; 2]], 5);
         // Three numbers of 4 bytes for each node, of twelve columns for each of two control elements at most.
         let column = (12 * timed_deformer.deformer.rest().len()) as f64;
-        assert!((column..=24.0 * column).contains(&timed_deformer.bytes_read()));
+        assert!((column..=24.0 * column).contains(&timed_deformer.bytes_read().unwrap()));
+        assert!(timed_deformer.scatter() >= 1.0);
         let TimedDeformer { deformer, one_s, .. } = timed_deformer;
-        assert!(one_s[4] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
+        assert!(one_s[STRETCHES - 1][0] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
+    }
+
+    /// A stretch in which the machine is busy is told, and has no part in the time.
+    #[test]
+    fn a_busy_stretch_is_told_and_not_taken() {
+        let mut stretches: [Vec<f64>; STRETCHES] = std::array::from_fn(|_| vec![2e-5, 1e-5, 3e-5]);
+        stretches[1] = vec![9e-5, 8e-5, 1e-3];
+        assert_eq!(calmest(&stretches), 2e-5);
+        assert_eq!(medians(&stretches).fold(0.0, f64::max), 9e-5);
+        assert_eq!(calmest(&Default::default()), 0.0);
     }
 }

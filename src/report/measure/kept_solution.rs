@@ -23,7 +23,6 @@ fn known_tables() -> impl Iterator<Item = &'static str> {
 /// All but the numbers.
 #[derive(Serialize, Deserialize)]
 struct Head {
-    offline_s: f64,
     columns: usize,
     /// Name, rows, columns.
     tables: Vec<(String, usize, usize)>,
@@ -48,7 +47,6 @@ pub fn write(candidate: &Candidate) -> Option<Vec<u8>> {
         return None;
     }
     let head = Head {
-        offline_s: candidate.offline_s,
         columns: fields.columns,
         tables: tables
             .iter()
@@ -130,12 +128,5 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
         matrix_entries: head.matrix_entries,
         notices: Vec::new(),
     };
-    Some(Candidate {
-        refine: 0,
-        element: own.element,
-        solver: own.solver,
-        models: models.to_vec(),
-        solution,
-        offline_s: head.offline_s,
-    })
+    Some(Candidate { refine: 0, element: own.element, solver: own.solver, models: models.to_vec(), solution })
 }

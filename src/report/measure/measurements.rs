@@ -5,29 +5,31 @@ use super::candidates::Meshes;
 use super::course::Course;
 use super::fields::stored;
 use super::frame::{TimedDeformer, time_in_turn};
+use super::kept;
 use super::names;
-use super::of_models::{moves_inside, of_affine_columns};
+use super::of_models::{families, moves_inside, of_affine_columns};
 use super::pose_errors::{Compared, spread};
 use super::reference::References;
 use super::request::{MeasureError, Request};
-use crate::base::statistics::{median, quantile};
+use crate::base::statistics::median;
 use crate::deform::{ControlPoses, MODELS, ModelEntry};
 use crate::green::{self, GreenFile, Precomputed};
-use crate::report::data::{Cost, Errors, Measurement, Setting};
+use crate::report::data::{Cost, Errors, Measurement, Setting, Timing};
 use crate::scene::Storage;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-/// A row whose evaluation is still to be timed.
-struct Untimed {
-    row: Measurement,
-    deformer: TimedDeformer,
-    /// Place of its model among those of its candidate.
-    turn: usize,
+/// What the code of the frame does not know apart: settings that differ in the solver alone.
+type FrameKey = (u32, String, String, String);
+
+fn frame_key(setting: &Setting) -> FrameKey {
+    (setting.refine, setting.element.clone(), setting.storage.clone(), setting.model.clone())
 }
 
-/// All settings with their errors and costs. Tells `left_out` which models have no state on one of the meshes.
+/// All settings with their errors and costs, and how far the times can be relied on. Settings that differ in the solver alone
+/// are timed as one. Tells `left_out` which models have no state on one of the meshes.
 pub fn measurements(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -35,8 +37,10 @@ pub fn measurements(
     references: &References<'_>,
     left_out: &mut Vec<String>,
     course: &Course<'_>,
-) -> Result<Vec<Measurement>, MeasureError> {
-    let mut untimed = Vec::new();
+) -> Result<(Vec<Measurement>, Timing), MeasureError> {
+    let mut rows: Vec<Measurement> = Vec::new();
+    // With the place of the model among those of its candidate.
+    let mut untimed: BTreeMap<FrameKey, (usize, TimedDeformer)> = BTreeMap::new();
     for candidate in candidates {
         if !course.affords(&names::errors(&candidate.name())) {
             continue;
@@ -82,8 +86,12 @@ pub fn measurements(
             match errors {
                 Ok(errors) => {
                     for (&storage, errors) in storages.iter().zip(errors) {
-                        let (row, deformer) = row(request, candidate, model, storage, errors, &mut files)?;
-                        untimed.push(Untimed { row, deformer, turn });
+                        let (row, file) = row(request, candidate, model, storage, errors, &mut files)?;
+                        if let Entry::Vacant(vacant) = untimed.entry(frame_key(&row.setting)) {
+                            let timed = TimedDeformer::new(&file, request.body, model);
+                            vacant.insert((turn, timed.map_err(MeasureError::Model)?));
+                        }
+                        rows.push(row);
                     }
                 }
                 Err(why) if left_out.contains(&why) => {}
@@ -92,23 +100,27 @@ pub fn measurements(
         }
     }
     let poses: Vec<ControlPoses> = references.poses.iter().map(|pose| pose.poses.clone()).collect();
+    let mut in_turn: Vec<&mut (usize, TimedDeformer)> = untimed.values_mut().collect();
     // Neighbours share a file, and the second would find it in the cache.
-    untimed.sort_by_key(|of| of.turn);
-    let mut deformers: Vec<&mut TimedDeformer> = untimed.iter_mut().map(|of| &mut of.deformer).collect();
+    in_turn.sort_by_key(|(turn, _)| *turn);
+    let mut deformers: Vec<&mut TimedDeformer> = in_turn.into_iter().map(|(_, timed)| timed).collect();
     course.step_anew(names::TIMES, |_| {
         time_in_turn(&mut deformers, &poses, request.limits.rounds);
         Ok(())
     })?;
-    let timed = untimed.into_iter().map(|Untimed { mut row, deformer, .. }| {
-        row.cost.frame_p50_s = median(deformer.all_s.iter().copied());
-        row.cost.frame_p99_s = quantile(deformer.all_s.iter().copied(), 0.99);
-        row.cost.frame_one_p50_s = median(deformer.one_s.iter().copied());
-        row.cost.frame_bytes = deformer.bytes_read();
-        row
-    });
-    let mut rows: Vec<Measurement> = timed.collect();
+    let timing = Timing {
+        scatter: median(untimed.values().map(|(_, timed)| timed.scatter())),
+        load: kept::load(),
+        processors: std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    for row in &mut rows {
+        let Some((_, timed)) = untimed.get(&frame_key(&row.setting)) else { continue };
+        let cost = &mut row.cost;
+        [cost.frame_p50_s, cost.frame_p99_s, cost.frame_one_p50_s] = timed.times_s();
+        cost.frame_bytes = timed.bytes_read();
+    }
     rows.sort_by_key(|row| place(candidates, &row.setting));
-    Ok(rows)
+    Ok((rows, timing))
 }
 
 /// The .green files that were written of a candidate, by their names: models of the same families share one.
@@ -138,7 +150,7 @@ fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
     [candidates.iter().position(is_of), storage, model].map(Option::unwrap_or_default)
 }
 
-/// The row of a setting without its times, and what they are measured with.
+/// The row of a setting without its times, and the file that they are measured with.
 fn row(
     request: &Request<'_>,
     candidate: &Candidate,
@@ -146,9 +158,9 @@ fn row(
     storage: Storage,
     error: Errors,
     files: &mut Files,
-) -> Result<(Measurement, TimedDeformer), MeasureError> {
-    let (file, cost) = written(request, candidate, model, storage, files)?;
-    let deformer = TimedDeformer::new(&file, request.body, model).map_err(MeasureError::Model)?;
+) -> Result<(Measurement, Arc<GreenFile>), MeasureError> {
+    let (file, mut cost) = written(request, candidate, model, storage, files)?;
+    cost.offline_s = candidate.offline_s(&request.requirements(model).and(families(&[model])));
     let row = Measurement {
         setting: Setting {
             refine: candidate.refine,
@@ -163,11 +175,11 @@ fn row(
         cost,
         error,
     };
-    Ok((row, deformer))
+    Ok((row, file))
 }
 
 /// Writes the .green file of one setting as the program does, with what the model and the scene's effects require and nothing
-/// else; returns it with all costs but those of the frame.
+/// else; returns it with its sizes.
 fn written(
     request: &Request<'_>,
     candidate: &Candidate,
@@ -212,7 +224,6 @@ fn written(
     let stats = &candidate.solution.stats;
     let columns = candidate.solution.fields.data.len() as f64;
     let cost = Cost {
-        offline_s: candidate.offline_s,
         offline_bytes: 8.0
             * (stats.factor_entries as f64 + candidate.solution.matrix_entries as f64 + columns),
         file_bytes,

@@ -43,7 +43,7 @@ pub use ladder::MeshLadder;
 pub use norms::Norms;
 pub use request::{Limits, MeasureError, Request, TimeLimit};
 
-use super::data::{Measurement, ModelError, Report, SCHEMA, Setting};
+use super::data::{Measurement, ModelError, Report, SCHEMA, Setting, Timing};
 use super::headline::shown_of;
 use crate::base::machine;
 use crate::deform::{ControlPoses, Kind, find_model};
@@ -55,10 +55,12 @@ use candidates::Meshes;
 use course::Course;
 use kept::Kept;
 use reference::References;
+use std::path::Path;
 
 /// Costs and errors of every setting, and what they are compared with.
 pub struct Measured {
     pub rows: Vec<Measurement>,
+    pub timing: Timing,
     pub models: Vec<ModelError>,
     /// What each part of the error is compared with.
     pub references: Vec<String>,
@@ -102,8 +104,8 @@ pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measur
     let meshes = Meshes::new(request)?;
     let course = course(request, &meshes, false, progress)?;
     let mut solved = Solved::new(&meshes, request, &course)?;
-    let rows = solved.rows(&meshes, request, &course)?;
-    Ok(solved.measured(rows))
+    let (rows, timing) = solved.rows(&meshes, request, &course)?;
+    Ok(solved.measured(rows, timing))
 }
 
 impl<'a> Solved<'a> {
@@ -125,15 +127,16 @@ impl<'a> Solved<'a> {
         meshes: &Meshes,
         request: &Request<'_>,
         course: &Course<'_>,
-    ) -> Result<Vec<Measurement>, MeasureError> {
+    ) -> Result<(Vec<Measurement>, Timing), MeasureError> {
         let (candidates, references) = (&self.candidates, &self.references);
         measurements::measurements(request, meshes, candidates, references, &mut self.left_out, course)
     }
 
-    fn measured(mut self, rows: Vec<Measurement>) -> Measured {
+    fn measured(mut self, rows: Vec<Measurement>, timing: Timing) -> Measured {
         self.references.models_left_out.append(&mut self.left_out);
         Measured {
             rows,
+            timing,
             references: self.references.sentences(&self.candidates),
             models: self.references.models,
             poses: self.references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
@@ -149,11 +152,11 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
     let course = course(request, &meshes, true, progress)?;
     let mut solved = Solved::new(&meshes, request, &course)?;
     let trials = trials::measure(request, &solved.candidates, &solved.references, &course)?;
-    let rows = solved.rows(&meshes, request, &course)?;
+    let (rows, timing) = solved.rows(&meshes, request, &course)?;
     let own = own_setting(request);
     let shown: Vec<usize> = shown_of(&rows, &own).into_iter().map(|shown| shown.row).collect();
     let shapes = shapes::of(&meshes, &solved.candidates, &solved.references, &rows, &shown, &own);
-    let measured = solved.measured(rows);
+    let measured = solved.measured(rows, timing);
     let mesh_of = |element: &'static Element, refine: u32| {
         let mesh = meshes.of(element).get(refine as usize);
         mesh.filter(|_| meshes.affords(request, refine as usize, element)).cloned()
@@ -174,7 +177,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         schema: SCHEMA,
         program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
         machine: machine.into_iter().flatten().collect::<Vec<_>>().join(". "),
-        scene: request.scene.path.display().to_string(),
+        scene: scene_name(&request.scene.path),
         command: request.command.clone(),
         body: request.body.to_owned(),
         about: about(request, base),
@@ -185,6 +188,7 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         quick: request.quick,
         own,
         rows: measured.rows,
+        timing: measured.timing,
         models: measured.models,
         trials,
         smooth,
@@ -192,6 +196,14 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
         left_out: course.left_out(),
         shapes,
     })
+}
+
+/// The file, or the name of a scene that the program brings along.
+fn scene_name(path: &Path) -> String {
+    match path.file_stem() {
+        Some(name) if !path.exists() => format!("{}, which the program brings along", name.to_string_lossy()),
+        _ => path.display().to_string(),
+    }
 }
 
 /// What the scene asks for; of a direct solver the tolerance means nothing.

@@ -22,7 +22,7 @@ pub struct PoseErrors {
     discretisation: f64,
     energy: f64,
     solver: f64,
-    storage: f64,
+    storage: Option<f64>,
     model: f64,
     total: f64,
     uncancelled: f64,
@@ -271,13 +271,15 @@ impl ErrorFields {
     fn with_storage(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
         let references = of.references;
         let (total, storage) = self.total(of, rounded);
-        let storage = references.norms.l2(&storage) / self.size;
+        // A part or a field of the model's own is stored too, which is not compared here.
+        let is_sum = self.here.output.own.is_none() && self.here.output.surface.is_none();
+        let storage = is_sum.then(|| references.norms.l2(&storage) / self.size);
         let whole = references.norms.l2(&total) / self.size + self.surface[0];
         let PoseErrors { discretisation, solver, model, .. } = self.pose;
         PoseErrors {
             storage,
             total: whole,
-            uncancelled: uncancelled(whole, &[discretisation, solver, storage, model]),
+            uncancelled: uncancelled(whole, &[discretisation, solver, storage.unwrap_or(0.0), model]),
             displacement_m: largest(&total) + self.surface[1],
             ..self.pose
         }
@@ -294,7 +296,7 @@ pub fn spread(poses: &[PoseErrors]) -> Errors {
         discretisation: of(|p| p.discretisation),
         energy: of(|p| p.energy),
         solver: of(|p| p.solver),
-        storage: of(|p| p.storage),
+        storage: poses.iter().all(|p| p.storage.is_some()).then(|| of(|p| p.storage.unwrap_or_default())),
         model: of(|p| p.model),
         total: of(|p| p.total),
         uncancelled: of(|p| p.uncancelled),

@@ -10,7 +10,8 @@ use crate::report::units::{Unit, digits, relative};
 pub const MODELS: PlotEntry = PlotEntry {
     name: "models",
     heading: "Models at large rotations",
-    reading: "Each mark is a pose. Where a line passes the dotted one, the model is wrong by more than 1 %.",
+    reading: "Each mark is a pose. Above the dotted line the model is wrong by more than 1 %. Thin lines only join the marks: \
+              between two poses nothing was measured.",
     caption,
     picture,
     table: None,

@@ -4,10 +4,10 @@
 use super::common::distinct;
 use super::entry::PlotEntry;
 use crate::report::cost_metric::{self, CostMetric};
-use crate::report::data::{Measurement, Report};
+use crate::report::data::{Measurement, Report, Setting};
 use crate::report::drawing::canvas::Picture;
 use crate::report::drawing::plot::{Plot, Point, Scale};
-use crate::report::parameters::{self, Parameter};
+use crate::report::parameters::{self, PARAMETERS, Parameter};
 use crate::report::pareto;
 use crate::report::units::{relative, times};
 use std::cmp::Ordering;
@@ -36,13 +36,13 @@ const SOLVER_ALONE: OneParameter = OneParameter {
     parameter: parameters::SOLVER,
     metric: cost_metric::OFFLINE,
     title: "What the solver and its tolerance cost",
-    multiples: "Offline times as multiples of the fastest on the same mesh",
+    multiples: "Offline times as multiples of the fastest with the same mesh, storage and model",
 };
 const STORAGE_ALONE: OneParameter = OneParameter {
     parameter: parameters::STORAGE,
     metric: cost_metric::FILE,
     title: "What the storage of the columns costs",
-    multiples: "File sizes as multiples of the smallest on the same mesh",
+    multiples: "File sizes as multiples of the smallest with the same mesh, solver and model",
 };
 
 struct OneParameter {
@@ -69,11 +69,12 @@ impl OneParameter {
         let here = |value: &String| {
             let of = rows.iter().filter(|row| row.setting.mesh() == mesh);
             let of = of.filter(|row| (self.parameter.value)(&row.setting) == *value);
-            of.min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)))
+            let known = of.filter_map(|row| Some((row, (self.parameter.error)(&row.error)?.median)));
+            known.min_by(|(a, _), (b, _)| self.cost(a).total_cmp(&self.cost(b)))
         };
         let point = |(series, value): (usize, &String)| {
-            let row = here(value)?;
-            let (x, y) = (self.cost(row), (self.parameter.error)(&row.error).median);
+            let (row, y) = here(value)?;
+            let x = self.cost(row);
             let tip = format!("{mesh}, {value}: {}, error {}", self.metric.unit.text(x), relative(y));
             Some(Point { x, y, series, line: Some(line), tip, ..Point::default() })
         };
@@ -108,16 +109,28 @@ impl OneParameter {
         plot.told()
     }
 
-    /// For each value its largest error, and its cost as a multiple of the least on the same mesh.
+    /// Whether two settings differ in this parameter at most.
+    fn are_alike(&self, a: &Setting, b: &Setting) -> bool {
+        let differ = |parameter: &Parameter| (parameter.value)(a) != (parameter.value)(b);
+        PARAMETERS.iter().all(|parameter| parameter.name == self.parameter.name || !differ(parameter))
+    }
+
+    /// For each value its largest error, and its cost as a multiple of the least of settings that differ in nothing else.
     fn caption(&self, report: &Report) -> String {
-        let rows = &report.rows;
-        let least = |row: &Measurement| {
-            let here = rows.iter().filter(|other| other.setting.mesh() == row.setting.mesh());
-            here.map(|other| self.cost(other)).fold(f64::INFINITY, f64::min)
+        let known = |row: &&Measurement| (self.parameter.error)(&row.error).is_some();
+        let rows: Vec<&Measurement> = report.rows.iter().filter(known).collect();
+        let alike = |row: &Measurement| {
+            let setting = row.setting.clone();
+            rows.iter().copied().filter(move |other| self.are_alike(&setting, &other.setting))
         };
+        // A setting that nothing else is like is compared with nothing.
+        let compared: Vec<&Measurement> = rows.iter().copied().filter(|row| alike(row).count() > 1).collect();
+        let least =
+            |row: &Measurement| alike(row).map(|other| self.cost(other)).fold(f64::INFINITY, f64::min);
         let sentence = |value: &String| {
-            let of = || rows.iter().filter(|row| (self.parameter.value)(&row.setting) == *value);
-            let error = of().map(|row| (self.parameter.error)(&row.error).median).fold(0.0, f64::max);
+            let of = || compared.iter().filter(|row| (self.parameter.value)(&row.setting) == *value);
+            let errors = of().filter_map(|row| (self.parameter.error)(&row.error));
+            let error = errors.map(|part| part.median).fold(0.0, f64::max);
             let ratios = of().map(|row| self.cost(row) / least(row)).filter(|ratio| ratio.is_finite());
             let (low, high) =
                 ratios.fold((f64::INFINITY, 0.0_f64), |(a, b), ratio| (a.min(ratio), b.max(ratio)));
@@ -128,8 +141,32 @@ impl OneParameter {
             };
             format!("{value} {range}error at most {}", relative(error))
         };
-        let sentences: Vec<String> = self.values(rows).iter().map(sentence).collect();
-        format!("{}: {}.", self.multiples, sentences.join("; "))
+        let is_compared =
+            |value: &&String| compared.iter().any(|row| (self.parameter.value)(&row.setting) == **value);
+        let sentences: Vec<String> =
+            self.values(&report.rows).iter().filter(is_compared).map(sentence).collect();
+        if sentences.is_empty() {
+            return String::new();
+        }
+        let error = |row: &Measurement| (self.parameter.error)(&row.error).map_or(0.0, |part| part.median);
+        // Twice the error for more: no property of the parameter.
+        let is_odd = |a: &&&Measurement| {
+            compared.iter().any(|b| {
+                self.are_alike(&a.setting, &b.setting)
+                    && !a.setting.solver.method.is_direct
+                    && !b.setting.solver.method.is_direct
+                    && error(a) > 2.0 * error(b)
+                    && self.cost(a) > 1.05 * self.cost(b)
+            })
+        };
+        let odd = match compared.iter().find(is_odd) {
+            Some(row) => format!(
+                " That {} costs more than what is more accurate is scatter of the times.",
+                (self.parameter.value)(&row.setting)
+            ),
+            None => String::new(),
+        };
+        format!("{}: {}.{odd}", self.multiples, sentences.join("; "))
     }
 }
 

@@ -100,7 +100,7 @@ impl Quantity {
             note,
             x: Scale::cost(&METRIC),
             y: Scale::ratio(self.label),
-            series: if self.has_parts { parts.collect() } else { Vec::new() },
+            series: if self.has_parts { parts.collect() } else { vec!["a setting".into()] },
             points,
             front,
             triangles: Vec::new(),

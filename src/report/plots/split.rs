@@ -47,7 +47,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
     let left = 24.0 + names.iter().map(|name| width(name, FONT)).fold(60.0, f64::max);
     let (right, bottom) = (WIDTH - 26.0, top + ROW * rows.len() as f64 + 8.0);
     let totals = || rows.iter().map(|row| row.error.uncancelled.median);
-    let parts = rows.iter().flat_map(|row| row.error.parts()).map(|part| part.median);
+    let parts = rows.iter().flat_map(|row| row.error.parts()).flatten().map(|part| part.median);
     let least = totals().filter(|&e| e > 0.0).fold(f64::INFINITY, f64::min);
     let floor = if least.is_finite() { decade_below(NEGLIGIBLE * least) } else { 0.0 };
     let axis = Axis::above(floor, &parts.chain(totals()).collect::<Vec<_>>(), Unit::Ratio, left, right);
@@ -60,6 +60,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         let total = axis.at(row.error.uncancelled.median);
         canvas.path("gs-total", &[[total, y - 9.0], [total, y + 9.0]]);
         for (part, spread) in row.error.parts().iter().enumerate() {
+            let Some(spread) = spread else { continue };
             let at = axis.at(spread.median);
             // Parts of exactly zero share one place: side by side there.
             let aside = if axis.zero == Some(at) { 6.0 * (part as f64 - 1.5) } else { 0.0 };
