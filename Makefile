@@ -48,6 +48,8 @@ figures:
 	target/release/greenstage accuracy configs/scenes/tube.toml -o out/accuracy --readme README.md
 	mkdir -p assets
 	cp out/accuracy/plots/online.svg assets/accuracy.svg
+	target/release/greenstage scale --up-to 1000000 -o out/scale --readme README.md
+	cp out/scale/scale-time.svg assets/scale-time.svg
 	target/release/greenstage demo --no-film -o out/demo
 	cp out/demo/contact-sheet.png assets/demo.png
 	target/release/greenstage render configs/scenes/models.toml --frames 3 --scale 0.5 -o out/models
