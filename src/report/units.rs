@@ -15,7 +15,7 @@ impl Unit {
     pub fn text(self, value: f64) -> String {
         match self {
             Unit::Ratio if (0.99e-6..1e3).contains(&value) => format!("{} %", digits(100.0 * value, 3)),
-            Unit::Ratio => brief(value),
+            Unit::Ratio => power(value),
             Unit::Seconds => prefixed(value, "s"),
             Unit::Bytes => prefixed(value, "B"),
             Unit::Metres => prefixed(value, "m"),

@@ -171,7 +171,8 @@ fn a_demand_for_force_chooses_a_model_that_meets_it() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         (output, said)
     };
-    let (output, said) = ask("0.3");
+    // 0.2525 of tet10 with `reduced`; the next best misses by 0.33.
+    let (output, said) = ask("0.28");
     assert!(output.status.success() && said.contains("body.bar: chosen: "), "{said}");
     assert!(said.contains(" itself, in 3 further poses"), "{said}");
     let asking = Scene::load(&folder.join("bar.toml")).unwrap();
@@ -184,7 +185,7 @@ fn a_demand_for_force_chooses_a_model_that_meets_it() {
     assert!(["reduced", "substructured", "rod"].contains(&model.as_str()), "{model}");
     let error = worst_wrench_error(&chosen, &model, &poses);
     println!("{model} with {}: {error:.4}", chosen.body["bar"].element.name);
-    assert!(error < 0.3, "{model}: {error}");
+    assert!(error < 0.28, "{model}: {error}");
     let file = GreenFile::open(&folder.join("bar.green")).unwrap();
     let own = Requirements::of(find_model(&model).unwrap().requirements);
     assert_eq!(file.meta.bodies["bar"].requirements, own);
