@@ -6,6 +6,7 @@
 mod accuracy_target;
 mod body_loads;
 pub mod built_in;
+mod control;
 pub mod file_kind;
 mod limit;
 mod load;
@@ -16,10 +17,12 @@ mod parts;
 pub mod proposal;
 mod select;
 mod updates;
+mod updating;
 pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
+pub use control::{Control, Grab};
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
@@ -291,32 +294,6 @@ impl TryFrom<Written> for Material {
             density: written.density.or(known.map(|known| known.density)),
             limit: written.limit.or(known.and_then(|known| known.yield_stress).map(Limit::Stress)),
         })
-    }
-}
-
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Control {
-    pub nodes: Nodes,
-    pub grab: Grab,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Grab {
-    /// Stays where it is.
-    Fixed,
-    /// Can be taken by a stylus.
-    Dragger,
-}
-
-impl Grab {
-    /// As scene files write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Grab::Fixed => "fixed",
-            Grab::Dragger => "dragger",
-        }
     }
 }
 
