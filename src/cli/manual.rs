@@ -146,7 +146,7 @@ mod tests {
                 let other = if slots.contains(&key) { "" } else { line };
                 let scene = format!(
                     "[body.part]\n{mesh}\n{}\n{}\n{}\n{}\n{}\n{}\n[body.part.control.c]\n{}\ngrab = \"fixed\"\n",
-                    or("material", "material = { young = 1.0, poisson = 0.3 }"),
+                    or("material", "material = { young = 1.0, poisson = 0.3, density = 1000.0 }"),
                     or("region", ""),
                     or("solver", ""),
                     or("tetrahedralise", ""),

@@ -131,11 +131,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// Trackers that are not there, and sensors of the stage that were never heard.
 fn missing_parts(reports: &[TrackerReport]) -> Option<String> {
     let of = |report: &TrackerReport| {
-        let is_there = matches!(report.link, Link::Up | Link::Quiet);
         let unheard = report.sensors.iter().filter(|sensor| sensor.count == 0);
         let unheard =
             unheard.filter_map(|sensor| Some(format!("sensor {} was never heard", sensor.name.as_ref()?)));
-        let absent = (!is_there).then(|| format!("tracker {} is not there", report.name));
+        let absent = match report.link {
+            Link::Up | Link::Quiet => None,
+            Link::Waiting => Some(format!("nothing was heard from tracker {}", report.name)),
+            Link::Down(_) => Some(format!("tracker {} is not there", report.name)),
+        };
         absent.into_iter().chain(unheard).collect::<Vec<_>>()
     };
     let missing: Vec<String> = reports.iter().flat_map(of).collect();

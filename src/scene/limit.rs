@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(read.legend, Some(LegendSettings { show: Quantity::Strain, to: Some(0.1) }));
         assert_eq!(scene("", "legend = {}").unwrap().legend.unwrap().show, Quantity::VonMises);
         for (limit, legend, expected) in [
-            (", limit = { stress = 0.25 }", "", "body.a.material.limit: a stress of 0.25 Pa"),
+            (", limit = { stress = 0.25 }", "", "body.a.material.limit: a limit of 0.25 Pa"),
             (", limit = { strain = 30 }", "", "strains are ratios; did you mean 0.3?"),
             (", limit = { strain = nan }", "", "is no limit"),
             (", limit = { stress = -1.0 }", "", "is no limit"),

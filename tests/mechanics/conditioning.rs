@@ -108,9 +108,13 @@ fn the_error_of_conjugate_gradients_is_bounded() {
                 Err(refused) => {
                     println!("ν = {poisson}, {tolerance}: {refused}");
                     // A tolerance beyond what f64 holds of this body is not reached, and said so.
-                    let why = if tolerance == "1e-13" { "relative residual" } else { "forward error" };
+                    let why: &[&str] = match tolerance {
+                        "1e-13" => &["relative residual"],
+                        _ => &["forward error", "shifted alike"],
+                    };
                     let may_be = poisson == "0.4999" && ["1e-3", "1e-13"].contains(&tolerance);
-                    assert!(may_be && refused.to_string().contains(why), "{refused}");
+                    let told = refused.to_string();
+                    assert!(may_be && why.iter().any(|why| told.contains(why)), "{refused}");
                     continue;
                 }
             };

@@ -73,13 +73,16 @@ fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 4] {
     let k = h.nrows() - n;
     let parts = [((0, 0), (n, n)), ((0, n), (n, k)), ((n, n), (k, k))];
     let off = |(at, size)| (after.hessian.view(at, size) - h.view(at, size)).amax() / h.view(at, size).amax();
-    let hessian = parts.map(off).into_iter().fold(0.0, f64::max);
+    let parts = &parts[..if k == 0 { 1 } else { 3 }];
+    let hessian = parts.iter().copied().map(off).fold(0.0, f64::max);
     let torques = &fresh.tables[TORQUES];
     let first = 3 * before.fields.columns;
     let of = |&e: &usize| 3 * FIELDS * e..3 * FIELDS * (e + 1);
     let rows: Vec<usize> = after.kept.iter().flat_map(of).chain(first..first + 3 * k).collect();
     let torque =
         (before.tables[TORQUES].select_rows(&rows) + &after.torques - torques).amax() / torques.amax();
+    // Of a body without loads, there are none.
+    let torque = if k == 0 { 0.0 } else { torque };
     let mut largest: f64 = 0.0;
     let mut off: f64 = 0.0;
     let (loads, of_fresh) = (&before.tables[LOAD_FIELDS], &fresh.tables[LOAD_FIELDS]);
