@@ -241,7 +241,7 @@ mod tests {
                 row.solver,
                 row.forward_error
             );
-            assert_eq!(row.iterations > 0, ["pcg", "mixed"].contains(&row.method.as_str()), "{}", row.solver);
+            assert_eq!(row.iterations > 0, ["pcg", "mixed"].contains(&row.method), "{}", row.solver);
             assert!(row.iterations < 20, "{}", row.iterations);
         }
         let csv = csv(&rows);
