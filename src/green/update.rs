@@ -16,7 +16,9 @@
 //! released, are the body's ports.
 
 use super::control::FIELDS;
-use nalgebra::{DMatrix, Dyn, FullPivLU};
+use faer::linalg::solvers::{PartialPivLu, Solve};
+use faer::{Mat, MatRef};
+use nalgebra::DMatrix;
 use std::ops::Range;
 
 /// Pivots further apart than this are those of a body that nothing holds any more.
@@ -112,7 +114,9 @@ pub struct Changed<'a> {
     own: Vec<Range<usize>>,
     /// Forces are counted in this many N, so that both equations have one unit.
     unit: f64,
-    system: FullPivLU<f64, Dyn, Dyn>,
+    system: PartialPivLu<f64>,
+    /// Those fields on the surface.
+    columns: Mat<f64>,
 }
 
 impl Ports {
@@ -245,9 +249,20 @@ impl Updates {
             Some(stiffest.chain(of_released).fold(0.0, f64::max)).filter(|unit| *unit > 0.0).unwrap_or(1.0);
 
         let unknown = fields.len();
-        let none = DMatrix::zeros(0, 0).full_piv_lu();
-        let mut changed =
-            Changed { updates: self, kept, released, released_at, regions, fields, own, unit, system: none };
+        let none = Mat::<f64>::zeros(0, 0).partial_piv_lu();
+        let columns = seen(&self.columns.select_columns(&fields)).to_owned();
+        let mut changed = Changed {
+            updates: self,
+            kept,
+            released,
+            released_at,
+            regions,
+            fields,
+            own,
+            unit,
+            system: none,
+            columns,
+        };
         let columns: Vec<usize> = changed.fields.iter().map(|field| self.known + field).collect();
         let mut rows =
             changed.rows(&self.values.select_columns(&columns), &self.reactions.select_columns(&columns));
@@ -257,9 +272,11 @@ impl Updates {
         }
         rows.columns_mut(forces, unknown - forces).scale_mut(unit);
         rows.scale_mut(1.0 / unit);
-        let system = rows.full_piv_lu();
-        let pivots = system.u().diagonal().abs();
-        if unknown > 0 && pivots.min() <= SINGULAR * pivots.max() {
+        let system = seen(&rows).partial_piv_lu();
+        let pivots: Vec<f64> = (0..unknown).map(|i| system.U()[(i, i)].abs()).collect();
+        let [least, largest] =
+            [f64::min, f64::max].map(|of| pivots.iter().copied().reduce(of).unwrap_or(1.0));
+        if least.is_nan() || least <= SINGULAR * largest {
             return None;
         }
         changed.system = system;
@@ -313,8 +330,8 @@ impl Changed<'_> {
 
     /// d and f for fields with these values and reactions before the change, a column each.
     fn answer(&self, values: &DMatrix<f64>, reactions: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut answer = self.rows(values, reactions) * (-1.0 / self.unit);
-        self.system.solve_mut(&mut answer);
+        let rows = self.rows(values, reactions) * (-1.0 / self.unit);
+        let mut answer = owned(self.system.solve(seen(&rows)).as_ref());
         let forces = self.forces();
         let count = self.fields.len() - forces;
         answer.rows_mut(forces, count).scale_mut(self.unit);
@@ -361,7 +378,7 @@ impl Changed<'_> {
         }
         Updated {
             kept: self.kept.clone(),
-            added: updates.columns.select_columns(&self.fields) * answer,
+            added: owned((&self.columns * seen(&answer)).as_ref()),
             torques,
             hessian: (&after + after.transpose()) * 0.5,
             asymmetry,
@@ -382,6 +399,15 @@ impl Changed<'_> {
             }
         }
         let reactions = -at.rows(0, updates.reactions.nrows());
-        updates.columns.select_columns(&self.fields) * self.answer(&values, &reactions)
+        owned((&self.columns * seen(&self.answer(&values, &reactions))).as_ref())
     }
+}
+
+/// As faer sees it, whose products and solves of large dense matrices are the faster ones.
+fn seen(matrix: &DMatrix<f64>) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.ncols())
+}
+
+fn owned(matrix: MatRef<'_, f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)])
 }
