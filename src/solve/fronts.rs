@@ -21,17 +21,17 @@ pub(super) struct Fronts {
     /// Node `forward[p]` of A is the p-th to be eliminated; `inverse[forward[p]] = p`.
     pub(super) forward: Vec<u32>,
     pub(super) inverse: Vec<u32>,
-    /// Supernode s has the nodes begin[s]..begin[s + 1] of this order, …
+    /// Supernode s has the nodes `begin[s]..begin[s + 1]` of this order, …
     begin: Vec<u32>,
-    /// … below them the rows[row_start[s]..row_start[s + 1]], ascending, …
+    /// … below them the `rows[row_start[s]..row_start[s + 1]]`, ascending, …
     rows: Vec<u32>,
     row_start: Vec<usize>,
-    /// … and the numbers value_start[s]..value_start[s + 1] of L: (n + m) × n, column after column.
+    /// … and the numbers `value_start[s]..value_start[s + 1]` of L: (n + m) × n, column after column.
     value_start: Vec<usize>,
     parent: Vec<u32>,
     children: Vec<u32>,
     child_start: Vec<usize>,
-    /// The first supernode of its subtree, which is first[s]..=s.
+    /// The first supernode of its subtree, which is `first[s]..=s`.
     first: Vec<u32>,
     /// Multiplications in its subtree.
     work: Vec<f64>,

@@ -1,6 +1,6 @@
 //! By how much the forces and torques of a body may be wrong, in newtons, as its errors were measured.
 //!
-//! In: a body with its [`ExpectedErrors`](crate::deform::ExpectedErrors) and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
+//! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
 
 use super::body::PlacedBody;
 use crate::deform::{Deformer, ExpectedErrors, Moved, Wrench, reach};

@@ -1,7 +1,7 @@
 //! The effect `ghost_equilibrium`: static equilibrium at large strain of the very pose in which the body is held, as a ghost over
 //! the body, and how far the body's model is from it, in mm.
 //!
-//! In: the bodies of a session. Out: ghosts and plates. A thread ([`solving`]) solves the pose on the whole mesh once the hand
+//! In: the bodies of a session. Out: ghosts and plates. A thread (`solving`) solves the pose on the whole mesh once the hand
 //! rests; every number belongs to the pose that was solved, and the plate says how far the hand has moved on since. Before a
 //! picture that is kept the equilibrium is waited for.
 
