@@ -9,7 +9,7 @@ use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
-use crate::deform::{Superposition, vertex_normals};
+use crate::deform::{Places, Superposition, SurfaceNormals};
 use crate::display::device::{self, DeformOn};
 use crate::green::FIELDS;
 use crate::render::{
@@ -245,7 +245,7 @@ struct Bench<'a> {
     sum: Superposition,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    scratch: Vec<[f32; 4]>,
+    surface_normals: SurfaceNormals,
     u: Vec<[f32; 3]>,
 }
 
@@ -268,7 +268,7 @@ impl<'a> Bench<'a> {
             sum: Superposition::new(&groups, nodes),
             positions: tube.rest.clone(),
             normals: vec![[0.0; 3]; nodes],
-            scratch: Vec::new(),
+            surface_normals: SurfaceNormals::new(&tube.triangles, nodes),
             u: vec![[0.0; 3]; nodes],
         })
     }
@@ -326,14 +326,11 @@ impl<'a> Bench<'a> {
 
     fn deform_on_cpu(&mut self, c: &[f64], parts: &mut Parts) {
         let started = Instant::now();
-        self.sum.update(&self.tube.groups(), c, &mut self.u);
-        let moved = self.tube.rest.as_flattened().iter().zip(self.u.as_flattened());
-        for (x, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(moved) {
-            *x = rest + u;
-        }
+        let places = Places { rest: &self.tube.rest, positions: &mut self.positions };
+        self.sum.update_places(&self.tube.groups(), c, &mut self.u, places);
         parts.deform_s = started.elapsed().as_secs_f64();
         let started = Instant::now();
-        vertex_normals(&self.positions, &self.tube.triangles, &mut self.scratch, &mut self.normals);
+        self.surface_normals.write(&self.positions, &self.tube.triangles, &mut self.normals);
         parts.normals_s = started.elapsed().as_secs_f64();
     }
 }

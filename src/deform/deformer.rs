@@ -12,11 +12,11 @@ use super::model::{
     StateAge,
 };
 use super::models::{find_model, make_model};
-use super::normals::vertex_normals;
+use super::normals::{SurfaceNormals, vertex_normals};
 use super::partial::PartialSum;
 use super::parts::{move_parts, moved, moved_exactly};
 use super::pose::{ControlPose, ControlPoses};
-use super::superposition::{SumStats, Superposition, displacement};
+use super::superposition::{Places, SumStats, Superposition, displacement, move_by};
 use crate::base::columns::ColumnGroup;
 use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
@@ -73,8 +73,7 @@ pub struct Deformer {
     sum: Superposition,
     /// Where the graphics device deforms the surface: the part that the CPU sums.
     partial: Option<PartialSum>,
-    /// Memory of [`vertex_normals`].
-    normal_sums: Vec<[f32; 4]>,
+    surface_normals: SurfaceNormals,
     evaluated: bool,
 }
 
@@ -132,7 +131,7 @@ impl Deformer {
             turns: vec![FollowedTurn::REST; controls.len()],
             u: vec![[0.0; 3]; nodes],
             of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
-            positions: vec![[0.0; 3]; nodes],
+            positions: file.rest(body).to_vec(),
             creases: None,
             drawn: Vec::new(),
             normals: vec![[0.0; 3]; nodes],
@@ -149,7 +148,7 @@ impl Deformer {
             weights,
             sum,
             partial: None,
-            normal_sums: Vec::new(),
+            surface_normals: SurfaceNormals::new(file.triangles(body), nodes),
             evaluated: false,
             controls,
             file,
@@ -170,6 +169,7 @@ impl Deformer {
     pub fn keep_sharp(&mut self, angle: f64) {
         self.creases = Creases::of(self.triangles(), self.rest(), angle);
         let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
+        self.surface_normals = SurfaceNormals::new(self.drawn_triangles(), drawn);
         if self.normals.len() != drawn {
             self.normals.resize(drawn, [0.0; 3]);
             self.deform();
@@ -396,18 +396,22 @@ impl Deformer {
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
             return stats;
         }
-        let stats = match self.model.field() {
-            None => self.sum.update(&file.groups(body), c, &mut self.u),
-            Some(field) => {
-                let stats = self.sum.update(&file.groups(body), c, &mut self.of_columns);
+        let (groups, rest) = (file.groups(body), file.rest(body));
+        let stats = match (self.model.field(), &self.weights) {
+            (None, None) => {
+                let places = Places { rest, positions: &mut self.positions };
+                self.sum.update_places(&groups, c, &mut self.u, places)
+            }
+            (None, Some(_)) => self.sum.update(&groups, c, &mut self.u),
+            (Some(field), _) => {
+                let stats = self.sum.update(&groups, c, &mut self.of_columns);
                 self.u.copy_from_slice(&self.of_columns);
                 add(&mut self.u, field);
                 stats
             }
         };
-        let deformed = file.rest(body).as_flattened().iter().zip(self.u.as_flattened());
-        for (position, (rest, u)) in self.positions.as_flattened_mut().iter_mut().zip(deformed) {
-            *position = rest + u;
+        if self.model.field().is_some() || self.weights.is_some() {
+            move_by(self.positions.as_flattened_mut(), rest.as_flattened(), self.u.as_flattened());
         }
         if let Some(weights) = &self.weights {
             move_parts(weights, parts, &mut self.positions);
@@ -423,7 +427,7 @@ impl Deformer {
                 (&self.drawn, creases.triangles.as_slice())
             }
         };
-        vertex_normals(drawn, triangles, &mut self.normal_sums, &mut self.normals);
+        self.surface_normals.write(drawn, triangles, &mut self.normals);
         self.times.normals_s = started.elapsed().as_secs_f64();
         stats
     }

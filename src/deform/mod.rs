@@ -62,7 +62,7 @@ pub use model::{
 };
 pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;
-pub use normals::vertex_normals;
+pub use normals::{SurfaceNormals, vertex_normals};
 pub use parts::move_parts;
 pub use pose::{ControlPose, ControlPoses};
 pub use reduced::Reduced;
@@ -70,7 +70,7 @@ pub use rotation::{Rotation, mean_rotation};
 pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
-pub use superposition::{BYTES_PER_THREAD, SumStats, Superposition, displacement};
+pub use superposition::{BYTES_PER_THREAD, Places, SumStats, Superposition, displacement};
 pub use surface_point::{NearestPoint, nearest_point};
 pub use surface_stress::{NodeStress, SurfaceParts, SurfaceStress};
 pub use trial::{Deviation, Motion, Moved, Trial, trials};

@@ -1,6 +1,79 @@
 //! Vertex normals of the deformed surface: the sum of the cross products of the triangles around each vertex,
 //! which weighs them by area, then normalised.
 
+use rayon::prelude::*;
+
+/// Vertices of one strip: their sums and normals stay in the second-level cache, and waking a thread costs less.
+const STRIP: usize = 4096;
+
+/// Surfaces of fewer strips are done by one thread: two gain less there than waking one costs.
+const FEWEST_STRIPS: usize = 4;
+
+/// The normals of one surface, by all threads where it is large.
+///
+/// The vertices are cut into strips of consecutive numbers. Each strip adds up every triangle that has a corner in it, in
+/// the order of the surface: triangles between two strips are computed twice, no thread waits for another, and the bits
+/// are those of [`vertex_normals`].
+pub struct SurfaceNormals {
+    sums: Vec<[f32; 4]>,
+    /// The triangles of each strip, one strip after the other; empty for a small surface.
+    triangles: Vec<[u32; 3]>,
+    /// Where each strip's triangles end.
+    ends: Vec<usize>,
+}
+
+impl SurfaceNormals {
+    /// Of a surface of so many vertices.
+    pub fn new(triangles: &[[u32; 3]], vertices: usize) -> SurfaceNormals {
+        let mut normals =
+            SurfaceNormals { sums: vec![[0.0; 4]; vertices], triangles: Vec::new(), ends: Vec::new() };
+        let strips = vertices.div_ceil(STRIP);
+        if strips < FEWEST_STRIPS || rayon::current_num_threads() == 1 {
+            return normals;
+        }
+        let mut of_strips = vec![Vec::new(); strips];
+        for triangle in triangles {
+            let mut touched = triangle.map(|corner| corner as usize / STRIP);
+            touched.sort_unstable();
+            for (i, strip) in touched.into_iter().enumerate() {
+                if i == 0 || touched[i - 1] != strip {
+                    of_strips[strip].push(*triangle);
+                }
+            }
+        }
+        // Numbers without any order in space would make most of the work twice or thrice.
+        if of_strips.iter().map(Vec::len).sum::<usize>() * 2 > triangles.len() * 3 {
+            return normals;
+        }
+        for strip in of_strips {
+            normals.triangles.extend(strip);
+            normals.ends.push(normals.triangles.len());
+        }
+        normals
+    }
+
+    /// What [`vertex_normals`] writes; `triangles` and the number of positions are those of [`SurfaceNormals::new`].
+    pub fn write(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]], normals: &mut [[f32; 3]]) {
+        if self.ends.is_empty() {
+            return vertex_normals(positions, triangles, &mut self.sums, normals);
+        }
+        let strips = self.sums.par_chunks_mut(STRIP).zip(normals.par_chunks_mut(STRIP)).enumerate();
+        strips.for_each(|(strip, (sums, normals))| {
+            let start = strip.checked_sub(1).map_or(0, |before| self.ends[before]);
+            sums.fill([0.0; 4]);
+            for triangle in &self.triangles[start..self.ends[strip]] {
+                let cross = cross(positions, triangle);
+                for &corner in triangle {
+                    if let Some(sum) = sums.get_mut((corner as usize).wrapping_sub(strip * STRIP)) {
+                        add(sum, &cross);
+                    }
+                }
+            }
+            normalise(sums, normals);
+        });
+    }
+}
+
 /// Writes the unit normals of `positions` under `triangles` into `normals`; a vertex whose triangles vanish gets
 /// (0, 0, 0). `sums` is scratch of one entry per vertex.
 pub fn vertex_normals(
@@ -12,19 +85,32 @@ pub fn vertex_normals(
     sums.clear();
     sums.resize(positions.len(), [0.0; 4]);
     for triangle in triangles {
-        let [a, b, c] = triangle.map(|corner| corner as usize);
-        let (pa, pb, pc) = (positions[a], positions[b], positions[c]);
-        let (ux, uy, uz) = (pb[0] - pa[0], pb[1] - pa[1], pb[2] - pa[2]);
-        let (vx, vy, vz) = (pc[0] - pa[0], pc[1] - pa[1], pc[2] - pa[2]);
-        let cross = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx, 0.0];
-        for corner in [a, b, c] {
-            let sum = &mut sums[corner];
-            for axis in 0..4 {
-                sum[axis] += cross[axis];
-            }
+        let cross = cross(positions, triangle);
+        for &corner in triangle {
+            add(&mut sums[corner as usize], &cross);
         }
     }
-    for (normal, sum) in normals.iter_mut().zip(sums.iter()) {
+    normalise(sums, normals);
+}
+
+/// The triangle's normal, twice its area long; the fourth number is 0, for sums of whole vectors.
+#[inline(always)]
+fn cross(positions: &[[f32; 3]], triangle: &[u32; 3]) -> [f32; 4] {
+    let [pa, pb, pc] = triangle.map(|corner| positions[corner as usize]);
+    let (ux, uy, uz) = (pb[0] - pa[0], pb[1] - pa[1], pb[2] - pa[2]);
+    let (vx, vy, vz) = (pc[0] - pa[0], pc[1] - pa[1], pc[2] - pa[2]);
+    [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx, 0.0]
+}
+
+#[inline(always)]
+fn add(sum: &mut [f32; 4], cross: &[f32; 4]) {
+    for (sum, cross) in sum.iter_mut().zip(cross) {
+        *sum += cross;
+    }
+}
+
+fn normalise(sums: &[[f32; 4]], normals: &mut [[f32; 3]]) {
+    for (normal, sum) in normals.iter_mut().zip(sums) {
         // Scaled first: the square of a nanometre's area is no f32.
         let largest = sum[0].abs().max(sum[1].abs()).max(sum[2].abs());
         let unit = if largest > 0.0 { 1.0 / largest } else { 0.0 };
@@ -37,6 +123,39 @@ pub fn vertex_normals(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A wavy sheet of 200 x 150 vertices, in rows and with numbers shuffled within each fifth of it, on two threads.
+    #[test]
+    fn strips_on_several_threads_give_the_same_bits() {
+        let (wide, high) = (200_u32, 150_u32);
+        let number = |i: u32, j: u32| {
+            let (part, at) = ((j * wide + i) / 6000, (j * wide + i) % 6000);
+            part * 6000 + at * 7 % 6000
+        };
+        let mut positions = vec![[0.0; 3]; (wide * high) as usize];
+        let mut triangles = Vec::new();
+        for (i, j) in (0..high).flat_map(|j| (0..wide).map(move |i| (i, j))) {
+            let (x, y) = (i as f32, j as f32);
+            positions[number(i, j) as usize] = [x, y, (0.3 * x).sin() + (0.2 * y).cos()];
+            if i + 1 < wide && j + 1 < high {
+                let corners = [number(i, j), number(i + 1, j), number(i, j + 1), number(i + 1, j + 1)];
+                triangles
+                    .extend([[corners[0], corners[1], corners[2]], [corners[2], corners[1], corners[3]]]);
+            }
+        }
+        let mut exact = vec![[0.0; 3]; positions.len()];
+        vertex_normals(&positions, &triangles, &mut Vec::new(), &mut exact);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        pool.install(|| {
+            let mut made = vec![[1.0; 3]; positions.len()];
+            let mut normals = SurfaceNormals::new(&triangles, positions.len());
+            assert!(normals.ends.len() == 8 && normals.triangles.len() > triangles.len());
+            for _ in 0..2 {
+                normals.write(&positions, &triangles, &mut made);
+                assert!(made == exact);
+            }
+        });
+    }
 
     #[test]
     fn octahedron_normals_point_from_its_centre() {

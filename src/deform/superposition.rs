@@ -72,6 +72,12 @@ impl<'a> Terms<'a> {
     }
 }
 
+/// Where the nodes of a surface come to: rest + u.
+pub struct Places<'a> {
+    pub rest: &'a [[f32; 3]],
+    pub positions: &'a mut [[f32; 3]],
+}
+
 /// Numbers summed at a time: the partial sums and the total of one block stay in the first-level cache.
 const BLOCK: usize = 2048;
 
@@ -112,6 +118,28 @@ impl Superposition {
     /// `groups` are those of [`Superposition::new`]; `u` must be what the last call left, or zero on the first. The bits do
     /// not depend on the number of threads.
     pub fn update(&mut self, groups: &[ColumnGroup<'_>], c: &[f64], u: &mut [[f32; 3]]) -> SumStats {
+        self.update_all(groups, c, u, None)
+    }
+
+    /// The same, and brings `places` to rest + u while each part of u is still in the cache; on the first call they must be
+    /// at rest.
+    pub fn update_places(
+        &mut self,
+        groups: &[ColumnGroup<'_>],
+        c: &[f64],
+        u: &mut [[f32; 3]],
+        places: Places<'_>,
+    ) -> SumStats {
+        self.update_all(groups, c, u, Some(places))
+    }
+
+    fn update_all(
+        &mut self,
+        groups: &[ColumnGroup<'_>],
+        c: &[f64],
+        u: &mut [[f32; 3]],
+        places: Option<Places<'_>>,
+    ) -> SumStats {
         let mut rounded: Vec<f32> = c.iter().map(|c| *c as f32).collect();
         rounded.resize(self.columns(), 0.0);
         let columns = |g: usize| self.groups[g].clone();
@@ -132,12 +160,20 @@ impl Superposition {
         let stride = BLOCK * self.groups.len();
         self.partial.resize(u.len().div_ceil(BLOCK) * stride, 0.0);
         let block_bytes = width * BLOCK * stats.columns_read.max(1);
+        let mut places: Vec<_> = match places {
+            Some(Places { rest, positions }) => {
+                let positions = positions.as_flattened_mut().chunks_mut(BLOCK);
+                positions.zip(rest.as_flattened().chunks(BLOCK)).map(Some).collect()
+            }
+            None => std::iter::repeat_with(|| None).take(u.len().div_ceil(BLOCK)).collect(),
+        };
         self.partial
             .par_chunks_mut(stride)
             .zip(u.par_chunks_mut(BLOCK))
+            .zip(&mut places)
             .enumerate()
             .with_min_len(BYTES_PER_THREAD.div_ceil(block_bytes))
-            .for_each(|(block, (partial, total))| {
+            .for_each(|(block, ((partial, total), place))| {
                 let n = total.len();
                 for (g, terms) in &terms {
                     terms.combine(&mut partial[g * BLOCK..][..n], block * BLOCK);
@@ -148,9 +184,19 @@ impl Superposition {
                     None => total.fill(0.0),
                 }
                 sums.for_each(|partial| add(total, partial));
+                if let Some((positions, rest)) = place {
+                    move_by(positions, rest, total);
+                }
             });
         self.coefficients = rounded;
         stats
+    }
+}
+
+/// positions = rest + u.
+pub(super) fn move_by(positions: &mut [f32], rest: &[f32], u: &[f32]) {
+    for (position, (rest, u)) in positions.iter_mut().zip(rest.iter().zip(u)) {
+        *position = rest + u;
     }
 }
 
@@ -233,6 +279,26 @@ mod tests {
     fn direct(data: &[Vec<f32>], c: &[f64], i: usize) -> f64 {
         let columns = data.iter().flat_map(|group| group.chunks_exact(3 * NODES));
         columns.zip(c).map(|(column, c)| c * f64::from(column[i])).sum()
+    }
+
+    /// Over several blocks, and still where nothing changes.
+    #[test]
+    fn places_are_rest_plus_u() {
+        let data = data(&[12, 7], NODES);
+        let groups: Vec<ColumnGroup> = data.iter().map(|data| ColumnGroup::F32(data)).collect();
+        let rest: Vec<[f32; 3]> = (0..NODES).map(|i| [i as f32 * 0.01, 0.5, -0.25]).collect();
+        let (mut sum, mut alone) = (Superposition::new(&groups, NODES), Superposition::new(&groups, NODES));
+        let (mut u, mut expected) = (vec![[0.0; 3]; NODES], vec![[0.0; 3]; NODES]);
+        let mut positions = rest.clone();
+        for factor in [0.3, 0.3, -2.0, 0.0] {
+            let c: Vec<f64> = (0..19).map(|k| factor * (f64::from(k) - 5.0)).collect();
+            sum.update_places(&groups, &c, &mut u, Places { rest: &rest, positions: &mut positions });
+            alone.update(&groups, &c, &mut expected);
+            assert!(u == expected);
+            for ((position, rest), u) in positions.iter().zip(&rest).zip(&u) {
+                assert_eq!(*position, [0, 1, 2].map(|axis| rest[axis] + u[axis]));
+            }
+        }
     }
 
     /// Groups of 12, 1 and 7 columns.
