@@ -12,6 +12,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 static ALLOCATOR: memory::Watched = memory::Watched;
 
 fn main() -> ExitCode {
+    quieten_mesa();
     memory::end_in_order();
     if let Err(error) = signal::watch() {
         notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
@@ -38,5 +39,14 @@ fn main() -> ExitCode {
             notice::say(format_args!("error: {failure}"));
             ExitCode::from(failure.status())
         }
+    }
+}
+
+/// Mesa's drivers write an error wherever no desktop session has named this folder, and then work all the same.
+fn quieten_mesa() {
+    const NAME: &str = "XDG_RUNTIME_DIR";
+    if std::env::var_os(NAME).is_none() {
+        // SAFETY: no other thread runs yet that could read the environment.
+        unsafe { std::env::set_var(NAME, std::env::temp_dir()) };
     }
 }
