@@ -28,7 +28,6 @@ use crate::mesh::{TetMesh, outer_faces, quality};
 use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
-use std::time::Instant;
 
 pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
 
@@ -63,7 +62,6 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let started = Instant::now();
     let mesh = &solution.mesh;
     let mut forces: Vec<Vec<V3>> = Vec::new();
     for load in assembled.body.loads() {
@@ -116,7 +114,6 @@ fn compute(
     solution.tables.insert(LOAD_FIELDS, g);
     solution.tables.insert(LOAD_FORCES, f);
     solution.loads = load_metas(&assembled.body.loads());
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
 }
 
