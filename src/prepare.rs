@@ -7,7 +7,7 @@ use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
-use crate::effect::{self, EffectEntry, expected, find_effect, ghost_equilibrium, stress};
+use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{self, COMPLIANCE, GreenError, GreenFile, LOADS, Precomputed, Requirements, UPDATES};
 use crate::mesh::formats::files_of;
@@ -22,10 +22,10 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
         find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
     }
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    loads_required(scene, name, body, model)?;
     match model.kind {
+        // Solved anew it has its loads whatever the columns are.
         Kind::Background(law) => Ok(Some(law)),
-        Kind::Online(_) => Ok(None),
+        Kind::Online(_) => loads_required(scene, name, body, model).map(|_| None),
     }
 }
 
@@ -80,15 +80,7 @@ fn loads_required(
         return Ok(Requirements::default());
     }
     if !carries_loads(model) {
-        return Err(wrong(scene, name, "model", load_refusal(model.name)));
-    }
-    if effects(body).any(|effect| effect.name == ghost_equilibrium::NAME) {
-        let message = "\"ghost_equilibrium\" shows the body's equilibrium without loads: leave the effect or the loads out";
-        return Err(wrong(scene, name, "effects", message.to_owned()));
-    }
-    if body.thermal.is_some() && effects(body).any(|effect| effect.name == stress::NAME) {
-        let message = "\"stress\" does not know the strain that warmth causes without stress: leave the effect or thermal out";
-        return Err(wrong(scene, name, "effects", message.to_owned()));
+        return Err(wrong(scene, name, "model", load_refusal(model)));
     }
     let families: Vec<_> = [(loads, LOADS), (compliance, COMPLIANCE)]
         .into_iter()

@@ -8,7 +8,7 @@ pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
-use crate::green::{self, Precomputed};
+use crate::green::{self, FAMILIES, Precomputed, STIFFNESS};
 use crate::prepare;
 use crate::tuning;
 use std::path::{Path, PathBuf};
@@ -126,12 +126,12 @@ pub fn report(body: &Precomputed) -> Table {
         let what = format!("{condition}forward error {bound} {:.1e}", conditioning.forward_error);
         row("conditioning", conditioning.seconds, what);
     }
-    if let Some(asymmetry) = solution.asymmetry {
-        let size = stats.columns;
-        row("stiffness", times.stiffness_s, format!("S: {size} × {size}, asymmetry {asymmetry:.1e}"));
-    }
-    if times.cubic_s > 0.0 {
-        row("cubic energy", times.cubic_s, "for forces at large rotations".into());
+    for entry in FAMILIES.iter().filter(|entry| times.families_s.contains_key(entry.family.name)) {
+        let what = match solution.asymmetry.filter(|_| entry.family.name == STIFFNESS.name) {
+            Some(asymmetry) => format!("S: {0} × {0}, asymmetry {asymmetry:.1e}", stats.columns),
+            None => entry.holds.to_owned(),
+        };
+        row(entry.family.name, times.of(entry.family), what);
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {

@@ -35,9 +35,16 @@ pub fn carries_loads(model: &ModelEntry) -> bool {
 }
 
 /// Why a body of such a model has no loads, and what to choose.
-pub fn refusal(model: &str) -> String {
+pub fn refusal(model: &ModelEntry) -> String {
+    let name = model.name;
+    if let Kind::Background(_) = model.kind {
+        return format!(
+            "\"{name}\" has loads (gravity, centrifugal, thermal, load) in `greenstage deform` alone, where it is solved anew: in a \
+             session write model = \"rotation\" or model = \"linear\", and list \"ghost_equilibrium\" to see how far it is off"
+        );
+    }
     format!(
-        "\"{model}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance), whose columns are those of \
+        "\"{name}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance), whose columns are those of \
          small strain: write model = \"rotation\" or model = \"linear\", or leave the loads out"
     )
 }

@@ -1,13 +1,12 @@
 //! The pose file of `greenstage deform`: `[[pose]]` tables in TOML.
 
+use super::pose_loads::LARGEST;
+pub use super::pose_loads::{PointForce, PoseLoads};
 use crate::base::failure::Failure;
 use crate::config;
-use crate::deform::{
-    AppliedLoads, COMPONENTS, ControlPose, ControlPoses, Deformer, Freedom, PointLoad, Pull, Screw,
-    nearest_point,
-};
-use crate::scene::{Body, LoadSource, LoadValue};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, Screw};
+use crate::scene::{Body, LoadValue};
+use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -15,12 +14,6 @@ use toml::Spanned;
 
 /// Two control elements turned against each other by more, rad, may have been meant to be turned the other way.
 const DOUBTFUL: f64 = 150.0 * std::f64::consts::PI / 180.0;
-
-/// Largest number of a pose; what is summed must stay within single precision.
-const LARGEST: f64 = 1e15;
-
-/// A point force's place may be so far from the surface, as part of the body's radius.
-const FARTHEST: f64 = 0.02;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -48,26 +41,6 @@ pub struct Pose {
     /// Forces at single points, with the body's `surface_compliance`.
     #[serde(default)]
     force: Vec<PointForce>,
-}
-
-/// A force at a node of the surface, or at its point nearest to a place.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PointForce {
-    /// m, in the mesh's coordinates at rest.
-    pub at: Option<[f64; 3]>,
-    /// The node's tag in the mesh.
-    pub node: Option<u64>,
-    /// N, along the mesh's axes.
-    pub force: [f64; 3],
-}
-
-/// The loads of one pose.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PoseLoads {
-    /// For each column of the body's loads, along the mesh's axes.
-    pub coefficients: Vec<f64>,
-    pub forces: Vec<PointForce>,
 }
 
 /// x ↦ o + translation + matrix · (x - o).
@@ -239,98 +212,7 @@ pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLo
     let wrong = |message: String| {
         Failure::wrong(format!("{}: pose \"{}\": body.{name}: {message}", path.display(), pose.name))
     };
-    let entries = body.loads();
-    if let Some(unknown) = pose.load.keys().find(|key| entries.iter().all(|load| load.name != **key)) {
-        return Err(wrong(match entries[..] {
-            [] => format!(
-                "load.{unknown}: the scene gives this body no load; add gravity or a [body.{name}.load.NAME]"
-            ),
-            _ => config::unknown_name("load", unknown, entries.iter().map(|load| load.name)),
-        }));
-    }
-    let mut coefficients = Vec::new();
-    for load in &entries {
-        let columns = load.source.columns();
-        match (pose.load.get(load.name).map(LoadValue::numbers), load.source) {
-            (Some(given), _)
-                if given.len() != columns || given.iter().any(|x| x.is_nan() || x.abs() > LARGEST) =>
-            {
-                let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
-                return Err(wrong(format!("load.{}: {what} are needed, up to {LARGEST:e}", load.name)));
-            }
-            (Some(given), LoadSource::Centrifugal(_)) => coefficients.push(given[0].powi(2)),
-            (Some(given), LoadSource::Thermal) => {
-                coefficients.push(given[0] * body.thermal.map_or(0.0, |thermal| thermal.expansion));
-            }
-            (Some(given), _) => coefficients.extend(given),
-            (None, LoadSource::Gravity) => {
-                let turn = body.place.and_then(|place| place.rotation).unwrap_or_default();
-                let room = Rotation3::new(Vector3::from(turn));
-                coefficients.extend((room.inverse() * Vector3::from_column_slice(&load.start)).iter());
-            }
-            (None, _) => coefficients.extend(&load.start),
-        }
-    }
-    for (number, force) in pose.force.iter().enumerate() {
-        let place = format!("force {}", number + 1);
-        if body.surface_compliance.is_none() {
-            let message = "forces at points need surface_compliance = { nodes = \"surface\" } in the scene";
-            return Err(wrong(format!("{place}: {message}")));
-        }
-        if force.at.is_some() == force.node.is_some() {
-            return Err(wrong(format!("{place}: name either at = [x, y, z] or node = TAG, one of the two")));
-        }
-        let mut numbers = force.at.iter().flatten().chain(&force.force);
-        if !numbers.all(|value| value.abs() <= LARGEST) {
-            return Err(wrong(format!("{place}: a number is not finite, or above {LARGEST:e}")));
-        }
-    }
-    Ok(PoseLoads { coefficients, forces: pose.force.clone() })
-}
-
-impl PoseLoads {
-    /// Whether nothing acts on the body but its control elements.
-    pub fn is_none(&self) -> bool {
-        self.forces.is_empty() && self.coefficients.iter().all(|load| *load == 0.0)
-    }
-
-    /// As they are applied to the body; the error names a place that cannot take a force.
-    pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
-        let takes = body.takes_forces();
-        let rest = |node: u32| Vector3::from(body.rest()[node as usize]).cast::<f64>();
-        let reach = body.rest().iter().map(|x| Vector3::from(*x).norm()).fold(0.0_f32, f32::max);
-        let point = |(number, asked): (usize, &PointForce)| {
-            let wrong = |message: String| format!("force {}: {message}", number + 1);
-            let (nodes, weights) = match (asked.at, asked.node) {
-                (Some(at), _) => {
-                    let place = Vector3::from(at) - body.centre;
-                    let nearest = nearest_point(body.triangles(), &rest, &place)
-                        .filter(|nearest| nearest.away <= FARTHEST * f64::from(reach));
-                    let nearest = nearest.ok_or_else(|| {
-                        wrong(format!("at = {at:?} is farther from the surface than a fiftieth of the body"))
-                    })?;
-                    (nearest.corners, nearest.weights)
-                }
-                (None, node) => {
-                    let tag = node.unwrap_or(0);
-                    let found = body.tags().iter().position(|known| *known == tag);
-                    let node =
-                        found.ok_or_else(|| wrong(format!("the surface has no node with tag {tag}")))?;
-                    ([node as u32; 3], [1.0, 0.0, 0.0])
-                }
-            };
-            let is_held = |(node, weight): (&u32, &f64)| *weight > 1e-12 && !takes.contains(node);
-            if nodes.iter().zip(&weights).any(is_held) {
-                return Err(wrong(
-                    "its place is not among the nodes of surface_compliance, or belongs to a control element"
-                        .to_owned(),
-                ));
-            }
-            Ok(PointLoad { nodes, weights, pull: Pull::Force(Vector3::from(asked.force)) })
-        };
-        let points = self.forces.iter().enumerate().map(point).collect::<Result<_, _>>()?;
-        Ok(AppliedLoads { coefficients: self.coefficients.clone(), points })
-    }
+    PoseLoads::of_pose(&pose.load, &pose.force, name, body).map_err(wrong)
 }
 
 /// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.

@@ -9,11 +9,12 @@ use super::critical::{CriticalPose, Ways};
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::legs::part_of;
-use super::model::{Frame, Kind, ModelEntry};
+use super::model::{ControlRest, Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::{Screw, Way};
 use super::se3::long_turn;
-use crate::fem::{Hyperelastic, Law, NodeFields, Partition};
+use super::static_loads::{NodalLoads, StaticForces};
+use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition};
 use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
@@ -51,6 +52,12 @@ pub struct Statics {
     /// Warnings and notes of the check before it.
     pub notices: Vec<String>,
     body: Hyperelastic,
+    element: &'static Element,
+    lame: Vec<Lame>,
+    loads: NodalLoads,
+    acting: StaticForces,
+    /// By how much warmth lengthens what is free.
+    stretch: f64,
     size: f64,
     partition: Partition,
     solver: Option<Box<dyn LinearSolver>>,
@@ -67,6 +74,9 @@ pub struct HeldBody {
     /// By how much each control element has turned since rest, whole turns included.
     turns: Vec<FollowedTurn>,
     u: NodeFields,
+    /// Under these forces, N, and as warm.
+    forces: NodeFields,
+    stretch: f64,
 }
 
 /// A body held in a pose.
@@ -76,7 +86,7 @@ pub struct EquilibriumResult {
     pub displacement: Vec<Vector3<f64>>,
     /// Of every control element, about where its origin rested, with the lever arms of the deformed body.
     pub wrenches: Vec<Wrench>,
-    /// Strain energy of the body, J.
+    /// Strain energy of the body less the work of its loads, J.
     pub energy: f64,
     /// Least det F at the points of integration, and the tetrahedron that has it.
     pub least_det: (f64, usize),
@@ -179,7 +189,13 @@ impl Statics {
         let partition =
             Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
         let (low, high) = quality::bounding_box(&mesh.nodes);
+        let loads = NodalLoads::new(scene, name, &mesh)?;
         let mut statics = Statics {
+            element: scene.body[name].element,
+            lame,
+            loads,
+            acting: StaticForces::default(),
+            stretch: 1.0,
             notices: findings.into_iter().map(|finding| finding.to_string()).collect(),
             size: (high - low).norm(),
             solver: None,
@@ -197,6 +213,20 @@ impl Statics {
             statics.solver = Some(scene.body[name].solver.analyse(&a, progress)?);
         }
         Ok(statics)
+    }
+
+    /// From now on these loads act on the body; without a call none does.
+    pub fn apply(&mut self, acting: &StaticForces) -> Result<(), StaticsError> {
+        let stretch = self.loads.stretch(acting);
+        if stretch != self.stretch {
+            let law = self.body.law;
+            let warm = Hyperelastic::stretched(self.element, law, &self.mesh, &self.lame, stretch);
+            let body = format!("warmed to {stretch} of its length");
+            self.body = warm.map_err(|source| GreenError::Assembly { body, source })?;
+            self.stretch = stretch;
+        }
+        self.acting.clone_from(acting);
+        Ok(())
     }
 
     /// Holds the body in `poses`, one for each control element in the scene's order.
@@ -278,7 +308,21 @@ impl Statics {
             poses: vec![ControlPose::REST; self.controls.len()],
             turns: vec![FollowedTurn::REST; self.controls.len()],
             u: NodeFields::zeros(self.mesh.nodes.len(), 1),
+            forces: NodeFields::zeros(self.mesh.nodes.len(), 1),
+            stretch: 1.0,
         }
+    }
+
+    /// What acts on the nodes in poses to which the control elements have turned so.
+    fn forces(&self, poses: &ControlPoses, turns: &[FollowedTurn]) -> NodeFields {
+        let rest = |control: &ControlElement| ControlRest {
+            name: control.name.clone(),
+            origin: control.origin,
+            nodes: control.nodes.len(),
+        };
+        let controls: Vec<ControlRest> = self.controls.iter().map(rest).collect();
+        let turns: Vec<_> = turns.iter().map(|turn| turn.quaternion).collect();
+        self.loads.forces(&self.acting, self.mesh.nodes.len(), &controls, poses, &turns)
     }
 
     /// Goes `ways` from the equilibrium `start`, called `from`, to `poses`.
@@ -299,18 +343,30 @@ impl Statics {
                 self.prescribe(control, &pose, u);
             }
         };
-        let newton = Newton { body: &self.body, partition: &self.partition, solver: self.solver.as_deref() };
         let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
-        match newton.follow(start.u, steps, &path, progress) {
+        let turns = told.turns(1.0);
+        let forces = self.forces(&poses, &turns);
+        let on_the_way = |share: f64| {
+            let both = start.forces.data.iter().zip(&forces.data);
+            NodeFields { data: both.map(|(from, to)| from + share * (to - from)).collect(), ..forces }
+        };
+        let acts = |forces: &NodeFields| forces.data.iter().any(|force| *force != 0.0);
+        let is_loaded = acts(&start.forces) || acts(&forces) || [start.stretch, self.stretch] != [1.0; 2];
+        let newton = Newton {
+            body: &self.body,
+            partition: &self.partition,
+            solver: self.solver.as_deref(),
+            loads: if is_loaded { Some(&on_the_way) } else { None },
+        };
+        match newton.follow(start.u.clone(), steps, &path, progress) {
             Ok(equilibrium) => {
-                let settled = self.settled(&equilibrium, &shift);
-                let turns = told.turns(1.0);
-                self.held = Some(HeldBody { poses, turns, u: equilibrium.u });
+                let settled = self.settled(&equilibrium, &forces, &shift);
+                self.held = Some(HeldBody { poses, turns, u: equilibrium.u, forces, stretch: self.stretch });
                 Ok(settled)
             }
             Err(NewtonError::Solve(error)) => Err(error.into()),
             Err(NewtonError::Stopped { at, share, why, stability }) => {
-                let settled = Box::new(self.settled(&at, &(shift * share)));
+                let settled = Box::new(self.settled(&at, &on_the_way(share), &(shift * share)));
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tets = self.mesh.tets.len();
                 let tell = |found: Box<Stability>| {
@@ -341,8 +397,13 @@ impl Statics {
         }
     }
 
-    /// What is told of an equilibrium that is shifted as a whole.
-    fn settled(&self, equilibrium: &Equilibrium, shift: &Vector3<f64>) -> EquilibriumResult {
+    /// What is told of an equilibrium under `forces` that is shifted as a whole.
+    fn settled(
+        &self,
+        equilibrium: &Equilibrium,
+        forces: &NodeFields,
+        shift: &Vector3<f64>,
+    ) -> EquilibriumResult {
         let at = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
         let displacement: Vec<_> = (0..self.mesh.nodes.len()).map(|node| at(&equilibrium.u, node)).collect();
         let wrench = |control: &ControlElement| {
@@ -355,6 +416,8 @@ impl Statics {
             wrench.moment += shift.cross(&wrench.force);
             wrench
         };
+        let whole: Vector3<f64> = (0..forces.nodes).map(|node| at(forces, node)).sum();
+        let work = forces.dots(&equilibrium.u)[0] + whole.dot(shift);
         let dets: Vec<f64> =
             equilibrium.gradients.iter().map(|h| (Matrix3::identity() + h).determinant()).collect();
         let points = &self.body.points;
@@ -362,7 +425,7 @@ impl Statics {
         let is_inverted = |tet: &usize| points.points_of(*tet).any(|point| dets[point] <= 0.0);
         EquilibriumResult {
             wrenches: self.controls.iter().map(wrench).collect(),
-            energy: equilibrium.energy,
+            energy: equilibrium.energy - work,
             least_det: least.map_or((1.0, 0), |point| (dets[point], points.element_of(point))),
             inverted: (0..self.mesh.tets.len()).filter(is_inverted).collect(),
             residual: equilibrium.residual,

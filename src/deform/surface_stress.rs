@@ -7,7 +7,8 @@
 //! 2 E_ab = e_a·D_b + D_a·e_b + D_a·D_b     λ_i² = 1 + 2 E_i     σ₃ = 0 gives λ₃ and σ₁, σ₂ (`fem::FreeFace`)
 //! ```
 //!
-//! so that a rotation, however large, is no strain; and where no force acts on the surface, which is everywhere but at control
+//! so that a rotation, however large, is no strain. A body that warmth makes longer by s where it is free has the gradient
+//! I + D over s there: what it expands by itself is no strain and no stress; and where no force acts on the surface, which is everywhere but at control
 //! elements, this is the whole stress. Both tensors are turned back into the body at rest, where a node takes the mean of the
 //! triangles around it, weighed by area at rest. The nodes lie on the surface itself, so a bent body has the stress of its
 //! outermost fibre, which a mean over the tetrahedra below would miss. Triangles inside control elements are left out: forces
@@ -112,16 +113,18 @@ impl SurfaceStress {
         SurfaceStress { faces, rows, around, lame: parts.lame.to_vec(), law: parts.law, nodes, areas }
     }
 
-    /// At every node, of the displacements u of all; `None` where no triangle is free of forces. `share` is how much of its
-    /// limit a node of a material has reached, or anything else by which the larger is shown.
+    /// At every node, of the displacements u of all, where warmth lengthens what is free by `stretch`; `None` where no triangle is
+    /// free of forces. `share` is how much of its limit a node of a material has reached, or anything else by which the larger
+    /// is shown.
     pub fn at_nodes(
         &self,
         u: &[Vector3<f64>],
+        stretch: f64,
         share: impl Fn(&NodeStress) -> f64 + Sync,
     ) -> Vec<Option<NodeStress>> {
         let of_face = |face: &Face| {
             let lame = self.lame.get(usize::from(face.material)).copied();
-            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors(u, self.law, lame))
+            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors((u, stretch), self.law, lame))
         };
         let tensors: Vec<(Tensor, Tensor)> = self.faces.par_iter().with_min_len(1024).map(of_face).collect();
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
@@ -176,7 +179,7 @@ impl Face {
     /// σ and U - I, turned back into the body at rest.
     fn tensors(
         &self,
-        u: &[Vector3<f64>],
+        (u, stretch): (&[Vector3<f64>], f64),
         law: fn([f64; 2], Lame) -> FreeFace,
         lame: Lame,
     ) -> (Tensor, Tensor) {
@@ -184,6 +187,8 @@ impl Face {
         let [first, second, normal] = &self.axes;
         let d1 = (b - a) / self.length;
         let d2 = ((c - a) - d1 * self.along) / self.width;
+        // F = I + D is s times what strains the body.
+        let [d1, d2] = [(d1, first), (d2, second)].map(|(d, axis)| (d - axis * (stretch - 1.0)) / stretch);
         let xx = first.dot(&d1) + 0.5 * d1.norm_squared();
         let yy = second.dot(&d2) + 0.5 * d2.norm_squared();
         let xy = 0.5 * (first.dot(&d2) + second.dot(&d1) + d1.dot(&d2));

@@ -92,6 +92,7 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     told.model.clone_from(&scene.body[&result.body].model);
     told.names = scene.body[&result.body].control.keys().cloned().collect();
     told.freedom.clone_from(&asked.freedom);
+    told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
         told.error = Sureness::Unknown(why_unknown(&scene.body[&result.body]));
@@ -146,10 +147,10 @@ fn solved_stress(
 
 impl SolvedStress {
     /// Of the displacements of all nodes.
-    fn result(&self, displacement: &[Vector3<f64>]) -> StressResult {
+    fn result(&self, displacement: &[Vector3<f64>], stretch: f64) -> StressResult {
         let SolvedStress { surface, body } = self;
         let u: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| displacement[node as usize]).collect();
-        let at = body.at_nodes(&u);
+        let at = body.at_nodes(&u, stretch);
         let mut reached = body.reached(&at);
         for node in [&mut reached.von_mises.1, &mut reached.strain.1] {
             *node = surface.nodes.get(*node).map_or(0, |&node| node as usize);
@@ -219,8 +220,7 @@ fn surface_results(
         deformer.apply(applied);
         let result = surface_result(asked, all, standing, body, &mut deformer);
         let stress = stressed.as_ref().map(|stressed| {
-            let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
-            let nodes = stressed.at_nodes(&u);
+            let nodes = stressed.of(&deformer);
             StressResult { reached: stressed.reached(&nodes), nodes }
         });
         let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
@@ -229,9 +229,8 @@ fn surface_results(
         let mut told =
             Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
-        if let Some(stressed) = stressed
-            .as_ref()
-            .filter(|_| asked.loads.is_none() && stress.as_ref().is_some_and(|s| s.reached.is_beyond()))
+        if let Some(stressed) =
+            stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond()))
         {
             told.first_yield =
                 free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
@@ -307,7 +306,8 @@ fn volume_results(
             }
         };
         let result = volume_result(&asked, name, body, &solution);
-        let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement));
+        let stretch = asked.loads.free_stretch(body);
+        let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement, stretch));
         let places = solution.controls.iter().map(|control| control.origin).collect();
         let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
         let first_yield =
@@ -316,7 +316,7 @@ fn volume_results(
                     let at = volume_result(asked, name, body, &solution);
                     let wrenches =
                         at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
-                    Some((wrenches, stressed.result(&at.displacement).reached.limit?.0))
+                    Some((wrenches, stressed.result(&at.displacement, stretch).reached.limit?.0))
                 })
             });
         let told = Told { control: asked.control, places, first_yield, ..Told::default() };
@@ -403,11 +403,13 @@ fn static_results(
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
-                let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement));
+                let stretch = asked.loads.free_stretch(body);
+                let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement, stretch));
                 let mut told = told;
                 let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
                 if let Some(stressed) = stressed.as_ref().filter(|_| is_beyond) {
-                    let part = |u: &[Vector3<f64>]| Some(stressed.result(u).reached.limit?.0);
+                    let part = |u: &[Vector3<f64>]| Some(stressed.result(u, stretch).reached.limit?.0);
+                    statics::apply(asked, &name, &mut solved.statics)?;
                     told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &part);
                 }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });

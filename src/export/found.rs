@@ -4,11 +4,13 @@ use super::exporter::{Exporter, Spread};
 use super::result_set::{Needs, ResultSet};
 use crate::base::output::Kind;
 use crate::deform::ControlPose;
+use crate::deform::pose_file::PointForce;
+use crate::scene::LoadValue;
 use std::fmt::Write;
 
 const HEADING: &str = "# Poses as `greenstage deform` found them";
 
-/// Every pose, all control elements held where they were found.
+/// Every pose, all control elements held where they were found, under the loads that it was found with.
 pub const POSES: Exporter = Exporter {
     suffix: ".poses.toml",
     kind: Kind { name: "poses found by `deform`", recognizes: |head| head.starts_with(HEADING.as_bytes()) },
@@ -26,6 +28,14 @@ fn poses(set: &ResultSet) -> Vec<u8> {
             write!(text, "\n[[pose]]\nname = {}\nbody = {}\n", text_of(&result.pose), text_of(&result.body));
         if let Some(after) = &result.told.after {
             let _ = writeln!(text, "after = {}", text_of(after));
+        }
+        for (name, value) in &result.told.loads.written {
+            let _ = writeln!(text, "load.{} = {}", text_of(name), numbers(value));
+        }
+        let forces = result.told.loads.forces.iter().map(force);
+        let forces: Vec<String> = forces.collect();
+        if !forces.is_empty() {
+            let _ = writeln!(text, "force = [{}]", forces.join(", "));
         }
         for (name, pose) in result.told.names.iter().zip(&result.told.control) {
             if *pose != ControlPose::REST {
@@ -48,6 +58,18 @@ fn poses(set: &ResultSet) -> Vec<u8> {
         }
     }
     text.into_bytes()
+}
+
+fn numbers(value: &LoadValue) -> String {
+    match value {
+        LoadValue::One(value) => format!("{value:?}"),
+        LoadValue::Three(values) => format!("{values:?}"),
+    }
+}
+
+fn force(PointForce { at, node, force }: &PointForce) -> String {
+    let at = at.map(|at| format!("at = {at:?}")).or(node.map(|node| format!("node = {node}")));
+    format!("{{ {}, force = {force:?} }}", at.unwrap_or_default())
 }
 
 #[cfg(test)]

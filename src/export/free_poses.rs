@@ -138,19 +138,34 @@ const TRIALS: usize = 12;
 /// A state on the way: the poses, and what part of a limit it reaches.
 type At = (ControlPoses, f64);
 
-/// The first share of the way at which a limit is reached: near rest stress grows as the way does, and from there the limit
-/// is approached.
-fn approach(near: f64, mut at: impl FnMut(f64) -> Option<At>) -> Option<(f64, ControlPoses)> {
-    let mut share = 1e-4;
+/// The first share of the way at which a limit is reached, 0 where the loads alone, which act from the beginning, pass it: near
+/// rest stress grows as the way does, and from there the limit is approached, between shares on either side of it.
+fn approach(
+    near: f64,
+    is_loaded: bool,
+    mut at: impl FnMut(f64) -> Option<At>,
+) -> Option<(f64, ControlPoses)> {
+    let mut by_loads = 0.0;
+    if is_loaded {
+        let (poses, part) = at(0.0)?;
+        if part >= 1.0 {
+            return Some((0.0, poses));
+        }
+        by_loads = part;
+    }
+    let (mut share, mut below, mut beyond) = (1e-4, 0.0, 1.0);
     for _ in 0..TRIALS {
         let (poses, part) = at(share)?;
         if (part - 1.0).abs() < near {
             return Some((share, poses));
         }
-        share = (share / part).min(1.0);
-        if !(share.is_finite() && share > 0.0) {
-            return None;
+        if part < 1.0 {
+            below = share;
+        } else {
+            beyond = share;
         }
+        let next = share * (1.0 - by_loads) / (part - by_loads);
+        share = if next > below && next < beyond { next } else { 0.5 * (below + beyond) };
     }
     None
 }
@@ -169,15 +184,14 @@ pub(super) fn first_yield(
     let (linear, length) = (is_linear(body), size_of(deformer));
     let way = |share: f64| way(&asked.given, None, linear, share);
     let mut search = (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
-    let (share, control) = approach(NEAR[0], |share| {
+    let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         deformer.forget();
         let poses = match &mut search {
             Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
             None => way(share),
         };
         deformer.evaluate(&poses);
-        let u: Vec<_> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
-        Some((poses, stressed.reached(&stressed.at_nodes(&u)).limit?.0))
+        Some((poses, stressed.reached(&stressed.of(deformer)).limit?.0))
     })?;
     let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
     let known = expected.zip(wrenches.as_ref());
@@ -200,7 +214,7 @@ pub(super) fn first_yield_of(
     let mut search =
         (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, is_linear(body), &way));
     let mut wrenches = None;
-    let (share, control) = approach(NEAR[1], |share| {
+    let (share, control) = approach(NEAR[1], !asked.loads.is_none(), |share| {
         let poses = match &mut search {
             Some(search) => {
                 let mut of = |poses: &[ControlPose]| {
@@ -225,7 +239,7 @@ pub(super) fn first_yield_linear(
     of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, f64)>,
 ) -> Option<FirstYield> {
     let mut wrenches = None;
-    let (share, control) = approach(NEAR[0], |share| {
+    let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         let control = way(&asked.control, None, true, share);
         let (found, part) = of(&Asked { control: control.clone(), ..asked.clone() })?;
         wrenches = found;

@@ -204,6 +204,9 @@ fn stress(result: &PoseResult) -> Vec<String> {
                 "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
             );
         }
+        (None, Some((part, _))) if !result.told.loads.is_none() => {
+            lines.push(format!("no yield: {} of the limit is reached", percent(part)));
+        }
         (None, Some((part, _))) if part > 0.0 => {
             lines.push(format!("no yield: the limit lies at about {:.1} times this pose", 1.0 / part));
         }
@@ -217,6 +220,10 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
     let moved = (0..first.control.len())
         .max_by(|&a, &b| size_of(&first.control[a]).total_cmp(&size_of(&first.control[b])))
         .unwrap_or(0);
+    if first.share == 0.0 {
+        return "elastic only: the loads alone pass the limit, before anything is moved; what is beyond is not real"
+            .to_owned();
+    }
     let (pose, name) = (&first.control[moved], result.told.names.get(moved).map_or("", String::as_str));
     let way = match pose.translation.norm() {
         0.0 => format!("{name} turned by {:.2}°", nearest_turn(&pose.matrix).angle().to_degrees()),

@@ -52,6 +52,7 @@ pub fn solve(
     for (i, pose) in poses.iter().enumerate() {
         let started = Instant::now();
         let place = format!("pose \"{}\": body.{name}", pose.asked.pose);
+        apply(pose.asked, name, &mut statics)?;
         let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
         let body = &scene.body[name];
         let at =
@@ -108,6 +109,13 @@ pub fn solve(
         notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
     }
     Ok(Solved { statics, settled, control, table })
+}
+
+/// The loads of the pose act from now on.
+pub fn apply(asked: &Asked<'_>, name: &str, statics: &mut Statics) -> Result<(), Failure> {
+    let wrong = |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+    let forces = asked.loads.on_mesh(statics).map_err(wrong)?;
+    statics.apply(&forces).map_err(failure)
 }
 
 /// The poses of the control elements, those that are free found by solving the body on the way; without effect on what is held.

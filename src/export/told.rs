@@ -1,6 +1,7 @@
 //! What `deform` tells of a pose beside its numbers: where the control elements ended, how sure the forces are, where
 //! the material first yields.
 
+use crate::deform::pose_file::PoseLoads;
 use crate::deform::{ControlPoses, Freedom, Wrench};
 use crate::world::WrenchError;
 use nalgebra::Vector3;
@@ -18,9 +19,11 @@ pub struct Told {
     pub control: ControlPoses,
     /// In what they are free; empty where all are held.
     pub freedom: Vec<Freedom>,
+    /// What acted beside them.
+    pub loads: PoseLoads,
     /// By how much forces may be wrong, or why that is not known.
     pub error: Sureness,
-    /// Where a limit is passed, and the pose goes on from rest.
+    /// Where a limit is passed, and the pose goes on from rest; the loads act in full from the beginning.
     pub first_yield: Option<FirstYield>,
     /// Name of the pose that it goes on from.
     pub after: Option<String>,

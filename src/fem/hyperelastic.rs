@@ -37,6 +37,8 @@ const NEARLY_INCOMPRESSIBLE: f64 = 9.0;
 #[derive(Debug)]
 pub struct Hyperelastic {
     pub law: &'static Law,
+    /// By how much the body is longer where nothing strains it than the mesh at rest: warmth.
+    free_stretch: f64,
     pub points: StrainPoints,
     pattern: Pattern,
 }
@@ -51,7 +53,21 @@ impl Hyperelastic {
     ) -> Result<Hyperelastic, AssemblyError> {
         let points = element.points(mesh, lame)?;
         let pattern = Pattern::of(mesh.nodes.len(), &sets(&points, &[], &[]));
-        Ok(Hyperelastic { law, points, pattern })
+        Ok(Hyperelastic { law, free_stretch: 1.0, points, pattern })
+    }
+
+    /// The same body where its natural shape is the mesh stretched by `free_stretch` to all sides; displacements are still those
+    /// from the mesh. F is then I + H over that stretch, and all volumes are those of the natural shape.
+    pub fn stretched(
+        element: &Element,
+        law: &'static Law,
+        mesh: &TetMesh,
+        lame: &[Lame],
+        free_stretch: f64,
+    ) -> Result<Hyperelastic, AssemblyError> {
+        let mut natural = mesh.clone();
+        natural.nodes.iter_mut().for_each(|x| *x *= free_stretch);
+        Ok(Hyperelastic { free_stretch, ..Hyperelastic::new(element, law, &natural, lame)? })
     }
 
     /// Whether λ is so large beside μ that Newton's iteration wants the pressures apart.
@@ -61,7 +77,12 @@ impl Hyperelastic {
 
     /// H at every point under the displacements `u`, one column over the nodes.
     pub fn gradients(&self, u: &NodeFields) -> Vec<Matrix3<f64>> {
-        self.points.displacement_gradients(u)
+        let mut gradients = self.points.displacement_gradients(u);
+        if self.free_stretch != 1.0 {
+            let more = Matrix3::from_diagonal_element(1.0 / self.free_stretch - 1.0);
+            gradients.iter_mut().for_each(|h| *h += more);
+        }
+        gradients
     }
 
     /// The energy W, J.
@@ -142,7 +163,7 @@ impl Hyperelastic {
         let after = |(h, change): (&Matrix3<f64>, &Matrix3<f64>)| {
             (self.law.dilatation)(h) + (self.law.dilatation_slope)(h).dot(change)
         };
-        let changes = self.gradients(d);
+        let changes = self.points.displacement_gradients(d);
         let dilatations: Vec<f64> =
             gradients.par_iter().zip(&changes).with_min_len(1024).map(after).collect();
         let mut pressures = self.of_means(|| dilatations.clone());

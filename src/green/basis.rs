@@ -137,7 +137,10 @@ pub fn solve_prepared(
         Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
     for entry in families {
         if let Some(compute) = entry.compute {
+            let started = Instant::now();
             compute(&assembled, &mut solution, progress)?;
+            let took = started.elapsed().as_secs_f64();
+            solution.times.families_s.insert(entry.family.name.to_owned(), took);
         }
     }
     if columns > 0 {

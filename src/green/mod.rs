@@ -40,7 +40,7 @@ pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
     PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
-    TORQUES, UPDATES, VOLUME, Volume, Yield, compliance_size,
+    TORQUES, UPDATES, VOLUME, Volume, Yield, compliance_size, nodal_forces,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

@@ -2,7 +2,7 @@
 
 use super::control::ControlElement;
 use super::file::LoadMeta;
-use super::requirements::Requirements;
+use super::requirements::{Family, Requirements};
 use super::rigid::RigidMotion;
 use super::tensor::Tensor;
 use crate::base::columns::Storage;
@@ -14,14 +14,19 @@ use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
 /// Wall time of the steps outside the solver, s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StepTimes {
     pub mesh_s: f64,
     pub assembly_s: f64,
-    /// Of the handle stiffness, and of the families of the models that have some of their own.
-    pub stiffness_s: f64,
-    /// Of the family `cubic`.
-    pub cubic_s: f64,
+    /// Of each family that is made from the solved fields, by its name; of some of it in the solver.
+    pub families_s: BTreeMap<String, f64>,
+}
+
+impl StepTimes {
+    /// Of a family; 0 where it was not made.
+    pub fn of(&self, family: Family) -> f64 {
+        self.families_s.get(family.name).copied().unwrap_or(0.0)
+    }
 }
 
 /// The full f64 solution of one body: every basis field over every node.
@@ -57,8 +62,7 @@ impl Solution {
         let conditioning = stats.conditioning.map_or(0.0, |conditioning| conditioning.seconds);
         times.mesh_s
             + times.assembly_s
-            + times.stiffness_s
-            + times.cubic_s
+            + times.families_s.values().sum::<f64>()
             + stats.ordering_s
             + stats.symbolic_s
             + stats.factor_s

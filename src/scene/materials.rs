@@ -1,14 +1,6 @@
-//! A small library of materials, and the two ways in which a scene names one.
-//!
-//! In: `material = "liver"`, `material = { name = "rubber", young = 2e6 }`, or the numbers themselves. Out: the numbers,
-//! which everything else uses, and the library's entry that they started from.
+//! A small library of materials, by name.
 
-use super::limit::Limit;
 use crate::config::unknown_name;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
-use std::fmt;
 
 /// A material of the library: isotropic, for small strains.
 #[derive(Debug, PartialEq)]
@@ -127,50 +119,6 @@ pub fn implausible_young(young: f64) -> Option<String> {
     GIGAPASCALS.contains(&young).then(|| {
         format!("Young's modulus {young} Pa is softer than any tissue: did you mean {young}e9 (GPa)? Steel has 210e9 Pa")
     })
-}
-
-/// A material as a scene writes it: what is left out comes from the library's entry.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Written {
-    pub name: Option<String>,
-    pub young: Option<f64>,
-    pub poisson: Option<f64>,
-    pub density: Option<f64>,
-    pub limit: Option<Limit>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Table {
-    name: Option<String>,
-    young: Option<f64>,
-    poisson: Option<f64>,
-    density: Option<f64>,
-    limit: Option<Limit>,
-}
-
-impl<'de> Deserialize<'de> for Written {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Written, D::Error> {
-        struct NameOrTable;
-        impl<'de> Visitor<'de> for NameOrTable {
-            type Value = Written;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a table, or a name of `greenstage manual materials`")
-            }
-
-            fn visit_str<E: Error>(self, name: &str) -> Result<Written, E> {
-                Ok(Written { name: Some(name.to_owned()), ..Written::default() })
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Written, A::Error> {
-                let Table { name, young, poisson, density, limit } =
-                    Table::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(Written { name, young, poisson, density, limit })
-            }
-        }
-        deserializer.deserialize_any(NameOrTable)
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What is released and changed of a body while it is shown, and the body as it was precomputed.
 
 use super::updates::Updates;
-use super::{Body, Scene, SceneError};
+use super::{Body, Scene};
 use crate::config::unknown_name;
 
 impl Body {
@@ -70,6 +70,33 @@ impl Body {
         body
     }
 
+    /// Errors name the key below `updates` and what is wrong with it.
+    pub(super) fn check_updates(&self) -> Result<(), (String, String)> {
+        let Some(updates) = &self.updates else { return Ok(()) };
+        if updates.release.is_empty() && updates.modulus.is_empty() {
+            let message =
+                "name what may be changed: release = [\"a control element\"], modulus = [\"a region\"]";
+            return Err((String::new(), message.to_owned()));
+        }
+        let known = |kind: &str, list: &str, names: &[String], all: &[&str]| {
+            for (i, name) in names.iter().enumerate() {
+                if !all.contains(&name.as_str()) {
+                    return Err((format!(".{list}"), unknown_name(kind, name, all.iter().copied())));
+                }
+                if names[..i].contains(name) {
+                    return Err((format!(".{list}"), format!("\"{name}\" stands there twice")));
+                }
+            }
+            Ok(())
+        };
+        let controls: Vec<&str> = self.control.keys().map(String::as_str).chain(updates.loose()).collect();
+        let regions: Vec<&str> = self.region.keys().map(String::as_str).collect();
+        let release: Vec<&str> = updates.release.iter().map(String::as_str).collect();
+        known("control element", "release", &updates.release, &controls)?;
+        known("region", "modulus", &updates.modulus, &regions)?;
+        known("control element of release", "released", &updates.released, &release)
+    }
+
     fn as_prepared(&self) -> Body {
         let mut body = self.as_written();
         let young = self.updates.iter().flat_map(|updates| &updates.young);
@@ -89,41 +116,12 @@ impl Scene {
         scene.body.values_mut().for_each(|body| *body = body.as_prepared());
         scene
     }
-
-    pub(super) fn check_updates(&self, entity: &str, body: &Body) -> Result<(), SceneError> {
-        let Some(updates) = &body.updates else { return Ok(()) };
-        let entity = format!("{entity}.updates");
-        if updates.release.is_empty() && updates.modulus.is_empty() {
-            let message =
-                "name what may be changed: release = [\"a control element\"], modulus = [\"a region\"]";
-            return Err(self.invalid(&entity, message));
-        }
-        let known = |kind: &str, list: &str, names: &[String], all: &[&str]| {
-            for (i, name) in names.iter().enumerate() {
-                if !all.contains(&name.as_str()) {
-                    let message = unknown_name(kind, name, all.iter().copied());
-                    return Err(self.invalid(&format!("{entity}.{list}"), message));
-                }
-                if names[..i].contains(name) {
-                    return Err(
-                        self.invalid(&format!("{entity}.{list}"), format!("\"{name}\" stands there twice"))
-                    );
-                }
-            }
-            Ok(())
-        };
-        let controls: Vec<&str> = body.control.keys().map(String::as_str).chain(updates.loose()).collect();
-        let regions: Vec<&str> = body.region.keys().map(String::as_str).collect();
-        let release: Vec<&str> = updates.release.iter().map(String::as_str).collect();
-        known("control element", "release", &updates.release, &controls)?;
-        known("region", "modulus", &updates.modulus, &regions)?;
-        known("control element of release", "released", &updates.released, &release)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::SceneError;
     use std::path::Path;
 
     fn scene(updates: &str) -> Result<Scene, SceneError> {

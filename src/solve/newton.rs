@@ -39,6 +39,9 @@ pub struct Newton<'a> {
     pub partition: &'a Partition,
     /// For K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
+    /// Forces at a share of the way that keep their directions, one column over all nodes, N; `None` where nothing acts but
+    /// what holds the controlled nodes.
+    pub loads: Option<&'a dyn Fn(f64) -> NodeFields>,
 }
 
 /// A state in equilibrium.
@@ -48,7 +51,7 @@ pub struct Equilibrium {
     pub u: NodeFields,
     /// Strain energy, J.
     pub energy: f64,
-    /// f over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
+    /// f less the loads over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
     pub forces: NodeFields,
     /// F - I at every point of the elements.
     pub gradients: Vec<Matrix3<f64>>,
@@ -135,7 +138,7 @@ impl Newton<'_> {
             // The last steps share what is left, so that none is a sliver.
             let target = if 1.0 - share <= step * (1.0 + 1e-9) { 1.0 } else { share + step };
             let before = counts.factorizations;
-            match self.step(&u, target, path, &mut counts) {
+            match self.step(&u, [share, target], path, &mut counts) {
                 Ok(found) => {
                     if trail.len() == KEPT {
                         trail.remove(0);
@@ -157,13 +160,13 @@ impl Newton<'_> {
                     counts.halved += 1;
                     if step < SHORTEST_STEP {
                         let stability = self.stability(&u, share, &trail, path).ok().map(Box::new);
-                        let at = Box::new(self.judge(u, counts));
+                        let at = Box::new(self.judge(u, share, counts));
                         return Err(NewtonError::Stopped { at, share, why, stability });
                     }
                 }
             }
         }
-        Ok(self.judge(u, counts))
+        Ok(self.judge(u, 1.0, counts))
     }
 
     /// How stable the equilibrium `u` at `share` of the path is, beside that at rest and an earlier one of `trail`.
@@ -199,32 +202,51 @@ impl Newton<'_> {
         Ok(stability)
     }
 
-    /// One load step: from the equilibrium `u` to that with the controlled nodes where `path` has them at `target`.
+    /// One load step: from the equilibrium `u` at a share of the way to that with the controlled nodes where `path` has them at
+    /// `target`.
     fn step(
         &self,
         u: &NodeFields,
-        target: f64,
+        [share, target]: [f64; 2],
         path: &dyn Fn(f64, &mut NodeFields),
         counts: &mut Counts,
     ) -> Result<NodeFields, IterationEnd> {
         let mut moved = u.clone();
         path(target, &mut moved);
-        let Some(solver) = self.solver.filter(|_| moved != *u) else { return Ok(moved) };
-        let size = largest(u).max(largest(&moved));
+        let is_idle = moved == *u && self.loads.is_none();
+        let Some(solver) = self.solver.filter(|_| !is_idle) else { return Ok(moved) };
 
-        // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
+        // The prediction keeps the free nodes in balance to first order: A d = Δloads - B Δb.
         let moved_by = sum(&moved, -1.0, u);
         let k = self.body.tangent(&self.body.gradients(u));
-        let d = self.solve(solver, &k, &self.partition.minus_b_times(&k, &moved_by), counts)?;
+        let mut rhs = self.partition.minus_b_times(&k, &moved_by);
+        let loads = self.loads.map(|loads| loads(target));
+        if let Some((loads, before)) = loads.as_ref().zip(self.loads) {
+            rhs = sum(&rhs, 1.0, &sum(loads, -1.0, &before(share)).at(&self.partition.free));
+        }
+        let loads = loads.as_ref();
+        let d = self.solve(solver, &k, &rhs, counts)?;
         let predicted = sum(&moved, 1.0, &d);
+        let size = largest(u).max(largest(if loads.is_some() { &predicted } else { &moved }));
         if self.body.is_nearly_incompressible() {
-            match self.iterate_mixed(solver, u, predicted.clone(), size, counts) {
+            match self.iterate_mixed(solver, u, predicted.clone(), (size, loads), counts) {
                 // From the same prediction, downhill.
                 Err(IterationEnd::Setback(_)) => {}
                 done => return done,
             }
         }
-        self.iterate(solver, predicted, size, counts)
+        self.iterate(solver, predicted, (size, loads), counts)
+    }
+
+    /// Loads less f at the free nodes.
+    fn downhill(&self, gradients: &[Matrix3<f64>], loads: Option<&NodeFields>) -> NodeFields {
+        let free = &self.partition.free;
+        let mut downhill = self.body.forces(gradients).at(free);
+        downhill.data.iter_mut().for_each(|value| *value = -*value);
+        match loads {
+            Some(loads) => sum(&downhill, 1.0, &loads.at(free)),
+            None => downhill,
+        }
     }
 
     /// Newton's iteration from the equilibrium `before` by way of `u`, with the pressures as unknowns of their own that
@@ -237,15 +259,14 @@ impl Newton<'_> {
         solver: &dyn LinearSolver,
         before: &NodeFields,
         mut u: NodeFields,
-        size: f64,
+        (size, loads): (f64, Option<&NodeFields>),
         counts: &mut Counts,
     ) -> Result<NodeFields, IterationEnd> {
         counts.moves.clear();
         let mut pressures = self.body.pressures_after(&self.body.gradients(before), &sum(&u, -1.0, before));
         for _ in 0..MAX_MIXED {
             let gradients = self.body.gradients(&u);
-            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
-            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let downhill = self.downhill(&gradients, loads);
             let k = self.body.tangent_with(&gradients, &pressures);
             let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
@@ -258,19 +279,18 @@ impl Newton<'_> {
         Err(IterationEnd::Setback(Setback::Slow))
     }
 
-    /// Newton's iteration at fixed controlled nodes, for displacements of about `size`, m.
+    /// Newton's iteration at fixed controlled nodes under `loads`, for displacements of about `size`, m.
     fn iterate(
         &self,
         solver: &dyn LinearSolver,
         mut u: NodeFields,
-        size: f64,
+        (size, loads): (f64, Option<&NodeFields>),
         counts: &mut Counts,
     ) -> Result<NodeFields, IterationEnd> {
         counts.moves.clear();
         for _ in 0..MAX_ITERATIONS {
             let gradients = self.body.gradients(&u);
-            let mut downhill = self.body.forces(&gradients).at(&self.partition.free);
-            downhill.data.iter_mut().for_each(|value| *value = -*value);
+            let downhill = self.downhill(&gradients, loads);
             let k = self.body.tangent(&gradients);
             let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
@@ -278,7 +298,7 @@ impl Newton<'_> {
                 return Ok(sum(&u, 1.0, &d));
             }
             let slope = -downhill.dots(&d.at(&self.partition.free))[0];
-            u = self.search(&u, &d, &gradients, slope)?;
+            u = self.search(&u, &d, (&gradients, loads), slope)?;
         }
         Err(IterationEnd::Setback(Setback::Slow))
     }
@@ -288,14 +308,16 @@ impl Newton<'_> {
         &self,
         u: &NodeFields,
         d: &NodeFields,
-        gradients: &[Matrix3<f64>],
+        (gradients, loads): (&[Matrix3<f64>], Option<&NodeFields>),
         slope: f64,
     ) -> Result<NodeFields, IterationEnd> {
-        let energy = self.body.energy(gradients);
-        let rounding = SUM_ROUNDING * energy.abs() + self.body.energy_rounding(gradients);
+        let work = |u: &NodeFields| loads.map_or(0.0, |loads| loads.dots(u)[0]);
+        let (stored, done) = (self.body.energy(gradients), work(u));
+        let energy = stored - done;
+        let rounding = SUM_ROUNDING * (stored.abs() + done.abs()) + self.body.energy_rounding(gradients);
         let tried = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
             let tried = sum(u, alpha, d);
-            let found = self.body.energy(&self.body.gradients(&tried));
+            let found = self.body.energy(&self.body.gradients(&tried)) - work(&tried);
             let falls = found <= energy + rounding + DECREASE * alpha * slope;
             falls.then_some(tried)
         });
@@ -318,9 +340,12 @@ impl Newton<'_> {
         Ok(d)
     }
 
-    fn judge(&self, u: NodeFields, counts: Counts) -> Equilibrium {
+    fn judge(&self, u: NodeFields, share: f64, counts: Counts) -> Equilibrium {
         let gradients = self.body.gradients(&u);
-        let forces = self.body.forces(&gradients);
+        let mut forces = self.body.forces(&gradients);
+        if let Some(loads) = self.loads {
+            forces = sum(&forces, -1.0, &loads(share));
+        }
         let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
         let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
         let residual = if held == 0.0 { 0.0 } else { left / held };

@@ -48,7 +48,7 @@ impl Shape {
             law: hooke_at_free_face,
         };
         let u: Vec<Vector3<f64>> = all.map(|i| u(&self.place(i))).collect();
-        SurfaceStress::new(&parts).at_nodes(&u, |at| at.von_mises)
+        SurfaceStress::new(&parts).at_nodes(&u, 1.0, |at| at.von_mises)
     }
 }
 
@@ -210,7 +210,7 @@ fn large_strain_has_the_stress_of_its_law() {
         // P is the force on the area at rest; σ on that which is left.
         let nominal = (law.stress)(&gradient, lame)[(0, 0)];
         let expected = nominal / (1.0 + across).powi(2);
-        for at in SurfaceStress::new(&parts).at_nodes(&u, |at| at.strain).into_iter().flatten() {
+        for at in SurfaceStress::new(&parts).at_nodes(&u, 1.0, |at| at.strain).into_iter().flatten() {
             assert!((at.von_mises / expected - 1.0).abs() < 1e-3, "{}: {at:?}, {expected}", law.name);
             assert!((at.strain - 0.2).abs() < 1e-6, "{}: {at:?}", law.name);
         }

@@ -6,23 +6,30 @@
 //! of length. Linear elements are compared with quadratic ones on the same mesh, of which they are a part, and which do not
 //! lock; to refine the mesh instead would not tell of locking (in a beam at ν = 0.4999 by 3 % of an error of 60 %). Quadratic
 //! ones are compared with themselves in tetrahedra of half the size, and their error is taken to be of the order 1.5 in it,
-//! for stresses are singular at the edges of held parts.
+//! for stresses are singular at the edges of held parts. What the loads of the scene do to the resting body is compared too, and
+//! the larger of the differences is told.
 
 use crate::deform::MeshErrors;
+use crate::deform::pose_file::PoseLoads;
 use crate::fem::TET10;
-use crate::green::{self, ControlElement, FIELDS, GreenError, Prepared, Requirements, STIFFNESS, Solution};
+use crate::green::{
+    self, ControlElement, FIELDS, GreenError, LOAD_FIELDS, LOADS, Prepared, REACTION, Requirements,
+    STIFFNESS, Solution,
+};
 use crate::mesh::quadratic::{Curve, quadratic, straight};
 use crate::mesh::refine::refine;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Generate, Scene};
 use crate::solve::Silent;
-use nalgebra::{DMatrix, Matrix3x2, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3};
 
 /// A better solution of a body, with its control elements on the same parts of it.
 pub struct BetterBody {
     solution: Solution,
     /// Whether its tetrahedra are of half the size.
     is_cut: bool,
+    /// What each column of the body's loads comes to.
+    loads: Vec<f64>,
 }
 
 impl BetterBody {
@@ -61,9 +68,11 @@ impl BetterBody {
         };
         let controls = controls.iter().enumerate().map(control).collect();
         let prepared = Prepared { mesh, controls, lame, findings: Vec::new() };
-        let required = Requirements::of(&[STIFFNESS]);
+        let loads = PoseLoads::of_scene(&scene.body[name]).coefficients;
+        let families = if loads.is_empty() { vec![STIFFNESS] } else { vec![STIFFNESS, LOADS] };
+        let required = Requirements::of(&families);
         let solution = green::solve_prepared(&scene, name, prepared, &required, &Silent)?;
-        Ok(BetterBody { solution, is_cut })
+        Ok(BetterBody { solution, is_cut, loads })
     }
 
     /// What the mesh of `solution` adds to control element `e`; `None` where its rigid motions meet no resistance, or where the
@@ -78,7 +87,37 @@ impl BetterBody {
             [solution, &self.solution].map(|solution| rigid_fields(solution, e, &about, &nodes));
         let square = |u: &DMatrix<f64>| Matrix6::from_iterator((u.transpose() * u).iter().copied());
         let shape = largest_ratio(square(&(&u - &better)), square(&better))?.sqrt();
+        let [of_load, shape_of_load] = self.loads_apart(solution, e, &nodes).unwrap_or_default();
+        let (wrench, shape) = (wrench.max(of_load), shape.max(shape_of_load));
         Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)? })
+    }
+
+    /// By how much the two solutions differ in what the scene's loads do while all control elements rest: in the wrench on
+    /// control element `e`, weighed by what it would move, and in the shape. `None` without loads.
+    fn loads_apart(&self, solution: &Solution, e: usize, nodes: &[usize]) -> Option<[f64; 2]> {
+        let about = solution.controls[e].origin;
+        let lambda = DVector::from_column_slice(&self.loads);
+        let both = [solution, &self.solution]
+            .map(|of| Some((of.tables.get(REACTION)?, of.tables.get(LOAD_FIELDS)?)));
+        let [(reaction, fields), (better_reaction, better_fields)] = [both[0]?, both[1]?];
+        if [reaction, better_reaction].iter().any(|table| table.ncols() != lambda.len()) {
+            return None;
+        }
+        let wrench = |of: &Solution, reaction: &DMatrix<f64>| {
+            let own = reaction.rows(FIELDS * e, FIELDS) * &lambda;
+            rigid(&of.controls[e], &about).transpose() * own
+        };
+        let (w, better) = (wrench(solution, reaction), wrench(&self.solution, better_reaction));
+        let k = rigid_stiffness(&self.solution, e, &about)?.try_inverse()?;
+        let size = |w: &DVector<f64>| w.dot(&(k * w)).max(0.0).sqrt();
+        let of_wrench = size(&(&w - &better)) / size(&better);
+        let shape = |fields: &DMatrix<f64>| {
+            let row = |row: usize| (fields.row(3 * nodes[row / 3] + row % 3) * &lambda)[0];
+            DVector::from_fn(3 * nodes.len(), |i, _| row(i))
+        };
+        let (u, better) = (shape(fields), shape(better_fields));
+        let of_shape = (&u - &better).norm() / better.norm();
+        Some([of_wrench, of_shape].map(|part| if part.is_finite() { part } else { 0.0 }))
     }
 
     /// The error that is left when a cut takes away 1 - 2^-1.5 of it: K = (1 + d) K', and the limit is K' - d K' / (2^1.5 - 1).

@@ -1,11 +1,12 @@
 //! How far a body's model is from static equilibrium, measured on the body itself.
 //!
 //! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of `LEVELS`, all others
-//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]). It is bent in the plane in
-//! which that is easiest, where hands bend it.
+//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads that
+//! the scene has. It is bent in the plane in which that is easiest, where hands bend it.
 
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
+use crate::deform::pose_file::PoseLoads;
 use crate::deform::{Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials};
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed, Solution};
@@ -58,7 +59,7 @@ impl Measured {
     pub fn new(scene: &Scene, body: &mut Precomputed) -> Result<Measured, Failure> {
         let mut factorised = scene.clone();
         factorised.body[&body.name].solver = Solver::default();
-        let statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
+        let mut statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
         let folder = tempfile::tempdir().map_err(Failure::work)?;
         let path = folder.path().join("measured.green");
         // Sections of effects are not there yet.
@@ -69,7 +70,12 @@ impl Measured {
         written.map_err(Failure::work)?;
         let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
         let model = &scene.body[&body.name].model;
-        let deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
+        let mut deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
+        // Under the loads of the scene, as it stands there.
+        let loads = PoseLoads::of_scene(&scene.body[&body.name]);
+        deformer.apply(&loads.applied(&deformer).map_err(Failure::wrong)?);
+        let forces = loads.on_mesh(&statics).map_err(Failure::wrong)?;
+        statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
         Ok(Measured { statics, deformer, nodes })
     }

@@ -1,5 +1,6 @@
 //! The effect `ghost_equilibrium`: static equilibrium at large strain of the very pose in which the body is held, as a ghost over
-//! the body, and how far the body's model is from it, in mm.
+//! the body, and how far the body's model is from it, in mm. It has the body's loads, and what hands do to points of the surface
+//! as the forces that the model has found for them.
 //!
 //! In: the bodies of a session. Out: ghosts and plates. A thread (`solving`) solves the pose on the whole mesh once the hand
 //! rests; every number belongs to the pose that was solved, and the plate says how far the hand has moved on since. Before a
@@ -15,12 +16,14 @@ use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
-use crate::deform::{ControlPose, ControlPoses, FollowedTurn, Kind, StateAge, find_model};
+use crate::deform::{
+    AppliedLoads, ControlPose, ControlPoses, FollowedTurn, Kind, PointLoad, Pull, StateAge, find_model,
+};
 use crate::fem::{Law, STVK};
 use crate::render::Ghost;
 use crate::world::{PlacedBody, World};
 use nalgebra::Vector3;
-use solving::{Answer, Question, Solved, Solving, Subject};
+use solving::{Answer, Held, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
@@ -64,8 +67,8 @@ struct Watched {
     subject: Option<Subject>,
     solving: Option<Solving>,
     found: Option<Found>,
-    /// The pose at which the hand has rested, and since when.
-    resting: (ControlPoses, Instant),
+    /// In what the hand has rested, and since when.
+    resting: (Held, Instant),
 }
 
 /// The last answer, with the ghost of an equilibrium.
@@ -82,7 +85,7 @@ impl EquilibriumGhosts {
             let law = if let Kind::Background(law) = model.kind { law } else { &STVK };
             let tags = body.deformer.tags().to_vec();
             let subject = Subject { scene: listed.scene.clone(), body: name.to_owned(), law, tags };
-            let resting = (body.deformer.poses.clone(), Instant::now());
+            let resting = (held(body), Instant::now());
             Ok(Watched { b, law, subject: Some(subject), solving: None, found: None, resting })
         };
         Ok(EquilibriumGhosts { bodies: listed.bodies.iter().map(of).collect::<Result<_, Failure>>()? })
@@ -132,12 +135,11 @@ impl Watched {
             Some(_) => None,
         };
         if let Some(why) = refused {
-            let poses = deformer.poses.clone();
-            let answer = Answer { poses, result: Err(why.into()), seconds: 0.0 };
+            let answer = Answer { held: held(body), result: Err(why.into()), seconds: 0.0 };
             self.found = Some(Found { answer, ghost: None });
         } else if let Some(solving) = &mut self.solving {
             solving.ask(Question {
-                poses: deformer.poses.clone(),
+                held: held(body),
                 turns: turns.iter().map(|turn| turn.quaternion).collect(),
                 shown: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
             });
@@ -153,8 +155,9 @@ impl Watched {
 
     /// Whether the hand rests.
     fn rests(&mut self, body: &PlacedBody) -> bool {
-        if moved(body, &self.resting.0) > RESTING * body.ball.1 {
-            self.resting = (body.deformer.poses.clone(), Instant::now());
+        let (rested, _) = &self.resting;
+        if moved(body, &rested.poses) > RESTING * body.ball.1 || is_loaded_otherwise(body, &rested.loads) {
+            self.resting = (held(body), Instant::now());
         }
         self.resting.1.elapsed() > REST_FOR
     }
@@ -162,12 +165,12 @@ impl Watched {
     /// Whether the pose is another than that of the last answer, and its state the model's own.
     fn is_to_be_solved(&self, body: &PlacedBody) -> bool {
         let is_settled = body.deformer.age().is_none_or(|age| age == StateAge::Current);
-        is_moved(body) && is_settled && self.found.as_ref().is_none_or(|found| found.is_left(body))
+        is_held(body) && is_settled && self.found.as_ref().is_none_or(|found| found.is_left(body))
     }
 
     fn show(&self, world: &mut World) {
         let body = &world.bodies[self.b];
-        if !is_moved(body) {
+        if !is_held(body) {
             return;
         }
         let room_from_shape = body.room_from_body.to_homogeneous().cast();
@@ -216,15 +219,17 @@ impl Found {
     fn is_left(&self, body: &PlacedBody) -> bool {
         let difference = self.answer.result.as_ref().map_or(0.0, |solved| solved.largest_m);
         let bounds = [MOVED_ON[0] * body.ball.1, MOVED_ON[1] * difference];
-        moved(body, &self.answer.poses) > bounds[0].max(bounds[1])
+        moved(body, &self.answer.held.poses) > bounds[0].max(bounds[1])
+            || is_loaded_otherwise(body, &self.answer.held.loads)
     }
 
     fn lines(&self, body: &PlacedBody, law: &Law) -> Vec<Vec<(String, Tone)>> {
         let (name, model) = (&body.deformer.body, &body.model);
-        let away = moved(body, &self.answer.poses);
+        let away = moved(body, &self.answer.held.poses);
         let is_old = self.is_left(body);
         // What is a millionth of the body away is the same pose, to rounding.
         let (of, was) = match away {
+            _ if is_loaded_otherwise(body, &self.answer.held.loads) => ("under other loads".into(), "was"),
             away if is_old => (format!("of a pose {} away", quantity(away, "m")), "was"),
             away if away > 1e-6 * body.ball.1 => {
                 (format!("of this pose within {}", quantity(away, "m")), "is")
@@ -264,8 +269,44 @@ fn title(law: &Law) -> &'static str {
     }
 }
 
-fn is_moved(body: &PlacedBody) -> bool {
+/// In what the body is held now.
+fn held(body: &PlacedBody) -> Held {
+    Held { poses: body.deformer.poses.clone(), loads: body.deformer.acting() }
+}
+
+/// Whether it is anything but at rest.
+fn is_held(body: &PlacedBody) -> bool {
+    let loads = body.deformer.acting();
     body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST)
+        || !loads.points.is_empty()
+        || loads.coefficients.iter().any(|load| *load != 0.0)
+}
+
+/// Whether other loads act on the body now than `then`, by more than a hand at rest trembles.
+fn is_loaded_otherwise(body: &PlacedBody, then: &AppliedLoads) -> bool {
+    let now = body.deformer.acting();
+    let differs = |now: &[f64], then: &[f64]| {
+        let size = |values: &[f64]| values.iter().fold(0.0, |size: f64, value| size.max(value.abs()));
+        let apart: Vec<f64> = now.iter().zip(then).map(|(now, then)| now - then).collect();
+        now.len() != then.len() || size(&apart) > RESTING * size(now).max(size(then))
+    };
+    let force = |point: &PointLoad| match point.pull {
+        Pull::Force(force) => force,
+        Pull::Towards { place, .. } => place,
+    };
+    let is_elsewhere = |(now, then): (&PointLoad, &PointLoad)| {
+        now.nodes != then.nodes || differs(force(now).as_slice(), force(then).as_slice())
+    };
+    let mut at = 0;
+    let mut own = |columns: usize| {
+        at += columns;
+        at - columns..at
+    };
+    let all: Vec<_> = body.deformer.load_metas().iter().map(|meta| own(meta.columns)).collect();
+    let of = |loads: &[f64], columns: std::ops::Range<usize>| loads.get(columns).unwrap_or(&[]).to_vec();
+    all.into_iter().any(|load| differs(&of(&now.coefficients, load.clone()), &of(&then.coefficients, load)))
+        || now.points.len() != then.points.len()
+        || now.points.iter().zip(&then.points).any(is_elsewhere)
 }
 
 /// By how much a control element's surface nodes have moved at most since these poses, m.

@@ -1,10 +1,12 @@
 //! A thread that solves static equilibria of one body, one after another.
 //!
-//! In: a [`Question`], poses with the displacements that are shown of them. Out: an [`Answer`], the equilibrium of these very
-//! poses by [`Statics`], and how far the shown surface is from it. The body's mesh is loaded when the first is asked.
+//! In: a [`Question`], poses and loads with the displacements that are shown of them. Out: an [`Answer`], the equilibrium of
+//! these very poses and loads by [`Statics`], and how far the shown surface is from it. The body's mesh is loaded when the first is asked.
 
 use crate::base::progress::Progress;
-use crate::deform::{ControlPoses, EquilibriumResult, Statics, StaticsError, legs};
+use crate::deform::{
+    AppliedLoads, ControlPoses, EquilibriumResult, StaticForces, Statics, StaticsError, legs,
+};
 use crate::fem::Law;
 use crate::scene::Scene;
 use crate::solve::Solver;
@@ -24,10 +26,18 @@ pub struct Subject {
     pub tags: Vec<u64>,
 }
 
-/// Poses whose equilibrium is asked for.
+/// In what a body is held, and what acts on it beside.
+#[derive(Clone)]
+pub struct Held {
+    pub poses: ControlPoses,
+    /// All forces at points of the surface are given.
+    pub loads: AppliedLoads,
+}
+
+/// A state whose equilibrium is asked for.
 #[derive(Clone)]
 pub struct Question {
-    pub poses: ControlPoses,
+    pub held: Held,
     /// By how much each control element has turned, up to 360°.
     pub turns: Vec<UnitQuaternion<f64>>,
     /// Displacements of the surface nodes as they are shown, m.
@@ -36,7 +46,7 @@ pub struct Question {
 
 /// An equilibrium, or why there is none.
 pub struct Answer {
-    pub poses: ControlPoses,
+    pub held: Held,
     pub result: Result<Solved, String>,
     pub seconds: f64,
 }
@@ -112,12 +122,12 @@ impl Solving {
 
 fn run(subject: &Subject, questions: &Receiver<Question>, answers: &Sender<Answer>, share: &Share) {
     let mut statics: Option<Statics> = None;
-    for Question { poses, turns, shown } in questions {
+    for Question { held, turns, shown } in questions {
         let started = Instant::now();
-        let result = solved(subject, &mut statics, &poses, &turns, share);
+        let result = solved(subject, &mut statics, &held, &turns, share);
         let result = result.map(|displacement| compared(displacement, &shown));
         let seconds = started.elapsed().as_secs_f64();
-        if answers.send(Answer { poses, result, seconds }).is_err() {
+        if answers.send(Answer { held, result, seconds }).is_err() {
             return;
         }
     }
@@ -126,7 +136,7 @@ fn run(subject: &Subject, questions: &Receiver<Question>, answers: &Sender<Answe
 fn solved(
     subject: &Subject,
     statics: &mut Option<Statics>,
-    poses: &ControlPoses,
+    held: &Held,
     turns: &[UnitQuaternion<f64>],
     share: &Share,
 ) -> Result<Vec<[f64; 3]>, String> {
@@ -134,15 +144,18 @@ fn solved(
         Some(statics) => statics,
         None => statics.insert(of(subject)?),
     };
+    let number: BTreeMap<u64, u32> = (0..).zip(&statics.mesh.tags).map(|(i, tag)| (*tag, i)).collect();
+    let nodes: Option<Vec<u32>> = subject.tags.iter().map(|tag| number.get(tag).copied()).collect();
+    let nodes = nodes.ok_or("the mesh has changed since the body was precomputed")?;
+    let forces = StaticForces::of(&held.loads, |node| nodes.get(node as usize).copied());
+    let forces = forces.ok_or("a point of the surface is held whose force is not known")?;
+    statics.apply(&forces).map_err(|error| error.to_string())?;
     let EquilibriumResult { displacement, inverted, .. } =
-        statics.solve_turned(poses, turns, share).map_err(|error| reason(&error))?;
+        statics.solve_turned(&held.poses, turns, share).map_err(|error| reason(&error))?;
     if !inverted.is_empty() {
         return Err(format!("{} tetrahedra turn inside out", inverted.len()));
     }
-    let number: BTreeMap<u64, usize> = (0..).zip(&statics.mesh.tags).map(|(i, tag)| (*tag, i)).collect();
-    let of = |tag: &u64| number.get(tag).map(|i| displacement[*i].into());
-    let found: Option<Vec<[f64; 3]>> = subject.tags.iter().map(of).collect();
-    found.ok_or_else(|| "the mesh has changed since the body was precomputed".into())
+    Ok(nodes.into_iter().map(|node| displacement[node as usize].into()).collect())
 }
 
 /// The scene's body under the law, factorised whatever the scene's own solver is.

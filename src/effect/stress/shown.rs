@@ -12,7 +12,6 @@ use crate::effect::running::RunningEffect;
 use crate::render::field_code;
 use crate::scene::{LegendSettings, Quantity};
 use crate::world::{PlacedBody, SurfacePoint, World};
-use nalgebra::Vector3;
 
 /// Joins a new world; the bodies that list it are coloured from their first picture on.
 pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
@@ -119,8 +118,7 @@ impl ShownBody {
             return false;
         }
         let deformer = &body.deformer;
-        let u: Vec<Vector3<f64>> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
-        self.nodes = self.stressed.at_nodes(&u);
+        self.nodes = self.stressed.of(deformer);
         self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
         self.now = self.stressed.reached(&self.nodes);
         let part = |reached: &Reached| reached.limit.map_or(0.0, |(part, _)| part);

@@ -26,7 +26,6 @@ use crate::solve::{Factor, InverseStrip, Progress, SolveError};
 use nalgebra::DMatrix;
 use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
-use std::time::Instant;
 
 pub const COMPLIANCE: Family = Family { name: "compliance", from: &[AFFINE] };
 
@@ -115,7 +114,6 @@ fn compute(
     let (Some(asked), Some(factor)) = (&assembled.body.surface_compliance, assembled.factor) else {
         return Ok(());
     };
-    let started = Instant::now();
     let Solution { mesh, surface, .. } = &*solution;
     let free = &assembled.partition.free;
     let (order, n) = order(mesh, surface, free, asked).map_err(|message| {
@@ -134,7 +132,6 @@ fn compute(
     solve(factor, &unknowns, layout, &mut bytes, progress)
         .map_err(|source| GreenError::Solve { body: assembled.place.to_owned(), source })?;
     solution.compliance = Some(SurfaceInverse { nodes: n, order, bytes });
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
 }
 

@@ -14,7 +14,6 @@ use super::table;
 use crate::fem::cubic_energy;
 use crate::solve::Progress;
 use nalgebra::DMatrix;
-use std::time::Instant;
 
 pub const CUBIC: Family = Family { name: "cubic", from: &[AFFINE] };
 
@@ -41,12 +40,10 @@ fn compute(
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
     progress.begin("cubic energy", 0);
-    let started = Instant::now();
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let Solution { element, mesh, fields, .. } = &*solution;
     let theta = cubic_energy(element, mesh, assembled.lame, fields).map_err(unfit)?;
     solution.tables.insert(CUBIC.name, DMatrix::from_vec(theta.len(), 1, theta));
-    solution.times.cubic_s += started.elapsed().as_secs_f64();
     progress.end();
     Ok(())
 }

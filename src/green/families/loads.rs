@@ -25,10 +25,9 @@ use super::table;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use crate::fem::{Area, NodeFields, body_force, expansion, traction};
 use crate::mesh::{TetMesh, outer_faces, quality};
-use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource};
+use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource, Scene};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
-use std::time::Instant;
 
 pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
 
@@ -63,11 +62,13 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let started = Instant::now();
     let mesh = &solution.mesh;
     let mut forces: Vec<Vec<V3>> = Vec::new();
     for load in assembled.body.loads() {
-        forces.extend(nodal_forces(assembled, mesh, &load)?);
+        forces.extend(match load.source {
+            LoadSource::Thermal => vec![expansion(mesh, assembled.k)],
+            _ => nodal_forces(assembled.scene, assembled.name, mesh, &load)?,
+        });
     }
     let (nodes, count) = (mesh.nodes.len(), forces.len());
     let mut f = NodeFields::zeros(nodes, count);
@@ -115,21 +116,22 @@ fn compute(
     solution.tables.insert(TORQUES, torques);
     solution.tables.insert(LOAD_FIELDS, g);
     solution.tables.insert(LOAD_FORCES, f);
-    solution.loads = load_metas(&assembled.body.loads());
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
+    solution.loads = assembled.body.loads().iter().map(LoadMeta::of).collect();
     Ok(())
 }
 
-/// A force for each node, for each of a load's columns.
-fn nodal_forces(
-    assembled: &Assembled<'_>,
+/// A force for each node, for each of a load's columns; nothing of warmth, whose forces are those of the stiffness.
+pub fn nodal_forces(
+    scene: &Scene,
+    name: &str,
     mesh: &TetMesh,
     load: &LoadEntry<'_>,
 ) -> Result<Vec<Vec<V3>>, GreenError> {
     let density = || -> Result<Vec<f64>, GreenError> {
+        let body = &scene.body[name];
         let of_material: Vec<f64> =
-            assembled.body.materials().map(|material| material.density.unwrap_or(0.0)).collect();
-        let numbers = materials_of_tets(assembled.scene, assembled.name, assembled.body, mesh)?;
+            body.materials().map(|material| material.density.unwrap_or(0.0)).collect();
+        let numbers = materials_of_tets(scene, name, body, mesh)?;
         Ok(numbers.into_iter().map(|number| of_material[number]).collect())
     };
     Ok(match load.source {
@@ -146,11 +148,9 @@ fn nodal_forces(
             };
             vec![body_force(mesh, &outward)]
         }
-        LoadSource::Thermal => vec![expansion(mesh, assembled.k)],
-        LoadSource::Pattern(pattern) => of_pattern(mesh, pattern).map_err(|message| {
-            let key = format!("body.{}.load.{}", assembled.name, load.name);
-            assembled.scene.invalid(&key, message)
-        })?,
+        LoadSource::Thermal => Vec::new(),
+        LoadSource::Pattern(pattern) => of_pattern(mesh, pattern)
+            .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?,
     })
 }
 
@@ -229,30 +229,23 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     numbers(&format!("bodies.{name}.loads"), body.loads.iter().map(|load| load.columns as f64), 3.0)
 }
 
-/// What the file says of a body's loads.
-fn load_metas(loads: &[LoadEntry<'_>]) -> Vec<LoadMeta> {
-    let meta = |load: &LoadEntry<'_>| LoadMeta {
-        name: load.name.to_owned(),
-        columns: load.source.columns(),
-        turning: match load.source {
-            LoadSource::Gravity => Turning::Fixed,
-            LoadSource::Pattern(pattern) if pattern.kind == LoadKind::Shift => Turning::Fixed,
-            LoadSource::Thermal => Turning::Inner,
-            LoadSource::Centrifugal(_) | LoadSource::Pattern(_) => Turning::Follows,
-        },
-        unit: match load.source {
-            LoadSource::Gravity => "m/s²",
-            LoadSource::Centrifugal(_) => "(rad/s)²",
-            LoadSource::Thermal => "strain",
+impl LoadMeta {
+    /// What the file says of a load.
+    pub fn of(load: &LoadEntry<'_>) -> LoadMeta {
+        let (turning, unit) = match load.source {
+            LoadSource::Gravity => (Turning::Fixed, "m/s²"),
+            LoadSource::Centrifugal(_) => (Turning::Follows, "(rad/s)²"),
+            LoadSource::Thermal => (Turning::Inner, "strain"),
             LoadSource::Pattern(pattern) => match pattern.kind {
-                LoadKind::Pressure => "Pa",
-                LoadKind::Twist => "N·m",
-                LoadKind::Stretch | LoadKind::Shift | LoadKind::Direction => "N",
+                LoadKind::Shift => (Turning::Fixed, "N"),
+                LoadKind::Stretch | LoadKind::Direction => (Turning::Follows, "N"),
+                LoadKind::Twist => (Turning::Follows, "N·m"),
+                LoadKind::Pressure => (Turning::Follows, "Pa"),
             },
-        }
-        .to_owned(),
-    };
-    loads.iter().map(meta).collect()
+        };
+        let (name, unit) = (load.name.to_owned(), unit.to_owned());
+        LoadMeta { name, columns: load.source.columns(), turning, unit }
+    }
 }
 
 impl GreenFile {

@@ -20,7 +20,7 @@ pub(super) use affine::tensors_of as affine_tensors;
 pub use compliance::{COMPLIANCE, Compliance, Yield, compliance_size};
 pub use cubic::CUBIC;
 pub(super) use loads::load_tensors;
-pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES};
+pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;

@@ -24,7 +24,6 @@ use super::table;
 use crate::fem::{NodeFields, RestPoints};
 use crate::solve::{Progress, Silent};
 use nalgebra::{DMatrix, DVector, Vector3};
-use std::time::Instant;
 
 pub const PERTURBATION: Family = Family { name: "perturbation", from: &[REDUCED] };
 
@@ -63,7 +62,6 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let started = Instant::now();
     let elements = solution.controls.len();
     if elements != 2 {
         let (body, model) = (assembled.place.to_owned(), "perturbation");
@@ -113,7 +111,6 @@ fn compute(
     });
     solution.tables.insert(SERIES, joined);
     solution.tables.insert(RADIUS, radius);
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
 }
 

@@ -23,7 +23,6 @@ use crate::base::columns::ColumnGroup;
 use crate::fem::{NodeFields, QuarticShape, RestPoints};
 use crate::solve::Progress;
 use nalgebra::DMatrix;
-use std::time::Instant;
 
 pub const REDUCED: Family = Family { name: "reduced", from: &[AFFINE] };
 
@@ -73,7 +72,6 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let started = Instant::now();
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
     if elements > MOST_ELEMENTS {
@@ -93,7 +91,6 @@ fn compute(
     solution.tables.insert(QUARTIC, DMatrix::from_vec(coefficients.len(), 1, coefficients));
     let fields = DMatrix::from_row_slice(3 * basis.nodes, basis.columns, &basis.data);
     solution.tables.insert(FIELDS_TABLE, fields);
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
 }
 

@@ -14,7 +14,6 @@ use super::table;
 use crate::fem::{NodeFields, Partition, StiffnessMatrix};
 use crate::solve::Progress;
 use nalgebra::DMatrix;
-use std::time::Instant;
 
 pub const STIFFNESS: Family = Family { name: "stiffness", from: &[AFFINE] };
 
@@ -38,7 +37,6 @@ fn compute(
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
     progress.begin("handle stiffness", 0);
-    let started = Instant::now();
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let Solution { element, mesh, fields, .. } = &*solution;
     // S_ij = a(u⁽ⁱ⁾, u⁽ʲ⁾), the strain energies of the basis fields: the generalised force on field i for a unit of field j.
@@ -47,7 +45,6 @@ fn compute(
     let s = element.energies(mesh, assembled.lame, fields).map_err(unfit)?;
     solution.asymmetry = Some(reciprocity(assembled.k, assembled.partition, fields));
     solution.tables.insert(STIFFNESS.name, s);
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     progress.end();
     Ok(())
 }

@@ -13,7 +13,6 @@ use super::affine::AFFINE;
 use super::table;
 use crate::mesh::quality;
 use crate::solve::Progress;
-use std::time::Instant;
 
 pub const SUBSTRUCTURES: Family = Family { name: "substructures", from: &[AFFINE] };
 
@@ -34,7 +33,6 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let started = Instant::now();
     let (settings, place) = (assembled.body, assembled.place.to_owned());
     let Solution { element, mesh, surface, controls, .. } = &*solution;
     let failed = |source| GreenError::Parts { body: place.clone(), source };
@@ -48,7 +46,6 @@ fn compute(
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let tables = substructure::tables(&solved, &(low + (high - low) * 0.5));
     solution.tables.extend(tables);
-    solution.times.stiffness_s += started.elapsed().as_secs_f64();
     Ok(())
 }
 

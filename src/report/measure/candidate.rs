@@ -42,11 +42,9 @@ impl Candidate {
     /// Time of the whole offline stage with these families, of those that every candidate has, s. What a model has no use for
     /// is no part of what it costs.
     pub fn offline_s(&self, needed: &Requirements) -> f64 {
-        let times = self.solution.times;
-        let spared = [(STIFFNESS, times.stiffness_s), (CUBIC, times.cubic_s)];
         let is_shared = self.models.iter().all(|model| is_common(model));
-        let spared = spared.iter().filter(|(family, _)| is_shared && !needed.has(*family));
-        self.solution.offline_s() - spared.map(|(_, seconds)| seconds).sum::<f64>()
+        let spared = [STIFFNESS, CUBIC].into_iter().filter(|family| is_shared && !needed.has(*family));
+        self.solution.offline_s() - spared.map(|family| self.solution.times.of(family)).sum::<f64>()
     }
 
     /// The solver's estimate; finite.

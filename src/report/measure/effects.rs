@@ -58,7 +58,7 @@ fn run(
     folder: &Path,
 ) -> Result<[f64; 4], GreenError> {
     let solution = green::solve(scene, body, &requirements, &Silent)?;
-    let stiffness_s = solution.times.stiffness_s + solution.times.cubic_s;
+    let stiffness_s: f64 = solution.times.families_s.values().sum();
     let mut precomputed = Precomputed {
         name: body.to_owned(),
         fingerprint: String::new(),

@@ -54,7 +54,7 @@ pub fn write(candidate: &Candidate) -> Option<Vec<u8>> {
             .collect(),
         asymmetry: candidate.solution.asymmetry,
         rigid: candidate.solution.rigid,
-        times: candidate.solution.times,
+        times: candidate.solution.times.clone(),
         matrix_entries: candidate.solution.matrix_entries,
         is_without_unknowns: stats.method.name == NO_UNKNOWNS.name,
         unknowns: stats.unknowns,

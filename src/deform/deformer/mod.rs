@@ -3,27 +3,27 @@
 //! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to
 //! date, and what is asked of the others is summed for the one who asks.
 
+mod loads;
+mod surface;
+
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
-use super::loads::{self, AppliedLoads, Loaded, SharedLoads, carries_loads, refusal};
+use super::loads::{Loaded, SharedLoads, carries_loads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, PointResult, Response,
-    StateAge,
+    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
 };
 use super::models::{find_model, make_model};
-use super::normals::{SurfaceNormals, vertex_normals};
+use super::normals::SurfaceNormals;
 use super::partial::PartialSum;
-use super::parts::{move_parts, moved, moved_exactly};
+use super::parts::{move_parts, moved};
 use super::pose::{ControlPose, ControlPoses};
-use super::superposition::{Places, SumStats, Superposition, displacement, move_by};
+use super::superposition::{Places, SumStats, Superposition, move_by};
 use crate::base::columns::ColumnGroup;
 use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
-use crate::green::{AFFINE, GreenFile, LoadMeta};
+use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
-use std::borrow::Cow;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -111,7 +111,7 @@ impl Deformer {
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
         let loads = has_loads.then(SharedLoads::default);
         if has_loads && !carries_loads(model) {
-            return Err(format!("body.{body}.model: {}", refusal(model.name)));
+            return Err(format!("body.{body}.model: {}", refusal(model)));
         }
         let frame = model.frame;
         let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
@@ -163,83 +163,6 @@ impl Deformer {
 
     pub fn triangles(&self) -> &[[u32; 3]] {
         self.file.triangles(&self.body)
-    }
-
-    /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
-    pub fn keep_sharp(&mut self, angle: f64) {
-        self.creases = Creases::of(self.triangles(), self.rest(), angle);
-        let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
-        self.surface_normals = SurfaceNormals::new(self.drawn_triangles(), drawn);
-        if self.normals.len() != drawn {
-            self.normals.resize(drawn, [0.0; 3]);
-            self.deform();
-        }
-    }
-
-    /// Nodes that are drawn more than once.
-    pub fn creases(&self) -> Option<&Creases> {
-        self.creases.as_ref()
-    }
-
-    /// The triangles as they are drawn: over the nodes, and copies of those on sharp edges.
-    pub fn drawn_triangles(&self) -> &[[u32; 3]] {
-        self.creases.as_ref().map_or_else(|| self.triangles(), |creases| &creases.triangles)
-    }
-
-    /// The loads that the file has columns for.
-    pub fn load_metas(&self) -> &[LoadMeta] {
-        self.file.meta.bodies.get(&self.body).map_or(&[], |meta| &meta.loads)
-    }
-
-    /// Nodes of the surface that take forces.
-    pub fn takes_forces(&self) -> BTreeSet<u32> {
-        let compliance = self.file.compliance(&self.body);
-        compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
-    }
-
-    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N.
-    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> f64 {
-        let Some(compliance) = self.file.compliance(&self.body) else { return f64::INFINITY };
-        let places = compliance.places();
-        let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
-        let mut sum = 0.0;
-        for (node, w) in corners() {
-            let Some(column) = places.get(node).map(|place| compliance.column(*place)) else { continue };
-            for (other, v) in corners() {
-                let block = &column[*other as usize];
-                sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;
-            }
-        }
-        sum
-    }
-
-    /// The next evaluation has these loads; false where they are as they were, or the body has none.
-    pub fn apply(&mut self, loads: &AppliedLoads) -> bool {
-        let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));
-        self.loads_changed |= changed;
-        changed
-    }
-
-    /// What the forces at single points came to.
-    pub fn point_results(&self) -> &[PointResult] {
-        self.model.point_results()
-    }
-
-    /// Something of the nodes, for all vertices that are drawn.
-    pub fn drawn<T: Copy>(&self, mut of_nodes: Vec<T>) -> Vec<T> {
-        if let Some(creases) = &self.creases {
-            creases.extend(&mut of_nodes);
-        }
-        of_nodes
-    }
-
-    /// Positions of all vertices that are drawn, as [`Deformer::positions`] of their nodes.
-    pub fn drawn_positions(&self) -> Cow<'_, [[f32; 3]]> {
-        match (&self.creases, &self.partial) {
-            (None, _) => self.positions(),
-            (Some(_), None) => Cow::Borrowed(&self.drawn),
-            (Some(_), Some(_)) => Cow::Owned(self.drawn(self.positions().into_owned())),
-        }
     }
 
     /// Mesh node tags of the surface nodes.
@@ -320,53 +243,9 @@ impl Deformer {
         self.weights.as_ref()
     }
 
-    /// From now on the CPU sums these surface nodes only, and no normals: the graphics device makes the whole surface
-    /// from the coefficients.
-    pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
-        self.partial = Some(PartialSum::new(nodes, &self.groups(), self.positions.len()));
-        for values in [&mut self.u, &mut self.positions, &mut self.normals] {
-            values.fill([f32::NAN; 3]);
-        }
-        self.deform();
-    }
-
     /// Nodes of the surface.
     pub fn node_count(&self) -> usize {
         self.positions.len()
-    }
-
-    /// Positions of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
-    /// the graphics device deforms the surface.
-    pub fn positions(&self) -> Cow<'_, [[f32; 3]]> {
-        if self.partial.is_none() {
-            return Cow::Borrowed(&self.positions);
-        }
-        let mut positions = vec![[0.0; 3]; self.positions.len()];
-        let groups = self.groups();
-        let mut sum = Superposition::new(&groups, positions.len());
-        sum.update(&groups, &self.summed.coefficients, &mut positions);
-        for (position, rest) in positions.as_flattened_mut().iter_mut().zip(self.rest().as_flattened()) {
-            *position += rest;
-        }
-        if let Some(weights) = &self.weights {
-            move_parts(weights, &self.summed.parts, &mut positions);
-        }
-        Cow::Owned(positions)
-    }
-
-    /// The same without work: NaN but for the nodes of [`Deformer::sum_only_at`] where that was called.
-    pub fn kept_positions(&self) -> &[[f32; 3]] {
-        &self.positions
-    }
-
-    /// Unit normals of all vertices that are drawn, in the frame of the positions, made as these are.
-    pub fn normals(&self) -> Cow<'_, [[f32; 3]]> {
-        if self.partial.is_none() {
-            return Cow::Borrowed(&self.normals);
-        }
-        let mut normals = vec![[0.0; 3]; self.normals.len()];
-        vertex_normals(&self.drawn_positions(), self.drawn_triangles(), &mut Vec::new(), &mut normals);
-        Cow::Owned(normals)
     }
 
     /// What brings the positions into the body's frame, of the surface as it was last summed: the motion of a single part,
@@ -457,35 +336,6 @@ impl Deformer {
         self.evaluated &= self.turns[e] == turn;
         self.turns[e] = turn;
         self.model.set_turn(e, turn.quaternion);
-    }
-
-    /// u of surface node `i`: the sum of its columns, in the surface's frame, m.
-    pub fn linear_part(&self, i: usize) -> Vector3<f64> {
-        match &self.partial {
-            None => Vector3::from(self.u[i]).cast::<f64>(),
-            Some(_) => displacement(&self.groups(), self.u.len(), i, &self.summed.coefficients),
-        }
-    }
-
-    /// u of surface node `i` but for a rigid motion of the whole body: all that strains it, m.
-    pub fn straining_part(&self, i: usize) -> Vector3<f64> {
-        match &self.weights {
-            None => self.linear_part(i),
-            Some(_) => self.displacement(i),
-        }
-    }
-
-    /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
-    pub fn displacement(&self, i: usize) -> Vector3<f64> {
-        let rest = Vector3::from(self.rest()[i]).cast::<f64>();
-        let u = self.linear_part(i);
-        if let Some(weights) = &self.weights {
-            return moved_exactly(weights.of(i), &self.summed.parts, rest + u) - rest;
-        }
-        let motion = self.body_from_surface();
-        // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
-        let turned = motion.rotation * rest - rest;
-        turned + motion.rotation * u + motion.translation.vector
     }
 
     /// Force and torque on every control element, and the strain energy, where the model has them of these poses.

@@ -1,0 +1,72 @@
+//! What acts on a body beside its control elements: loads and forces at points of its surface.
+
+use super::Deformer;
+use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
+use crate::deform::model::PointResult;
+use crate::green::{LoadMeta, Turning};
+use std::collections::BTreeSet;
+use std::sync::PoisonError;
+
+impl Deformer {
+    /// The loads that the file has columns for.
+    pub fn load_metas(&self) -> &[LoadMeta] {
+        self.file.meta.bodies.get(&self.body).map_or(&[], |meta| &meta.loads)
+    }
+
+    /// Nodes of the surface that take forces.
+    pub fn takes_forces(&self) -> BTreeSet<u32> {
+        let compliance = self.file.compliance(&self.body);
+        compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
+    }
+
+    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N.
+    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> f64 {
+        let Some(compliance) = self.file.compliance(&self.body) else { return f64::INFINITY };
+        let places = compliance.places();
+        let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        let mut sum = 0.0;
+        for (node, w) in corners() {
+            let Some(column) = places.get(node).map(|place| compliance.column(*place)) else { continue };
+            for (other, v) in corners() {
+                let block = &column[*other as usize];
+                sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;
+            }
+        }
+        sum
+    }
+
+    /// The next evaluation has these loads; false where they are as they were, or the body has none.
+    pub fn apply(&mut self, loads: &AppliedLoads) -> bool {
+        let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));
+        self.loads_changed |= changed;
+        changed
+    }
+
+    /// What the forces at single points came to.
+    pub fn point_results(&self) -> &[PointResult] {
+        self.model.point_results()
+    }
+
+    /// What was applied last.
+    fn applied(&self) -> AppliedLoads {
+        let shared = self.loads.as_ref().map(|shared| shared.lock().unwrap_or_else(PoisonError::into_inner));
+        shared.map_or_else(AppliedLoads::default, |applied| applied.clone())
+    }
+
+    /// All that acts on the body as it is now, springs and what holds points in their places as the forces that they have come to.
+    pub fn acting(&self) -> AppliedLoads {
+        let AppliedLoads { coefficients, points } = self.applied();
+        let found = points.into_iter().zip(self.point_results());
+        let points = found.map(|(point, found)| PointLoad { pull: Pull::Force(found.force), ..point });
+        AppliedLoads { points: points.collect(), coefficients }
+    }
+
+    /// By how much warmth makes the body longer where it is free.
+    pub fn free_stretch(&self) -> f64 {
+        let columns =
+            self.load_metas().iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));
+        let AppliedLoads { coefficients, .. } = self.applied();
+        let inner = columns.zip(coefficients).filter(|(turning, _)| *turning == Turning::Inner);
+        1.0 + inner.map(|(_, strain)| strain).sum::<f64>()
+    }
+}

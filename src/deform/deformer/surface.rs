@@ -1,0 +1,123 @@
+//! The surface of a deformed body: positions, normals and what is drawn, displacements.
+
+use super::Deformer;
+use crate::base::creases::Creases;
+use crate::deform::normals::{SurfaceNormals, vertex_normals};
+use crate::deform::partial::PartialSum;
+use crate::deform::parts::{move_parts, moved_exactly};
+use crate::deform::superposition::{Superposition, displacement};
+use nalgebra::Vector3;
+use std::borrow::Cow;
+
+impl Deformer {
+    /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
+    pub fn keep_sharp(&mut self, angle: f64) {
+        self.creases = Creases::of(self.triangles(), self.rest(), angle);
+        let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
+        self.surface_normals = SurfaceNormals::new(self.drawn_triangles(), drawn);
+        if self.normals.len() != drawn {
+            self.normals.resize(drawn, [0.0; 3]);
+            self.deform();
+        }
+    }
+
+    /// Nodes that are drawn more than once.
+    pub fn creases(&self) -> Option<&Creases> {
+        self.creases.as_ref()
+    }
+
+    /// The triangles as they are drawn: over the nodes, and copies of those on sharp edges.
+    pub fn drawn_triangles(&self) -> &[[u32; 3]] {
+        self.creases.as_ref().map_or_else(|| self.triangles(), |creases| &creases.triangles)
+    }
+
+    /// Something of the nodes, for all vertices that are drawn.
+    pub fn drawn<T: Copy>(&self, mut of_nodes: Vec<T>) -> Vec<T> {
+        if let Some(creases) = &self.creases {
+            creases.extend(&mut of_nodes);
+        }
+        of_nodes
+    }
+
+    /// Positions of all vertices that are drawn, as [`Deformer::positions`] of their nodes.
+    pub fn drawn_positions(&self) -> Cow<'_, [[f32; 3]]> {
+        match (&self.creases, &self.partial) {
+            (None, _) => self.positions(),
+            (Some(_), None) => Cow::Borrowed(&self.drawn),
+            (Some(_), Some(_)) => Cow::Owned(self.drawn(self.positions().into_owned())),
+        }
+    }
+
+    /// From now on the CPU sums these surface nodes only, and no normals: the graphics device makes the whole surface
+    /// from the coefficients.
+    pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
+        self.partial = Some(PartialSum::new(nodes, &self.groups(), self.positions.len()));
+        for values in [&mut self.u, &mut self.positions, &mut self.normals] {
+            values.fill([f32::NAN; 3]);
+        }
+        self.deform();
+    }
+
+    /// Positions of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
+    /// the graphics device deforms the surface.
+    pub fn positions(&self) -> Cow<'_, [[f32; 3]]> {
+        if self.partial.is_none() {
+            return Cow::Borrowed(&self.positions);
+        }
+        let mut positions = vec![[0.0; 3]; self.positions.len()];
+        let groups = self.groups();
+        let mut sum = Superposition::new(&groups, positions.len());
+        sum.update(&groups, &self.summed.coefficients, &mut positions);
+        for (position, rest) in positions.as_flattened_mut().iter_mut().zip(self.rest().as_flattened()) {
+            *position += rest;
+        }
+        if let Some(weights) = &self.weights {
+            move_parts(weights, &self.summed.parts, &mut positions);
+        }
+        Cow::Owned(positions)
+    }
+
+    /// The same without work: NaN but for the nodes of [`Deformer::sum_only_at`] where that was called.
+    pub fn kept_positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    /// Unit normals of all vertices that are drawn, in the frame of the positions, made as these are.
+    pub fn normals(&self) -> Cow<'_, [[f32; 3]]> {
+        if self.partial.is_none() {
+            return Cow::Borrowed(&self.normals);
+        }
+        let mut normals = vec![[0.0; 3]; self.normals.len()];
+        vertex_normals(&self.drawn_positions(), self.drawn_triangles(), &mut Vec::new(), &mut normals);
+        Cow::Owned(normals)
+    }
+
+    /// u of surface node `i`: the sum of its columns, in the surface's frame, m.
+    pub fn linear_part(&self, i: usize) -> Vector3<f64> {
+        match &self.partial {
+            None => Vector3::from(self.u[i]).cast::<f64>(),
+            Some(_) => displacement(&self.groups(), self.u.len(), i, &self.summed.coefficients),
+        }
+    }
+
+    /// u of surface node `i` but for a rigid motion of the whole body: all that strains it, m.
+    pub fn straining_part(&self, i: usize) -> Vector3<f64> {
+        match &self.weights {
+            None => self.linear_part(i),
+            Some(_) => self.displacement(i),
+        }
+    }
+
+    /// Whole displacement of surface node `i` from where it was at rest, in the body's frame, f64.
+    pub fn displacement(&self, i: usize) -> Vector3<f64> {
+        let rest = Vector3::from(self.rest()[i]).cast::<f64>();
+        let u = self.linear_part(i);
+        if let Some(weights) = &self.weights {
+            return moved_exactly(weights.of(i), &self.summed.parts, rest + u) - rest;
+        }
+        let motion = self.body_from_surface();
+        // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.
+        let turned = motion.rotation * rest - rest;
+        turned + motion.rotation * u + motion.translation.vector
+    }
+}

@@ -1,0 +1,218 @@
+//! The loads of one pose of a pose file: what each load of the scene comes to, and forces at points of the surface.
+//!
+//! In: the keys `load` and `force` of a pose. Out: [`PoseLoads`], to be applied to a body that is summed from its columns or to
+//! one that is solved anew, and to be written again.
+
+use super::deformer::Deformer;
+use super::loads::{AppliedLoads, PointLoad, Pull};
+use super::model::Kind;
+use super::models::find_model;
+use super::static_loads::StaticForces;
+use super::statics::Statics;
+use super::surface_point::nearest_point;
+use crate::config::unknown_name;
+use crate::mesh::Surface;
+use crate::scene::{Body, LoadEntry, LoadSource, LoadValue};
+use nalgebra::{Rotation3, Vector3};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+type V3 = Vector3<f64>;
+
+/// Largest number of a pose; what is summed must stay within single precision.
+pub(super) const LARGEST: f64 = 1e15;
+
+/// A point force's place may be so far from the surface, as part of the body's radius.
+const FARTHEST: f64 = 0.02;
+
+/// A force at a node of the surface, or at its point nearest to a place.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointForce {
+    /// m, in the mesh's coordinates at rest.
+    pub at: Option<[f64; 3]>,
+    /// The node's tag in the mesh.
+    pub node: Option<u64>,
+    /// N, along the mesh's axes.
+    pub force: [f64; 3],
+}
+
+/// The loads of one pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PoseLoads {
+    /// Every load of the body as a pose file has it, with its name.
+    pub written: Vec<(String, LoadValue)>,
+    /// For each column of the body's loads, along the mesh's axes.
+    pub coefficients: Vec<f64>,
+    pub forces: Vec<PointForce>,
+}
+
+/// What a load of the scene is in a pose that does not name it, as a pose file would.
+fn as_in_scene(load: &LoadEntry<'_>, body: &Body) -> LoadValue {
+    match (load.source, &load.start[..]) {
+        (LoadSource::Centrifugal(centrifugal), _) => LoadValue::One(centrifugal.speed),
+        (LoadSource::Thermal, _) => LoadValue::One(body.thermal.map_or(0.0, |thermal| thermal.difference)),
+        (LoadSource::Gravity, start) => {
+            let turn = body.place.and_then(|place| place.rotation).unwrap_or_default();
+            let room = Rotation3::new(V3::from(turn));
+            LoadValue::Three((room.inverse() * V3::from_column_slice(start)).into())
+        }
+        (LoadSource::Pattern(_), &[x, y, z]) => LoadValue::Three([x, y, z]),
+        (LoadSource::Pattern(_), start) => LoadValue::One(start.first().copied().unwrap_or(0.0)),
+    }
+}
+
+impl PoseLoads {
+    /// All of a body as they are in the scene.
+    pub fn of_scene(body: &Body) -> PoseLoads {
+        PoseLoads::of_pose(&BTreeMap::new(), &[], "", body).unwrap_or_default()
+    }
+
+    /// Those of the scene, but for what the pose says of `load` and `force`. The error says which is wrong, of the body `name`.
+    pub(super) fn of_pose(
+        load: &BTreeMap<String, LoadValue>,
+        force: &[PointForce],
+        name: &str,
+        body: &Body,
+    ) -> Result<PoseLoads, String> {
+        let entries = body.loads();
+        if let Some(unknown) = load.keys().find(|key| entries.iter().all(|load| load.name != **key)) {
+            return Err(match entries[..] {
+                [] => format!(
+                    "load.{unknown}: the scene gives this body no load; add gravity or a [body.{name}.load.NAME]"
+                ),
+                _ => unknown_name("load", unknown, entries.iter().map(|load| load.name)),
+            });
+        }
+        let (mut written, mut coefficients) = (Vec::new(), Vec::new());
+        for entry in &entries {
+            let value = load.get(entry.name).copied().unwrap_or_else(|| as_in_scene(entry, body));
+            let (numbers, columns) = (value.numbers(), entry.source.columns());
+            if numbers.len() != columns || numbers.iter().any(|x| x.is_nan() || x.abs() > LARGEST) {
+                let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
+                return Err(format!("load.{}: {what} are needed, up to {LARGEST:e}", entry.name));
+            }
+            match entry.source {
+                LoadSource::Centrifugal(_) => coefficients.push(numbers[0].powi(2)),
+                LoadSource::Thermal => {
+                    coefficients.push(body.thermal.map_or(0.0, |thermal| thermal.expansion) * numbers[0]);
+                }
+                LoadSource::Gravity | LoadSource::Pattern(_) => coefficients.extend(numbers),
+            }
+            written.push((entry.name.to_owned(), value));
+        }
+        let is_solved = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+        for (number, force) in force.iter().enumerate() {
+            let place = format!("force {}", number + 1);
+            if body.surface_compliance.is_none() && !is_solved {
+                return Err(format!(
+                    "{place}: forces at points need surface_compliance = {{ nodes = \"surface\" }} in the scene"
+                ));
+            }
+            if force.at.is_some() == force.node.is_some() {
+                return Err(format!("{place}: name either at = [x, y, z] or node = TAG, one of the two"));
+            }
+            let mut numbers = force.at.iter().flatten().chain(&force.force);
+            if !numbers.all(|value| value.abs() <= LARGEST) {
+                return Err(format!("{place}: a number is not finite, or above {LARGEST:e}"));
+            }
+        }
+        Ok(PoseLoads { written, coefficients, forces: force.to_vec() })
+    }
+
+    /// Whether nothing acts on the body but its control elements.
+    pub fn is_none(&self) -> bool {
+        self.forces.is_empty() && self.coefficients.iter().all(|load| *load == 0.0)
+    }
+
+    /// By how much warmth makes the body longer where it is free.
+    pub fn free_stretch(&self, body: &Body) -> f64 {
+        let columns = body.loads().into_iter().flat_map(|load| {
+            std::iter::repeat_n(matches!(load.source, LoadSource::Thermal), load.source.columns())
+        });
+        let warm = columns.zip(&self.coefficients).filter(|(is_thermal, _)| *is_thermal);
+        1.0 + warm.map(|(_, strain)| strain).sum::<f64>()
+    }
+
+    /// As they are applied to a body that is summed from its columns; the error names a place that cannot take a force.
+    pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
+        let takes = body.takes_forces();
+        let rest: Vec<V3> =
+            body.rest().iter().map(|x| Vector3::from(*x).cast::<f64>() + body.centre).collect();
+        let surface = Taking {
+            triangles: body.triangles(),
+            rest: &rest,
+            tags: body.tags(),
+            takes: &|node| takes.contains(&node),
+            otherwise: "is not among the nodes of surface_compliance, or belongs to a control element",
+        };
+        self.on(&surface)
+    }
+
+    /// As they are applied to a body that is solved anew.
+    pub fn on_mesh(&self, statics: &Statics) -> Result<StaticForces, String> {
+        let mesh = &statics.mesh;
+        let Surface { nodes, triangles } = Surface::of(mesh);
+        let rest: Vec<V3> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
+        let tags: Vec<u64> = nodes.iter().map(|&node| mesh.tags[node as usize]).collect();
+        let is_held =
+            |node: u32| statics.controls.iter().any(|control| control.nodes.contains(&nodes[node as usize]));
+        let surface = Taking {
+            triangles: &triangles,
+            rest: &rest,
+            tags: &tags,
+            takes: &|node| !is_held(node),
+            otherwise: "belongs to a control element",
+        };
+        let loads = self.on(&surface)?;
+        let forces = StaticForces::of(&loads, |node| nodes.get(node as usize).copied());
+        forces.ok_or_else(|| "a force is not given as a vector".to_owned())
+    }
+
+    fn on(&self, surface: &Taking<'_>) -> Result<AppliedLoads, String> {
+        let wrong = |number: usize, message: String| format!("force {}: {message}", number + 1);
+        let point = |(number, asked): (usize, &PointForce)| {
+            surface.point(asked).map_err(|message| wrong(number, message))
+        };
+        let points = self.forces.iter().enumerate().map(point).collect::<Result<_, _>>()?;
+        Ok(AppliedLoads { coefficients: self.coefficients.clone(), points })
+    }
+}
+
+/// A surface that takes forces, in the mesh's coordinates.
+struct Taking<'a> {
+    triangles: &'a [[u32; 3]],
+    rest: &'a [V3],
+    tags: &'a [u64],
+    takes: &'a dyn Fn(u32) -> bool,
+    /// What is said of a place that takes none.
+    otherwise: &'static str,
+}
+
+impl Taking<'_> {
+    fn point(&self, asked: &PointForce) -> Result<PointLoad, String> {
+        let (nodes, weights) = match (asked.at, asked.node) {
+            (Some(at), _) => {
+                let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
+                let (low, high) = self.rest.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+                let reach = FARTHEST * 0.5 * (high - low).norm();
+                let nearest = nearest_point(self.triangles, &|node| self.rest[node as usize], &V3::from(at))
+                    .filter(|nearest| nearest.away <= reach);
+                let nearest = nearest.ok_or_else(|| {
+                    format!("at = {at:?} is farther from the surface than a fiftieth of the body")
+                })?;
+                (nearest.corners, nearest.weights)
+            }
+            (None, node) => {
+                let tag = node.unwrap_or(0);
+                let found = self.tags.iter().position(|known| *known == tag);
+                let node = found.ok_or_else(|| format!("the surface has no node with tag {tag}"))?;
+                ([node as u32; 3], [1.0, 0.0, 0.0])
+            }
+        };
+        if nodes.iter().zip(&weights).any(|(&node, weight)| *weight > 1e-12 && !(self.takes)(node)) {
+            return Err(format!("its place {}", self.otherwise));
+        }
+        Ok(PointLoad { nodes, weights, pull: Pull::Force(V3::from(asked.force)) })
+    }
+}

@@ -1,0 +1,28 @@
+//! What is wrong with a scene, with the file that says it.
+
+use crate::base::failure::Failure;
+use crate::config::ConfigError;
+use crate::mesh::{MeshError, generate};
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error("{}: no such file, and {message}; give one of these, or the path of a .toml file", path.display())]
+    Unknown { path: PathBuf, message: String },
+    #[error("{}: {entity}: {message}", path.display())]
+    Invalid { path: PathBuf, entity: String, message: String },
+    #[error("{}: is a mesh or a surface, no scene; `greenstage new {}` makes a scene of it", path.display(), path.display())]
+    IsMesh { path: PathBuf },
+    #[error("{}: body.{body}.mesh: {source}", path.display())]
+    Mesh { path: PathBuf, body: String, source: Box<MeshError> },
+    #[error("{}: {entity}: {source}", path.display())]
+    Generate { path: PathBuf, entity: String, source: generate::GenerateError },
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        Failure::request(error)
+    }
+}
