@@ -154,17 +154,22 @@ impl Factor for Chosen<'_> {
         self.factor.nodes()
     }
 
+    fn columns_together(&self) -> usize {
+        self.factor.columns_together()
+    }
+
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
         self.factor.solve_at(loaded, b, asked)
     }
 
-    fn inverse_block(
+    fn inverse_block_from(
         &self,
+        first: usize,
         nodes: &[u32],
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
-        self.factor.inverse_block(nodes, take, progress)
+        self.factor.inverse_block_from(first, nodes, take, progress)
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {

@@ -40,3 +40,13 @@ pub enum SolveError {
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
     Inexact { figure: &'static str, value: f64, remedy: &'static str },
 }
+
+impl SolveError {
+    /// Of a column among all, whose first is the column `first`.
+    pub fn of_columns_from(mut self, first: usize) -> SolveError {
+        if let SolveError::Residual { column, .. } | SolveError::Factor { column, .. } = &mut self {
+            *column += first;
+        }
+        self
+    }
+}

@@ -182,10 +182,11 @@ impl<'a, T: Real> Llt<'a, T> {
         Ok(x)
     }
 
-    /// See [`super::Factor::inverse_block`]. Columns in the order of elimination need, of the symmetric matrix, only rows
+    /// See [`super::Factor::inverse_block_from`]. Columns in the order of elimination need, of the symmetric matrix, only rows
     /// that are eliminated later: the solves stop there.
-    pub(super) fn inverse_block(
+    pub(super) fn inverse_block_from(
         &self,
+        first: usize,
         nodes: &[u32],
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
@@ -224,7 +225,7 @@ impl<'a, T: Real> Llt<'a, T> {
             Ok::<_, SolveError>((rows, columns, values))
         };
         progress.begin("inverse at chosen nodes", nodes.len() as u64);
-        let firsts: Vec<usize> = (0..nodes.len()).step_by(width).collect();
+        let firsts: Vec<usize> = (0..nodes.len()).step_by(width).skip(first).collect();
         for group in firsts.chunks(rayon::current_num_threads()) {
             let strips: Result<Vec<_>, SolveError> =
                 group.par_iter().with_max_len(1).map(|&first| strip(first)).collect();

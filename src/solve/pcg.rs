@@ -94,6 +94,10 @@ impl Factor for Pcg<'_> {
         self.a.nodes()
     }
 
+    fn columns_together(&self) -> usize {
+        batch_width(self.a)
+    }
+
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.solve_batches(b, false, progress)
     }
