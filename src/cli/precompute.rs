@@ -6,6 +6,7 @@ use super::parsers;
 use super::print::print;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
+use crate::base::machine;
 pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
@@ -69,7 +70,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .iter()
         .filter_map(|body| Some(expected::sentences(&body.name, &effect::expected::of_precomputed(body)?)))
         .collect();
-    let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
+    let planned = bytes(machine::planned_memory());
+    let told = |peak| format!(", peak memory {}, where {planned} were planned", bytes(peak));
+    let peak = peak_memory().map_or_else(String::new, told);
     print(&format!(
         "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
         path.display(),

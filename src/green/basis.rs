@@ -139,6 +139,7 @@ fn solve_kept(
             let settings = Solver { method: method.unwrap_or(body.solver.method), ..body.solver };
             let analysed = settings.analyse(a, progress)?;
             analysed.fits(a, columns)?;
+            machine::plan(analysed.memory(a, columns));
             solver.get_or_init(|| analysed).factor(a, progress)
         };
         let factored: Box<dyn Factor> = match keep {

@@ -105,7 +105,7 @@ impl<'a> Kept<'a> {
         let mut x = NodeFields::zeros(0, 0);
         let mut stats = SolveStats::default();
         let joined = Joined { progress, parts: AtomicU64::new(1), has_begun: AtomicBool::new(false) };
-        let mut first = 0;
+        let (mut first, mut known) = (0, 0);
         while first < b.columns.max(1) {
             let found = of.as_ref().and_then(|of| self.find::<SolveStats>(of, first));
             let is_fit = |(stats, data): &(SolveStats, Vec<f64>)| data.len() == 3 * b.nodes * stats.columns;
@@ -113,10 +113,11 @@ impl<'a> Kept<'a> {
                 Some((of_part, data)) => {
                     self.method.set(Some(of_part.method));
                     let own = NodeFields { nodes: b.nodes, columns: of_part.columns, data };
-                    told(asked, first + own.columns, b.columns, progress);
+                    known = first + own.columns;
                     (of_part, own)
                 }
                 None => {
+                    told(asked, std::mem::take(&mut known), b.columns, progress);
                     let solved = self.solve_part(asked, b, first, &joined);
                     let (own, of_part) = solved.map_err(|error| error.of_columns_from(first))?;
                     if self.keep.journal.is_kept() {
@@ -127,6 +128,7 @@ impl<'a> Kept<'a> {
                 }
             };
             if own.columns == b.columns {
+                told(asked, known, b.columns, progress);
                 return Ok((own, of_part));
             }
             if first == 0 {
@@ -137,6 +139,7 @@ impl<'a> Kept<'a> {
             stats.join(of_part);
         }
         joined.finish();
+        told(asked, known, b.columns, progress);
         Ok((x, stats))
     }
 
@@ -161,7 +164,7 @@ impl<'a> Kept<'a> {
 
 /// Tells of the body's own columns; of the others a run has many blocks.
 fn told(asked: Asked<'_>, known: usize, all: usize, progress: &dyn Progress) {
-    if matches!(asked, Asked::JudgedFields) {
+    if known > 0 && matches!(asked, Asked::JudgedFields) {
         progress.tell(&format!("resumes: {known} of {all} columns were there"));
     }
 }

@@ -20,10 +20,8 @@ pub enum SolveError {
          give the program more memory"
     )]
     FactorMemory(TooLarge),
-    #[error(
-        "{0}; a factor in f32 would fit: write solver = {{ method = \"mixed\" }} in the scene, or coarsen the mesh"
-    )]
-    DoubleMemory(TooLarge),
+    #[error("{refused}; what would fit: {fitting}")]
+    Unfit { refused: TooLarge, fitting: String },
     #[error("{0}; coarsen the mesh, take fewer control elements, or give the program more memory")]
     Memory(#[from] TooLarge),
     #[error(
