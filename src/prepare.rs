@@ -9,11 +9,14 @@ use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
-use crate::green::{self, COMPLIANCE, GreenError, GreenFile, LOADS, Precomputed, Requirements, UPDATES};
+use crate::green::{
+    self, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements, UPDATES,
+};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Nodes, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// The law under which a body is in static equilibrium, found anew for every pose; `None` for a model that is summed from
 /// the .green file. Errors name an unknown model or effect.
@@ -195,21 +198,52 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
 
 /// Precomputes every body of the scene.
 pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
-    precompute_telling(scene, &|name| Box::new(Bars::new(name, quiet)))
+    precompute_telling(&scene.as_prepared(), None, &|name| Box::new(Bars::new(name, quiet)))
+}
+
+/// Precomputes every body and writes the .green file, whose size it returns with the time of writing, s. A run that is ended
+/// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there.
+pub fn make(
+    scene: &Scene,
+    path: &Path,
+    kept_after: Duration,
+    teller: Teller<'_>,
+) -> Result<(Vec<Precomputed>, u64, f64), Failure> {
+    let scene = &scene.as_prepared();
+    let identity = || {
+        let mut hasher = blake3::Hasher::new();
+        for (name, body) in &scene.body {
+            let requirements = requirements(scene, name, body).ok()?;
+            hasher.update(green::fingerprint(scene, name, &requirements).ok()?.as_bytes());
+        }
+        Some(hasher.finalize().into())
+    };
+    let journal = Journal::of(path, kept_after, &identity);
+    let unwritten = unwritten(path);
+    let bodies = precompute_telling(scene, Some(&journal), teller)?;
+    drop(unwritten);
+    let writing = Instant::now();
+    let size = green::write(path, &bodies).map_err(|error| unwritable(error, path))?;
+    journal.remove();
+    Ok((bodies, size, writing.elapsed().as_secs_f64()))
 }
 
 /// Hears of the progress of a body, whose name it is given.
 pub type Teller<'a> = &'a dyn Fn(&str) -> Box<dyn Progress>;
 
-fn precompute_telling(scene: &Scene, teller: Teller<'_>) -> Result<Vec<Precomputed>, Failure> {
-    let scene = &scene.as_prepared();
+fn precompute_telling(
+    scene: &Scene,
+    journal: Option<&Journal<'_>>,
+    teller: Teller<'_>,
+) -> Result<Vec<Precomputed>, Failure> {
     scene
         .body
         .iter()
         .map(|(name, body)| {
             let requirements = requirements(scene, name, body)?;
             let progress = teller(name);
-            let mut precomputed = green::precompute(scene, name, &requirements, &*progress)?;
+            let mut precomputed =
+                green::precompute_kept(scene, name, &requirements, journal, &*progress)?;
             effect::add_sections(scene, effects(body), &mut precomputed, &*progress)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
@@ -253,17 +287,17 @@ fn prepared_file(scene: &Scene, named: Option<&Path>, teller: Teller<'_>) -> Res
     let path = green_path(scene);
     unpack_shipped(&path)?;
     let reason = match fresh(scene, &path)? {
-        Ok(file) => return Ok(Arc::new(file)),
+        Ok(file) => {
+            green::drop_journal(&path, None);
+            return Ok(Arc::new(file));
+        }
         Err(GreenError::Stale { .. }) => "is stale (the scene, its mesh or the program changed)",
         Err(_) => "is not there yet",
     };
     notice!("{} {reason}: precomputing", path.display());
     let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
     tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
-    let unwritten = unwritten(&path);
-    let bodies = precompute_telling(scene, teller)?;
-    drop(unwritten);
-    green::write(&path, &bodies).map_err(|error| unwritable(error, &path))?;
+    make(scene, &path, KEPT_AFTER, teller)?;
     Ok(Arc::new(GreenFile::open(&path)?))
 }
 
@@ -319,8 +353,12 @@ fn changed_base(
 /// Tells what a signal to end costs before `path` is written.
 pub fn unwritten(path: &Path) -> OnEnd {
     let (named, was_there) = (path.display().to_string(), path.exists());
+    let journal = green::journal_path(path);
     on_end(move || {
-        Some(if was_there { format!("{named} is as it was") } else { format!("{named} was not written") })
+        let told = if was_there { format!("{named} is as it was") } else { format!("{named} was not written") };
+        let is_kept = journal.exists();
+        let kept = || format!("; what is finished of it waits in {} for the next run", journal.display());
+        Some(if is_kept { told + &kept() } else { told })
     })
 }
 

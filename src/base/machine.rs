@@ -5,6 +5,7 @@
 //! because the system kills a process above a limit without a message.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// More threads than this are refused, unless the machine has as many processors.
 const MOST_THREADS: usize = 1024;
@@ -12,33 +13,56 @@ const MOST_THREADS: usize = 1024;
 /// Allowance for what estimates of need leave out: a share of them, and bytes for the rest of the program.
 const SPARE: [f64; 2] = [0.1, 16e6];
 
+const STATUS: &str = "/proc/self/status";
 const LIMITS: &str = "/proc/self/limits";
 const ADDRESSES: &str = "Max address space";
 
 /// Something needs more memory than is left: what needs it, how much, how much is left, and which limit leaves it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{0}")]
-pub struct TooLarge(Box<str>);
+#[error("{text}")]
+pub struct TooLarge {
+    text: Box<str>,
+    /// What is left, in parts of what is needed.
+    pub share: f64,
+}
 
 impl TooLarge {
     fn new(what: &str, need: f64, left: f64, bound: &str) -> TooLarge {
         let text = format!("{what} needs {} of memory, and {bound} leaves {}", size(need), size(left));
-        TooLarge(text.into())
+        TooLarge { text: text.into(), share: left / need }
     }
 }
 
-fn size(bytes: f64) -> String {
+/// In GB or MB, without digits that nobody knows.
+pub fn size(bytes: f64) -> String {
     if bytes < 1e9 { format!("{:.0} MB", bytes / 1e6) } else { format!("{:.1} GB", bytes / 1e9) }
 }
 
 /// Returns an error if the process cannot get `need` more bytes, with a tenth of them and 16 MB to spare, as far as the
-/// system tells.
+/// system tells; else they are planned ([`plan`]).
 pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
-    expect_mapped(what, need, 0.0)
+    fits(what, need, 0.0)?;
+    plan(need);
+    Ok(())
 }
 
-/// [`expect`] with another `mapped` bytes that are allocated and hardly used: only limits on addresses count them.
-pub fn expect_mapped(what: impl Into<String>, need: f64, mapped: f64) -> Result<(), TooLarge> {
+/// The most memory that was planned, bytes: what was in use when a step began, and what it was to need.
+static PLANNED: AtomicU64 = AtomicU64::new(0);
+
+/// A step begins that needs so many bytes more at most.
+pub fn plan(need: f64) {
+    let used = std::fs::read_to_string(STATUS).ok().and_then(|status| kilobytes(&status, "VmRSS:"));
+    PLANNED.fetch_max((used.unwrap_or(0.0) + need) as u64, Relaxed);
+}
+
+/// What [`peak_memory`] was expected to be, bytes; 0 where no step was planned.
+pub fn planned_memory() -> f64 {
+    PLANNED.load(Relaxed) as f64
+}
+
+/// Whether the process can get `need` more bytes, with a tenth of them and 16 MB to spare, and another `mapped` bytes that are
+/// allocated and hardly used: only limits on addresses count them. Nothing is planned.
+pub fn fits(what: impl Into<String>, need: f64, mapped: f64) -> Result<(), TooLarge> {
     let need = need + SPARE[0] * need + SPARE[1];
     let refused = |(left, bound): (f64, Bound)| {
         let need = if bound.counts_mapped { need + mapped } else { need };
@@ -70,7 +94,7 @@ struct Bound {
 /// Bytes that each limit leaves to this process.
 fn bounds() -> Vec<(f64, Bound)> {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
-    let status = read("/proc/self/status");
+    let status = read(STATUS);
     let used = |key: &str| kilobytes(&status, key).unwrap_or(0.0);
     let machine = of_machine(&read("/proc/meminfo"));
     let group = of_groups(&read("/proc/self/cgroup"), Path::new("/sys/fs/cgroup"));
@@ -95,7 +119,7 @@ pub fn addresses_are_limited() -> bool {
 
 /// Largest resident memory of this process so far, bytes, where the system tells.
 pub fn peak_memory() -> Option<f64> {
-    kilobytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+    kilobytes(&std::fs::read_to_string(STATUS).ok()?, "VmHWM:")
 }
 
 /// Bytes of the largest cache of a processor, as faer's matrix products read it; at least 2 MiB.

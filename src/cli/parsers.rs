@@ -29,6 +29,12 @@ pub fn frames(text: &str) -> Result<usize, String> {
         .ok_or("a number from 1 to 100000".into())
 }
 
+/// A time in seconds, which may be nothing.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    let is_time = |seconds: &f64| (0.0..=1e9).contains(seconds);
+    text.parse().ok().filter(is_time).ok_or_else(|| format!("\"{text}\" is no time: write seconds, as 0 or 10"))
+}
+
 pub fn positive(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()

@@ -2,23 +2,27 @@
 
 use super::expected;
 use super::opening::{self, Guess};
+use super::parsers;
 use super::print::print;
+use crate::base::bars::Bars;
 use crate::base::failure::Failure;
+use crate::base::machine;
 pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
-use crate::green::{self, FAMILIES, Precomputed, STIFFNESS};
+use crate::green::{self, FAMILIES, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare;
 use crate::tuning;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
 ///
 /// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
 /// requirements of model and effects, program version). Prints the time of each step and, if an effect of the scene measures them,
-/// the errors of force and shape to expect. Overwrites a .green file or an empty file; never any other file, nor what the scene
+/// the errors of force and shape to expect. A run that is killed leaves the columns that it has finished beside the .green file
+/// (FILE.green.part); the next run takes them from there. Overwrites a .green file or an empty file; never any other file, nor what the scene
 /// reads, not even with --force.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -32,6 +36,9 @@ pub struct Args {
     /// Compute even if the file is fresh or damaged
     #[arg(long)]
     pub force: bool,
+    /// Keep finished columns, for a run after one that is killed, once this one has taken so long [s; default: 2]
+    #[arg(long, value_name = "SECONDS", value_parser = parsers::seconds)]
+    pub keep_after: Option<f64>,
     /// Show no progress; the closing table is still printed
     #[arg(short, long)]
     pub quiet: bool,
@@ -46,23 +53,26 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     ask(&path, &green::GREEN, &inputs)?;
     let scene = tuning::settle(scene, args.quiet, args.force)?;
     if !args.force && path.exists() && prepare::fresh(&scene, &path)?.is_ok() {
+        green::drop_journal(&path, None);
         return print(&format!("{} is fresh; nothing to do (--force computes it anew)\n", path.display()));
     }
     try_path(&path, &green::GREEN, &inputs)?;
+    if args.force {
+        green::drop_journal(&path, Some("--force computes everything anew"));
+    }
     let started = Instant::now();
-    let unwritten = prepare::unwritten(&path);
-    let bodies = prepare::precompute(&scene, args.quiet)?;
-    drop(unwritten);
-    let writing = Instant::now();
-    let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
-    let written_s = writing.elapsed().as_secs_f64();
+    let kept_after = args.keep_after.map_or(KEPT_AFTER, Duration::from_secs_f64);
+    let (bodies, size, written_s) =
+        prepare::make(&scene, &path, kept_after, &|name| Box::new(Bars::new(name, args.quiet)))?;
     tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
         .iter()
         .filter_map(|body| Some(expected::sentences(&body.name, &effect::expected::of_precomputed(body)?)))
         .collect();
-    let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
+    let planned = bytes(machine::planned_memory());
+    let told = |peak| format!(", peak memory {}, where {planned} were planned", bytes(peak));
+    let peak = peak_memory().map_or_else(String::new, told);
     print(&format!(
         "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
         path.display(),

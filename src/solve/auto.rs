@@ -64,7 +64,7 @@ impl Auto {
         let iterative = of(&PCG)?;
         let least = 8.0 * LEAST_FILL * (3.0 * a.nodes() as f64).powf(4.0 / 3.0);
         let need = least.max(ordering_memory(a));
-        let (direct, unfit) = match machine::expect("the least factor of a body of this size", need) {
+        let (direct, unfit) = match machine::fits("the least factor of a body of this size", need, 0.0) {
             Err(refused) if 3 * a.nodes() > SMALL => (None, refused.to_string()),
             _ => match of(&CHOLESKY) {
                 Ok(direct) => (Some(direct), String::new()),
@@ -86,7 +86,7 @@ impl Auto {
         let [cholesky, pcg] = [direct_cost(direct.as_ref(), a, columns), self.iterative_cost(a, columns)];
         let told = format!("predicted for cholesky {}, for pcg {}", cholesky.told(), pcg.told());
         if let Err(refused) = direct.fits(a, columns) {
-            let SolveError::FactorMemory(refused) = refused else {
+            let (SolveError::FactorMemory(refused) | SolveError::Unfit { refused, .. }) = refused else {
                 return (self.iterative.as_ref(), format!("pcg by \"auto\": {told}"));
             };
             return (self.iterative.as_ref(), format!("pcg by \"auto\", for {refused}; {told}"));
@@ -154,17 +154,22 @@ impl Factor for Chosen<'_> {
         self.factor.nodes()
     }
 
+    fn columns_together(&self) -> usize {
+        self.factor.columns_together()
+    }
+
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
         self.factor.solve_at(loaded, b, asked)
     }
 
-    fn inverse_block(
+    fn inverse_block_from(
         &self,
+        first: usize,
         nodes: &[u32],
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
-        self.factor.inverse_block(nodes, take, progress)
+        self.factor.inverse_block_from(first, nodes, take, progress)
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {

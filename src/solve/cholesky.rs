@@ -106,13 +106,14 @@ impl Factor for Cholesky<'_> {
         self.llt.between(loaded, b, asked, &Silent)
     }
 
-    fn inverse_block(
+    fn inverse_block_from(
         &self,
+        first: usize,
         nodes: &[u32],
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
-        self.llt.inverse_block(nodes, take, progress)
+        self.llt.inverse_block_from(first, nodes, take, progress)
     }
 
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {

@@ -20,10 +20,8 @@ pub enum SolveError {
          give the program more memory"
     )]
     FactorMemory(TooLarge),
-    #[error(
-        "{0}; a factor in f32 would fit: write solver = {{ method = \"mixed\" }} in the scene, or coarsen the mesh"
-    )]
-    DoubleMemory(TooLarge),
+    #[error("{refused}; what would fit: {fitting}")]
+    Unfit { refused: TooLarge, fitting: String },
     #[error("{0}; coarsen the mesh, take fewer control elements, or give the program more memory")]
     Memory(#[from] TooLarge),
     #[error(
@@ -39,4 +37,14 @@ pub enum SolveError {
     Factor { column: usize, residual: f64, backward: f64 },
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
     Inexact { figure: &'static str, value: f64, remedy: &'static str },
+}
+
+impl SolveError {
+    /// Of a column among all, whose first is the column `first`.
+    pub fn of_columns_from(mut self, first: usize) -> SolveError {
+        if let SolveError::Residual { column, .. } | SolveError::Factor { column, .. } = &mut self {
+            *column += first;
+        }
+        self
+    }
 }

@@ -7,6 +7,7 @@ use super::error::SolveError;
 use super::fronts::Fronts;
 use super::multifrontal::{self, Failure, zeros};
 use super::ordering::{nested_dissection, ordering_memory};
+use super::pcg;
 use super::solver::InverseStrip;
 use super::substitution::{Triangle, scratch};
 use crate::base::machine;
@@ -71,12 +72,22 @@ impl Analysis {
         // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
         let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
         let buffers = (2 * threads) as f64 * machine::largest_cache();
-        let expect = |need: f64| machine::expect_mapped(&what, need, buffers);
-        expect(self.memory::<T>(a, columns)).map_err(|refusal| {
-            let half_fits =
-                size_of::<T>() > size_of::<f32>() && expect(self.memory::<f32>(a, columns)).is_ok();
-            if half_fits { SolveError::DoubleMemory(refusal) } else { SolveError::FactorMemory(refusal) }
-        })
+        let fits = |need: f64| machine::fits(&what, need, buffers);
+        let Err(refused) = fits(self.memory::<T>(a, columns)) else { return Ok(()) };
+        let mut fitting = Vec::new();
+        let half = self.memory::<f32>(a, columns);
+        if size_of::<T>() > size_of::<f32>() && fits(half).is_ok() {
+            fitting.push(format!("solver = {{ method = \"mixed\" }}, which takes {}", machine::size(half)));
+        }
+        let iterative = pcg::memory(a, columns);
+        if machine::fits("", iterative, 0.0).is_ok() {
+            fitting.push(format!("solver = {{ method = \"pcg\" }}, which takes {}", machine::size(iterative)));
+        }
+        // The numbers of a factor grow with the nodes to the power of 4/3.
+        let nodes = a.nodes() as f64 * refused.share.min(1.0).powf(0.75);
+        fitting.push(format!("a mesh of about {:.0} thousand nodes", (0.9e-3 * nodes).floor().max(1.0)));
+        fitting.push("more memory for the program (control group, ulimit)".to_owned());
+        Err(SolveError::Unfit { refused, fitting: fitting.join("; ") })
     }
 }
 
@@ -182,10 +193,11 @@ impl<'a, T: Real> Llt<'a, T> {
         Ok(x)
     }
 
-    /// See [`super::Factor::inverse_block`]. Columns in the order of elimination need, of the symmetric matrix, only rows
+    /// See [`super::Factor::inverse_block_from`]. Columns in the order of elimination need, of the symmetric matrix, only rows
     /// that are eliminated later: the solves stop there.
-    pub(super) fn inverse_block(
+    pub(super) fn inverse_block_from(
         &self,
+        first: usize,
         nodes: &[u32],
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
@@ -224,7 +236,7 @@ impl<'a, T: Real> Llt<'a, T> {
             Ok::<_, SolveError>((rows, columns, values))
         };
         progress.begin("inverse at chosen nodes", nodes.len() as u64);
-        let firsts: Vec<usize> = (0..nodes.len()).step_by(width).collect();
+        let firsts: Vec<usize> = (0..nodes.len()).step_by(width).skip(first).collect();
         for group in firsts.chunks(rayon::current_num_threads()) {
             let strips: Result<Vec<_>, SolveError> =
                 group.par_iter().with_max_len(1).map(|&first| strip(first)).collect();

@@ -36,13 +36,12 @@ struct Limits {
 
 impl LinearSolver for Limits {
     fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
-        let unknowns = 3.0 * a.nodes() as f64;
-        8.0 * unknowns * columns as f64 + Multigrid::memory(a) + batch_memory(a, batch_width(a).min(columns))
+        memory(a, columns)
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
         let what = format!("multigrid, with the iteration of {columns} columns");
-        Ok(machine::expect(what, self.memory(a, columns))?)
+        Ok(machine::fits(what, self.memory(a, columns), 0.0)?)
     }
 
     fn factor<'a>(
@@ -58,6 +57,13 @@ impl LinearSolver for Limits {
         progress.end();
         Ok(Box::new(Pcg { a, multigrid, limits: *self, factor_s: started.elapsed().as_secs_f64() }))
     }
+}
+
+/// Bytes of the levels while they are made, or with the solutions and what is iterated together.
+pub(super) fn memory(a: &StiffnessMatrix, columns: usize) -> f64 {
+    let [making, levels] = Multigrid::memory(a);
+    let solutions = 24.0 * (a.nodes() * columns) as f64;
+    making.max(levels + solutions + batch_memory(a, batch_width(a).min(columns)))
 }
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
@@ -92,6 +98,10 @@ const PROBE: f64 = 1e-2;
 impl Factor for Pcg<'_> {
     fn nodes(&self) -> usize {
         self.a.nodes()
+    }
+
+    fn columns_together(&self) -> usize {
+        batch_width(self.a)
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {

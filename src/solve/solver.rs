@@ -143,6 +143,12 @@ pub trait Factor {
         self.solve(&all, &Silent).map(|(x, _)| x.at(asked))
     }
 
+    /// How many columns are solved together: the bits of a column do not depend on those of other such groups. A direct
+    /// method solves all together.
+    fn columns_together(&self) -> usize {
+        usize::MAX
+    }
+
     /// (A⁻¹)ₛ over `nodes`, in any order, none twice: calls `take` with strips, always the same ones in the same order. Each
     /// pair of nodes stands in a strip at least once, (i, j) or (j, i); where both stand, both are in one strip.
     fn inverse_block(
@@ -151,9 +157,20 @@ pub trait Factor {
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
+        self.inverse_block_from(0, nodes, take, progress)
+    }
+
+    /// [`Factor::inverse_block`] without its first strips, so many.
+    fn inverse_block_from(
+        &self,
+        first: usize,
+        nodes: &[u32],
+        take: &mut dyn FnMut(&InverseStrip<'_>),
+        progress: &dyn Progress,
+    ) -> Result<(), SolveError> {
         let places: Vec<u32> = (0..nodes.len() as u32).collect();
         progress.begin("inverse at the surface", nodes.len() as u64);
-        for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)) {
+        for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)).skip(first) {
             let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
             for i in 0..3 * own.len() {
                 unit.row_mut(i)[i] = 1.0;
@@ -174,7 +191,7 @@ pub trait Factor {
 }
 
 /// What a solver did, for the closing table and the .green file.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SolveStats {
     pub method: &'static Method,
     /// Why this method, where `auto` took it.
@@ -198,6 +215,24 @@ pub struct SolveStats {
 impl SolveStats {
     pub fn worst_residual(&self) -> f64 {
         self.residuals.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Adds those of further columns.
+    pub fn join(&mut self, more: SolveStats) {
+        if self.columns == 0 {
+            *self = more;
+            return;
+        }
+        self.columns += more.columns;
+        self.solve_s += more.solve_s;
+        self.iterations = self.iterations.max(more.iterations);
+        self.residuals.extend(more.residuals);
+        if let (Some(all), Some(more)) = (&mut self.conditioning, more.conditioning) {
+            if more.forward_error > all.forward_error || more.forward_error.is_nan() {
+                all.forward_error = more.forward_error;
+            }
+            all.seconds += more.seconds;
+        }
     }
 }
 
