@@ -9,6 +9,7 @@ use super::families::FAMILIES;
 use super::file::{BodyMeta, ControlMeta, GreenFile};
 use super::numbers::{LARGEST, numbers};
 use super::requirements::Requirements;
+use crate::base::columns::Storage;
 use crate::mesh::diagnostics::EXTENT;
 use crate::scene::Scene;
 use safetensors::tensor::Dtype;
@@ -45,8 +46,7 @@ impl GreenFile {
             return differs("element", meta.element.clone(), body.element.name.into());
         }
         if meta.accuracy.storage != body.storage {
-            let [found, expected] =
-                [meta.accuracy.storage, body.storage].map(|storage| storage.name().to_owned());
+            let [found, expected] = [meta.accuracy.storage, body.storage].map(Storage::name);
             return differs("accuracy.storage", found, expected);
         }
         Ok(())

@@ -405,6 +405,7 @@ impl Scene {
         if let Some(parts) = body.parts {
             parts.check().map_err(|message| self.invalid(&format!("{entity}.parts"), message))?;
         }
+        body.storage.check().map_err(|why| self.invalid(&format!("{entity}.storage"), why))?;
         check_target(body).map_err(|(key, message)| self.invalid(&format!("{entity}{key}"), message))?;
         body.check_loads().map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
         if body.control.is_empty() {
