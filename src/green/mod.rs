@@ -23,6 +23,7 @@ mod judge;
 mod kind;
 mod lift;
 mod numbers;
+mod on_disk;
 mod pack;
 mod pieces;
 mod prepare;

@@ -40,7 +40,7 @@ pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
 pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
     let bytes = std::fs::read(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
     // What is shipped is sound.
-    GreenFile::open(from)?;
+    GreenFile::open(from)?.verify()?;
     let failed = |source| GreenError::Io { path: to.to_owned(), source };
     let small = packed(&bytes).map_err(failed)?;
     output::write(to, &PACKED, |file| file.write_all(&small))?;
@@ -67,7 +67,7 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let bytes =
         filter::restored(bytes).map_err(|reason| damaged(format!("it does not unpack ({reason})")))?;
     let staged = output::stage(to, &GREEN, |file| file.write_all(&bytes))?;
-    GreenFile::open(staged.now_at()).map_err(|error| match error {
+    GreenFile::open(staged.now_at()).and_then(|file| file.verify()).map_err(|error| match error {
         GreenError::Damaged { reason, .. } => {
             damaged(format!("what it unpacks to is no sound .green file: {reason}"))
         }
