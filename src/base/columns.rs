@@ -5,10 +5,13 @@
 
 use half::f16;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
+
+/// What the name of a storage within an error opens with.
+const WITHIN: &str = "error ";
 
 /// Numbers of the precomputed displacements in the .green file and in memory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Storage {
     /// Single precision.
@@ -18,17 +21,43 @@ pub enum Storage {
     F16,
     /// 16-bit integers, scaled per column: half the bytes, an error of 2e-5.
     Int16,
+    /// The same with steps as coarse as this error allows, which pack the smaller: a part of each column's largest
+    /// displacement.
+    #[serde(rename = "error")]
+    Within(f64),
 }
 
 impl Storage {
+    /// Those that need no number.
     pub const ALL: [Storage; 3] = [Storage::F32, Storage::F16, Storage::Int16];
+    /// The errors that can be asked for: the least is that of the 16 bits.
+    pub const ERRORS: RangeInclusive<f64> = 1.6e-5..=1e-2;
 
-    /// As scenes name it.
-    pub fn name(self) -> &'static str {
+    pub fn name(self) -> String {
         match self {
-            Storage::F32 => "f32",
-            Storage::F16 => "f16",
-            Storage::Int16 => "int16",
+            Storage::F32 => "f32".to_owned(),
+            Storage::F16 => "f16".to_owned(),
+            Storage::Int16 => "int16".to_owned(),
+            Storage::Within(error) => format!("{WITHIN}{error:e}"),
+        }
+    }
+
+    /// The storage of this [`name`](Storage::name).
+    pub fn named(name: &str) -> Option<Storage> {
+        let within = || name.strip_prefix(WITHIN)?.parse().ok().map(Storage::Within);
+        Storage::ALL.into_iter().find(|known| known.name() == name).or_else(within)
+    }
+
+    /// The error says what is wrong with the error that was asked for.
+    pub fn check(self) -> Result<(), String> {
+        match self {
+            Storage::Within(error) if !Storage::ERRORS.contains(&error) => Err(format!(
+                "error = {error:e} is not between {:e} and {:e} of each field's largest displacement: 16 bits hold nothing \
+                 finer (storage = \"f32\" does), and coarser steps would be seen",
+                Storage::ERRORS.start(),
+                Storage::ERRORS.end()
+            )),
+            _ => Ok(()),
         }
     }
 
@@ -36,7 +65,7 @@ impl Storage {
     pub fn width(self) -> usize {
         match self {
             Storage::F32 => 4,
-            Storage::F16 | Storage::Int16 => 2,
+            Storage::F16 | Storage::Int16 | Storage::Within(_) => 2,
         }
     }
 }
@@ -147,7 +176,7 @@ impl StoredColumns {
         let mut numbers = match storage {
             Storage::F32 => Numbers::F32(Vec::new()),
             Storage::F16 => Numbers::F16(Vec::new()),
-            Storage::Int16 => Numbers::Int16(Vec::new()),
+            Storage::Int16 | Storage::Within(_) => Numbers::Int16(Vec::new()),
         };
         let (mut scales, mut errors, mut sizes) = (Vec::new(), Vec::new(), Vec::new());
         for column in columns {
@@ -166,7 +195,11 @@ impl StoredColumns {
                     push(all, column, |x| f16::from_f64(x / scale).to_bits(), back)
                 }
                 Numbers::Int16(all) => {
-                    let scale = scaled_by(unit / f64::from(i16::MAX));
+                    let scale = scaled_by(match storage {
+                        // Rounding to single precision must not make the step longer.
+                        Storage::Within(error) => 2.0 * error * unit * (1.0 - f64::from(f32::EPSILON)),
+                        _ => unit / f64::from(i16::MAX),
+                    });
                     push(all, column, |x| (x / scale).round() as i16, |q| f64::from(q) * scale)
                 }
             });
@@ -244,12 +277,14 @@ mod tests {
             let columns: Vec<Vec<f64>> = (0..COLUMNS)
                 .map(|k| (0..3000).map(|i| size * ((i * (k + 1)) as f64 * 0.7).sin()).collect())
                 .collect();
-            for (storage, bound) in [(Storage::F32, 6e-8), (Storage::F16, 2.5e-4), (Storage::Int16, 1.6e-5)] {
+            let within = [1.6e-5, 1e-4, 1e-2].map(|error| (Storage::Within(error), error));
+            let known = [(Storage::F32, 6e-8), (Storage::F16, 2.5e-4), (Storage::Int16, 1.6e-5)];
+            for (storage, bound) in known.into_iter().chain(within) {
                 let stored = StoredColumns::new(storage, &columns);
                 let error = stored.relative_error();
-                assert!(error < bound && error > 0.1 * bound, "{storage:?} of {size}: {error:e}");
+                assert!(error <= bound && error > 0.1 * bound, "{storage:?} of {size}: {error:e}");
                 let group = stored.group();
-                assert_eq!((group.storage(), group.columns(1000)), (storage, Some(COLUMNS)));
+                assert_eq!((group.storage().width(), group.columns(1000)), (storage.width(), Some(COLUMNS)));
                 let read: Vec<f64> = (0..3000).map(|i| group.value(1000, 7, i).into()).collect();
                 let rounded = StoredColumns::rounded(storage, &columns[7]);
                 assert!(read.iter().zip(&rounded).all(|(a, b)| (a - b).abs() <= 1e-7 * size), "{storage:?}");
@@ -258,6 +293,18 @@ mod tests {
         }
         let nothing = StoredColumns::new(Storage::Int16, &vec![vec![0.0; 6]; COLUMNS]);
         assert_eq!((nothing.relative_error(), nothing.into_bytes()), (0.0, vec![0; 2 * 6 * COLUMNS]));
+    }
+
+    #[test]
+    fn a_storage_is_found_by_its_name_and_checked() {
+        for storage in Storage::ALL.into_iter().chain([1.6e-5, 1e-4, 0.01].map(Storage::Within)) {
+            assert_eq!((Storage::named(&storage.name()), storage.check()), (Some(storage), Ok(())));
+        }
+        assert_eq!([Storage::named("error"), Storage::named("int8")], [None, None]);
+        for error in [1e-5, 0.02, -1e-4, f64::NAN, f64::INFINITY] {
+            let told = Storage::Within(error).check().unwrap_err();
+            assert!(told.contains("1.6e-5 and 1e-2"), "{told}");
+        }
     }
 
     #[test]

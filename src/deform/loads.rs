@@ -17,13 +17,14 @@ use super::model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, PointResult, Response, StateAge,
 };
 use super::pose::ControlPose;
+use crate::base::notice::notice;
 use crate::base::parts::PartWeights;
 use crate::green::{
     AFFINE, FIELDS, GreenFile, LOAD_COMPLIANCE, LoadMeta, MOMENTS, REACTION, TORQUES, Turning, Yield,
 };
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 type V3 = Vector3<f64>;
@@ -223,9 +224,14 @@ impl Loaded {
         let now: Vec<u32> = points.iter().flat_map(corners).map(|(node, _)| node).collect();
         self.touched.retain(|node, _| now.contains(node));
         let Some(compliance) = self.file.compliance(&self.body) else { return };
-        for node in now {
-            if let Some(place) = self.places.get(&node) {
-                self.touched.entry(node).or_insert_with(|| compliance.column(*place));
+        for node in now.into_iter().filter(|node| !self.touched.contains_key(node)).collect::<BTreeSet<_>>() {
+            let Some(place) = self.places.get(&node) else { continue };
+            match compliance.column(*place) {
+                Ok(column) => drop(self.touched.insert(node, column)),
+                Err(error) => {
+                    notice!("{error}; node {node} of the surface takes no force");
+                    self.places.remove(&node);
+                }
             }
         }
     }

@@ -5,6 +5,9 @@
 
 use std::io::{Error, ErrorKind, Read, Result};
 
+/// Bytes of the longest header.
+const LARGEST_HEADER: u64 = 100_000_000;
+
 #[derive(Debug)]
 pub struct Bytes {
     words: Vec<u64>,
@@ -44,6 +47,23 @@ impl Bytes {
             return Err(invalid("it grew while it was read".into()));
         }
         Ok(Bytes { words, length })
+    }
+
+    /// The first bytes of a file, up to the end of its header; errors as [`Bytes::read`].
+    pub fn header(input: &mut impl Read, length: u64) -> Result<Vec<u8>> {
+        let mut head = [0; 8];
+        input.read_exact(&mut head)?;
+        let header = u64::from_le_bytes(head);
+        // As much as safetensors reads.
+        if header == 0 || header > length.saturating_sub(8).min(LARGEST_HEADER) {
+            let reason = format!("it is cut short or damaged (a header of {header} in {length} bytes)");
+            return Err(Error::new(ErrorKind::InvalidData, reason));
+        }
+        let mut bytes = head.to_vec();
+        match input.take(header).read_to_end(&mut bytes)? as u64 == header {
+            true => Ok(bytes),
+            false => Err(ErrorKind::UnexpectedEof.into()),
+        }
     }
 
     pub fn as_slice(&self) -> &[u8] {

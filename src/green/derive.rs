@@ -54,7 +54,7 @@ pub fn derive(base: Arc<GreenFile>, scene: &Scene, sections: Sections<'_>) -> Re
             let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
             let freed: Vec<u32> =
                 loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
-            tensors.extend(compliance.changed(&freed, &|nodes| changed_body.compliance(nodes)));
+            tensors.extend(compliance.changed(&freed, &|nodes| changed_body.compliance(nodes))?);
         }
         tensors.extend(sections(&base, name));
         changed.insert(name.clone(), (own, tensors));

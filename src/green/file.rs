@@ -1,4 +1,5 @@
-//! The .green file: a safetensors container, read into memory, checked by hash.
+//! The .green file: a safetensors container, read into memory, checked by hash; but for the largest tensors, which are read
+//! piece by piece when they are needed ([`super::on_disk`]).
 //!
 //! Tensors per body: `rest` (surface nodes about `centre`), `triangles`, `tags`, `control/NAME` (the surface nodes of
 //! each control element), those of the column families that the body requires, and `EFFECT/TENSOR` of effects that own some. The metadata key `greenstage` holds one JSON object;
@@ -6,12 +7,14 @@
 
 use super::bytes::Bytes;
 use super::error::GreenError;
+use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
 use super::tensor::Number;
 use crate::base::columns::Storage;
-use safetensors::tensor::{Dtype, SafeTensors};
+use safetensors::tensor::{Dtype, Metadata};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::ops::Range;
@@ -130,14 +133,19 @@ pub(super) struct Sealed<'a> {
     pub(super) content: &'a RawValue,
 }
 
+/// Ends of the names of tensors that stay on the disk.
+pub(super) const COMPLIANCE_VALUES: &str = "compliance/values";
+
 /// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
-/// nothing here.
+/// nothing here, but for a compliance: that of a file which is replaced stays as it was, what is damaged is an error.
 #[derive(Debug)]
 pub struct GreenFile {
     pub path: PathBuf,
     pub meta: Meta,
     pub(super) bytes: Bytes,
     pub(super) tensors: Tensors,
+    pub(super) on_disk: Option<OnDisk>,
+    pub(super) recent: Recent,
     /// The file that this one was derived from, where a control element was released or a modulus changed.
     pub base: Option<Arc<GreenFile>>,
 }
@@ -151,20 +159,31 @@ impl GreenFile {
         if !std::fs::metadata(path).map_err(failed)?.is_file() {
             return Err(damaged("it is not a file".into()));
         }
-        let mut file = std::fs::File::open(path).map_err(failed)?;
+        let file = std::fs::File::open(path).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
-        let bytes = Bytes::read(&mut file, length).map_err(|source| match source.kind() {
+        let unread = |source: std::io::Error| match source.kind() {
             ErrorKind::UnexpectedEof => damaged("it is cut short".into()),
             ErrorKind::InvalidData => damaged(source.to_string()),
             _ => failed(source),
-        })?;
-        GreenFile::of(path, bytes).map_err(damaged)
+        };
+        let header = Bytes::header(&mut &file, length).map_err(unread)?;
+        let (meta, mut tensors) = read_container(&header, length).map_err(damaged)?;
+        let (places, left) = leave(&meta, &mut tensors);
+        let on_disk = OnDisk::new(file, places);
+        let bytes = Bytes::read(&mut on_disk.others(), length - left).map_err(unread)?;
+        let on_disk = (left > 0).then_some(on_disk);
+        let recent = Recent::default();
+        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        file.check().map_err(damaged)?;
+        Ok(file)
     }
 
     /// The error says what is wrong.
     pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
-        let (meta, tensors) = read_container(bytes.as_slice())?;
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, base: None };
+        let length = bytes.as_slice().len() as u64;
+        let (meta, tensors) = read_container(bytes.as_slice(), length)?;
+        let (on_disk, recent) = (None, Recent::default());
+        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
         file.check()?;
         Ok(file)
     }
@@ -230,9 +249,26 @@ impl GreenFile {
 
     /// Names, types and shapes of all tensors, for `inspect`.
     pub fn tensors(&self) -> impl Iterator<Item = (&str, String, &[usize], usize)> {
-        self.tensors.iter().map(|(name, (dtype, shape, range))| {
-            (name.as_str(), format!("{dtype:?}"), shape.as_slice(), range.len())
+        self.tensors.iter().map(|(name, (dtype, shape, _))| {
+            let size = shape.iter().product::<usize>() * dtype.bitsize() / 8;
+            (name.as_str(), format!("{dtype:?}"), shape.as_slice(), size)
         })
+    }
+
+    /// Whether the tensor was left on the disk.
+    pub(super) fn is_on_disk(&self, name: &str) -> bool {
+        self.on_disk.as_ref().is_some_and(|on_disk| on_disk.holds(name))
+    }
+
+    /// Bytes of a tensor, from memory or from the disk.
+    pub(super) fn bytes_of(&self, name: &str, part: Range<usize>) -> std::io::Result<Cow<'_, [u8]>> {
+        match self.on_disk.as_ref().filter(|on_disk| on_disk.holds(name)) {
+            Some(on_disk) => on_disk.read(name, part.start as u64..part.end as u64).map(Cow::Owned),
+            None => {
+                let whole: &[u8] = self.slice(name);
+                whole.get(part).map(Cow::Borrowed).ok_or_else(|| ErrorKind::InvalidInput.into())
+            }
+        }
     }
 
     /// The tensor's numbers where they lie. `check` has seen that it is there, of this type and aligned.
@@ -246,10 +282,19 @@ impl GreenFile {
 /// Type, shape and place in the file of every tensor.
 pub(super) type Tensors = BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>;
 
-fn read_container(bytes: &[u8]) -> Result<(Meta, Tensors), String> {
+/// What a container of so many bytes says of itself and where its tensors lie, from its beginning.
+fn read_container(bytes: &[u8], length: u64) -> Result<(Meta, Tensors), String> {
     let text = |error: &dyn std::fmt::Display| format!("it is cut short or damaged ({error})");
-    let (header, info) = SafeTensors::read_metadata(bytes).map_err(|error| text(&error))?;
-    let container = SafeTensors::deserialize(bytes).map_err(|error| text(&error))?;
+    let (head, rest) = bytes.split_first_chunk::<8>().ok_or("it is cut short")?;
+    let header = usize::try_from(u64::from_le_bytes(*head)).map_err(|error| text(&error))?;
+    let header = rest.get(..header).ok_or("it is cut short")?;
+    // It sees to it that tensors follow each other without gaps, and have the bytes of their shapes.
+    let info: Metadata = serde_json::from_slice(header).map_err(|error| text(&error))?;
+    let base = 8 + header.len();
+    let said = base as u128 + info.data_len() as u128;
+    if said != u128::from(length) {
+        return Err(text(&format!("its tensors end at {said} of {length} bytes")));
+    }
     let sealed = info
         .metadata()
         .as_ref()
@@ -265,15 +310,33 @@ fn read_container(bytes: &[u8]) -> Result<(Meta, Tensors), String> {
         return Err(format!("it has format {}, this program reads format {FORMAT}", value["format"]));
     }
     let meta: Meta = serde_json::from_value(value).map_err(|error| text(&error))?;
-    let base = header + 8;
-    let tensors = container
-        .names()
+    let tensors = info
+        .offset_keys()
         .into_iter()
         .filter_map(|name| {
-            let tensor = info.info(name)?;
+            let tensor = info.info(&name)?;
             let range = base + tensor.data_offsets.0..base + tensor.data_offsets.1;
-            Some((name.to_owned(), (tensor.dtype, tensor.shape.clone(), range)))
+            Some((name, (tensor.dtype, tensor.shape.clone(), range)))
         })
         .collect();
     Ok((meta, tensors))
+}
+
+/// Takes tensors that stay on the disk out of what is read; returns their places and their bytes together. They are of numbers
+/// of 4 bytes, and those of 8 stand before them: what is behind stays aligned.
+fn leave(meta: &Meta, tensors: &mut Tensors) -> (BTreeMap<String, Range<u64>>, u64) {
+    let names = meta.bodies.keys().map(|body| format!("{body}/{COMPLIANCE_VALUES}"));
+    let mut places = BTreeMap::new();
+    for name in names {
+        let Some((.., range)) = tensors.get_mut(&name) else { continue };
+        places.insert(name, range.start as u64..range.end as u64);
+        *range = 0..0;
+    }
+    for (_, _, range) in tensors.values_mut() {
+        let before = places.values().filter(|place| place.end <= range.start as u64);
+        let cut = before.map(|place| (place.end - place.start) as usize).sum::<usize>();
+        *range = range.start - cut..range.end - cut;
+    }
+    let left = places.values().map(|place| place.end - place.start).sum();
+    (places, left)
 }

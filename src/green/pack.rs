@@ -1,12 +1,14 @@
-//! A .green file made small for shipping: zstd over the whole container.
+//! A .green file made small for shipping: zstd over the whole container, whose 16-bit columns are guessed before
+//! ([`super::filter`]).
 //!
 //! In: a .green file. Out: a .green.zst file that unpacks to the same bytes, and back.
 
 use super::error::GreenError;
 use super::file::GreenFile;
+use super::filter;
 use super::kind::{GREEN, PACKED};
 use crate::base::{input, output};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
@@ -15,8 +17,6 @@ const LEVEL: i32 = 19;
 /// file says.
 const LARGEST: u64 = 1 << 26;
 const LARGEST_RATIO: u64 = 100;
-/// Bytes unpacked at once.
-const PART: usize = 1 << 14;
 
 /// The name of the packed file of a .green file: `tube.green.zst`.
 pub fn packed_path(green: &Path) -> PathBuf {
@@ -27,11 +27,12 @@ pub fn packed_path(green: &Path) -> PathBuf {
 
 /// The packed form of a .green file's bytes.
 pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    let bytes = filter::filtered(bytes)?;
     let mut encoder = zstd::Encoder::new(Vec::new(), LEVEL)?;
     encoder.include_checksum(true)?;
     encoder.include_contentsize(true)?;
     encoder.set_pledged_src_size(Some(bytes.len() as u64))?;
-    encoder.write_all(bytes)?;
+    encoder.write_all(&bytes)?;
     encoder.finish()
 }
 
@@ -39,7 +40,7 @@ pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
 pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
     let bytes = std::fs::read(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
     // What is shipped is sound.
-    GreenFile::open(from)?;
+    GreenFile::open(from)?.verify()?;
     let failed = |source| GreenError::Io { path: to.to_owned(), source };
     let small = packed(&bytes).map_err(failed)?;
     output::write(to, &PACKED, |file| file.write_all(&small))?;
@@ -47,7 +48,7 @@ pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
 }
 
 /// Unpacks `from` into the .green file `to`, which is replaced once what came out is whole and sound. Memory does not
-/// grow with what the file claims: it is written as it is unpacked, up to 64 MiB and 100 times the packed size.
+/// grow with what the file claims, but with what it holds, up to 64 MiB or 100 times the packed size.
 pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let unread = |source| GreenError::Io { path: from.to_owned(), source };
     let packed_size = input::regular(from).map_err(unread)?;
@@ -55,42 +56,25 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let file = std::fs::File::open(from).map_err(unread)?;
     let damaged = |reason: String| GreenError::Damaged { path: from.to_owned(), reason };
     let unpacked = |error: std::io::Error| damaged(format!("it does not unpack ({error})"));
-    let mut packed = zstd::Decoder::new(file).map_err(unpacked)?.take(largest + 1);
-    let mut fault = None;
-    let mut size = 0;
-    let staged = output::stage(to, &GREEN, |file| {
-        let mut part = [0; PART];
-        loop {
-            match packed.read(&mut part) {
-                Ok(0) => return Ok(()),
-                Ok(read) => {
-                    size += read as u64;
-                    file.write_all(&part[..read])?;
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => {
-                    fault = Some(error);
-                    return Ok(());
-                }
-            }
-        }
-    })?;
-    if let Some(error) = fault {
-        return Err(unpacked(error));
-    }
-    if size > largest {
+    let packed = zstd::Decoder::new(file).map_err(unpacked)?;
+    let mut bytes = Vec::new();
+    packed.take(largest + 1).read_to_end(&mut bytes).map_err(unpacked)?;
+    if bytes.len() as u64 > largest {
         return Err(damaged(format!(
             "it does not unpack (its {packed_size} bytes hold more than {largest}, and no .green file is so empty)"
         )));
     }
-    GreenFile::open(staged.now_at()).map_err(|error| match error {
+    let bytes =
+        filter::restored(bytes).map_err(|reason| damaged(format!("it does not unpack ({reason})")))?;
+    let staged = output::stage(to, &GREEN, |file| file.write_all(&bytes))?;
+    GreenFile::open(staged.now_at()).and_then(|file| file.verify()).map_err(|error| match error {
         GreenError::Damaged { reason, .. } => {
             damaged(format!("what it unpacks to is no sound .green file: {reason}"))
         }
         other => other,
     })?;
     staged.put()?;
-    Ok(size)
+    Ok(bytes.len() as u64)
 }
 
 #[cfg(test)]

@@ -14,8 +14,9 @@ use super::tensor::Tensor;
 use crate::base::output;
 use crate::mesh::quality;
 use nalgebra::Vector3;
-use safetensors::tensor::TensorView;
+use safetensors::tensor::{Dtype, TensorView};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -39,7 +40,7 @@ pub fn write_with(
         meta.bodies.insert(body.name.clone(), own);
     }
     for (file, body) in kept {
-        tensors.extend(file.tensors_of(body));
+        tensors.extend(file.tensors_of(body)?);
         meta.bodies.extend(file.meta.bodies.get(*body).map(|meta| ((*body).to_owned(), meta.clone())));
     }
     let bytes = sealed(meta, &tensors).map_err(|error| failed(std::io::Error::other(error)))?;
@@ -62,21 +63,25 @@ impl Meta {
 
 impl GreenFile {
     /// The tensors of a body as they are there, by their names in the file.
-    fn tensors_of(&self, body: &str) -> impl Iterator<Item = (String, Tensor)> {
+    fn tensors_of(&self, body: &str) -> Result<Vec<(String, Tensor)>, GreenError> {
         let own = format!("{body}/");
-        self.tensors.iter().filter(move |(name, _)| name.starts_with(&own)).map(
-            |(name, (dtype, shape, place))| {
-                let bytes = self.bytes.as_slice()[place.clone()].to_vec();
-                (name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), bytes })
-            },
-        )
+        let failed = |source| GreenError::Io { path: self.path.clone(), source };
+        self.compliance(body).map_or(Ok(()), |compliance| compliance.verify())?;
+        let of_body = self.tensors.iter().filter(|(name, _)| name.starts_with(&own));
+        let copied = |(name, (dtype, shape, _)): (&String, &(Dtype, Vec<usize>, Range<usize>))| {
+            let length = shape.iter().product::<usize>() * dtype.bitsize() / 8;
+            let bytes = self.bytes_of(name, 0..length).map_err(failed)?.into_owned();
+            Ok((name.clone(), Tensor { dtype: *dtype, shape: shape.clone(), bytes }))
+        };
+        of_body.map(copied).collect()
     }
 
     /// The tensors of an effect's section, by `EFFECT/TENSOR`.
     pub fn section_tensors(&self, body: &str, effect: &str) -> Vec<(String, Tensor)> {
-        let (own, section) = (format!("{body}/"), format!("{body}/{effect}/"));
-        let named = |(name, tensor): (String, Tensor)| Some((name.strip_prefix(&own)?.to_owned(), tensor));
-        self.tensors_of(body).filter(|(name, _)| name.starts_with(&section)).filter_map(named).collect()
+        let section = format!("{body}/{effect}/");
+        let names = self.tensors.keys().filter(|name| name.starts_with(&section));
+        let within = names.filter_map(|name| name.strip_prefix(body)?.strip_prefix('/'));
+        within.filter_map(|name| Some((name.to_owned(), self.tensor(body, name)?))).collect()
     }
 
     /// One tensor of a body.
@@ -96,7 +101,7 @@ impl GreenFile {
         for (name, own) in &self.meta.bodies {
             let Some((changed, content)) = others.get(name) else {
                 meta.bodies.insert(name.clone(), own.clone());
-                tensors.extend(self.tensors_of(name));
+                tensors.extend(self.tensors_of(name)?);
                 continue;
             };
             meta.bodies.insert(name.clone(), changed.clone());

@@ -18,7 +18,7 @@ pub(super) fn shader(storage: Storage) -> [&'static str; 3] {
     match storage {
         Storage::F32 => shader::DEFORM_F32,
         Storage::F16 => shader::DEFORM_F16,
-        Storage::Int16 => shader::DEFORM_INT16,
+        Storage::Int16 | Storage::Within(_) => shader::DEFORM_INT16,
     }
 }
 

@@ -49,6 +49,7 @@ impl Body {
         if let Some(parts) = self.parts {
             parts.check().map_err(|message| (".parts".to_owned(), message))?;
         }
+        self.storage.check().map_err(|why| (".storage".to_owned(), why))?;
         self.check_target()?;
         self.check_loads().map_err(|(key, message)| (format!(".{key}"), message))?;
         self.check_controls()?;

@@ -306,8 +306,8 @@ fn set(body: &mut Body, setting: &Setting) -> Result<(), String> {
     body.refine = setting.refine;
     body.model.clone_from(&setting.model);
     body.element = find_element(&setting.element)?;
-    let storage = Storage::ALL.into_iter().find(|known| known.name() == setting.storage);
-    body.storage = storage.ok_or_else(|| format!("unknown storage \"{}\"", setting.storage))?;
+    body.storage =
+        Storage::named(&setting.storage).ok_or_else(|| format!("unknown storage \"{}\"", setting.storage))?;
     body.solver = setting.solver;
     Ok(())
 }

@@ -129,7 +129,7 @@ fn yields(solution: Solution, node: u32) -> Option<Vec<[[f32; 3]; 3]>> {
     green::write(&path, &[body]).unwrap();
     let file = GreenFile::open(&path).unwrap();
     let compliance = file.compliance("a")?;
-    Some(compliance.column(*compliance.places().get(&node)?))
+    compliance.column(*compliance.places().get(&node)?).ok()
 }
 
 fn change_of<'a>(updates: &'a Updates, change: &Change) -> Changed<'a> {

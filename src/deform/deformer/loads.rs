@@ -26,7 +26,7 @@ impl Deformer {
         let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
         let mut sum = 0.0;
         for (node, w) in corners() {
-            let Some(column) = places.get(node).map(|place| compliance.column(*place)) else { continue };
+            let Some(Ok(column)) = places.get(node).map(|place| compliance.column(*place)) else { continue };
             for (other, v) in corners() {
                 let block = &column[*other as usize];
                 sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;

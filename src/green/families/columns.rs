@@ -48,7 +48,7 @@ fn dtype(storage: Storage) -> Dtype {
     match storage {
         Storage::F32 => Dtype::F32,
         Storage::F16 => Dtype::F16,
-        Storage::Int16 => Dtype::I16,
+        Storage::Int16 | Storage::Within(_) => Dtype::I16,
     }
 }
 
@@ -82,6 +82,8 @@ pub fn group<'a>(file: &'a GreenFile, body: &str, names: &Names) -> ColumnGroup<
     match storage {
         Storage::F32 => ColumnGroup::F32(file.slice(&basis)),
         Storage::F16 => ColumnGroup::F16 { bits: file.slice(&basis), scales: file.slice(&scale) },
-        Storage::Int16 => ColumnGroup::Int16 { values: file.slice(&basis), scales: file.slice(&scale) },
+        Storage::Int16 | Storage::Within(_) => {
+            ColumnGroup::Int16 { values: file.slice(&basis), scales: file.slice(&scale) }
+        }
     }
 }

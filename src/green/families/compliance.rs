@@ -1,18 +1,18 @@
 //! The family `compliance`: (K⁻¹)ₛ, how the surface yields to a force at a node of it while the control elements are held.
 //!
 //! In: the factor of A. Out, symmetric and stored once, f32: `compliance/order`, the free nodes of the surface with the n that
-//! take forces in front, and `compliance/values`, for every 32 of those n a block of rows that begins at its own nodes:
+//! take forces in front, and `compliance/values`, tile after tile:
 //!
 //! ```text
-//! block I    rows 32 I … of the n nodes × the nodes 32 I … of all m, 3 × 3 numbers each, m/N, row by row
+//! tile I, J ≥ I    nodes 32 I … of the n × nodes 32 J … of all m, 3 × 3 numbers each, m/N, row by row
 //! ```
 //!
-//! A column is then one run of rows, and pieces of the rows of the blocks before its own. From the paper's "surface
-//! compliance": 5,000 nodes take 450 MB.
+//! The values stay on the disk: what a force at a node does is read from the tiles of its row and column, m/32 of 37 kB, each
+//! checked against its hash in `compliance/hashes`. From the paper's "surface compliance": 5,000 nodes take 450 MB.
 
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
-use super::super::file::{BodyMeta, GreenFile};
+use super::super::file::{BodyMeta, COMPLIANCE_VALUES as VALUES, GreenFile};
 use super::super::numbers::{LARGEST, numbers};
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceInverse};
@@ -24,8 +24,12 @@ use crate::mesh::{Surface, TetMesh};
 use crate::scene::SurfaceCompliance;
 use crate::solve::{Factor, InverseStrip, Progress, SolveError};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
 
 pub const COMPLIANCE: Family = Family { name: "compliance", from: &[AFFINE] };
 
@@ -41,8 +45,10 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 };
 
 const ORDER: &str = "compliance/order";
-const VALUES: &str = "compliance/values";
-/// Nodes of a block of rows.
+/// blake3 of every tile.
+const HASHES: &str = "compliance/hashes";
+const HASH: usize = blake3::OUT_LEN;
+/// Nodes of a block of rows, and of a tile's side.
 const BLOCK: usize = 32;
 
 /// Where the numbers of m nodes stand, of which the first n take forces.
@@ -68,9 +74,44 @@ impl Layout {
 
     /// Where row 3·`i` + `axis` of node `i` < n holds node `j`, which is of its block or behind it.
     fn at(&self, i: usize, axis: usize, j: usize) -> usize {
-        let block = i / BLOCK;
-        let first = BLOCK * block;
-        self.start(block) + (3 * (i - first) + axis) * 3 * (self.m - first) + 3 * (j - first)
+        let tile = self.tile(i / BLOCK, j / BLOCK);
+        let [_, columns] = self.sides(i / BLOCK, j / BLOCK);
+        tile.start + (3 * (i % BLOCK) + axis) * columns + 3 * (j % BLOCK)
+    }
+
+    /// Rows and columns of numbers of a tile.
+    fn sides(&self, block: usize, other: usize) -> [usize; 2] {
+        [(block, self.n), (other, self.m)].map(|(at, all)| 3 * BLOCK.min(all - BLOCK * at))
+    }
+
+    /// The numbers of a tile, `other` ≥ `block`.
+    fn tile(&self, block: usize, other: usize) -> Range<usize> {
+        let [rows, columns] = self.sides(block, other);
+        let start = self.start(block) + rows * 3 * BLOCK * (other - block);
+        start..start + rows * columns
+    }
+
+    /// Which of all tiles it is.
+    fn number(&self, block: usize, other: usize) -> usize {
+        let across = self.m.div_ceil(BLOCK);
+        block * across - block * block.saturating_sub(1) / 2 + other - block
+    }
+
+    /// All tiles in their order.
+    fn tiles(self) -> impl Iterator<Item = [usize; 2]> {
+        let across = self.m.div_ceil(BLOCK);
+        (0..self.n.div_ceil(BLOCK)).flat_map(move |block| (block..across).map(move |other| [block, other]))
+    }
+
+    /// The tensor of the hashes of all tiles of these values.
+    fn hashes(self, values: &[u8]) -> Tensor {
+        let hash = |[block, other]: [usize; 2]| {
+            let tile = self.tile(block, other);
+            *blake3::hash(&values[4 * tile.start..4 * tile.end]).as_bytes()
+        };
+        let tiles: Vec<_> = self.tiles().collect();
+        let bytes: Vec<[u8; HASH]> = tiles.par_iter().map(|tile| hash(*tile)).collect();
+        Tensor { dtype: Dtype::U8, shape: vec![tiles.len(), HASH], bytes: bytes.concat() }
     }
 }
 
@@ -185,8 +226,9 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     meta.compliance_nodes = Some(inverse.nodes);
     let order = Tensor::new(&[inverse.order.len()], inverse.order.iter().copied());
     let shape = vec![inverse.bytes.len() / 4];
+    let hashes = Layout { n: inverse.nodes, m: inverse.order.len() }.hashes(&inverse.bytes);
     let values = Tensor { dtype: Dtype::F32, shape, bytes: inverse.bytes.clone() };
-    vec![(ORDER.to_owned(), order), (VALUES.to_owned(), values)]
+    vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)]
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
@@ -203,16 +245,19 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
         return Err(format!("tensor {order} does not name nodes of the surface, {n} of which take forces"));
     }
     let layout = Layout { n, m };
+    // Its numbers are looked at when they are read.
     file.expect(&values, Dtype::F32, &[layout.len()])?;
-    let numbers_of: &[f32] = file.slice(&values);
-    numbers(&format!("tensor {values}"), numbers_of.iter().map(|&x| x.into()), LARGEST)
+    file.expect(&format!("{name}/{HASHES}"), Dtype::U8, &[layout.tiles().count(), HASH])
 }
 
 /// The compliance of a body, read where it lies.
 pub struct Compliance<'a> {
+    file: &'a GreenFile,
+    /// Of the values.
+    tensor: String,
     layout: Layout,
     order: &'a [u32],
-    values: &'a [f32],
+    hashes: &'a [u8],
     surface_nodes: usize,
 }
 
@@ -225,22 +270,64 @@ impl Compliance<'_> {
         self.order[..self.layout.n].iter().copied().zip(0..).collect()
     }
 
-    /// What a force at the node at `place` does to the whole surface; nodes of control elements stay.
-    pub fn column(&self, place: usize) -> Yield {
+    /// What a force at the node at `place` does to the whole surface; nodes of control elements stay. Errors where what is read
+    /// from the file is not what was written.
+    pub fn column(&self, place: usize) -> Result<Yield, GreenError> {
+        let strip = self.strip(place / BLOCK)?;
+        let (width, row) = (3 * self.layout.m, 3 * (place % BLOCK));
         let mut all = vec![[[0.0; 3]; 3]; self.surface_nodes];
-        let first = place / BLOCK * BLOCK;
         for (j, &node) in self.order.iter().enumerate() {
-            let of_node = &mut all[node as usize];
-            for (axis, row) in of_node.iter_mut().enumerate() {
-                for (force, value) in row.iter_mut().enumerate() {
-                    *value = match j < first {
-                        true => self.values[self.layout.at(j, axis, place) + force],
-                        false => self.values[self.layout.at(place, force, j) + axis],
-                    };
+            let number = |axis: usize, force: usize| strip[(row + force) * width + 3 * j + axis];
+            all[node as usize] = [0, 1, 2].map(|axis| [0, 1, 2].map(|force| number(axis, force)));
+        }
+        Ok(all)
+    }
+
+    /// Reads every tile; errors at the first that is not what was written.
+    pub fn verify(&self) -> Result<(), GreenError> {
+        let tiles: Vec<_> = self.layout.tiles().collect();
+        tiles.par_iter().try_for_each(|&[block, other]| self.tile(block, other).map(drop))
+    }
+
+    /// The rows of a block over all m nodes, both halves.
+    fn strip(&self, block: usize) -> Result<Arc<Vec<f32>>, GreenError> {
+        self.file.recent.get(&self.tensor, block, || {
+            let width = 3 * self.layout.m;
+            let mut strip = vec![0.0; self.layout.sides(block, block)[0] * width];
+            for other in 0..self.layout.m.div_ceil(BLOCK) {
+                let [upper, lower] = [block.min(other), block.max(other)];
+                let tile = self.tile(upper, lower)?;
+                let [_, columns] = self.layout.sides(upper, lower);
+                for (row, numbers) in tile.chunks_exact(columns).enumerate() {
+                    if other >= block {
+                        let at = row * width + 3 * BLOCK * other;
+                        strip[at..at + columns].copy_from_slice(numbers);
+                        continue;
+                    }
+                    for (row_here, value) in numbers.iter().enumerate().take(strip.len() / width) {
+                        strip[row_here * width + 3 * BLOCK * other + row] = *value;
+                    }
                 }
             }
+            Ok(strip)
+        })
+    }
+
+    fn tile(&self, block: usize, other: usize) -> Result<Vec<f32>, GreenError> {
+        let path = || self.file.path.clone();
+        let tile = self.layout.tile(block, other);
+        let bytes = self.file.bytes_of(&self.tensor, 4 * tile.start..4 * tile.end);
+        let bytes = bytes.map_err(|source| GreenError::Io { path: path(), source })?;
+        let number = self.layout.number(block, other);
+        let damaged = |reason: String| GreenError::Damaged { path: path(), reason };
+        if self.hashes[HASH * number..HASH * (number + 1)] != *blake3::hash(&bytes).as_bytes() {
+            return Err(damaged(format!("tile {number} of tensor {} is damaged (the hash differs)", self.tensor)));
         }
-        all
+        let four = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let values: Vec<f32> = bytes.chunks_exact(4).map(four).collect();
+        numbers(&format!("tensor {}", self.tensor), values.iter().map(|&x| x.into()), LARGEST)
+            .map_err(damaged)?;
+        Ok(values)
     }
 }
 
@@ -250,28 +337,32 @@ pub type Added<'a> = &'a dyn Fn(&[u32]) -> DMatrix<f64>;
 
 impl Compliance<'_> {
     /// The tensors after a change by which the nodes `freed` of the surface are held no more.
-    pub fn changed(&self, freed: &[u32], added: Added<'_>) -> Vec<(String, Tensor)> {
+    pub fn changed(&self, freed: &[u32], added: Added<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
         let n = self.layout.n;
         let order = [self.order, freed].concat();
         let layout = Layout { n, m: order.len() };
-        let mut values = Vec::with_capacity(layout.len());
+        let mut values = vec![0; 4 * layout.len()];
         for first in (0..n).step_by(BLOCK) {
             let own = first..(first + BLOCK).min(n);
             let more = added(&order[own.clone()]);
-            for (i, axis) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))) {
+            let strip = self.strip(first / BLOCK)?;
+            for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
+                let old = &strip[3 * self.layout.m * row..][..3 * self.layout.m];
                 for (j, &node) in order.iter().enumerate().skip(first) {
-                    // Both halves of the matrix are the same: the force is at node i.
-                    let old = |other: usize| match j < self.layout.m {
-                        true => self.values[self.layout.at(i, axis, j) + other],
-                        false => 0.0,
-                    };
-                    let new = |other: usize| more[(3 * node as usize + other, 3 * (i - first) + axis)];
-                    values.extend([0, 1, 2].map(|other| (f64::from(old(other)) + new(other)) as f32));
+                    for other in 0..3 {
+                        // Both halves of the matrix are the same: the force is at node i.
+                        let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
+                        let new = (old + more[(3 * node as usize + other, row)]) as f32;
+                        let at = 4 * (layout.at(i, axis, j) + other);
+                        values[at..at + 4].copy_from_slice(&new.to_le_bytes());
+                    }
                 }
             }
         }
         let order = Tensor::new(&[order.len()], order);
-        vec![(ORDER.to_owned(), order), (VALUES.to_owned(), Tensor::new(&[values.len()], values))]
+        let hashes = layout.hashes(&values);
+        let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
+        Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
     }
 }
 
@@ -281,8 +372,13 @@ impl GreenFile {
         let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(COMPLIANCE))?;
         let order: &[u32] = self.slice(&format!("{body}/{ORDER}"));
         let layout = Layout { n: meta.compliance_nodes?, m: order.len() };
-        let values = self.slice(&format!("{body}/{VALUES}"));
-        Some(Compliance { layout, order, values, surface_nodes: meta.surface_nodes })
+        let (tensor, hashes) = (format!("{body}/{VALUES}"), self.slice(&format!("{body}/{HASHES}")));
+        Some(Compliance { file: self, tensor, layout, order, hashes, surface_nodes: meta.surface_nodes })
+    }
+
+    /// Reads what stays on the disk, which opening the file does not look at; errors where it is damaged.
+    pub fn verify(&self) -> Result<(), GreenError> {
+        self.meta.bodies.keys().filter_map(|body| self.compliance(body)).try_for_each(|of| of.verify())
     }
 }
 
@@ -304,6 +400,13 @@ mod tests {
                 }
             }
             assert!(seen.iter().all(|&count| count == 1), "{n} {m}");
+            let mut end = 0;
+            for (number, [block, other]) in layout.tiles().enumerate() {
+                let tile = layout.tile(block, other);
+                assert_eq!((layout.number(block, other), tile.start), (number, end), "{n} {m}");
+                end = tile.end;
+            }
+            assert_eq!(end, layout.len());
         }
         let paper = Layout { n: 5000, m: 5000 };
         assert!((4.50e8..4.56e8).contains(&(4.0 * paper.len() as f64)), "450 MB");

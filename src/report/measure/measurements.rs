@@ -58,6 +58,9 @@ pub fn measurements(
             request.limit.is_some() && std::ptr::eq(&raw const candidates[references.finest], candidate);
         let own = request.scene.body[request.body].storage;
         let mut storages = Storage::ALL.to_vec();
+        if !storages.contains(&own) {
+            storages.push(own);
+        }
         storages.retain(|&storage| storage == Storage::F32 || is_wide && (!is_spared || storage == own));
         let mut files = Files::default();
         let judged = course.step_as_json(&names::errors(&candidate.name()), |_| {
@@ -145,9 +148,10 @@ fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
         (c.refine, c.element.name, c.solver) == (setting.refine, setting.element.as_str(), setting.solver)
             && c.models.iter().any(|model| model.name == setting.model)
     };
-    let storage = Storage::ALL.iter().position(|storage| storage.name() == setting.storage);
+    // The scene's own, where it is none of them, comes last.
+    let storage = Storage::ALL.iter().take_while(|storage| storage.name() != setting.storage).count();
     let model = MODELS.iter().position(|model| model.name == setting.model);
-    [candidates.iter().position(is_of), storage, model].map(Option::unwrap_or_default)
+    [candidates.iter().position(is_of), Some(storage), model].map(Option::unwrap_or_default)
 }
 
 /// The row of a setting without its times, and the file that they are measured with.
@@ -166,7 +170,7 @@ fn row(
             refine: candidate.refine,
             element: candidate.element.name.into(),
             solver: candidate.solver,
-            storage: storage.name().into(),
+            storage: storage.name(),
             model: model.name.into(),
         },
         mesh_nodes: candidate.solution.mesh.nodes.len(),

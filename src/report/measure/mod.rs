@@ -218,7 +218,7 @@ fn own_setting(request: &Request<'_>) -> Setting {
         } else {
             Solver { method, tolerance, ..Solver::default() }
         },
-        storage: body.storage.name().into(),
+        storage: body.storage.name(),
         model: body.model.clone(),
     }
 }

@@ -61,7 +61,7 @@ struct Drawn<'a> {
 impl<'a> Drawn<'a> {
     fn new(candidates: &'a [Candidate], setting: &Setting) -> Option<Drawn<'a>> {
         let model = find_model(&setting.model).ok()?;
-        let storage = Storage::ALL.into_iter().find(|storage| storage.name() == setting.storage)?;
+        let storage = Storage::named(&setting.storage)?;
         let is_own = |of: &&Candidate| {
             (of.refine, of.element.name, of.solver) == (setting.refine, &setting.element, setting.solver)
                 && of.models.iter().any(|own| own.name == model.name)

@@ -134,7 +134,7 @@ fn a_table_that_was_kept_gives_the_same_choice() {
         .map(|i| {
             let storage = Storage::ALL[i % 3].name();
             let (time_us, error) = (20.0 + ((7 * i) % 11) as f64, 0.01 * (1 + i % 5) as f64);
-            let mut row = row(["cholesky", "pcg 1e-6"][i % 2], storage, time_us, error);
+            let mut row = row(["cholesky", "pcg 1e-6"][i % 2], &storage, time_us, error);
             row.setting.refine = i as u32 / 2;
             row
         })
