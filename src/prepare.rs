@@ -9,9 +9,11 @@ use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect, ghost_equilibrium, stress};
 use crate::fem::{Dilatation, Law};
-use crate::green::{self, COMPLIANCE, GreenError, GreenFile, LOADS, Precomputed, Requirements, UPDATES};
+use crate::green::{
+    self, AFFINE, COMPLIANCE, GreenError, GreenFile, LOADS, Precomputed, Requirements, STIFFNESS, UPDATES,
+};
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Nodes, Scene};
+use crate::scene::{Body, Method, Nodes, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,6 +26,14 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     loads_required(scene, name, body, model)?;
     match model.kind {
+        Kind::Background(law) if body.method == Method::Bem => {
+            let message = format!(
+                "\"{}\" finds equilibrium in tetrahedra, which boundary elements do not have: write model = \"linear\", or \
+                 leave out method = \"bem\"",
+                law.name
+            );
+            Err(wrong(scene, name, "model", message))
+        }
         Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => Ok(None),
     }
@@ -38,6 +48,7 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     let loads = loads_required(scene, name, body, model)?;
     let required = effect::requirements(model, effects(body)).and(loads);
+    check_method(scene, name, body, &required)?;
     if body.updates.is_none() {
         return Ok(required);
     }
@@ -66,6 +77,29 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
     }
     Ok(required.and(Requirements::of(&[UPDATES])))
+}
+
+/// Errors name what a body of boundary elements cannot have.
+fn check_method(scene: &Scene, name: &str, body: &Body, required: &Requirements) -> Result<(), Failure> {
+    if body.method == Method::Fem {
+        return Ok(());
+    }
+    let remedy = "leave out method = \"bem\", and fill a surface by tetrahedralise = { cell = … }";
+    if let Some(effect) = effects(body).find(|effect| effect.needs_inside) {
+        let message = format!(
+            "\"{}\" looks inside the body, of which boundary elements know the surface alone: leave the effect out, or {remedy}",
+            effect.name
+        );
+        return Err(wrong(scene, name, "effects", message));
+    }
+    let is_known = |family: &&str| [AFFINE.name, STIFFNESS.name].contains(family);
+    let Some(family) = required.families().find(|family| !is_known(family)) else { return Ok(()) };
+    let message = format!(
+        "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model = \"linear\", for \
+         pictures without forces also \"rotation\", or {remedy}",
+        body.model
+    );
+    Err(wrong(scene, name, "model", message))
 }
 
 /// The families of a body's loads; errors name what cannot be together with them.
@@ -101,6 +135,10 @@ fn loads_required(
 /// The same of a body that is measured; refuses the models that others are measured against.
 pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
     match law(scene, name, body)? {
+        None if body.method == Method::Bem => {
+            let message = "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
+            Err(wrong(scene, name, "method", message.to_owned()))
+        }
         None => requirements(scene, name, body),
         Some(law) => {
             let message = format!(

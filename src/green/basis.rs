@@ -13,7 +13,7 @@ use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::Scene;
+use crate::scene::{Method, Scene};
 use crate::solve::{Factor, NO_UNKNOWNS, Progress, SolveStats};
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -65,6 +65,9 @@ pub fn solve_prepared(
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
+    if body.method == Method::Bem {
+        return super::boundary::solve(scene, name, prepared, requirements, progress);
+    }
     let place = format!("{}: body.{name}", scene.path.display());
     let started = Instant::now();
     let Prepared { mesh, controls, lame, findings: mut notices } = prepared;
@@ -114,6 +117,7 @@ pub fn solve_prepared(
 
     let mut solution = Solution {
         element: body.element,
+        method: body.method,
         mesh,
         surface,
         controls,

@@ -13,6 +13,7 @@ mod load;
 mod loads;
 mod look;
 pub mod materials;
+mod method;
 mod parts;
 pub mod proposal;
 mod select;
@@ -28,6 +29,7 @@ pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
     SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
+pub use method::Method;
 pub use look::{CREASE, Color, Lines, Texture};
 pub use parts::Parts;
 pub use select::Nodes;
@@ -98,6 +100,11 @@ pub struct Body {
     /// Metres in one unit of the mesh file; or else `unit`.
     pub scale: Option<f64>,
     pub generate: Option<Generate>,
+    /// Finite elements in tetrahedra, or boundary elements on the surface alone.
+    #[serde(default)]
+    pub method: Method,
+    /// Triangles of boundary elements are cut until no edge is longer, m.
+    pub longest_edge: Option<f64>,
     /// How a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
     /// How often every tetrahedron is divided into eight, 0 to [`refine::MOST`].
@@ -377,6 +384,7 @@ impl Scene {
         }
         self.check_scale(&entity, body)?;
         self.check_tetrahedralise(&entity, body)?;
+        body.check_method().map_err(|(key, message)| self.invalid(&format!("{entity}.{key}"), message))?;
         if body.refine > refine::MOST {
             let asked = refine::RefineError::TooOften { asked: body.refine };
             return Err(self.invalid(&format!("{entity}.refine"), asked.to_string()));
