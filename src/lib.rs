@@ -31,6 +31,7 @@
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`green`] | the precomputed columns and the .green file |
 //! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
+//! | [`bem`] | boundary elements: the columns of a homogeneous body from its surface alone |
 //! | [`solve`] | ordering, Cholesky, PCG, Newton's iteration |
 //! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script |
@@ -62,6 +63,7 @@
 //! offline arithmetic is f64, online f32.
 
 pub mod base;
+pub mod bem;
 pub mod cli;
 pub mod config;
 pub mod deform;

@@ -10,10 +10,11 @@ use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_r
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
-    self, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements, UPDATES,
+    self, AFFINE, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements, STIFFNESS,
+    UPDATES,
 };
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Nodes, Scene};
+use crate::scene::{Body, Method, Nodes, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -26,6 +27,14 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     }
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     match model.kind {
+        Kind::Background(law) if body.method == Method::Bem => {
+            let message = format!(
+                "\"{}\" finds equilibrium in tetrahedra, which boundary elements do not have: write model = \"linear\", or \
+                 leave out method = \"bem\"",
+                law.name
+            );
+            Err(wrong(scene, name, "model", message))
+        }
         // Solved anew it has its loads whatever the columns are.
         Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => loads_required(scene, name, body, model).map(|_| None),
@@ -41,6 +50,7 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     let loads = loads_required(scene, name, body, model)?;
     let required = effect::requirements(model, effects(body)).and(loads);
+    check_method(scene, name, body, &required)?;
     if body.updates.is_none() {
         return Ok(required);
     }
@@ -71,6 +81,29 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
     Ok(required.and(Requirements::of(&[UPDATES])))
 }
 
+/// Errors name what a body of boundary elements cannot have.
+fn check_method(scene: &Scene, name: &str, body: &Body, required: &Requirements) -> Result<(), Failure> {
+    if body.method == Method::Fem {
+        return Ok(());
+    }
+    let remedy = "leave out method = \"bem\", and fill a surface by tetrahedralise = { cell = … }";
+    if let Some(effect) = effects(body).find(|effect| effect.needs_inside) {
+        let message = format!(
+            "\"{}\" looks inside the body, of which boundary elements know the surface alone: leave the effect out, or {remedy}",
+            effect.name
+        );
+        return Err(wrong(scene, name, "effects", message));
+    }
+    let is_known = |family: &&str| [AFFINE.name, STIFFNESS.name].contains(family);
+    let Some(family) = required.families().find(|family| !is_known(family)) else { return Ok(()) };
+    let message = format!(
+        "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model = \"linear\", for \
+         pictures without forces also \"rotation\", or {remedy}",
+        body.model
+    );
+    Err(wrong(scene, name, "model", message))
+}
+
 /// The families of a body's loads; errors name what cannot be together with them.
 fn loads_required(
     scene: &Scene,
@@ -96,6 +129,10 @@ fn loads_required(
 /// The same of a body that is measured; refuses the models that others are measured against.
 pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
     match law(scene, name, body)? {
+        None if body.method == Method::Bem => {
+            let message = "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
+            Err(wrong(scene, name, "method", message.to_owned()))
+        }
         None => requirements(scene, name, body),
         Some(law) => {
             let message = format!(

@@ -11,7 +11,7 @@ use crate::effect::{EFFECTS, EffectEntry, stress};
 use crate::green::{self, Forecast, GreenError};
 use crate::prepare;
 use crate::scene::file_kind::is_mesh_or_surface;
-use crate::scene::{Body, Limit, Material, Scene};
+use crate::scene::{Body, Limit, Material, Method, Scene};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -68,9 +68,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                         Err(message) => Diagnostic::new(Severity::Error, &place, message),
                     });
                 }
-                let forecast = forecast.told();
+                findings.extend(match body.method {
+                    Method::Fem => forecast.told().map(|told| Diagnostic::new(Severity::Note, &entity, told)),
+                    Method::Bem => Some(match green::boundary_told(&prepared.mesh, &prepared.controls) {
+                        Ok(told) => Diagnostic::new(Severity::Note, &entity, told),
+                        Err(refused) => Diagnostic::new(Severity::Error, &entity, refused),
+                    }),
+                });
                 findings.extend(prepared.findings);
-                findings.extend(forecast.map(|told| Diagnostic::new(Severity::Note, &entity, told)));
                 meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
             }
             Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),

@@ -9,7 +9,7 @@ use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::length_unit::implausible;
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
-use crate::scene::Scene;
+use crate::scene::{Method, Scene};
 use crate::scene::built_in::{self, BUILT_IN};
 use crate::scene::materials::implausible_young;
 use crate::session::open;
@@ -277,9 +277,12 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         let loaded = scene.load_mesh(name, body)?;
         let effects = if body.effects.is_empty() { "none".to_owned() } else { body.effects.join(", ") };
         text.push_str(&format!(
-            "\nbody {name}: {} nodes, {} tetrahedra; model {}, effects {effects}{needs}\n",
+            "\nbody {name}: {} nodes, {}; model {}, effects {effects}{needs}\n",
             loaded.mesh.nodes.len(),
-            loaded.mesh.tets.len(),
+            match body.method {
+                Method::Bem => format!("{} triangles of boundary elements", loaded.mesh.triangles.len()),
+                Method::Fem => format!("{} tetrahedra", loaded.mesh.tets.len()),
+            },
             body.model,
         ));
         for (control_name, control) in &body.control {

@@ -13,6 +13,7 @@ use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
 use crate::green::{self, FAMILIES, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare;
+use crate::scene::Method;
 use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -98,23 +99,33 @@ pub fn report(body: &Precomputed) -> Table {
     row(
         "mesh",
         times.mesh_s,
-        format!(
-            "{} nodes, {} {}, surface {} nodes and {} triangles",
-            mesh.nodes.len(),
-            mesh.tets.len(),
-            solution.element.name,
-            solution.surface.nodes.len(),
-            solution.surface.triangles.len()
-        ),
+        match solution.method {
+            Method::Bem => format!("surface {} nodes and {} triangles", mesh.nodes.len(), mesh.triangles.len()),
+            Method::Fem => format!(
+                "{} nodes, {} {}, surface {} nodes and {} triangles",
+                mesh.nodes.len(),
+                mesh.tets.len(),
+                solution.element.name,
+                solution.surface.nodes.len(),
+                solution.surface.triangles.len()
+            ),
+        },
     );
     let entries = solution.matrix_entries as f64;
     let full = (3.0 * mesh.nodes.len() as f64).powi(2);
     row(
         "assembly",
         times.assembly_s,
-        format!("K: {entries:.3e} entries, {:.3} % of full", 100.0 * entries / full),
+        match solution.method {
+            Method::Bem => format!("full matrices: {entries:.3e} entries, {}", bytes(8.0 * entries)),
+            Method::Fem => format!("K: {entries:.3e} entries, {:.3} % of full", 100.0 * entries / full),
+        },
     );
-    if stats.method.is_direct {
+    if solution.method == Method::Bem {
+        let fill = stats.factor_entries as f64;
+        row("factor", stats.factor_s, format!("{} unknowns, L: {fill:.3e} entries, in place", stats.unknowns));
+        row("solves", stats.solve_s, format!("{} columns, with their residuals", stats.columns));
+    } else if stats.method.is_direct {
         row("ordering", stats.ordering_s, "nested dissection (METIS)".into());
         row("symbolic", stats.symbolic_s, format!("{} unknowns", stats.unknowns));
         let fill = stats.factor_entries as f64;

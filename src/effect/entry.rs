@@ -32,6 +32,8 @@ pub struct EffectEntry {
     pub requirements: &'static [Family],
     /// Whether it asks for the strain energy of the body's model ([`crate::deform::ModelEntry::energy`]).
     pub needs_energy: bool,
+    /// Whether it needs the body's inside, which boundary elements do not have.
+    pub needs_inside: bool,
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,

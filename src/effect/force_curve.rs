@@ -26,6 +26,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force over displacement, or torque over turn, of the control element that is held, as a live plot",
     requirements: &[STIFFNESS],
     needs_energy: true,
+    needs_inside: false,
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(ForceCurve::new(listed, world))))),
     start: None,

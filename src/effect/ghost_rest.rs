@@ -17,6 +17,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "the rest shape, translucent, beside the deformed body",
     requirements: &[],
     needs_energy: false,
+    needs_inside: false,
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(RestGhosts::new(listed, world))))),
     start: None,

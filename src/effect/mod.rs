@@ -144,6 +144,7 @@ mod tests {
         summary: "the mean of every column",
         requirements: &[AFFINE],
         needs_energy: false,
+        needs_inside: false,
         precompute: Some(|_, body, _| {
             let fields = &body.solution.fields;
             let mean = |column: usize| {
@@ -201,6 +202,7 @@ mod tests {
         summary: "a strip, and a thread that counts",
         requirements: &[],
         needs_energy: false,
+        needs_inside: false,
         precompute: None,
         attach: Some(|listed, _| {
             let ends = Arc::new(AtomicBool::new(false));

@@ -15,7 +15,7 @@ use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::Scene;
+use crate::scene::{self, Scene};
 use crate::solve::{Factor, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveStats, Solver};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -99,6 +99,9 @@ fn solve_kept(
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
+    if body.method == scene::Method::Bem {
+        return super::boundary::solve(scene, name, prepared, requirements, progress);
+    }
     let place = format!("{}: body.{name}", scene.path.display());
     let started = Instant::now();
     let Prepared { mesh, controls, lame, findings: mut notices } = prepared;
@@ -157,6 +160,7 @@ fn solve_kept(
 
     let mut solution = Solution {
         element: body.element,
+        method: body.method,
         mesh,
         surface,
         controls,

@@ -4,6 +4,7 @@ use super::substructure::BodyError;
 use crate::base::failure::Failure;
 use crate::base::machine::TooLarge;
 use crate::base::output::OutputError;
+use crate::bem;
 use crate::fem::AssemblyError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
@@ -15,6 +16,8 @@ pub enum GreenError {
     Scene(#[from] SceneError),
     #[error("{body}: {source}")]
     Assembly { body: String, source: AssemblyError },
+    #[error("{body}: {source}")]
+    Boundary { body: String, source: bem::Error },
     #[error("{body}: {source}")]
     Solve { body: String, source: SolveError },
     #[error("{body}: {source}")]
@@ -47,6 +50,7 @@ impl GreenError {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
+            GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {

@@ -4,7 +4,7 @@ use super::error::GreenError;
 use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Nodes, Scene};
+use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Method, Nodes, Scene};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -36,6 +36,9 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     let mut hasher = blake3::Hasher::new();
     hasher.update(asked.to_string().as_bytes());
     hasher.update(loads(body).as_bytes());
+    if body.method == Method::Bem {
+        hasher.update(format!("bem {:?}", body.longest_edge).as_bytes());
+    }
     let read = |hasher: &mut blake3::Hasher, entity: String, path: &Path| {
         hash_file(hasher, path)
             .map_err(|error| scene.invalid(&entity, format!("{}: {error}", path.display())))

@@ -6,7 +6,9 @@
 //! unknowns and for a bar of 35,937 ten times as long as thick, 11 and 13 for cubes of 13,005 and 43,125. The time of a
 //! factor is that of L^{1.5} multiplications, and was measured with the tube: 0.19 s for 5.0·10⁶ numbers on two threads.
 
+use super::control::ControlElement;
 use crate::base::table::bytes;
+use crate::bem;
 use crate::mesh::TetMesh;
 
 /// Numbers of the factor over n^{4/3}: of a thin body, and of a compact one.
@@ -81,6 +83,19 @@ impl Forecast {
             )
         })
     }
+}
+
+/// What boundary elements of a prepared body take, or why they do not fit.
+pub fn boundary_told(mesh: &TetMesh, controls: &[ControlElement]) -> Result<String, String> {
+    let mut is_held = vec![false; mesh.nodes.len()];
+    controls.iter().flat_map(|control| &control.nodes).for_each(|&node| is_held[node as usize] = true);
+    let loaded = bem::loaded_triangles(&mesh.triangles, &is_held).len();
+    let need = bem::fits(mesh.nodes.len(), loaded).map_err(|error| error.to_string())?;
+    Ok(format!(
+        "boundary elements on {} triangles, tractions on {loaded}: full matrices of {} while it is precomputed",
+        mesh.triangles.len(),
+        bytes(need)
+    ))
 }
 
 /// In the unit that suits it, without digits that nobody knows.

@@ -6,6 +6,7 @@
 //! it needs ([`Requirements`]); nothing else is computed or stored.
 
 mod basis;
+mod boundary;
 mod bytes;
 mod check;
 mod control;
@@ -50,7 +51,7 @@ pub use families::{
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
 pub use fingerprint::fingerprint;
-pub use forecast::Forecast;
+pub use forecast::{Forecast, boundary_told};
 pub use journal::{Journal, KEPT_AFTER, drop_journal, path_of as journal_path};
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};

@@ -9,6 +9,7 @@ use crate::base::columns::Storage;
 use crate::base::diagnostic::Diagnostic;
 use crate::fem::{Element, NodeFields};
 use crate::mesh::{Surface, TetMesh};
+use crate::scene::Method;
 use crate::solve::SolveStats;
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
@@ -33,6 +34,8 @@ impl StepTimes {
 #[derive(Clone)]
 pub struct Solution {
     pub element: &'static Element,
+    /// Of boundary elements, the element means nothing.
+    pub method: Method,
     pub mesh: TetMesh,
     pub surface: Surface,
     pub controls: Vec<ControlElement>,
@@ -56,6 +59,14 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// As .green files name it.
+    pub fn element_name(&self) -> &'static str {
+        match self.method {
+            Method::Fem => self.element.name,
+            Method::Bem => self.method.name(),
+        }
+    }
+
     /// Time of the whole offline stage of the body, s.
     pub fn offline_s(&self) -> f64 {
         let (times, stats) = (&self.times, &self.stats);

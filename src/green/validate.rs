@@ -42,8 +42,8 @@ impl GreenFile {
         if meta.requirements != *requirements {
             return differs("requirements", meta.requirements.describe(), requirements.describe());
         }
-        if meta.element != body.element.name {
-            return differs("element", meta.element.clone(), body.element.name.into());
+        if meta.element != body.element_name() {
+            return differs("element", meta.element.clone(), body.element_name().into());
         }
         if meta.accuracy.storage != body.storage {
             let [found, expected] = [meta.accuracy.storage, body.storage].map(Storage::name);

@@ -156,7 +156,7 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
         fingerprint: body.fingerprint.clone(),
         requirements: body.requirements.clone(),
         centre: centre.into(),
-        element: solution.element.name.into(),
+        element: solution.element_name().into(),
         mesh_nodes: solution.mesh.nodes.len(),
         mesh_tets: solution.mesh.tets.len(),
         surface_nodes: solution.surface.nodes.len(),

@@ -249,6 +249,7 @@ fn finish<const N: usize>(
         nodes,
         tets,
         mids: Vec::new(),
+        triangles: Vec::new(),
     };
     for tet in 0..mesh.tets.len() {
         let volume = signed_volume(&mesh.corners(tet));

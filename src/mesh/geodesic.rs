@@ -12,9 +12,12 @@ use std::collections::BinaryHeap;
 /// Tolerance for rounding in a sum of lengths, relative to the radius: three edges of 0.1 m are within 0.3 m.
 const ROUNDING: f64 = 1e-9;
 
-/// The edges of all tetrahedra once each, the smaller node first, sorted. Between corners only.
+/// The edges of all tetrahedra, or of all triangles where there is none, once each, the smaller node first, sorted. Between
+/// corners only.
 pub fn edges(mesh: &TetMesh) -> Vec<[u32; 2]> {
+    let of_triangle = |[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[p, q]| [*p.min(q), *p.max(q)]);
     let mut edges: Vec<[u32; 2]> = mesh.tets.iter().flat_map(edges_of).collect();
+    edges.extend(mesh.triangles.iter().flat_map(of_triangle));
     edges.sort_unstable();
     edges.dedup();
     edges

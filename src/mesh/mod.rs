@@ -20,6 +20,7 @@ pub mod quality;
 pub mod refine;
 mod scalar;
 mod surface;
+pub mod surface_body;
 pub mod surface_check;
 pub mod surface_files;
 pub mod surface_intersect;

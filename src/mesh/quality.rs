@@ -55,6 +55,9 @@ pub struct Components {
 }
 
 pub fn components(mesh: &TetMesh) -> Components {
+    if !mesh.triangles.is_empty() {
+        return super::surface_body::pieces(mesh);
+    }
     let mut parent: Vec<usize> = (0..mesh.tets.len()).collect();
     fn root(parent: &mut [usize], mut tet: usize) -> usize {
         while parent[tet] != tet {

@@ -332,11 +332,14 @@ fn turn_shells(
 
 /// How often the triangles wind about `point`: 1 inside a closed outward surface, 0 outside.
 fn winding(surface: &TriangleSurface, triangles: &[usize], point: &Vector3<f64>) -> f64 {
-    let angle = |&t: &usize| {
-        let [a, b, c] = surface.corners(t).map(|corner| corner - point);
-        let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-        let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-        2.0 * a.dot(&b.cross(&c)).atan2(below)
-    };
+    let angle = |&t: &usize| solid_angle(surface.corners(t), point);
     triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
+
+/// Under which a triangle is seen from `point`; negative from its front.
+pub(super) fn solid_angle(corners: [Vector3<f64>; 3], point: &Vector3<f64>) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - point);
+    let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
+    let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+    2.0 * a.dot(&b.cross(&c)).atan2(below)
 }

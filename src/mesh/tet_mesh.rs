@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// A tetrahedral mesh. All indices are 0-based; lengths in metres.
 ///
 /// Invariants kept by readers and generators: every tetrahedron has positive signed volume
-/// (x₁-x₀)·((x₂-x₀)×(x₃-x₀))/6 unless it is degenerate, every node belongs to a tetrahedron.
+/// (x₁-x₀)·((x₂-x₀)×(x₃-x₀))/6 unless it is degenerate, every node belongs to a tetrahedron, or to a triangle where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TetMesh {
     pub nodes: Vec<Vector3<f64>>,
@@ -16,6 +16,9 @@ pub struct TetMesh {
     /// Of a quadratic mesh: per tetrahedron the nodes between its corners, on the edges of [`EDGES`]. Empty for a
     /// linear one.
     pub mids: Vec<[u32; 6]>,
+    /// Of a body that is known by its surface alone ([`super::surface_body`]): its triangles, outward. Empty where there are
+    /// tetrahedra.
+    pub triangles: Vec<[u32; 3]>,
     /// Region (physical volume) per tetrahedron; 0 where the file names none.
     pub regions: Vec<u32>,
     pub region_names: BTreeMap<u32, String>,

@@ -36,6 +36,7 @@ impl Scene {
 impl Body {
     fn check(&self) -> Result<(), Wrong> {
         self.check_mesh()?;
+        self.check_method().map_err(|(key, message)| (format!(".{key}"), message))?;
         let below =
             |key: String| move |(more, message): (&'static str, String)| (format!("{key}{more}"), message);
         self.material.check().map_err(below(".material".to_owned()))?;

@@ -1,9 +1,9 @@
 //! The mesh of a scene's body: read, filled or generated, and refined; and the image on it.
 
-use super::{Body, Generate, Scene, SceneError, Tetrahedralise};
+use super::{Body, Generate, Method, Scene, SceneError, Tetrahedralise};
 use crate::base::input;
 use crate::mesh::quadratic::{Curve, straight};
-use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_files};
+use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files};
 use image::{ImageReader, RgbaImage};
 use std::path::Path;
 
@@ -11,6 +11,7 @@ impl Scene {
     /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired and done.
     pub fn load_mesh(&self, name: &str, body: &Body) -> Result<Loaded, SceneError> {
         let mut loaded = match (&body.mesh, &body.generate) {
+            (Some(file), None) if body.is_surface() => self.load_surface(name, body, file)?,
             (Some(file), None) => self.load_file(name, body, file)?,
             (None, Some(generate)) => self.generate(name, generate)?,
             _ => {
@@ -31,7 +32,7 @@ impl Scene {
             }
             _ => &straight,
         };
-        if body.refine > 0 {
+        if body.refine > 0 && !body.is_surface() {
             let before = loaded.mesh.tets.len();
             loaded.mesh = refine::refine(loaded.mesh, body.refine, curve)
                 .map_err(|error| self.invalid(&format!("body.{name}.refine"), error.to_string()))?;
@@ -53,7 +54,42 @@ impl Scene {
                 .notices
                 .push(format!("{added} nodes were added between the corners, for {}", body.element.name));
         }
+        if body.method == Method::Bem {
+            self.cut_surface(name, body, &mut loaded)?;
+        }
         Ok(loaded)
+    }
+
+    fn load_surface(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
+        surface_body::load(&self.resolve(file), body.mesh_scale()).map_err(|source| SceneError::Mesh {
+            path: self.path.clone(),
+            body: name.to_owned(),
+            source: Box::new(source),
+        })
+    }
+
+    /// Makes of the mesh its surface alone, with triangles as fine as the body asks for.
+    fn cut_surface(&self, name: &str, body: &Body, loaded: &mut Loaded) -> Result<(), SceneError> {
+        let wrong = |key: &str| {
+            let entity = format!("body.{name}.{key}");
+            move |message: String| self.invalid(&entity, message)
+        };
+        let mesh = &mut loaded.mesh;
+        if !body.is_surface() {
+            *mesh = surface_body::of_tetrahedra(mesh);
+        }
+        let before = mesh.triangles.len();
+        if body.is_surface() {
+            surface_body::refine(mesh, body.refine).map_err(wrong("refine"))?;
+        }
+        if let Some(edge) = body.longest_edge {
+            surface_body::shorten(mesh, edge).map_err(wrong("longest_edge"))?;
+        }
+        let after = mesh.triangles.len();
+        if after > before {
+            loaded.notices.push(format!("{before} triangles were cut into {after}, with {} nodes", mesh.nodes.len()));
+        }
+        Ok(())
     }
 
     fn load_file(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
@@ -71,7 +107,7 @@ impl Scene {
                 scale.apply(&mut surface.vertices);
                 let message = format!(
                     "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
-                     its longest extent)",
+                     its longest extent), or solve it as it is by method = \"bem\"",
                     file.display(),
                     isosurface_stuffing::suggested_cell(&surface)
                 );

@@ -16,6 +16,7 @@ mod loads;
 mod look;
 mod material;
 pub mod materials;
+mod method;
 mod parts;
 pub mod proposal;
 mod select;
@@ -34,6 +35,7 @@ pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
     SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
+pub use method::Method;
 pub use look::{CREASE, Color, Lines, Texture};
 pub use material::Material;
 pub use parts::Parts;
@@ -84,6 +86,11 @@ pub struct Body {
     /// Metres in one unit of the mesh file; or else `unit`.
     pub scale: Option<f64>,
     pub generate: Option<Generate>,
+    /// Finite elements in tetrahedra, or boundary elements on the surface alone.
+    #[serde(default)]
+    pub method: Method,
+    /// Triangles of boundary elements are cut until no edge is longer, m.
+    pub longest_edge: Option<f64>,
     /// How a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
     /// How often every tetrahedron is divided into eight, 0 to [`crate::mesh::refine::MOST`].

@@ -17,7 +17,7 @@ const INVERSE_STEPS: usize = 6;
 /// Rounds of the 1-norm estimator; it seldom needs a third.
 const ROUNDS: usize = 3;
 /// Unit roundoff of f64.
-const ROUNDOFF: f64 = 1.1e-16;
+pub(super) const ROUNDOFF: f64 = 1.1e-16;
 
 /// κ₂(S A S) with S = diag(A)^-1/2, by Lanczos with full reorthogonalisation (Golub and Van Loan, Matrix
 /// Computations, 4th ed., section 10.1); an estimate from below. Scaling by the diagonal takes out what materials and
@@ -45,7 +45,7 @@ pub fn scaled_condition(a: &StiffnessMatrix, inverse: Inverse<'_>) -> Result<f64
 }
 
 /// The largest eigenvalue of a symmetric matrix of `size` that `apply` multiplies with.
-fn largest_eigenvalue(
+pub(super) fn largest_eigenvalue(
     size: usize,
     steps: usize,
     apply: impl Fn(&[f64]) -> Result<Vec<f64>, SolveError>,
@@ -107,7 +107,7 @@ pub fn forward_error(a: &StiffnessMatrix, inverse: Inverse<'_>, column: &Column)
 }
 
 /// Estimates ‖A⁻¹ F‖∞ = ‖F A⁻¹‖₁ for F = diag(`weights`) ≥ 0 and symmetric A.
-fn inverse_norm(inverse: Inverse<'_>, weights: &[f64], nodes: usize) -> Result<f64, SolveError> {
+pub(super) fn inverse_norm(inverse: Inverse<'_>, weights: &[f64], nodes: usize) -> Result<f64, SolveError> {
     let solve = |data: Vec<f64>| Ok::<_, SolveError>(inverse(&NodeFields { nodes, columns: 1, data })?.data);
     let mut x = vec![1.0 / weights.len() as f64; weights.len()];
     let mut best = 0.0;

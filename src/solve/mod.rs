@@ -11,6 +11,7 @@ mod auto;
 mod cholesky;
 mod condition;
 mod dense;
+mod dense_system;
 mod error;
 mod fronts;
 mod llt;
@@ -33,6 +34,7 @@ mod substitution;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use auto::AUTO;
+pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;

@@ -14,7 +14,7 @@ use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, Kind, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
-use crate::scene::{Body, Grab, Scene};
+use crate::scene::{Body, Grab, Method, Scene};
 use crate::solve::Progress;
 use crate::world::World;
 use mesh::BetterBody;
@@ -35,6 +35,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "errors of force and shape to expect, measured on the body: of its model, and by its mesh and element",
     requirements: &[STIFFNESS],
     needs_energy: true,
+    needs_inside: true,
     precompute: Some(section),
     attach: Some(|listed, world| {
         show(listed, world)?;
@@ -66,6 +67,8 @@ pub(super) fn haptic_section(
     let mut errors = of(&scene.body[&body.name]);
     if lists_both {
         errors.left_out.push(format!("stands in the section {}", NAME));
+    } else if body.solution.method == Method::Bem {
+        errors.left_out.push("they are measured in tetrahedra, which boundary elements do not have".into());
     } else if entries > HAPTIC_ENTRIES {
         errors.left_out.push(format!(
             "the stiffness matrix has {entries} entries, and haptics measures bodies of up to {HAPTIC_ENTRIES}: list \
@@ -136,7 +139,7 @@ pub(super) fn show(listed: &Listed<'_>, world: &mut World) -> Result<(), Failure
 }
 
 fn of(body: &Body) -> ExpectedErrors {
-    let (model, element) = (body.model.clone(), body.element.name.to_owned());
+    let (model, element) = (body.model.clone(), body.element_name().to_owned());
     ExpectedErrors { model, element, ..ExpectedErrors::default() }
 }
 

@@ -35,6 +35,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "static equilibrium of the held pose, solved in the background: a ghost over the body, the difference in mm",
     requirements: &[],
     needs_energy: false,
+    needs_inside: true,
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(EquilibriumGhosts::new(listed, world)?)))),
     start: None,

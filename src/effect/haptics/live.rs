@@ -94,6 +94,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force and torque on every control element, by the strain energy of the body's model; felt with a device of the stage",
     requirements: &[STIFFNESS],
     needs_energy: true,
+    needs_inside: false,
     precompute: Some(expected::haptic_section),
     attach: Some(show_forces),
     start: Some(|listed, world| {

@@ -21,6 +21,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "colours by von Mises stress, largest strain or displacement, with a legend; says where a limit is passed",
     requirements: &[],
     needs_energy: false,
+    needs_inside: true,
     precompute: Some(stressed_body::section),
     attach: Some(shown::attach),
     start: None,

@@ -114,6 +114,7 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
     };
     let solution = Solution {
         element: own.element,
+        method: own.method,
         surface: Surface::of(&prepared.mesh),
         mesh: prepared.mesh,
         controls: prepared.controls,

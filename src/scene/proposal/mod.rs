@@ -72,6 +72,8 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     effects(&mut telling, &key, wishes);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let body = Body {
+        method: Default::default(),
+        longest_edge: None,
         mesh: Some(relative(file, scene_path)),
         unit: wishes.unit,
         scale: wishes.scale,

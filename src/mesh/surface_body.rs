@@ -1,0 +1,260 @@
+//! A body that is known by its surface alone.
+//!
+//! In: a surface file, or a mesh of tetrahedra. Out: a [`TetMesh`] without tetrahedra, whose triangles close it; cut finer where
+//! asked for, and its pieces, of which a shell around a cavity is a part.
+
+use super::error::MeshError;
+use super::length_unit::Scale;
+use super::quality::{Components, bounding_box};
+use super::surface::Surface;
+use super::surface_check::{self, SurfaceReport};
+use super::surface_files::{self, LoadedSurface, TriangleSurface};
+use super::tet_mesh::{Loaded, TetMesh};
+use crate::base::disjoint::DisjointSets;
+use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// More triangles than this are no surface that boundary elements can solve.
+pub const MOST_TRIANGLES: usize = 2_000_000;
+
+/// Reads the surface file at `path`, whose coordinates become metres by `scale`. Errors where it does not bound a body.
+pub fn load(path: &Path, scale: Scale) -> Result<Loaded, MeshError> {
+    let LoadedSurface { mut surface, mut notices } = surface_files::load(path)?;
+    scale.apply(&mut surface.vertices);
+    let report = surface_check::check(&mut surface, &mut notices);
+    refuse(&report).map_err(|reason| MeshError::Refused { path: path.to_owned(), reason })?;
+    let TriangleSurface { vertices, triangles } = surface;
+    let tags = (1..=vertices.len() as u64).collect();
+    Ok(Loaded { mesh: TetMesh { nodes: vertices, tags, triangles, ..TetMesh::default() }, notices })
+}
+
+/// Why boundary elements cannot have this surface.
+fn refuse(report: &SurfaceReport) -> Result<(), String> {
+    let faults = report.faults();
+    if !faults.is_empty() {
+        return Err(format!(
+            "boundary elements need a closed surface that does not pass through itself: {}. Repair it where it was made; small \
+             faults do not matter where the body is filled instead: tetrahedralise = {{ cell = … }} without method",
+            faults.join("; ")
+        ));
+    }
+    if report.flat > 0 {
+        return Err(format!(
+            "{} triangles have no area: remove them, or mesh the surface anew (`greenstage manual meshes`)",
+            report.flat
+        ));
+    }
+    let [low, high] = report.bounding_box.map(Vector3::from);
+    if report.volume <= 1e-12 * (high - low).product() {
+        return Err(format!("the surface encloses no volume ({:e} m³)", report.volume));
+    }
+    Ok(())
+}
+
+/// The surface of a mesh of tetrahedra, with the groups' nodes on it.
+pub fn of_tetrahedra(mesh: &TetMesh) -> TetMesh {
+    let Surface { triangles, nodes } = Surface::of(mesh);
+    let local = |node: &u32| nodes.binary_search(node).ok().map(|at| at as u32);
+    let groups = mesh.groups.iter().map(|(name, own)| (name.clone(), own.iter().filter_map(local).collect()));
+    TetMesh {
+        nodes: nodes.iter().map(|&node| mesh.nodes[node as usize]).collect(),
+        tags: nodes.iter().map(|&node| mesh.tags[node as usize]).collect(),
+        groups: groups.collect(),
+        triangles,
+        ..TetMesh::default()
+    }
+}
+
+/// Halves every edge `times` times: each triangle becomes four.
+pub fn refine(mesh: &mut TetMesh, times: u32) -> Result<(), String> {
+    (0..times).try_for_each(|_| split(mesh, &|_, _| true).map(|_| ()))
+}
+
+/// Halves edges until none is longer, m.
+pub fn shorten(mesh: &mut TetMesh, longest: f64) -> Result<(), String> {
+    let is_long = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).norm() > longest;
+    while split(mesh, &is_long)? {}
+    Ok(())
+}
+
+/// Halves the edges that are asked for, and cuts the triangles beside them; false where there was none. A group holds the new
+/// nodes between two of its own.
+fn split(mesh: &mut TetMesh, is_halved: &dyn Fn(&Vector3<f64>, &Vector3<f64>) -> bool) -> Result<bool, String> {
+    let edges_of = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]);
+    let nodes = &mesh.nodes;
+    let halved = |[a, b]: &[u32; 2]| is_halved(&nodes[*a as usize], &nodes[*b as usize]);
+    let edges: BTreeSet<[u32; 2]> = mesh.triangles.iter().flat_map(|t| edges_of(*t)).filter(halved).collect();
+    if edges.is_empty() {
+        return Ok(false);
+    }
+    let after = mesh.triangles.len() + 2 * edges.len();
+    let last = mesh.tags.iter().copied().max().unwrap_or(0).checked_add(edges.len() as u64);
+    if after > MOST_TRIANGLES || last.is_none() {
+        return Err(format!("the surface would have {after} triangles or more, and {MOST_TRIANGLES} are possible"));
+    }
+    let first = mesh.nodes.len() as u32;
+    let middle: BTreeMap<[u32; 2], u32> = edges.iter().copied().zip(first..).collect();
+    let tag = last.unwrap_or(0) - edges.len() as u64;
+    mesh.tags.extend((1..=edges.len() as u64).map(|more| tag + more));
+    for &[a, b] in &edges {
+        mesh.nodes.push((mesh.nodes[a as usize] + mesh.nodes[b as usize]) / 2.0);
+    }
+    for group in mesh.groups.values_mut() {
+        let is_own = |node: &u32| group.binary_search(node).is_ok();
+        let more: Vec<u32> =
+            middle.iter().filter(|(ends, _)| ends.iter().all(is_own)).map(|(_, &node)| node).collect();
+        group.extend(more);
+    }
+    let (nodes, of_edge) = (&mesh.nodes, |p: u32, q: u32| middle.get(&[p.min(q), p.max(q)]).copied());
+    mesh.triangles = mesh.triangles.iter().flat_map(|t| cut(nodes, *t, &of_edge)).collect();
+    Ok(true)
+}
+
+/// The parts of a triangle, some of whose edges are halved.
+fn cut(nodes: &[Vector3<f64>], [a, b, c]: [u32; 3], middle: &dyn Fn(u32, u32) -> Option<u32>) -> Vec<[u32; 3]> {
+    let length = |p: u32, q: u32| (nodes[p as usize] - nodes[q as usize]).norm_squared();
+    match [middle(a, b), middle(b, c), middle(c, a)] {
+        [None, None, None] => vec![[a, b, c]],
+        [Some(m), None, None] => vec![[a, m, c], [m, b, c]],
+        // Turned so that ab is whole or, where all are halved, as they are.
+        [None, Some(m), None] => vec![[b, m, a], [m, c, a]],
+        [None, None, Some(m)] => vec![[c, m, b], [m, a, b]],
+        [Some(ab), Some(bc), Some(ca)] => vec![[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]],
+        [None, Some(bc), Some(ca)] => quarter([a, b, c], bc, ca, &length),
+        [Some(ab), None, Some(ca)] => quarter([b, c, a], ca, ab, &length),
+        [Some(ab), Some(bc), None] => quarter([c, a, b], ab, bc, &length),
+    }
+}
+
+/// Of a triangle whose edge from the first to the second corner is whole; the four corners behind are cut along the shorter diagonal.
+fn quarter([a, b, c]: [u32; 3], bc: u32, ca: u32, length: &dyn Fn(u32, u32) -> f64) -> Vec<[u32; 3]> {
+    let tip = [ca, bc, c];
+    if length(a, bc) <= length(b, ca) { vec![tip, [a, b, bc], [a, bc, ca]] } else { vec![tip, [a, b, ca], [b, bc, ca]] }
+}
+
+/// The pieces of a body without tetrahedra: shells that are joined through edges, each around a cavity with the shell around it.
+pub(super) fn pieces(mesh: &TetMesh) -> Components {
+    let count = mesh.triangles.len();
+    let mut sets = DisjointSets::new(count);
+    let mut edges = Vec::with_capacity(3 * count);
+    for (t, [a, b, c]) in (0u32..).zip(&mesh.triangles) {
+        edges.extend([[a, b], [b, c], [c, a]].map(|[p, q]| ([*p.min(q), *p.max(q)], t)));
+    }
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a.0 == b.0).flat_map(|same| same.windows(2)).for_each(|pair| sets.join(pair[0].1, pair[1].1));
+    let roots: Vec<u32> = (0..count as u32).map(|t| sets.root(t)).collect();
+    let mut shells: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    (0u32..).zip(&roots).for_each(|(t, root)| shells.entry(*root).or_default().push(t));
+    let mut outer = Vec::new();
+    let mut cavities = Vec::new();
+    for triangles in shells.into_values() {
+        let volume = volume(mesh, &triangles);
+        if volume < 0.0 { cavities.push(triangles) } else { outer.push((volume, triangles)) }
+    }
+    let holders: Vec<Option<usize>> = cavities.iter().map(|cavity| holder(mesh, &outer, cavity)).collect();
+    let mut nodes: Vec<Vec<u32>> = outer.into_iter().map(|(_, triangles)| nodes_of(mesh, &triangles)).collect();
+    for (cavity, holder) in cavities.into_iter().zip(holders) {
+        let own = nodes_of(mesh, &cavity);
+        match holder {
+            Some(holder) => nodes[holder].extend(own),
+            None => nodes.push(own),
+        }
+    }
+    nodes.iter_mut().for_each(|nodes| nodes.sort_unstable());
+    nodes.sort_by_key(|nodes| nodes.first().copied());
+    Components { of_tet: Vec::new(), nodes }
+}
+
+fn nodes_of(mesh: &TetMesh, triangles: &[u32]) -> Vec<u32> {
+    let mut nodes: Vec<u32> = triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}
+
+fn corners(mesh: &TetMesh, t: u32) -> [Vector3<f64>; 3] {
+    mesh.triangles[t as usize].map(|node| mesh.nodes[node as usize])
+}
+
+fn volume(mesh: &TetMesh, triangles: &[u32]) -> f64 {
+    let Some(&first) = triangles.first() else { return 0.0 };
+    let [origin, ..] = corners(mesh, first);
+    let of = |&t: &u32| {
+        let [a, b, c] = corners(mesh, t).map(|x| x - origin);
+        a.dot(&b.cross(&c)) / 6.0
+    };
+    triangles.iter().map(of).sum()
+}
+
+/// The smallest shell of those whose boxes hold the cavity's, and which winds around its first node.
+fn holder(mesh: &TetMesh, outer: &[(f64, Vec<u32>)], cavity: &[u32]) -> Option<usize> {
+    let point = corners(mesh, *cavity.first()?)[0];
+    let winds = |triangles: &[u32]| {
+        let places: Vec<Vector3<f64>> = triangles.iter().flat_map(|&t| corners(mesh, t)).collect();
+        let (low, high) = bounding_box(&places);
+        let is_near = (0..3).all(|axis| low[axis] <= point[axis] && point[axis] <= high[axis]);
+        let angle = |&t: &u32| surface_check::solid_angle(corners(mesh, t), &point);
+        is_near && triangles.iter().map(angle).sum::<f64>() > std::f64::consts::TAU
+    };
+    let holding = outer.iter().enumerate().filter(|(_, (_, triangles))| winds(triangles));
+    holding.min_by(|a, b| a.1.0.total_cmp(&b.1.0)).map(|(at, _)| at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, block};
+
+    fn cube(side: f64, cells: u32) -> TetMesh {
+        of_tetrahedra(&block(&Block { size: [side; 3], cells: [cells; 3] }).unwrap())
+    }
+
+    fn area_and_volume(mesh: &TetMesh) -> [f64; 2] {
+        let surface = Surface::of(mesh);
+        [surface.area(mesh), surface.volume(mesh)]
+    }
+
+    #[test]
+    fn the_surface_of_a_cube_keeps_its_area_volume_and_groups_when_it_is_cut() {
+        let mut mesh = cube(2.0, 3);
+        assert_eq!((mesh.nodes.len(), mesh.triangles.len(), mesh.groups["xmin"].len()), (56, 108, 16));
+        refine(&mut mesh, 1).unwrap();
+        assert_eq!((mesh.nodes.len(), mesh.triangles.len(), mesh.groups["xmin"].len()), (218, 432, 49));
+        let longest = |mesh: &TetMesh| {
+            let lengths = mesh.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);
+            lengths.map(|[a, b]| (mesh.nodes[a as usize] - mesh.nodes[b as usize]).norm()).fold(0.0, f64::max)
+        };
+        shorten(&mut mesh, 0.4).unwrap();
+        assert!(longest(&mesh) <= 0.4 && mesh.triangles.len() < 4 * 432);
+        let [area, volume] = area_and_volume(&mesh);
+        assert!((area - 24.0).abs() < 1e-12 && (volume - 8.0).abs() < 1e-12, "{area} {volume}");
+        let mut tags = mesh.tags.clone();
+        tags.sort_unstable();
+        tags.dedup();
+        assert_eq!(tags.len(), mesh.nodes.len());
+        let low = |node: &u32| mesh.nodes[*node as usize].x < -1.0 + 1e-12;
+        assert_eq!(mesh.groups["xmin"], (0..mesh.nodes.len() as u32).filter(low).collect::<Vec<_>>());
+    }
+
+    /// A cube with a cavity, and another cube beside it.
+    #[test]
+    fn a_cavity_belongs_to_the_shell_around_it() {
+        let mut mesh = cube(2.0, 2);
+        let mut add = |other: TetMesh, shift: f64, is_cavity: bool| {
+            let first = mesh.nodes.len() as u32;
+            mesh.nodes.extend(other.nodes.iter().map(|x| x + Vector3::new(shift, 0.0, 0.0)));
+            mesh.triangles.extend(other.triangles.iter().map(|t| {
+                let [a, b, c] = t.map(|node| node + first);
+                if is_cavity { [a, c, b] } else { [a, b, c] }
+            }));
+            first..mesh.nodes.len() as u32
+        };
+        add(cube(1.0, 1), 5.0, false);
+        let cavity = add(cube(1.0, 1), 0.0, true);
+        let found = pieces(&mesh).nodes;
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[0].len(), 26 + 8);
+        assert!(cavity.into_iter().all(|node| found[0].binary_search(&node).is_ok()));
+    }
+}

@@ -1,0 +1,84 @@
+//! By which method a body is solved, and what goes with boundary elements.
+
+use super::Body;
+use crate::fem::Element;
+use crate::mesh::surface_files::is_surface_file;
+use crate::solve::Solver;
+use serde::{Deserialize, Serialize};
+
+/// `method = "bem"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Finite elements in tetrahedra.
+    #[default]
+    Fem,
+    /// Boundary elements on the triangles of the surface.
+    Bem,
+}
+
+impl Method {
+    /// As scenes and .green files name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Fem => "fem",
+            Method::Bem => "bem",
+        }
+    }
+}
+
+const LOAD: &str = "is a load, which is computed in tetrahedra";
+
+impl Body {
+    /// Whether its mesh file is taken as the surface that it is.
+    pub(super) fn is_surface(&self) -> bool {
+        self.method == Method::Bem && self.mesh.as_deref().is_some_and(is_surface_file)
+    }
+
+    /// What its .green file names as its element.
+    pub fn element_name(&self) -> &'static str {
+        match self.method {
+            Method::Fem => self.element.name,
+            Method::Bem => self.method.name(),
+        }
+    }
+
+    /// Errors name the key below the body and what is wrong with it.
+    pub(super) fn check_method(&self) -> Result<(), (&'static str, String)> {
+        if self.method == Method::Fem {
+            return match self.longest_edge {
+                None => Ok(()),
+                Some(_) => Err((
+                    "longest_edge",
+                    "cuts the triangles of boundary elements: write method = \"bem\", or leave it out and take refine for \
+                     tetrahedra"
+                        .to_owned(),
+                )),
+            };
+        }
+        if let Some(edge) = self.longest_edge
+            && !(edge > 0.0 && edge.is_finite())
+        {
+            return Err(("longest_edge", format!("{edge} m: a positive length is needed")));
+        }
+        let needs_inside = [
+            ("tetrahedralise", self.tetrahedralise.is_some(), "fills the body with tetrahedra, and boundary elements need none"),
+            ("element", self.element != <&Element>::default(), "is one of tetrahedra, and boundary elements have none"),
+            ("region", !self.region.is_empty(), "is a part of the inside, and boundary elements know one material throughout"),
+            ("solver", self.solver != Solver::default(), "is for sparse matrices, and those of boundary elements are full"),
+            ("parts", self.parts.is_some(), "cuts the inside, and boundary elements have none"),
+            ("updates", self.updates.is_some(), "needs the matrix of the inside, and boundary elements have none"),
+            ("surface_compliance", self.surface_compliance.is_some(), "needs the matrix of the inside, and boundary elements have none"),
+            ("gravity", self.gravity.is_some(), LOAD),
+            ("centrifugal", self.centrifugal.is_some(), LOAD),
+            ("thermal", self.thermal.is_some(), LOAD),
+            ("load", !self.load.is_empty(), LOAD),
+            ("accuracy", self.accuracy.is_some(), "chooses among elements of tetrahedra"),
+            ("budget", self.budget.is_some(), "chooses among elements of tetrahedra"),
+        ];
+        match needs_inside.into_iter().find(|(_, is_there, _)| *is_there) {
+            None => Ok(()),
+            Some((key, _, why)) => Err((key, format!("{why}: leave it out, or leave out method = \"bem\""))),
+        }
+    }
+}
