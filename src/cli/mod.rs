@@ -15,6 +15,7 @@ mod convert;
 mod deform;
 mod demo;
 mod expected;
+mod export;
 mod forces;
 mod inspect;
 mod manual;
@@ -71,6 +72,7 @@ pub enum Command {
     View(view::Args),
     Render(render::Args),
     Deform(deform::Args),
+    Export(export::Args),
     Bench(bench::Args),
     Accuracy(accuracy::Args),
     Scale(scale::Args),
@@ -101,6 +103,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Deform(args)) => deform::run(&args),
+        Some(Command::Export(args)) => export::run(&args),
         Some(Command::Bench(args)) => bench::run(&args),
         Some(Command::Accuracy(args)) => accuracy::run(&args),
         Some(Command::Scale(args)) => scale::run(&args),

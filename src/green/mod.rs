@@ -8,6 +8,7 @@
 mod basis;
 mod bytes;
 mod check;
+mod column_names;
 mod control;
 mod derive;
 mod error;
@@ -34,6 +35,7 @@ mod validate;
 mod write;
 
 pub use basis::{precompute, refuse, solve, solve_prepared};
+pub use column_names::{ColumnName, ColumnSource};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
