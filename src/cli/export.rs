@@ -6,10 +6,11 @@ use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::table::{bytes, count};
 use crate::config::unknown_name;
-use crate::deform::pose_file::{self, Pose};
 use crate::deform::Frame;
+use crate::deform::pose_file::{self, Pose};
 use crate::export::{
-    Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, basis, batch, chosen, surfaces,
+    Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, basis, batch, chosen,
+    surfaces,
 };
 use crate::prepare;
 use crate::scene::Scene;
@@ -82,7 +83,8 @@ impl Format {
         let basis = BASIS_FILES.iter().find(|file| file.suffix == suffix).map(Format::Basis);
         let surface = || surfaces().find(|exporter| exporter.suffix == suffix).map(Format::Surface);
         basis.or_else(surface).ok_or_else(|| {
-            let known = || BASIS_FILES.iter().map(|file| file.suffix).chain(surfaces().map(|surface| surface.suffix));
+            let known =
+                || BASIS_FILES.iter().map(|file| file.suffix).chain(surfaces().map(|surface| surface.suffix));
             let known: indexmap::IndexSet<&str> = known().collect();
             let told = match suffix.is_empty() {
                 true => format!("its extension says what is written: {}", Vec::from_iter(known).join(", ")),
@@ -174,10 +176,13 @@ fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisF
     (file.check)(&bodies, args.profile).map_err(Failure::wrong)?;
     let size = (file.size)(&bodies, args.profile);
     let path = args.output.display();
-    let smaller = "fewer columns (--columns), one body (--body), or --profile viewer in a .glb file take less";
+    let smaller =
+        "fewer columns (--columns), one body (--body), or --profile viewer in a .glb file take less";
     if file.most.is_some_and(|most| size > most) {
         let (size, most) = (bytes(size as f64), bytes(file.most.unwrap_or(0) as f64));
-        return Err(Failure::wrong(format!("{path}: would be {size}, and such a file can have {most}; {smaller}")));
+        return Err(Failure::wrong(format!(
+            "{path}: would be {size}, and such a file can have {most}; {smaller}"
+        )));
     }
     if size > LARGE {
         notice!("note: {path} will be about {}: {smaller}", bytes(size as f64));

@@ -49,6 +49,7 @@ A first tour:
   greenstage view bear                                a built-in scene: tube, hose, bar, bear, models, stylus
   greenstage precompute tube                          the offline stage alone
   greenstage render tube --stage cyberstage -o out/cave
+  greenstage export tube -o tube.glb                  for other programs: Open Inventor, glTF, VTK, STL, …
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
   greenstage convert part.inp part.msh                a mesh from one format to another
   greenstage manual                                   the manual's chapters

@@ -23,7 +23,10 @@ pub fn chosen<'a>(
         (None, _) => {
             let names: std::collections::BTreeSet<&str> = names().collect();
             let names: Vec<&str> = names.into_iter().collect();
-            return Err(wrong(format!("holds several poses; say which by --pose NAME: {}", names.join(", "))));
+            return Err(wrong(format!(
+                "holds several poses; say which by --pose NAME: {}",
+                names.join(", ")
+            )));
         }
     };
     if names().all(|known| known != name) {

@@ -40,8 +40,7 @@ pub(super) struct Document {
 impl Document {
     /// Adds an array; returns the number of its accessor. All numbers are of four bytes, so that every array is aligned.
     fn add(&mut self, numbers: &[u8], target: Option<u32>, accessor: Value) -> usize {
-        let mut view =
-            json!({ "buffer": 0, "byteOffset": self.binary.len(), "byteLength": numbers.len() });
+        let mut view = json!({ "buffer": 0, "byteOffset": self.binary.len(), "byteLength": numbers.len() });
         if let Some(target) = target {
             view["target"] = target.into();
         }

@@ -20,7 +20,10 @@ pub struct ColumnName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnSource {
     /// A field of a control element.
-    Field { control: usize, field: usize },
+    Field {
+        control: usize,
+        field: usize,
+    },
     Load,
     /// Nothing by itself: its coefficient follows from the others by the model's equilibrium.
     Model,
@@ -39,7 +42,11 @@ impl GreenFile {
                     let groups = (entry.groups)(self, body);
                     let count: usize =
                         groups.iter().map(|group| group.columns(meta.surface_nodes).unwrap_or(0)).sum();
-                    let numbered = |k| ColumnName { name: format!("{name}.{k}"), unit: "1".into(), source: ColumnSource::Model };
+                    let numbered = |k| ColumnName {
+                        name: format!("{name}.{k}"),
+                        unit: "1".into(),
+                        source: ColumnSource::Model,
+                    };
                     (1..=count).map(numbered).collect()
                 }
             })
@@ -61,7 +68,8 @@ impl GreenFile {
 
     fn load_names(&self, body: &str) -> Vec<ColumnName> {
         let loads = self.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads);
-        let named = |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
+        let named =
+            |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
         loads
             .iter()
             .flat_map(|load| match load.columns {

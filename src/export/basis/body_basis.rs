@@ -82,7 +82,8 @@ impl BodyBasis {
         let names = file.column_names(name);
         let deformer = Deformer::new(file.clone(), name, &settings.model).map_err(Failure::wrong)?;
         let (nodes, groups) = (deformer.node_count(), file.groups(name));
-        let places = groups.iter().flat_map(|group| (0..group.columns(nodes).unwrap_or(0)).map(move |k| (group, k)));
+        let places =
+            groups.iter().flat_map(|group| (0..group.columns(nodes).unwrap_or(0)).map(move |k| (group, k)));
         let asked = choice.asked.iter().rfind(|asked| asked.body == name);
         let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
         let rest = file.rest(name).to_vec();
@@ -105,7 +106,9 @@ impl BodyBasis {
         }
         if !missing.is_empty() {
             let (pose, names) = (asked.map_or("", |asked| asked.pose), missing.join(","));
-            return Err(wrong(format!("the pose \"{pose}\" is a sum of other columns as well: add {names} to --columns")));
+            return Err(wrong(format!(
+                "the pose \"{pose}\" is a sum of other columns as well: add {names} to --columns"
+            )));
         }
         Ok(BodyBasis {
             body: name.to_owned(),
@@ -146,7 +149,8 @@ fn pose(
     all: &[Asked<'_>],
     mut body: Deformer,
 ) -> Result<(Vec<f64>, Isometry3<f64>), Failure> {
-    let wrong = |message: &str| Failure::wrong(format!("pose \"{}\": body.{}: {message}", asked.pose, asked.body));
+    let wrong =
+        |message: &str| Failure::wrong(format!("pose \"{}\": body.{}: {message}", asked.pose, asked.body));
     let as_surface = "write the surface of the pose instead: -o OUT.stl, OUT.ply or OUT.obj";
     if !asked.loads.forces.is_empty() {
         return Err(wrong(&format!("forces at points are no sum of columns; {as_surface}")));
@@ -156,7 +160,9 @@ fn pose(
     lead(asked, all, None, &mut body);
     body.evaluate(&asked.control);
     if body.part_weights().is_some() {
-        return Err(wrong(&format!("its model moves the surface in parts, which no sum of columns does; {as_surface}")));
+        return Err(wrong(&format!(
+            "its model moves the surface in parts, which no sum of columns does; {as_surface}"
+        )));
     }
     Ok((body.state.coefficients.clone(), body.body_from_surface()))
 }

@@ -87,7 +87,8 @@ struct Track {
 
 fn write(bodies: &[BodyBasis], profile: Profile, out: &mut dyn Write) -> io::Result<()> {
     let mut document = Document::default();
-    let (mut meshes, mut nodes, mut channels, mut samplers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut meshes, mut nodes, mut channels, mut samplers) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for body in bodies {
         let track = match profile {
             Profile::Full => full(body),
@@ -115,8 +116,7 @@ fn write(bodies: &[BodyBasis], profile: Profile, out: &mut dyn Write) -> io::Res
     root["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
     (root["nodes"], root["meshes"]) = (nodes.into(), meshes.into());
     if !channels.is_empty() {
-        root["animations"] =
-            json!([{ "name": "control elements and loads, one by one", "channels": channels, "samplers": samplers }]);
+        root["animations"] = json!([{ "name": "control elements and loads, one by one", "channels": channels, "samplers": samplers }]);
     }
     out.write_all(&document.finish(root))
 }
@@ -167,7 +167,8 @@ fn full(body: &BodyBasis) -> Track {
         motion.terms.iter().for_each(|(k, weight)| weights[*k] += sign * weight);
         weights
     };
-    let ends = motions(body).iter().flat_map(|motion| [1.0, -1.0].map(|sign| weights(motion, sign))).collect();
+    let ends =
+        motions(body).iter().flat_map(|motion| [1.0, -1.0].map(|sign| weights(motion, sign))).collect();
     Track { has_normals: true, ends, targets }
 }
 
@@ -226,7 +227,8 @@ fn normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
 fn normal_slopes(rest: &[[f32; 3]], triangles: &[[u32; 3]], u: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![(Vector3::<f64>::zeros(), Vector3::<f64>::zeros()); rest.len()];
     for triangle in triangles {
-        let of = |values: &[[f32; 3]]| triangle.map(|node| Vector3::from(values[node as usize]).cast::<f64>());
+        let of =
+            |values: &[[f32; 3]]| triangle.map(|node| Vector3::from(values[node as usize]).cast::<f64>());
         let ([a, b, c], [u, v, w]) = (of(rest), of(u));
         let area = (b - a).cross(&(c - a));
         let slope = (v - u).cross(&(c - a)) + (b - a).cross(&(w - u));

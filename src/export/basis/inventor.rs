@@ -45,12 +45,17 @@ const PARTS: usize = 7;
 
 /// A basis shape is moved by this part of the body's size.
 const AMPLITUDE: f64 = 0.15;
+/// The basis shapes are drawn by so much smaller.
+const SHAPE_SCALE: f64 = 0.5;
 /// Edges with sides further apart are drawn sharp.
 const CREASE: f64 = 0.7;
 
 fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "{HEADER}\n{ABOUT}\n")?;
-    writeln!(out, "DEF greenstage Separator {{\n  ShapeHints {{ vertexOrdering COUNTERCLOCKWISE shapeType SOLID creaseAngle {CREASE} }}")?;
+    writeln!(
+        out,
+        "DEF greenstage Separator {{\n  ShapeHints {{ vertexOrdering COUNTERCLOCKWISE shapeType SOLID creaseAngle {CREASE} }}"
+    )?;
     let [r, g, b] = COLOUR.map(|value| f32::from(value) / 255.0);
     writeln!(out, "  Material {{ diffuseColor {r} {g} {b} specularColor 0.2 0.2 0.2 shininess 0.3 }}")?;
     writeln!(out, "  DEF storage Switch {{ whichChild -1   # holds numbers, and is not drawn")?;
@@ -65,7 +70,10 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
     for body in &named {
         body.store(out)?;
     }
-    writeln!(out, "  }}\n  DEF show Switch {{ whichChild -3   # 0: the bodies alone, 1: the basis shapes alone, -3: both")?;
+    writeln!(
+        out,
+        "  }}\n  DEF show Switch {{ whichChild -3   # 0: the bodies alone, 1: the basis shapes alone, -3: both"
+    )?;
     writeln!(out, "    Separator {{")?;
     named.iter().try_for_each(|body| body.put_live(out))?;
     writeln!(out, "    }}\n    Separator {{")?;
@@ -125,9 +133,19 @@ impl<'a> Named<'a> {
     /// Rest shape, columns and faces, each once.
     fn store(&self, out: &mut dyn Write) -> io::Result<()> {
         let (id, name) = (&self.id, one_line(&self.body.body));
-        writeln!(out, "    # body {name}: {} nodes, {} columns, model {}", self.body.rest.len(), self.columns.len(), self.body.model.name)?;
+        writeln!(
+            out,
+            "    # body {name}: {} nodes, {} columns, model {}",
+            self.body.rest.len(),
+            self.columns.len(),
+            self.body.model.name
+        )?;
         for name in &self.body.vanishing {
-            writeln!(out, "    # {} is zero, because the control element is flat along that axis", one_line(name))?;
+            writeln!(
+                out,
+                "    # {} is zero, because the control element is flat along that axis",
+                one_line(name)
+            )?;
         }
         put_points(out, &format!("{id}_rest"), &self.body.rest)?;
         for NamedColumn { column, id } in &self.columns {
@@ -176,7 +194,12 @@ impl<'a> Named<'a> {
         let links: Vec<&[(String, Vec<usize>)]> = self.groups.chunks(PARTS).collect();
         // The first link of the chain stands innermost.
         for (number, link) in links.iter().enumerate().rev() {
-            writeln!(out, "DEF {id}_total_{} Calculator {{ expression \"oA = {}\"\n A =", number + 1, sum(link.len()))?;
+            writeln!(
+                out,
+                "DEF {id}_total_{} Calculator {{ expression \"oA = {}\"\n A =",
+                number + 1,
+                sum(link.len())
+            )?;
         }
         writeln!(out, "USE {id}_rest . point")?;
         for link in &links {
@@ -203,7 +226,11 @@ impl<'a> Named<'a> {
             let letters = ('a'..).zip('A'..).skip(usize::from(number > 0));
             let products: Vec<String> =
                 letters.take(link.len()).map(|(number, vector)| format!("{number}*{vector}")).collect();
-            writeln!(out, "  DEF {called} Calculator {{ expression \"oA = {begins}{}\"", products.join(" + "))?;
+            writeln!(
+                out,
+                "  DEF {called} Calculator {{ expression \"oA = {begins}{}\"",
+                products.join(" + ")
+            )?;
             if number > 0 {
                 writeln!(out, "  A =")?;
             }
@@ -225,7 +252,9 @@ impl<'a> Named<'a> {
         let value = column.coefficient;
         write!(out, "DEF {id} Calculator {{ a {value:e}")?;
         let dragged = match column.name.source {
-            ColumnSource::Field { control, field } => self.draggers.get(&control).map(|name| (control, field, name)),
+            ColumnSource::Field { control, field } => {
+                self.draggers.get(&control).map(|name| (control, field, name))
+            }
             ColumnSource::Load | ColumnSource::Model => None,
         };
         let Some((control, field, dragger)) = dragged else {
@@ -268,42 +297,48 @@ impl<'a> Named<'a> {
         writeln!(out, " expression \"oa = a + b\" }} . oa")
     }
 
-    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand.
+    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand; smaller, and below the
+    /// body.
     fn put_shapes(&self, out: &mut dyn Write) -> io::Result<()> {
         let (low, high) = bounds(&self.body.rest);
-        let cell = (high - low) * 1.1 + Vector3::repeat(2.5 * AMPLITUDE * self.body.size);
+        let margin = 2.5 * AMPLITUDE * self.body.size;
+        let cell = (high - low) + Vector3::repeat(margin);
         let (id, name) = (&self.id, one_line(&self.body.body));
-        writeln!(out, "      # body {name}: each shape is the rest shape plus a times the column that it names")?;
-        let mut left = 0;
-        for (_, own) in &self.groups {
+        let below = self.body.centre + Vector3::y() * (low.y - margin);
+        writeln!(
+            out,
+            "      Separator {{   # body {name}: each shape is the rest shape plus a times the column that it names"
+        )?;
+        writeln!(out, "        Translation {{ translation {} }}", vector(below))?;
+        writeln!(out, "        Scale {{ scaleFactor {SHAPE_SCALE} {SHAPE_SCALE} {SHAPE_SCALE} }}")?;
+        // Control elements stand side by side or below each other, whichever is more compact.
+        let is_stacked = cell.x > cell.y;
+        for (block, (_, own)) in self.groups.iter().enumerate() {
             let place = |at: usize, k: usize| match self.columns[k].column.name.source {
                 ColumnSource::Field { field, .. } => (field % 3, field / 3),
                 ColumnSource::Load | ColumnSource::Model => (at % 3, at / 3),
             };
+            let corner = if is_stacked { (-1.0, 4.5 * block as f64) } else { (3.5 * block as f64, 0.0) };
             for (at, k) in own.iter().enumerate() {
                 let (x, y) = place(at, *k);
                 let NamedColumn { column, id: column_id } = &self.columns[*k];
-                let shift = Vector3::new((left + x) as f64 * cell.x, -((1 + y) as f64) * cell.y, 0.0);
-                writeln!(out, "      Separator {{\n        Translation {{ translation {} }}", vector(self.body.centre + shift))?;
+                let shift =
+                    Vector3::new((corner.0 + x as f64) * cell.x, -(0.5 + corner.1 + y as f64) * cell.y, 0.0);
+                let amount = AMPLITUDE * self.body.size / column.largest.max(f64::MIN_POSITIVE);
+                let under = Vector3::new(0.0, low.y - 0.45 * margin, 0.0);
                 writeln!(
                     out,
-                    "        Coordinate3 {{ point = DEF {column_id}_shape Calculator {{ a {:e} A = USE {id}_rest . point \
-                     B = USE {column_id}_column . point expression \"oA = A + a*B\" }} . oA }}\n        USE {id}_faces",
-                    AMPLITUDE * self.body.size / column.largest.max(f64::MIN_POSITIVE)
-                )?;
-                let under = Vector3::new(0.0, f64::from(low.y as f32) - 0.6 * AMPLITUDE * self.body.size, 0.0);
-                writeln!(
-                    out,
-                    "        BaseColor {{ rgb 1 1 1 }}\n        Translation {{ translation {} }}\n        Text2 {{ string {} \
-                     justification CENTER }}\n      }}",
+                    "        Separator {{\n          Translation {{ translation {} }}\n          Coordinate3 {{ point = DEF \
+                     {column_id}_shape Calculator {{ a {amount:e} A = USE {id}_rest . point B = USE {column_id}_column . point \
+                     expression \"oA = A + a*B\" }} . oA }}\n          USE {id}_faces\n          Translation {{ translation {} \
+                     }}\n          BaseColor {{ rgb 0.8 0.8 0.8 }}\n          Text2 {{ string {} justification CENTER }}\n        }}",
+                    vector(shift),
                     vector(under),
                     quoted(&column.name.name)
                 )?;
             }
-            // One cell stays empty between groups.
-            left += 4;
         }
-        Ok(())
+        writeln!(out, "      }}")
     }
 }
 

@@ -95,6 +95,8 @@ fn triangles(bodies: &[BodyBasis]) -> u64 {
 fn full_only(_: &[BodyBasis], profile: Profile) -> Result<(), String> {
     match profile {
         Profile::Full => Ok(()),
-        Profile::Viewer => Err("--profile viewer makes morph targets, which .glb files have: name OUT.glb".to_owned()),
+        Profile::Viewer => {
+            Err("--profile viewer makes morph targets, which .glb files have: name OUT.glb".to_owned())
+        }
     }
 }

@@ -91,8 +91,10 @@ pub fn few(body: &BodyBasis, all: &[Motion], count: usize) -> Vec<Motion> {
     let first = all.iter().find_map(|motion| motion.control);
     let Some(e) = first else { return all.iter().take(count).cloned().collect() };
     let axis = ["x", "y", "z"][body.controls[e].rest.origin.iamax()];
-    let ends = ["shift x", "shift y", "shift z"].map(str::to_owned).into_iter().chain([format!("turn {axis}")]);
-    let named = |end: String| all.iter().find(|motion| motion.control == Some(e) && motion.name.ends_with(&end));
+    let ends =
+        ["shift x", "shift y", "shift z"].map(str::to_owned).into_iter().chain([format!("turn {axis}")]);
+    let named =
+        |end: String| all.iter().find(|motion| motion.control == Some(e) && motion.name.ends_with(&end));
     let chosen: Vec<Motion> = ends.filter_map(named).take(count).cloned().collect();
     if chosen.is_empty() { all.iter().take(count).cloned().collect() } else { chosen }
 }

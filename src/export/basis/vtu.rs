@@ -30,27 +30,30 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
         .iter()
         .map(|body| body.rest.iter().map(|x| Vector3::from(*x).cast() + body.centre).collect())
         .collect();
-    let piece = |(own, points): (&BodyBasis, &'_ Vec<Vector3<f64>>)| -> (Vec<u32>, Vec<(String, Vec<Vector3<f64>>)>) {
-        // Every piece has the fields of all bodies, as VTK asks for: those of others do not move it.
-        let fields = bodies.iter().flat_map(|body| {
-            let is_own = std::ptr::eq(body, own);
-            let label = |name: &str| match bodies.len() {
-                1 => one_line(format_args!("column {name}")),
-                _ => one_line(format_args!("column {}.{name}", body.body)),
-            };
-            let zero = || vec![Vector3::zeros(); points.len()];
-            let field = move |column: &super::Column| {
-                let values = || column.u.iter().map(|u| Vector3::from(*u).cast()).collect();
-                (label(&column.name.name), if is_own { values() } else { zero() })
-            };
-            body.columns.iter().map(field).collect::<Vec<_>>()
-        });
-        let mut fields: Vec<_> = fields.collect();
-        if let Some(pose) = own.pose.as_ref().or_else(|| bodies.iter().find_map(|body| body.pose.as_ref())) {
-            fields.push((one_line(format_args!("displacement {pose}")), moved(own)));
-        }
-        (own.triangles.concat(), fields)
-    };
+    let piece =
+        |(own, points): (&BodyBasis, &'_ Vec<Vector3<f64>>)| -> (Vec<u32>, Vec<(String, Vec<Vector3<f64>>)>) {
+            // Every piece has the fields of all bodies, as VTK asks for: those of others do not move it.
+            let fields = bodies.iter().flat_map(|body| {
+                let is_own = std::ptr::eq(body, own);
+                let label = |name: &str| match bodies.len() {
+                    1 => one_line(format_args!("column {name}")),
+                    _ => one_line(format_args!("column {}.{name}", body.body)),
+                };
+                let zero = || vec![Vector3::zeros(); points.len()];
+                let field = move |column: &super::Column| {
+                    let values = || column.u.iter().map(|u| Vector3::from(*u).cast()).collect();
+                    (label(&column.name.name), if is_own { values() } else { zero() })
+                };
+                body.columns.iter().map(field).collect::<Vec<_>>()
+            });
+            let mut fields: Vec<_> = fields.collect();
+            if let Some(pose) =
+                own.pose.as_ref().or_else(|| bodies.iter().find_map(|body| body.pose.as_ref()))
+            {
+                fields.push((one_line(format_args!("displacement {pose}")), moved(own)));
+            }
+            (own.triangles.concat(), fields)
+        };
     let parts: Vec<_> = bodies.iter().zip(&points).map(piece).collect();
     let pieces: Vec<Piece<'_>> = parts
         .into_iter()
