@@ -44,7 +44,7 @@ pub struct Args {
     /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)
     #[arg(long, conflicts_with = "green")]
     pub all_nodes: bool,
-    /// Write the deformed surface of every pose as well, into OUT.POSE.stl, .ply or .glb (stl,ply writes two of them); m, in the
+    /// Write the deformed surface of every pose as well, into OUT.POSE.stl, .ply, .obj or .glb (stl,ply writes two of them); m, in the
     /// mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,

@@ -15,6 +15,7 @@ mod convert;
 mod deform;
 mod demo;
 mod expected;
+mod export;
 mod forces;
 mod inspect;
 mod manual;
@@ -48,6 +49,7 @@ A first tour:
   greenstage view bear                                a built-in scene: tube, hose, bar, bear, models, stylus
   greenstage precompute tube                          the offline stage alone
   greenstage render tube --stage cyberstage -o out/cave
+  greenstage export tube -o tube.glb                  for other programs: Open Inventor, glTF, VTK, STL, …
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
   greenstage convert part.inp part.msh                a mesh from one format to another
   greenstage manual                                   the manual's chapters
@@ -71,6 +73,7 @@ pub enum Command {
     View(view::Args),
     Render(render::Args),
     Deform(deform::Args),
+    Export(export::Args),
     Bench(bench::Args),
     Accuracy(accuracy::Args),
     Scale(scale::Args),
@@ -101,6 +104,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::View(args)) => view::run(&args),
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Deform(args)) => deform::run(&args),
+        Some(Command::Export(args)) => export::run(&args),
         Some(Command::Bench(args)) => bench::run(&args),
         Some(Command::Accuracy(args)) => accuracy::run(&args),
         Some(Command::Scale(args)) => scale::run(&args),

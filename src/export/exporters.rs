@@ -1,7 +1,7 @@
 //! The list of all exporters.
 
 use super::exporter::{Exporter, Spread};
-use super::{csv, found, glb, ply, pose_picture, stl, vtu};
+use super::{csv, found, glb, obj, ply, pose_picture, stl, vtu};
 
 /// In the order in which their files are written and named.
 pub const EXPORTERS: &[Exporter] = &[
@@ -12,6 +12,7 @@ pub const EXPORTERS: &[Exporter] = &[
     vtu::BODIES,
     stl::SURFACE,
     ply::SURFACE,
+    obj::SURFACE,
     glb::SURFACE,
     pose_picture::PICTURE,
 ];

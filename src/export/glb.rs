@@ -7,7 +7,7 @@ use super::shape::{COLOUR, Shape};
 use crate::base::output::Kind;
 use serde_json::{Value, json};
 
-const MAGIC: &[u8] = b"glTF";
+pub(super) const MAGIC: &[u8] = b"glTF";
 const GENERATOR: &str = "greenstage, a deformed surface";
 /// Kinds of numbers and of buffers, by the numbers that OpenGL gives them.
 const FLOAT: u32 = 5126;
@@ -31,16 +31,19 @@ pub const SURFACE: Exporter = Exporter {
 
 /// The parts of the document that refer to each other by number.
 #[derive(Default)]
-struct Document {
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-    binary: Vec<u8>,
+pub(super) struct Document {
+    pub views: Vec<Value>,
+    pub accessors: Vec<Value>,
+    pub binary: Vec<u8>,
 }
 
 impl Document {
     /// Adds an array; returns the number of its accessor. All numbers are of four bytes, so that every array is aligned.
-    fn add(&mut self, numbers: &[u8], target: u32, accessor: Value) -> usize {
-        let view = json!({ "buffer": 0, "byteOffset": self.binary.len(), "byteLength": numbers.len(), "target": target });
+    fn add(&mut self, numbers: &[u8], target: Option<u32>, accessor: Value) -> usize {
+        let mut view = json!({ "buffer": 0, "byteOffset": self.binary.len(), "byteLength": numbers.len() });
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
         let mut accessor = accessor;
         accessor["bufferView"] = self.views.len().into();
         self.views.push(view);
@@ -49,7 +52,7 @@ impl Document {
         self.accessors.len() - 1
     }
 
-    fn add_vectors(&mut self, vectors: &[[f32; 3]], with_bounds: bool) -> usize {
+    pub fn add_vectors(&mut self, vectors: &[[f32; 3]], with_bounds: bool) -> usize {
         let mut accessor = json!({ "componentType": FLOAT, "count": vectors.len(), "type": "VEC3" });
         if with_bounds {
             let bound = |start: f32, pick: fn(f32, f32) -> f32| {
@@ -58,8 +61,44 @@ impl Document {
             accessor["min"] = json!(bound(f32::INFINITY, f32::min));
             accessor["max"] = json!(bound(f32::NEG_INFINITY, f32::max));
         }
-        self.add(bytemuck::cast_slice(vectors), ARRAY_BUFFER, accessor)
+        self.add(bytemuck::cast_slice(vectors), Some(ARRAY_BUFFER), accessor)
     }
+
+    pub fn add_triangles(&mut self, triangles: &[[u32; 3]]) -> usize {
+        let accessor =
+            json!({ "componentType": UNSIGNED_INT, "count": 3 * triangles.len(), "type": "SCALAR" });
+        self.add(bytemuck::cast_slice(triangles), Some(ELEMENT_ARRAY_BUFFER), accessor)
+    }
+
+    /// Numbers of an animation.
+    pub fn add_numbers(&mut self, numbers: &[f32]) -> usize {
+        let bound = |start: f32, pick: fn(f32, f32) -> f32| [numbers.iter().copied().fold(start, pick)];
+        let (min, max) = (bound(f32::INFINITY, f32::min), bound(f32::NEG_INFINITY, f32::max));
+        let accessor = json!({
+            "componentType": FLOAT, "count": numbers.len(), "type": "SCALAR", "min": min, "max": max
+        });
+        self.add(bytemuck::cast_slice(numbers), None, accessor)
+    }
+
+    /// The whole file, of a root that names its nodes and meshes.
+    pub fn finish(self, mut root: Value) -> Vec<u8> {
+        root["buffers"] = json!([{ "byteLength": self.binary.len() }]);
+        (root["bufferViews"], root["accessors"]) = (self.views.into(), self.accessors.into());
+        container(&root, self.binary)
+    }
+}
+
+/// A document's head, with the material of bodies.
+pub(super) fn root(generator: &str) -> Value {
+    let [r, g, b] = COLOUR.map(linear);
+    json!({
+        "asset": { "version": "2.0", "generator": generator },
+        "scene": 0,
+        "materials": [{
+            "name": "body",
+            "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.6 }
+        }]
+    })
 }
 
 pub fn write(shapes: &[Shape]) -> Vec<u8> {
@@ -69,9 +108,7 @@ pub fn write(shapes: &[Shape]) -> Vec<u8> {
     for shape in shapes.iter().filter(|shape| !shape.triangles.is_empty()) {
         let position = document.add_vectors(&shape.positions, true);
         let normal = document.add_vectors(&shape.normals, false);
-        let count = 3 * shape.triangles.len();
-        let indices = json!({ "componentType": UNSIGNED_INT, "count": count, "type": "SCALAR" });
-        let indices = document.add(bytemuck::cast_slice(&shape.triangles), ELEMENT_ARRAY_BUFFER, indices);
+        let indices = document.add_triangles(&shape.triangles);
         nodes.push(json!({ "name": shape.body, "mesh": meshes.len() }));
         meshes.push(json!({
             "name": shape.body,
@@ -82,24 +119,14 @@ pub fn write(shapes: &[Shape]) -> Vec<u8> {
             }]
         }));
     }
-    let [r, g, b] = COLOUR.map(linear);
-    let mut root = json!({
-        "asset": { "version": "2.0", "generator": GENERATOR },
-        "scene": 0,
-        "materials": [{
-            "name": "body",
-            "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.6 }
-        }]
-    });
+    let mut root = root(GENERATOR);
     if nodes.is_empty() {
         root["scenes"] = json!([{}]);
-    } else {
-        root["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
-        (root["nodes"], root["meshes"]) = (nodes.into(), meshes.into());
-        root["buffers"] = json!([{ "byteLength": document.binary.len() }]);
-        (root["bufferViews"], root["accessors"]) = (document.views.into(), document.accessors.into());
+        return container(&root, document.binary);
     }
-    container(&root, document.binary)
+    root["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
+    (root["nodes"], root["meshes"]) = (nodes.into(), meshes.into());
+    document.finish(root)
 }
 
 /// sRGB to the linear intensity that glTF has.
@@ -108,9 +135,13 @@ fn linear(value: u8) -> f64 {
     if share <= 0.04045 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The document in its two chunks, each a multiple of four bytes long.
+/// The document in its two chunks, each a multiple of four bytes long. What wrote it stands at the very front, where an earlier
+/// file is known by it.
 fn container(root: &Value, binary: Vec<u8>) -> Vec<u8> {
-    let mut text = root.to_string().into_bytes();
+    let mut rest = root.clone();
+    let asset = rest.as_object_mut().and_then(|rest| rest.remove("asset")).unwrap_or_default();
+    let rest = rest.to_string();
+    let mut text = format!("{{\"asset\":{asset},{}", rest.strip_prefix('{').unwrap_or(&rest)).into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut chunks = chunk(b"JSON", &text);
     if !binary.is_empty() {

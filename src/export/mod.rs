@@ -1,13 +1,15 @@
 //! Displacements and forces of a scene's bodies in a list of poses, as files.
 //!
 //! In: a scene and poses. Out: a [`ResultSet`] ([`batch`] makes it, by superposition or by solving anew), and the files
-//! that [`EXPORTERS`] write of it.
+//! that [`EXPORTERS`] write of it. [`basis`] writes the columns themselves, for other programs.
 //!
 //! To add a format: write a file with an [`Exporter`], declare it below as `pub mod`, add it to [`EXPORTERS`], and name its
 //! file in the chapter `deform` of the manual.
 
 pub mod asked;
+pub mod basis;
 pub mod batch;
+mod chosen;
 pub mod csv;
 pub mod exporter;
 pub mod exporters;
@@ -15,6 +17,7 @@ pub mod files;
 pub mod found;
 mod free_poses;
 pub mod glb;
+pub mod obj;
 pub mod ply;
 pub mod pose_picture;
 pub mod pose_text;
@@ -28,6 +31,8 @@ pub mod told;
 pub mod vtu;
 
 pub use asked::{Asked, ask};
+pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile};
+pub use chosen::chosen;
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;

@@ -9,6 +9,7 @@ mod basis;
 mod boundary;
 mod bytes;
 mod check;
+mod column_names;
 mod control;
 mod derive;
 mod error;
@@ -40,6 +41,7 @@ mod validate;
 mod write;
 
 pub use basis::{precompute, precompute_kept, refuse, solve, solve_prepared};
+pub use column_names::{ColumnName, ColumnSource};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;

@@ -30,6 +30,7 @@ chapters! {
     haptics: "forces in the hand: devices, what keeps them stable, how well that works",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
+    export: "columns and poses for other programs: Open Inventor, glTF, VTK, STL, PLY, OBJ",
     check: "what can go wrong in silence, what is done about it, and how well: hard cases with their figures",
     method: "the mathematics, the accuracy that was measured, and the limits",
     accuracy: "what accuracy costs in time: the report, its parts and files; letting `precompute` choose",

@@ -9,6 +9,7 @@ mod common;
 mod configs;
 mod demo;
 mod effects;
+mod export;
 mod kills;
 mod outputs;
 #[path = "../render_common/mod.rs"]

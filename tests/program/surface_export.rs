@@ -22,11 +22,11 @@ fn the_surfaces_of_a_pose_are_closed_and_as_long_as_the_pose_says() {
     coarse_demo(&place);
     std::fs::write(place.join("poses.toml"), POSES).unwrap();
     let out = place.join("out/tube");
-    let arguments = ["deform", "tube.toml", "--poses", "poses.toml", "--surface", "stl,ply,glb", "-o"];
+    let arguments = ["deform", "tube.toml", "--poses", "poses.toml", "--surface", "stl,ply,obj,glb", "-o"];
     greenstage(&place, &[&arguments[..], &[out.to_str().unwrap()]].concat());
     for (pose, length) in [("pulled", 1.1), ("at-rest", 1.0)] {
         let mut volumes = Vec::new();
-        for format in ["stl", "ply"] {
+        for format in ["stl", "ply", "obj"] {
             let path = place.join(format!("out/tube.{pose}.{format}"));
             let surface = surface_files::load(&path).unwrap().surface;
             let xs = || surface.vertices.iter().map(|vertex| vertex.x);
@@ -44,7 +44,8 @@ fn the_surfaces_of_a_pose_are_closed_and_as_long_as_the_pose_says() {
             );
             volumes.push(volume(&surface.vertices, &surface.triangles));
         }
-        assert!(volumes[0] > 0.0 && (volumes[0] - volumes[1]).abs() < 1e-5 * volumes[0], "{volumes:?}");
+        let is_first = |volume: &f64| (volume / volumes[0] - 1.0).abs() < 1e-5;
+        assert!(volumes[0] > 0.0 && volumes.iter().all(is_first), "{volumes:?}");
         let glb = std::fs::read(place.join(format!("out/tube.{pose}.glb"))).unwrap();
         assert_eq!(glb[..8], [b'g', b'l', b'T', b'F', 2, 0, 0, 0]);
         let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
@@ -64,7 +65,7 @@ fn an_unknown_surface_format_is_answered_with_the_known_ones() {
     std::fs::write(place.join("poses.toml"), POSES).unwrap();
     let output = crate::common::attempt(
         &place,
-        &["deform", "tube.toml", "--poses", "poses.toml", "--surface", "obj", "-o", "x"],
+        &["deform", "tube.toml", "--poses", "poses.toml", "--surface", "off", "-o", "x"],
     );
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && said.contains("stl") && said.contains("glb"), "{said}");

@@ -1,0 +1,197 @@
+//! The columns of one body as other programs take them: its surface at rest, and a displacement field for each column.
+//!
+//! In: a .green file and, where one is asked for, a pose. Out: [`BodyBasis`], in which the body's shape is a linear sum,
+//! moved as a whole:
+//!
+//! ```text
+//! x = centre + motion · (rest + Σ coefficient · column)
+//! ```
+
+use crate::base::failure::Failure;
+use crate::config::unknown_name;
+use crate::deform::{ControlRest, Deformer, ModelEntry, find_model};
+use crate::export::asked::{Asked, lead};
+use crate::green::{ColumnName, ColumnSource, ControlMeta, GreenFile};
+use crate::scene::{Grab, Scene};
+use nalgebra::{Isometry3, Vector3};
+use std::sync::Arc;
+
+/// One body.
+#[derive(Clone)]
+pub struct BodyBasis {
+    pub body: String,
+    pub model: &'static ModelEntry,
+    /// Mesh coordinates of the origin about which all else stands, m.
+    pub centre: Vector3<f64>,
+    pub rest: Vec<[f32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Those that move something.
+    pub columns: Vec<Column>,
+    /// Names of the others: of flat control elements.
+    pub vanishing: Vec<String>,
+    pub controls: Vec<Handle>,
+    /// Whether the columns were chosen one by one.
+    pub is_chosen: bool,
+    /// Name of the pose in which the coefficients and the motion are; both are at rest without.
+    pub pose: Option<String>,
+    pub motion: Isometry3<f64>,
+    /// Its largest extent, m.
+    pub size: f64,
+}
+
+/// One displacement field.
+#[derive(Clone)]
+pub struct Column {
+    pub name: ColumnName,
+    /// Of each node, m per unit.
+    pub u: Vec<[f32; 3]>,
+    /// The largest of them.
+    pub largest: f64,
+    pub coefficient: f64,
+}
+
+/// A control element.
+#[derive(Clone)]
+pub struct Handle {
+    pub rest: ControlRest,
+    pub is_grabbed: bool,
+    /// Half of the largest extent of its surface nodes, m.
+    pub radius: f64,
+}
+
+/// What is wanted of a body.
+#[derive(Clone, Copy, Default)]
+pub struct Choice<'a> {
+    /// Names of columns, without their body; all where there is none.
+    pub columns: &'a [String],
+    /// The pose of each body, behind those that it goes on from.
+    pub asked: &'a [Asked<'a>],
+}
+
+impl BodyBasis {
+    /// Reads a body; the error says why it cannot be written as a sum.
+    pub fn read(
+        scene: &Scene,
+        file: &Arc<GreenFile>,
+        name: &str,
+        choice: Choice<'_>,
+    ) -> Result<BodyBasis, Failure> {
+        let wrong = |message: String| Failure::request(scene.invalid(&format!("body.{name}"), message));
+        let settings = &scene.body[name];
+        let model = find_model(&settings.model).map_err(wrong)?;
+        let names = file.column_names(name);
+        let deformer = Deformer::new(file.clone(), name, &settings.model).map_err(Failure::wrong)?;
+        let (nodes, groups) = (deformer.node_count(), file.groups(name));
+        let places =
+            groups.iter().flat_map(|group| (0..group.columns(nodes).unwrap_or(0)).map(move |k| (group, k)));
+        let asked = choice.asked.iter().rfind(|asked| asked.body == name);
+        let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
+        let rest = file.rest(name).to_vec();
+        let size = extent(rest.iter().copied());
+        check_chosen(choice.columns, &names).map_err(wrong)?;
+        let (mut columns, mut vanishing, mut missing) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, (name, (group, of_group))) in names.into_iter().zip(places).enumerate() {
+            let value = |node: usize, axis: usize| group.value(nodes, of_group, 3 * node + axis);
+            let u: Vec<[f32; 3]> = (0..nodes).map(|node| [0, 1, 2].map(|axis| value(node, axis))).collect();
+            let largest = u.iter().map(|u| Vector3::from(*u).cast::<f64>().norm()).fold(0.0, f64::max);
+            let coefficient = posed.as_ref().and_then(|(c, _)| c.get(k).copied()).unwrap_or(0.0);
+            let is_chosen = choice.columns.is_empty() || choice.columns.contains(&name.name);
+            let is_zero = largest <= f64::from(f32::EPSILON) * size && name.source != ColumnSource::Model;
+            match (is_zero, is_chosen) {
+                (true, true) => vanishing.push(name.name),
+                (false, true) => columns.push(Column { name, u, largest, coefficient }),
+                (false, false) if coefficient != 0.0 => missing.push(name.name),
+                (_, false) => {}
+            }
+        }
+        if !missing.is_empty() {
+            let (pose, names) = (asked.map_or("", |asked| asked.pose), missing.join(","));
+            return Err(wrong(format!(
+                "the pose \"{pose}\" is a sum of other columns as well: add {names} to --columns"
+            )));
+        }
+        Ok(BodyBasis {
+            body: name.to_owned(),
+            model,
+            centre: Vector3::from(file.meta.bodies[name].centre),
+            triangles: file.triangles(name).to_vec(),
+            columns,
+            vanishing,
+            controls: handles(scene, file, name),
+            pose: asked.map(|asked| asked.pose.to_owned()),
+            motion: posed.map_or_else(Isometry3::identity, |(_, motion)| motion),
+            is_chosen: !choice.columns.is_empty(),
+            size,
+            rest,
+        })
+    }
+
+    /// The column of a field of a control element, if it moves something.
+    pub fn field(&self, control: usize, field: usize) -> Option<usize> {
+        self.columns.iter().position(|column| column.name.source == ColumnSource::Field { control, field })
+    }
+
+    /// The displacements of the pose before its motion, m.
+    pub fn displacements(&self) -> Vec<Vector3<f64>> {
+        let mut u = vec![Vector3::zeros(); self.rest.len()];
+        for column in self.columns.iter().filter(|column| column.coefficient != 0.0) {
+            for (u, own) in u.iter_mut().zip(&column.u) {
+                *u += Vector3::from(*own).cast::<f64>() * column.coefficient;
+            }
+        }
+        u
+    }
+}
+
+/// Coefficients of all columns, and the motion of the whole body.
+fn pose(
+    asked: &Asked<'_>,
+    all: &[Asked<'_>],
+    mut body: Deformer,
+) -> Result<(Vec<f64>, Isometry3<f64>), Failure> {
+    let wrong =
+        |message: &str| Failure::wrong(format!("pose \"{}\": body.{}: {message}", asked.pose, asked.body));
+    let as_surface = "write the surface of the pose instead: -o OUT.stl, OUT.ply or OUT.obj";
+    if !asked.loads.forces.is_empty() {
+        return Err(wrong(&format!("forces at points are no sum of columns; {as_surface}")));
+    }
+    let applied = asked.loads.applied(&body).map_err(|message| wrong(&message))?;
+    body.apply(&applied);
+    lead(asked, all, None, &mut body);
+    body.evaluate(&asked.control);
+    if body.part_weights().is_some() {
+        return Err(wrong(&format!(
+            "its model moves the surface in parts, which no sum of columns does; {as_surface}"
+        )));
+    }
+    Ok((body.state.coefficients.clone(), body.body_from_surface()))
+}
+
+/// Whether every column that is asked for is there.
+fn check_chosen(chosen: &[String], names: &[ColumnName]) -> Result<(), String> {
+    let known = || names.iter().map(|column| column.name.as_str());
+    let unknown = chosen.iter().find(|name| known().all(|known| known != *name));
+    unknown.map_or(Ok(()), |name| Err(unknown_name("column", name, known())))
+}
+
+fn handles(scene: &Scene, file: &GreenFile, body: &str) -> Vec<Handle> {
+    let (rest, settings) = (file.rest(body), &scene.body[body]);
+    let handle = |control: &ControlMeta| Handle {
+        rest: ControlRest {
+            name: control.name.clone(),
+            origin: Vector3::from(control.origin),
+            nodes: control.nodes,
+        },
+        is_grabbed: settings.control.get(&control.name).is_some_and(|control| control.grab == Grab::Dragger),
+        radius: 0.5 * extent(file.control(body, &control.name).iter().map(|node| rest[*node as usize])),
+    };
+    file.meta.bodies[body].controls.iter().map(handle).collect()
+}
+
+/// The largest extent of places along an axis; 1 where there is none.
+fn extent(places: impl Iterator<Item = [f32; 3]>) -> f64 {
+    let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+    let (low, high) = places.map(Vector3::from).fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    let extent = f64::from((high - low).max());
+    if extent.is_finite() && extent > 0.0 { extent } else { 1.0 }
+}

@@ -1,0 +1,246 @@
+//! glTF 2.0 with a morph target for every column (Khronos, "glTF 2.0 Specification", sections 3.7.2.2 and 3.11): a target's
+//! POSITION is the displacement for a weight of 1, in the column's unit, so that the weights are the coefficients of the sum.
+//!
+//! A target's NORMAL is the derivative of the unit normal at rest, n' = (1 - n nᵀ) s'/|s| with s the sum of the triangles'
+//! areas around a vertex: right for small weights. An animation moves every control element in turn. The profile `viewer`
+//! has a few motions instead, each forwards and backwards, for programs that take 8 targets with weights from 0 to 1.
+
+use super::motions::few;
+use super::{BasisFile, BodyBasis, Motion, Profile, motions, numbers, triangles};
+use crate::base::output::Kind;
+use crate::deform::vertex_normals;
+use crate::export::glb::{Document, MAGIC, root};
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+use std::io::{self, Write};
+
+const GENERATOR: &str = "greenstage, columns as morph targets";
+
+pub const FILE: BasisFile = BasisFile {
+    suffix: ".glb",
+    about: "glTF 2.0 for viewers, Blender and the web: one named morph target per column, and an animation",
+    kind: Kind {
+        name: "a glTF file by `export`",
+        recognizes: |head| {
+            let mark = GENERATOR.as_bytes();
+            head.starts_with(MAGIC) && head.windows(mark.len()).any(|window| window == mark)
+        },
+    },
+    size,
+    most: Some(u32::MAX as u64),
+    check,
+    write,
+};
+
+/// Targets of the profile `viewer`, and its motions.
+const TARGETS: usize = 8;
+/// Seconds from rest to a motion's end.
+const STRIDE_S: f32 = 0.6;
+
+fn size(bodies: &[BodyBasis], profile: Profile) -> u64 {
+    let vertices: u64 = bodies.iter().map(|body| body.rest.len() as u64).sum();
+    match profile {
+        // Positions and normals.
+        Profile::Full => 8 * numbers(bodies) + 12 * triangles(bodies),
+        Profile::Viewer => 12 * (2 + TARGETS as u64) * vertices + 12 * triangles(bodies),
+    }
+}
+
+fn check(bodies: &[BodyBasis], profile: Profile) -> Result<(), String> {
+    if profile == Profile::Full {
+        return Ok(());
+    }
+    for body in bodies {
+        if let Some(pose) = &body.pose {
+            return Err(format!(
+                "--profile viewer has a few motions of body {}, whose sum the pose \"{pose}\" is not: leave --pose out, or \
+                 --profile viewer",
+                body.body
+            ));
+        }
+        if body.is_chosen && body.columns.len() > TARGETS / 2 {
+            return Err(format!(
+                "--profile viewer has room for {} columns, each forwards and backwards, and --columns names {}: name fewer",
+                TARGETS / 2,
+                body.columns.len()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// One morph target, and the weight at which it begins.
+struct Target {
+    name: String,
+    unit: String,
+    position: Vec<[f32; 3]>,
+    weight: f64,
+}
+
+/// What the targets of a mesh are to be at one moment of the animation.
+struct Track {
+    targets: Vec<Target>,
+    has_normals: bool,
+    /// The weights at the end of each step of a motion.
+    ends: Vec<Vec<f64>>,
+}
+
+fn write(bodies: &[BodyBasis], profile: Profile, out: &mut dyn Write) -> io::Result<()> {
+    let mut document = Document::default();
+    let (mut meshes, mut nodes, mut channels, mut samplers) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for body in bodies {
+        let track = match profile {
+            Profile::Full => full(body),
+            Profile::Viewer => split(body),
+        };
+        let mesh = mesh(&mut document, body, &track);
+        if let Some(sampler) = sampler(&mut document, &track) {
+            channels.push(json!({
+                "sampler": samplers.len(), "target": { "node": nodes.len(), "path": "weights" }
+            }));
+            samplers.push(sampler);
+        }
+        let place = body.motion.translation.vector + body.centre;
+        let turn = body.motion.rotation.coords.cast::<f32>();
+        nodes.push(json!({
+            "name": body.body,
+            "mesh": meshes.len(),
+            "translation": [place.x as f32, place.y as f32, place.z as f32],
+            "rotation": [turn.x, turn.y, turn.z, turn.w],
+            "extras": { "model": body.model.name, "pose": body.pose }
+        }));
+        meshes.push(mesh);
+    }
+    let mut root = root(GENERATOR);
+    root["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
+    (root["nodes"], root["meshes"]) = (nodes.into(), meshes.into());
+    if !channels.is_empty() {
+        root["animations"] = json!([{ "name": "control elements and loads, one by one", "channels": channels, "samplers": samplers }]);
+    }
+    out.write_all(&document.finish(root))
+}
+
+fn mesh(document: &mut Document, body: &BodyBasis, track: &Track) -> Value {
+    let normals = normals(&body.rest, &body.triangles);
+    let attributes = json!({
+        "POSITION": document.add_vectors(&body.rest, true), "NORMAL": document.add_vectors(&normals, false)
+    });
+    let indices = document.add_triangles(&body.triangles);
+    let target = |target: &Target| {
+        let mut attributes = json!({ "POSITION": document.add_vectors(&target.position, true) });
+        if track.has_normals {
+            let slopes = normal_slopes(&body.rest, &body.triangles, &target.position);
+            attributes["NORMAL"] = document.add_vectors(&slopes, false).into();
+        }
+        attributes
+    };
+    let targets: Vec<Value> = track.targets.iter().map(target).collect();
+    let of = |value: fn(&Target) -> Value| track.targets.iter().map(value).collect::<Vec<_>>();
+    let mut primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+    let mut mesh = json!({ "name": body.body });
+    if !targets.is_empty() {
+        primitive["targets"] = targets.into();
+        mesh["weights"] = of(|target| (target.weight as f32).into()).into();
+        mesh["extras"] = json!({
+            "targetNames": of(|target| target.name.clone().into()), "targetUnits": of(|target| target.unit.clone().into())
+        });
+    }
+    mesh["primitives"] = json!([primitive]);
+    mesh
+}
+
+/// Every column as it is.
+fn full(body: &BodyBasis) -> Track {
+    let targets: Vec<Target> = body
+        .columns
+        .iter()
+        .map(|column| Target {
+            name: column.name.name.clone(),
+            unit: column.name.unit.clone(),
+            position: column.u.clone(),
+            weight: column.coefficient,
+        })
+        .collect();
+    let weights = |motion: &Motion, sign: f64| {
+        let mut weights: Vec<f64> = targets.iter().map(|target| target.weight).collect();
+        motion.terms.iter().for_each(|(k, weight)| weights[*k] += sign * weight);
+        weights
+    };
+    let ends =
+        motions(body).iter().flat_map(|motion| [1.0, -1.0].map(|sign| weights(motion, sign))).collect();
+    Track { has_normals: true, ends, targets }
+}
+
+/// A few motions, each as two targets. Normals would take the room of as many targets again in the programs that have so few.
+fn split(body: &BodyBasis) -> Track {
+    let all = motions(body);
+    let chosen = if body.is_chosen { all } else { few(body, &all, TARGETS / 2) };
+    let target = |motion: &Motion, sign: f64| {
+        let mut position = vec![Vector3::<f64>::zeros(); body.rest.len()];
+        for (k, weight) in &motion.terms {
+            for (sum, u) in position.iter_mut().zip(&body.columns[*k].u) {
+                *sum += Vector3::from(*u).cast::<f64>() * (sign * weight);
+            }
+        }
+        Target {
+            name: format!("{} {}", motion.name, if sign > 0.0 { "+" } else { "-" }),
+            unit: "1".to_owned(),
+            position: position.into_iter().map(|u| u.cast::<f32>().into()).collect(),
+            weight: 0.0,
+        }
+    };
+    let targets: Vec<Target> =
+        chosen.iter().flat_map(|motion| [1.0, -1.0].map(|sign| target(motion, sign))).collect();
+    let alone = |k: usize| (0..targets.len()).map(|j| f64::from(u8::from(j == k))).collect();
+    Track { has_normals: false, ends: (0..targets.len()).map(alone).collect(), targets }
+}
+
+/// From the first weights to each end and back.
+fn sampler(document: &mut Document, track: &Track) -> Option<Value> {
+    if track.ends.is_empty() {
+        return None;
+    }
+    let first: Vec<f64> = track.targets.iter().map(|target| target.weight).collect();
+    let (mut times, mut weights) = (vec![0.0], first.clone());
+    for end in &track.ends {
+        for step in [end, &first] {
+            times.push(STRIDE_S * times.len() as f32);
+            weights.extend(step);
+        }
+    }
+    let weights: Vec<f32> = weights.into_iter().map(|weight| weight as f32).collect();
+    Some(json!({
+        "input": document.add_numbers(&times), "output": document.add_numbers(&weights), "interpolation": "LINEAR"
+    }))
+}
+
+/// Unit normals; of a vertex without any area, one that is of unit length all the same, as glTF asks for.
+fn normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    vertex_normals(positions, triangles, &mut Vec::new(), &mut normals);
+    normals.iter_mut().filter(|normal| **normal == [0.0; 3]).for_each(|normal| *normal = [0.0, 0.0, 1.0]);
+    normals
+}
+
+/// The derivative of every vertex's unit normal by the weight of a target.
+fn normal_slopes(rest: &[[f32; 3]], triangles: &[[u32; 3]], u: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut sums = vec![(Vector3::<f64>::zeros(), Vector3::<f64>::zeros()); rest.len()];
+    for triangle in triangles {
+        let of =
+            |values: &[[f32; 3]]| triangle.map(|node| Vector3::from(values[node as usize]).cast::<f64>());
+        let ([a, b, c], [u, v, w]) = (of(rest), of(u));
+        let area = (b - a).cross(&(c - a));
+        let slope = (v - u).cross(&(c - a)) + (b - a).cross(&(w - u));
+        for node in triangle {
+            let (sum, of_slope) = &mut sums[*node as usize];
+            *sum += area;
+            *of_slope += slope;
+        }
+    }
+    let slope = |(sum, slope): (Vector3<f64>, Vector3<f64>)| match sum.try_normalize(f64::MIN_POSITIVE) {
+        Some(normal) => ((slope - normal * normal.dot(&slope)) / sum.norm()).cast::<f32>().into(),
+        None => [0.0; 3],
+    };
+    sums.into_iter().map(slope).collect()
+}

@@ -1,0 +1,390 @@
+//! Open Inventor 2.1, ASCII (Wernecke, "The Inventor Mentor"): the basis shapes of each body, as in the paper's figure 7b, and
+//! the body itself as a live sum.
+//!
+//! The sum is made of engines, at most eight vectors and eight numbers each. NAME.m12 is a Calculator whose field `a` a user
+//! edits and whose `b` a dragger drives; CONTROL.sum adds the columns of one control element, as only its part changes while it
+//! is moved; LIVE adds the parts to the rest shape:
+//!
+//! ```text
+//! dragger → T, R·S → right_tx … right_m33 ┐
+//!                              left_tx … ├ coefficients × columns → right_sum, left_sum → rest + Σ → Coordinate3.point
+//! ```
+//!
+//! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 come from where R·S
+//! takes the axes.
+
+use super::inventor_names::{InventorNames, quoted};
+use super::{BasisFile, BodyBasis, Column, Handle, Profile, full_only, numbers, triangles};
+use crate::base::output::Kind;
+use crate::base::text::one_line;
+use crate::export::shape::COLOUR;
+use crate::green::{ColumnSource, FIELDS};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+const HEADER: &str = "#Inventor V2.1 ascii\n# Green's functions by greenstage";
+
+pub const FILE: BasisFile = BasisFile {
+    suffix: ".iv",
+    about: "Open Inventor 2.1, ASCII: basis shapes, and the live sum with draggers",
+    kind: Kind {
+        name: "an Inventor file by greenstage",
+        recognizes: |head| head.starts_with(HEADER.as_bytes()),
+    },
+    // A number takes some 13 characters, a triangle three indices and -1.
+    size: |bodies, _| 13 * numbers(bodies) + 24 * triangles(bodies),
+    most: None,
+    check: full_only,
+    write,
+};
+
+/// Vectors that one Calculator multiplies, and parts that one adds to a vector.
+const PRODUCTS: usize = 8;
+const PARTS: usize = 7;
+
+/// A basis shape is moved by this part of the body's size.
+const AMPLITUDE: f64 = 0.15;
+/// The basis shapes are drawn by so much smaller.
+const SHAPE_SCALE: f64 = 0.5;
+/// Edges with sides further apart are drawn sharp.
+const CREASE: f64 = 0.7;
+
+fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "{HEADER}\n{ABOUT}\n")?;
+    writeln!(
+        out,
+        "DEF greenstage Separator {{\n  ShapeHints {{ vertexOrdering COUNTERCLOCKWISE shapeType SOLID creaseAngle {CREASE} }}"
+    )?;
+    let [r, g, b] = COLOUR.map(|value| f32::from(value) / 255.0);
+    writeln!(out, "  Material {{ diffuseColor {r} {g} {b} specularColor 0.2 0.2 0.2 shininess 0.3 }}")?;
+    writeln!(out, "  DEF storage Switch {{ whichChild -1   # holds numbers, and is not drawn")?;
+    writeln!(out, "    DEF axes Coordinate3 {{ point [ 1 0 0, 0 1 0, 0 0 1 ] }}")?;
+    let mut names = InventorNames::default();
+    // Taken by what stands in the file once.
+    ["greenstage", "storage", "axes", "show", "x", "y", "z"].iter().for_each(|name| drop(names.unique(name)));
+    let mut named = Vec::new();
+    for body in bodies {
+        named.push(Named::of(body, bodies.len() > 1, &mut names));
+    }
+    for body in &named {
+        body.store(out)?;
+    }
+    writeln!(
+        out,
+        "  }}\n  DEF show Switch {{ whichChild -3   # 0: the bodies alone, 1: the basis shapes alone, -3: both"
+    )?;
+    writeln!(out, "    Separator {{")?;
+    named.iter().try_for_each(|body| body.put_live(out))?;
+    writeln!(out, "    }}\n    Separator {{")?;
+    named.iter().try_for_each(|body| body.put_shapes(out))?;
+    writeln!(out, "    }}\n  }}\n}}")
+}
+
+const ABOUT: &str = "\
+#
+# Units: m, in the mesh's coordinates. Every column is stored once (DEF storage); a name as right_tx_column is the
+# displacement for a unit of its coefficient. NAME.a is the coefficient that you edit (right_tx: m; right_m12: an entry
+# of M - 1), NAME.b what a dragger adds: take it with the mouse, to shift, turn or stretch its control element.
+# A sum of columns is the linear theory: right for small turns, 10 degrees or so; beyond, bodies swell.";
+
+/// A body, and the names of its nodes.
+struct Named<'a> {
+    body: &'a BodyBasis,
+    id: String,
+    columns: Vec<NamedColumn<'a>>,
+    draggers: BTreeMap<usize, String>,
+    /// What is summed together: a control element, the loads, the model's own.
+    groups: Vec<(String, Vec<usize>)>,
+}
+
+struct NamedColumn<'a> {
+    column: &'a Column,
+    id: String,
+}
+
+impl<'a> Named<'a> {
+    fn of(body: &'a BodyBasis, is_one_of_many: bool, names: &mut InventorNames) -> Named<'a> {
+        let id = names.unique(&body.body);
+        let prefix = if is_one_of_many { format!("{id}_") } else { String::new() };
+        let columns: Vec<NamedColumn<'_>> = body
+            .columns
+            .iter()
+            .map(|column| NamedColumn { column, id: names.unique(&format!("{prefix}{}", column.name.name)) })
+            .collect();
+        let mut draggers = BTreeMap::new();
+        let mut groups = Vec::new();
+        for (e, handle) in body.controls.iter().enumerate() {
+            let is_own = |column: &Column| matches!(column.name.source, ColumnSource::Field { control, .. } if control == e);
+            let own: Vec<usize> = (0..columns.len()).filter(|k| is_own(columns[*k].column)).collect();
+            if handle.is_grabbed && !own.is_empty() {
+                draggers.insert(e, names.unique(&format!("{prefix}{}_dragger", handle.rest.name)));
+            }
+            groups.push((names.unique(&format!("{prefix}{}_sum", handle.rest.name)), own));
+        }
+        for (name, source) in [("loads", ColumnSource::Load), ("model", ColumnSource::Model)] {
+            let own = (0..columns.len()).filter(|k| columns[*k].column.name.source == source).collect();
+            groups.push((names.unique(&format!("{prefix}{name}_sum")), own));
+        }
+        groups.retain(|(_, own)| !own.is_empty());
+        Named { body, id, columns, draggers, groups }
+    }
+
+    /// Rest shape, columns and faces, each once.
+    fn store(&self, out: &mut dyn Write) -> io::Result<()> {
+        let (id, name) = (&self.id, one_line(&self.body.body));
+        writeln!(
+            out,
+            "    # body {name}: {} nodes, {} columns, model {}",
+            self.body.rest.len(),
+            self.columns.len(),
+            self.body.model.name
+        )?;
+        for name in &self.body.vanishing {
+            writeln!(
+                out,
+                "    # {} is zero, because the control element is flat along that axis",
+                one_line(name)
+            )?;
+        }
+        put_points(out, &format!("{id}_rest"), &self.body.rest)?;
+        for NamedColumn { column, id } in &self.columns {
+            writeln!(out, "    # {}: metres for 1 {}", one_line(&column.name.name), unit(&column.name.unit))?;
+            put_points(out, &format!("{id}_column"), &column.u)?;
+        }
+        writeln!(out, "    DEF {id}_faces IndexedFaceSet {{ coordIndex [")?;
+        for [a, b, c] in &self.body.triangles {
+            writeln!(out, "{a}, {b}, {c}, -1,")?;
+        }
+        writeln!(out, "    ] }}")
+    }
+
+    /// Draggers, and the body whose coordinates are the sum.
+    fn put_live(&self, out: &mut dyn Write) -> io::Result<()> {
+        let (id, name) = (&self.id, one_line(&self.body.body));
+        let c = self.body.centre;
+        writeln!(out, "      Separator {{   # body {name}, live")?;
+        writeln!(out, "        Translation {{ translation {} }}", vector(c))?;
+        let motion = self.body.motion;
+        if let Some(pose) = &self.body.pose {
+            let (axis, angle) = motion.rotation.axis_angle().unwrap_or((Vector3::x_axis(), 0.0));
+            writeln!(out, "        # pose {}", one_line(pose))?;
+            writeln!(
+                out,
+                "        DEF {id}_motion Transform {{ translation {} rotation {} {angle:e} }}",
+                vector(motion.translation.vector),
+                vector(*axis)
+            )?;
+        }
+        for (e, dragger) in &self.draggers {
+            let Handle { rest, radius, .. } = &self.body.controls[*e];
+            writeln!(out, "        Separator {{")?;
+            writeln!(out, "          Translation {{ translation {} }}", vector(rest.origin))?;
+            writeln!(out, "          Scale {{ scaleFactor {0:e} {0:e} {0:e} }}", handle_scale(*radius))?;
+            writeln!(out, "          DEF {dragger} TransformerDragger {{ }}\n        }}")?;
+        }
+        writeln!(out, "        DEF {id}_live Coordinate3 {{ point =")?;
+        self.put_total(out)?;
+        writeln!(out, "        }}\n        USE {id}_faces\n      }}")
+    }
+
+    /// rest + the sums of all groups.
+    fn put_total(&self, out: &mut dyn Write) -> io::Result<()> {
+        let id = &self.id;
+        let links: Vec<&[(String, Vec<usize>)]> = self.groups.chunks(PARTS).collect();
+        // The first link of the chain stands innermost.
+        for (number, link) in links.iter().enumerate().rev() {
+            writeln!(
+                out,
+                "DEF {id}_total_{} Calculator {{ expression \"oA = {}\"\n A =",
+                number + 1,
+                sum(link.len())
+            )?;
+        }
+        writeln!(out, "USE {id}_rest . point")?;
+        for link in &links {
+            for ((name, own), letter) in link.iter().zip('B'..) {
+                writeln!(out, " {letter} =")?;
+                self.put_group(out, name, own)?;
+            }
+            writeln!(out, "}} . oA")?;
+        }
+        Ok(())
+    }
+
+    /// The sum of one group's columns.
+    fn put_group(&self, out: &mut dyn Write, name: &str, own: &[usize]) -> io::Result<()> {
+        let links: Vec<&[usize]> = match own.len() {
+            0..=PRODUCTS => vec![own],
+            // The others add seven to what came before.
+            _ => std::iter::once(&own[..PRODUCTS]).chain(own[PRODUCTS..].chunks(PARTS)).collect(),
+        };
+        let last = links.len() - 1;
+        for (number, link) in links.iter().enumerate().rev() {
+            let called = if number == last { name.to_owned() } else { format!("{name}_{}", number + 1) };
+            let begins = if number == 0 { "" } else { "A + " };
+            let letters = ('a'..).zip('A'..).skip(usize::from(number > 0));
+            let products: Vec<String> =
+                letters.take(link.len()).map(|(number, vector)| format!("{number}*{vector}")).collect();
+            writeln!(
+                out,
+                "  DEF {called} Calculator {{ expression \"oA = {begins}{}\"",
+                products.join(" + ")
+            )?;
+            if number > 0 {
+                writeln!(out, "  A =")?;
+            }
+        }
+        for (number, link) in links.iter().enumerate() {
+            let letters = ('a'..).zip('A'..).skip(usize::from(number > 0));
+            for (k, (scalar, vector)) in link.iter().zip(letters) {
+                let NamedColumn { column, id } = &self.columns[*k];
+                write!(out, "    {vector} = USE {id}_column . point {scalar} = ")?;
+                self.put_coefficient(out, column, id)?;
+            }
+            writeln!(out, "  }} . oA")?;
+        }
+        Ok(())
+    }
+
+    /// What is edited, and what a dragger adds.
+    fn put_coefficient(&self, out: &mut dyn Write, column: &Column, id: &str) -> io::Result<()> {
+        let value = column.coefficient;
+        write!(out, "DEF {id} Calculator {{ a {value:e}")?;
+        let dragged = match column.name.source {
+            ColumnSource::Field { control, field } => {
+                self.draggers.get(&control).map(|name| (control, field, name))
+            }
+            ColumnSource::Load | ColumnSource::Model => None,
+        };
+        let Some((control, field, dragger)) = dragged else {
+            return writeln!(out, " expression \"oa = a\" }} . oa");
+        };
+        // Engines that several fields share are written where the first of them needs them.
+        let is_first = |of: &dyn Fn(usize) -> bool| {
+            let first = (0..FIELDS).find(|k| of(*k) && self.body.field(control, *k).is_some());
+            first == Some(field)
+        };
+        write!(out, " b = ")?;
+        if field < 3 {
+            if is_first(&|k| k < 3) {
+                let scale = handle_scale(self.body.controls[control].radius);
+                write!(
+                    out,
+                    "DEF {dragger}_T DecomposeVec3f {{ vector = Calculator {{ A = USE {dragger} . translation a {scale:e} \
+                     expression \"oA = a*A\" }} . oA }}"
+                )?;
+            } else {
+                write!(out, "USE {dragger}_T")?;
+            }
+            write!(out, " . {}", ["x", "y", "z"][field])?;
+        } else {
+            let (row, column) = ((field - 3) / 3, (field - 3) % 3);
+            write!(out, "SelectOne {{ type \"MFFloat\" index {column} input = ")?;
+            if is_first(&|k| k >= 3) {
+                write!(
+                    out,
+                    "DEF {dragger}_M DecomposeVec3f {{ vector = Calculator {{ B = USE axes . point expression \"oA = A - B\" \
+                     A = TransformVec3f {{ vector = USE axes . point matrix = ComposeMatrix {{ \
+                     rotation = USE {dragger} . rotation scaleFactor = USE {dragger} . scaleFactor }} . matrix }} . direction \
+                     }} . oA }}"
+                )?;
+            } else {
+                write!(out, "USE {dragger}_M")?;
+            }
+            write!(out, " . {} }} . output", ["x", "y", "z"][row])?;
+        }
+        writeln!(out, " expression \"oa = a + b\" }} . oa")
+    }
+
+    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand; smaller, and below the
+    /// body.
+    fn put_shapes(&self, out: &mut dyn Write) -> io::Result<()> {
+        let (low, high) = bounds(&self.body.rest);
+        let margin = 2.5 * AMPLITUDE * self.body.size;
+        let cell = (high - low) + Vector3::repeat(margin);
+        let (id, name) = (&self.id, one_line(&self.body.body));
+        let below = self.body.centre + Vector3::y() * (low.y - margin);
+        writeln!(
+            out,
+            "      Separator {{   # body {name}: each shape is the rest shape plus a times the column that it names"
+        )?;
+        writeln!(out, "        Translation {{ translation {} }}", vector(below))?;
+        writeln!(out, "        Scale {{ scaleFactor {SHAPE_SCALE} {SHAPE_SCALE} {SHAPE_SCALE} }}")?;
+        // Control elements stand side by side or below each other, whichever is more compact.
+        let is_stacked = cell.x > cell.y;
+        for (block, (_, own)) in self.groups.iter().enumerate() {
+            let place = |at: usize, k: usize| match self.columns[k].column.name.source {
+                ColumnSource::Field { field, .. } => (field % 3, field / 3),
+                ColumnSource::Load | ColumnSource::Model => (at % 3, at / 3),
+            };
+            let corner = if is_stacked { (-1.0, 4.5 * block as f64) } else { (3.5 * block as f64, 0.0) };
+            for (at, k) in own.iter().enumerate() {
+                let (x, y) = place(at, *k);
+                let NamedColumn { column, id: column_id } = &self.columns[*k];
+                let shift =
+                    Vector3::new((corner.0 + x as f64) * cell.x, -(0.5 + corner.1 + y as f64) * cell.y, 0.0);
+                let amount = AMPLITUDE * self.body.size / column.largest.max(f64::MIN_POSITIVE);
+                let under = Vector3::new(0.0, low.y - 0.45 * margin, 0.0);
+                writeln!(
+                    out,
+                    "        Separator {{\n          Translation {{ translation {} }}\n          Coordinate3 {{ point = DEF \
+                     {column_id}_shape Calculator {{ a {amount:e} A = USE {id}_rest . point B = USE {column_id}_column . point \
+                     expression \"oA = A + a*B\" }} . oA }}\n          USE {id}_faces\n          Translation {{ translation {} \
+                     }}\n          BaseColor {{ rgb 0.8 0.8 0.8 }}\n          Text2 {{ string {} justification CENTER }}\n        }}",
+                    vector(shift),
+                    vector(under),
+                    quoted(&column.name.name)
+                )?;
+            }
+        }
+        writeln!(out, "      }}")
+    }
+}
+
+/// A dragger's box is a little larger than what it holds, so that it can be taken.
+fn handle_scale(radius: f64) -> f64 {
+    1.15 * radius
+}
+
+/// `A + B + C`: a vector and so many parts.
+fn sum(parts: usize) -> String {
+    let letters: Vec<String> = ('A'..).take(1 + parts).map(String::from).collect();
+    letters.join(" + ")
+}
+
+fn unit(unit: &str) -> &str {
+    if unit == "1" { "(no unit)" } else { unit }
+}
+
+fn bounds(places: &[[f32; 3]]) -> (Vector3<f64>, Vector3<f64>) {
+    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    let places = places.iter().map(|x| Vector3::from(*x).cast::<f64>());
+    places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)))
+}
+
+fn put_points(out: &mut dyn Write, name: &str, points: &[[f32; 3]]) -> io::Result<()> {
+    writeln!(out, "    DEF {name} Coordinate3 {{ point [")?;
+    for [x, y, z] in points {
+        writeln!(out, "{} {} {},", Number(*x), Number(*y), Number(*z))?;
+    }
+    writeln!(out, "    ] }}")
+}
+
+fn vector(v: Vector3<f64>) -> String {
+    format!("{} {} {}", Number(v.x as f32), Number(v.y as f32), Number(v.z as f32))
+}
+
+/// All digits of a number, in the shorter of two ways.
+struct Number(f32);
+
+impl std::fmt::Display for Number {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Number(x) = self;
+        match x.abs() {
+            0.0 => f.write_str("0"),
+            1e-3..1e7 => write!(f, "{x}"),
+            _ => write!(f, "{x:e}"),
+        }
+    }
+}
