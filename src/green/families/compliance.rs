@@ -29,7 +29,6 @@ use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
 pub const COMPLIANCE: Family = Family { name: "compliance", from: &[AFFINE] };
 
