@@ -279,8 +279,7 @@ fn precompute_telling(
         .map(|(name, body)| {
             let requirements = requirements(scene, name, body)?;
             let progress = teller(name);
-            let mut precomputed =
-                green::precompute_kept(scene, name, &requirements, journal, &*progress)?;
+            let mut precomputed = green::precompute_kept(scene, name, &requirements, journal, &*progress)?;
             effect::add_sections(scene, effects(body), &mut precomputed, &*progress)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
@@ -392,7 +391,8 @@ pub fn unwritten(path: &Path) -> OnEnd {
     let (named, was_there) = (path.display().to_string(), path.exists());
     let journal = green::journal_path(path);
     on_end(move || {
-        let told = if was_there { format!("{named} is as it was") } else { format!("{named} was not written") };
+        let told =
+            if was_there { format!("{named} is as it was") } else { format!("{named} was not written") };
         let is_kept = journal.exists();
         let kept = || format!("; what is finished of it waits in {} for the next run", journal.display());
         Some(if is_kept { told + &kept() } else { told })

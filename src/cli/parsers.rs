@@ -32,7 +32,10 @@ pub fn frames(text: &str) -> Result<usize, String> {
 /// A time in seconds, which may be nothing.
 pub fn seconds(text: &str) -> Result<f64, String> {
     let is_time = |seconds: &f64| (0.0..=1e9).contains(seconds);
-    text.parse().ok().filter(is_time).ok_or_else(|| format!("\"{text}\" is no time: write seconds, as 0 or 10"))
+    text.parse()
+        .ok()
+        .filter(is_time)
+        .ok_or_else(|| format!("\"{text}\" is no time: write seconds, as 0 or 10"))
 }
 
 pub fn positive(text: &str) -> Result<f64, String> {

@@ -70,7 +70,8 @@ impl<'a> Journal<'a> {
     /// state of the scene.
     pub fn of(green: &Path, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
         let path = path_of(green);
-        let is_place = std::fs::metadata(green).map_or_else(|e| e.kind() == ErrorKind::NotFound, |m| m.is_file());
+        let is_place =
+            std::fs::metadata(green).map_or_else(|e| e.kind() == ErrorKind::NotFound, |m| m.is_file());
         let state = if is_place { found(&path, identity) } else { State::Closed };
         Journal { path, identity, started: Instant::now(), kept_after, state: Mutex::new(state) }
     }
@@ -203,7 +204,10 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
         Ok(records) => {
             let (count, size) = (records.contents.len(), bytes(records.end as f64));
             let results = if count == 1 { "result" } else { "results" };
-            notice!("{}: {count} finished {results} of a run that was ended ({size}) are taken up", path.display());
+            notice!(
+                "{}: {count} finished {results} of a run that was ended ({size}) are taken up",
+                path.display()
+            );
             State::Open(records)
         }
         Err(error) => {

@@ -88,7 +88,8 @@ impl<'a> Kept<'a> {
         let content = self.keep.journal.find(&part(of, number))?;
         let (size, rest) = content.split_first_chunk::<8>()?;
         let (said, numbers) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*size)).ok()?)?;
-        let numbers = numbers.chunks_exact(8).filter_map(|bytes| bytes.first_chunk()).map(|b| f64::from_le_bytes(*b));
+        let numbers =
+            numbers.chunks_exact(8).filter_map(|bytes| bytes.first_chunk()).map(|b| f64::from_le_bytes(*b));
         Some((serde_json::from_slice(said).ok()?, numbers.collect()))
     }
 

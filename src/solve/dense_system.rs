@@ -4,7 +4,7 @@
 //! x = -A⁻¹ B b, with the figures that judge them. The factor takes the place of the lower half; the upper half keeps the matrix, so
 //! that residuals are those of the matrix itself.
 
-use super::condition::{Inverse, ROUNDOFF, inverse_norm, largest_eigenvalue};
+use super::condition::{ROUNDOFF, Solved};
 use super::dense::{factorize, update};
 use super::error::SolveError;
 use super::solver::{Conditioning, Method, SolveResult, SolveStats};
@@ -17,8 +17,6 @@ use std::time::Instant;
 
 /// Columns that are mirrored together, and rows that are multiplied together.
 const BLOCK: usize = 64;
-/// Lanczos steps, as for sparse matrices.
-const STEPS: [usize; 2] = [12, 6];
 
 /// The first `eliminated` unknowns of a symmetric matrix, factorised: L, and below it what they take from the `kept` ones.
 pub struct Elimination {
@@ -180,37 +178,36 @@ impl DenseSystem {
     /// residual.
     fn judge(&self, fields: &NodeFields, rest: &[f64], residuals: &[f64]) -> Result<Conditioning, SolveError> {
         let started = Instant::now();
-        let (nodes, columns) = (self.free / 3, fields.columns);
+        let columns = fields.columns;
         let inverse = |b: &NodeFields| {
             let mut x = b.clone();
             self.elimination.forward(&mut x.data, b.columns);
             self.elimination.backward(&mut x.data, b.columns);
             Ok(x)
         };
-        let inverse: Inverse<'_> = &inverse;
-        let scale: Vec<f64> = self.diagonal[..self.free].iter().map(|d| d.sqrt()).collect();
-        let scaled = |x: &[f64], power: i32| x.iter().zip(&scale).map(|(x, s)| x * s.powi(power)).collect::<Vec<f64>>();
-        let largest = largest_eigenvalue(self.free, STEPS[0], |x| {
-            let mut all = scaled(x, -1);
+        let multiply = |block: &NodeFields| {
+            let mut all = block.data.clone();
             all.resize(self.size, 0.0);
-            let mut product = self.product(&all, 1, |a| a);
-            product.truncate(self.free);
-            Ok(scaled(&product, -1))
-        })?;
-        let of_inverse = largest_eigenvalue(self.free, STEPS[1], |x| {
-            let data = scaled(x, 1);
-            Ok(scaled(&inverse(&NodeFields { nodes, columns: 1, data })?.data, 1))
-        })?;
+            let mut data = self.product(&all, 1, |a| a);
+            data.truncate(self.free);
+            NodeFields { data, ..*block }
+        };
         let worst = (0..columns).fold(0, |worst, c| if residuals[c] > residuals[worst] { c } else { worst });
         let column: Vec<f64> = fields.data.iter().skip(worst).step_by(columns).copied().collect();
         let sizes = self.product(&column.iter().map(|x| x.abs()).collect::<Vec<_>>(), 1, f64::abs);
         let gamma = (self.size as f64 + 1.0) * ROUNDOFF;
         let rest = rest.iter().skip(worst).step_by(columns.max(1));
-        let doubt: Vec<f64> = rest.zip(&sizes).map(|(r, size)| r.abs() + gamma * size).collect();
-        let most = column.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        let forward_error = if most == 0.0 { 0.0 } else { inverse_norm(inverse, &doubt, nodes)? / most };
+        let solved = Solved {
+            multiply: &multiply,
+            inverse: &inverse,
+            scale: self.diagonal[..self.free].iter().map(|d| d.sqrt()).collect(),
+            x: fields,
+            doubts: rest.zip(&sizes).map(|(r, size)| r.abs() + gamma * size).collect(),
+            size: column.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
+        };
+        let (condition, forward_error) = solved.estimates()?;
         Ok(Conditioning {
-            scaled_condition: Some(largest * of_inverse),
+            scaled_condition: Some(condition),
             forward_error,
             seconds: started.elapsed().as_secs_f64(),
         })

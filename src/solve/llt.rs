@@ -51,7 +51,7 @@ impl Analysis {
 
     /// Bytes of the factor, and of what needs more: making it (the updates of the fronts that are at work at once), the
     /// solves (at most five fields of all columns at once, a block of columns for each thread), or the estimate of
-    /// conditioning (|A|, and some 30 fields of one column).
+    /// conditioning (|A|, and some 70 fields of one column).
     pub(super) fn memory<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         let number = size_of::<T>() as f64;
         let threads = rayon::current_num_threads();
@@ -61,7 +61,7 @@ impl Analysis {
         let block = number * (3 * a.nodes() * width + scratch(&self.fronts, width)) as f64;
         let field = 24.0 * a.nodes() as f64;
         let solves = 5.0 * field * columns as f64 + blocks as f64 * block;
-        let conditioning = 100.0 * a.edges.len() as f64 + 30.0 * field + 2.0 * block;
+        let conditioning = 100.0 * a.edges.len() as f64 + 70.0 * field + 2.0 * block;
         number * self.fronts.entries() as f64 + making.max(solves).max(conditioning)
     }
 
@@ -81,7 +81,8 @@ impl Analysis {
         }
         let iterative = pcg::memory(a, columns);
         if machine::fits("", iterative, 0.0).is_ok() {
-            fitting.push(format!("solver = {{ method = \"pcg\" }}, which takes {}", machine::size(iterative)));
+            fitting
+                .push(format!("solver = {{ method = \"pcg\" }}, which takes {}", machine::size(iterative)));
         }
         // The numbers of a factor grow with the nodes to the power of 4/3.
         let nodes = a.nodes() as f64 * refused.share.min(1.0).powf(0.75);

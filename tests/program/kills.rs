@@ -57,9 +57,8 @@ fn made(path: &Path) -> (Vec<u8>, Vec<u8>, String) {
     let part = journal_path(&green);
     let _ = std::fs::remove_file(&green);
     let seen = Arc::default();
-    let teller = |_: &str| -> Box<dyn Progress> {
-        Box::new(Watch { part: part.clone(), seen: Arc::clone(&seen) })
-    };
+    let teller =
+        |_: &str| -> Box<dyn Progress> { Box::new(Watch { part: part.clone(), seen: Arc::clone(&seen) }) };
     prepare::make(&scene, &green, Duration::ZERO, &teller).unwrap();
     assert!(!part.exists(), "the journal is gone");
     let (journal, told) = std::mem::take(&mut *seen.lock().unwrap());
@@ -80,7 +79,11 @@ fn a_journal_cut_at_a_hundred_places_leads_to_the_same_bytes() {
         let mut resumed = [0, 0];
         for cut in 0..=cuts {
             // The last is not cut.
-            let length = if cut == cuts { journal.len() } else { (random(&mut state) * journal.len() as f64) as usize };
+            let length = if cut == cuts {
+                journal.len()
+            } else {
+                (random(&mut state) * journal.len() as f64) as usize
+            };
             std::fs::write(&part, &journal[..length]).unwrap();
             let (bytes, _, told) = made(&path);
             assert!(bytes == whole, "{solver}: {length} of {} bytes", journal.len());

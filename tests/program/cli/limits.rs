@@ -118,6 +118,57 @@ fn too_little_memory_is_told_with_its_figures() {
     assert_eq!(status, Some(0), "{message}");
 }
 
+/// Whatever the solver and the limit, a run ends with status 0 or with a refusal, and a refusal of a factor names what fits.
+#[test]
+fn every_solver_is_refused_in_order_or_fits() {
+    for (solver, limits) in
+        [("pcg", [90, 130, 170, 210]), ("mixed", [90, 160, 240, 400]), ("auto", [90, 130, 170, 210])]
+    {
+        let folder = folder(&format!("cli-memory-{solver}"));
+        let extra = format!("solver = {{ method = \"{solver}\" }}");
+        std::fs::write(folder.join("scene.toml"), block_text([14; 3], &extra)).unwrap();
+        for megabytes in limits {
+            let (status, message) = precompute_within(&folder, megabytes);
+            assert!(matches!(status, Some(0 | 1)), "{solver}, {megabytes} MB: {status:?} {message}");
+            assert!(
+                status == Some(0) || message.contains("of memory"),
+                "{solver}, {megabytes} MB: {message}"
+            );
+            assert!(!message.contains("panicked"), "{solver}, {megabytes} MB: {message}");
+            if message.contains("a factor of") {
+                assert!(
+                    message.contains("what would fit: ") && message.contains("thousand nodes"),
+                    "{message}"
+                );
+            }
+        }
+    }
+}
+
+/// The figures of `peak memory 152.33 MB, where 160.12 MB were planned`, MB.
+fn planned(folder: &Path) -> [f64; 2] {
+    let output = greenstage(folder, &["precompute", "scene.toml", "--force", "--quiet"]);
+    let told = text(&output.stdout);
+    let of = |before: &str| -> f64 {
+        let (_, rest) = told.split_once(before).unwrap();
+        rest.split(' ').next().unwrap().parse().unwrap()
+    };
+    assert!(told.contains(" MB, where ") && told.contains(" MB were planned"), "{told}");
+    [of("peak memory "), of(", where ")]
+}
+
+#[test]
+fn memory_is_planned_as_it_is_used() {
+    for solver in ["cholesky", "pcg"] {
+        let folder = folder(&format!("cli-planned-{solver}"));
+        let extra = format!("solver = {{ method = \"{solver}\" }}");
+        std::fs::write(folder.join("scene.toml"), block_text([20; 3], &extra)).unwrap();
+        let [real, plan] = planned(&folder);
+        println!("{solver}: {real} MB, planned {plan}");
+        assert!((0.75..1.4).contains(&(plan / real)), "{solver}: {real} MB, planned {plan}");
+    }
+}
+
 #[test]
 fn files_without_end_are_no_meshes() {
     let folder = project("cli-endless");
