@@ -192,6 +192,8 @@ impl DenseSystem {
             data.truncate(self.free);
             NodeFields { data, ..*block }
         };
+        let (nodes, own) = (self.free / 3, &fields.data[..self.free * columns]);
+        let free = NodeFields { nodes, columns, data: own.to_vec() };
         let worst = (0..columns).fold(0, |worst, c| if residuals[c] > residuals[worst] { c } else { worst });
         let column: Vec<f64> = fields.data.iter().skip(worst).step_by(columns).copied().collect();
         let sizes = self.product(&column.iter().map(|x| x.abs()).collect::<Vec<_>>(), 1, f64::abs);
@@ -201,7 +203,7 @@ impl DenseSystem {
             multiply: &multiply,
             inverse: &inverse,
             scale: self.diagonal[..self.free].iter().map(|d| d.sqrt()).collect(),
-            x: fields,
+            x: &free,
             doubts: rest.zip(&sizes).map(|(r, size)| r.abs() + gamma * size).collect(),
             size: column.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
         };
