@@ -34,7 +34,7 @@ mod substitution;
 pub use crate::base::progress::{Progress, Silent};
 pub use auto::AUTO;
 pub use error::{ERROR_LIMITS, SolveError};
-pub use newton::{Counts, Equilibrium, Newton, NewtonError, Setback};
+pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
