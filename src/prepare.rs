@@ -14,7 +14,7 @@ use crate::green::{
     UPDATES,
 };
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Method, Nodes, Scene};
+use crate::scene::{Body, Method, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -172,10 +172,7 @@ pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
     files.extend(scene.script.iter().map(|script| scene.resolve(script)));
     for body in scene.body.values() {
         files.extend(body.mesh.iter().flat_map(|mesh| files_of(&scene.resolve(mesh))));
-        files.extend(body.selections().into_iter().filter_map(|(_, nodes)| match nodes {
-            Nodes::File(path) => Some(scene.resolve(path)),
-            _ => None,
-        }));
+        files.extend(body.files().into_iter().map(|(_, path)| scene.resolve(path)));
     }
     files
 }

@@ -19,7 +19,7 @@ use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
-    Counts, Equilibrium, LinearSolver, Newton, NewtonError, Progress, Setback, SolveError, Stability,
+    Counts, Equilibrium, LinearSolver, Loads, Newton, NewtonError, Progress, Setback, SolveError, Stability,
 };
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -356,7 +356,7 @@ impl Statics {
             body: &self.body,
             partition: &self.partition,
             solver: self.solver.as_deref(),
-            loads: if is_loaded { Some(&on_the_way) } else { None },
+            loads: is_loaded.then_some(Loads { forces: &on_the_way, stretch_before: start.stretch }),
         };
         match newton.follow(start.u.clone(), steps, &path, progress) {
             Ok(equilibrium) => {

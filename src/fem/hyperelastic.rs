@@ -77,10 +77,16 @@ impl Hyperelastic {
 
     /// H at every point under the displacements `u`, one column over the nodes.
     pub fn gradients(&self, u: &NodeFields) -> Vec<Matrix3<f64>> {
+        self.gradients_from(u, self.free_stretch)
+    }
+
+    /// The same as if the natural shape were the mesh stretched by `free_stretch`.
+    pub fn gradients_from(&self, u: &NodeFields, free_stretch: f64) -> Vec<Matrix3<f64>> {
         let mut gradients = self.points.displacement_gradients(u);
-        if self.free_stretch != 1.0 {
-            let more = Matrix3::from_diagonal_element(1.0 / self.free_stretch - 1.0);
-            gradients.iter_mut().for_each(|h| *h += more);
+        if [free_stretch, self.free_stretch] != [1.0; 2] {
+            // The points' gradients are by places of this body's natural shape.
+            let (scale, more) = (self.free_stretch / free_stretch, 1.0 / free_stretch - 1.0);
+            gradients.iter_mut().for_each(|h| *h = *h * scale + Matrix3::from_diagonal_element(more));
         }
         gradients
     }

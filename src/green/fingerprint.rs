@@ -4,7 +4,7 @@ use super::error::GreenError;
 use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Method, Nodes, Scene};
+use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Method, Scene};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -48,10 +48,8 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
             read(&mut hasher, format!("body.{name}.mesh"), &file)?;
         }
     }
-    for (key, nodes) in body.selections() {
-        if let Nodes::File(file) = nodes {
-            read(&mut hasher, format!("body.{name}.{key}"), &scene.resolve(file))?;
-        }
+    for (key, file) in body.files() {
+        read(&mut hasher, format!("body.{name}.{key}"), &scene.resolve(file))?;
     }
     Ok(hasher.finalize().to_hex().to_string())
 }
@@ -65,8 +63,9 @@ fn loads(body: &Body) -> String {
             format!("{} {axis:?} {point:?}\n", load.name)
         }
         LoadSource::Pattern(load_of) => {
-            let Load { nodes, kind, axis, .. } = load_of;
-            format!("{:?} {nodes:?} {kind:?} {axis:?}\n", load.name)
+            let Load { nodes, kind, axis, direction, .. } = load_of;
+            let direction = direction.as_ref().map(|direction| format!(" {direction:?}"));
+            format!("{:?} {nodes:?} {kind:?} {axis:?}{}\n", load.name, direction.unwrap_or_default())
         }
     };
     let compliance = body.surface_compliance.iter().map(|of| format!("{:?}\n", of.nodes));

@@ -7,6 +7,7 @@ use super::loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
 };
 use super::{Body, Nodes};
+use std::path::Path;
 
 impl Body {
     /// All its loads, in the order of their columns.
@@ -50,6 +51,18 @@ impl Body {
         let compliance = self.surface_compliance.iter().filter_map(|of| of.nodes.selection());
         let compliance = compliance.map(|nodes| ("surface_compliance.nodes".to_owned(), nodes));
         controls.chain(loads).chain(compliance).collect()
+    }
+
+    /// Every file that its selections and loads name, with its key below the body; relative to the scene.
+    pub fn files(&self) -> Vec<(String, &Path)> {
+        let lists = self.selections().into_iter().filter_map(|(key, nodes)| match nodes {
+            Nodes::File(path) => Some((key, path.as_path())),
+            _ => None,
+        });
+        let fields = self.load.iter().filter_map(|(name, load)| {
+            Some((format!("load.{name}.direction"), load.direction.as_ref()?.file.as_path()))
+        });
+        lists.chain(fields).collect()
     }
 
     /// Errors name the key below the body and what is wrong with it.
@@ -99,9 +112,23 @@ fn check(body: &Body) -> Result<(), (String, String)> {
         if load.axis.as_ref().is_some_and(|axis| !is_axis(axis)) {
             return wrong(&key, "axis must be a direction that is not zero".to_owned());
         }
+        if let Some(direction) = &load.direction {
+            if load.kind != LoadKind::Direction || load.axis.is_some() {
+                let message =
+                    "direction = { file = … } belongs to kind = \"direction\", in place of its axis";
+                return wrong(&key, message.to_owned());
+            }
+            if direction.array.is_some() && !direction.is_vtu() {
+                return wrong(
+                    &key,
+                    "direction: only a .vtu file has arrays by name: leave array out".to_owned(),
+                );
+            }
+        }
         match (load.kind, load.axis) {
-            (LoadKind::Direction, None) => {
-                return wrong(&key, "kind = \"direction\" needs its direction: axis = [0, 0, 1]".to_owned());
+            (LoadKind::Direction, None) if load.direction.is_none() => {
+                let message = "kind = \"direction\" needs its direction: axis = [0, 0, 1], or direction = { file = \"wind.csv\" }";
+                return wrong(&key, message.to_owned());
             }
             (LoadKind::Shift | LoadKind::Pressure, Some(_)) => {
                 let message = format!("kind = \"{}\" has no axis: leave it out", load.kind.name());

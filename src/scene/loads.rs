@@ -3,6 +3,7 @@
 //! In: the keys `gravity`, `centrifugal`, `thermal`, `load.NAME` and `surface_compliance`. Out: their values, and the
 //! [`LoadEntry`] that each load of a body becomes.
 
+use super::direction::DirectionFile;
 use super::select::Nodes;
 use serde::{Deserialize, Serialize};
 
@@ -64,6 +65,9 @@ pub struct Load {
     /// Of `stretch`, `twist` and `direction`, in the mesh's axes; the faces' mean normal where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
+    /// Of `direction`, in place of an axis: vectors that differ from place to place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<DirectionFile>,
     /// What it has from the start: N, N·m or Pa; of `shift` three numbers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<LoadValue>,
@@ -80,7 +84,8 @@ pub enum LoadKind {
     Twist,
     /// 1 Pa, inward.
     Pressure,
-    /// 1 N along a direction that must be given, spread evenly.
+    /// 1 N along a direction that must be given, spread evenly; or along vectors of a file, spread as their lengths are, so
+    /// that the sum of the forces' sizes is 1 N.
     Direction,
 }
 

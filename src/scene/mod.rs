@@ -8,6 +8,7 @@ mod body_loads;
 pub mod built_in;
 mod check;
 mod control;
+mod direction;
 mod error;
 pub mod file_kind;
 mod limit;
@@ -29,6 +30,7 @@ pub mod write;
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
 pub use control::{Control, Grab};
+pub use direction::{DirectionField, DirectionFile};
 pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{

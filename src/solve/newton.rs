@@ -39,9 +39,17 @@ pub struct Newton<'a> {
     pub partition: &'a Partition,
     /// For K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
-    /// Forces at a share of the way that keep their directions, one column over all nodes, N; `None` where nothing acts but
-    /// what holds the controlled nodes.
-    pub loads: Option<&'a dyn Fn(f64) -> NodeFields>,
+    /// `None` where nothing acts but what holds the controlled nodes.
+    pub loads: Option<Loads<'a>>,
+}
+
+/// What acts on a body on its way.
+#[derive(Clone, Copy)]
+pub struct Loads<'a> {
+    /// Forces at a share of the way that keep their directions, one column over all nodes, N.
+    pub forces: &'a dyn Fn(f64) -> NodeFields,
+    /// The free stretch with which the start is in equilibrium; the body has its own from the first step on.
+    pub stretch_before: f64,
 }
 
 /// A state in equilibrium.
@@ -216,15 +224,20 @@ impl Newton<'_> {
         let is_idle = moved == *u && self.loads.is_none();
         let Some(solver) = self.solver.filter(|_| !is_idle) else { return Ok(moved) };
 
-        // The prediction keeps the free nodes in balance to first order: A d = Δloads - B Δb.
+        // The prediction keeps the free nodes in balance to first order: A d = loads - f - B Δb, where loads and f are the same
+        // but for what has changed. A is that of the equilibrium: as warm as it was there.
         let moved_by = sum(&moved, -1.0, u);
-        let k = self.body.tangent(&self.body.gradients(u));
+        let before = self.loads.filter(|_| share == 0.0).map(|loads| loads.stretch_before);
+        let k = self.body.tangent(&match before {
+            Some(stretch) => self.body.gradients_from(u, stretch),
+            None => self.body.gradients(u),
+        });
         let mut rhs = self.partition.minus_b_times(&k, &moved_by);
-        let loads = self.loads.map(|loads| loads(target));
-        if let Some((loads, before)) = loads.as_ref().zip(self.loads) {
-            rhs = sum(&rhs, 1.0, &sum(loads, -1.0, &before(share)).at(&self.partition.free));
-        }
+        let loads = self.loads.map(|loads| (loads.forces)(target));
         let loads = loads.as_ref();
+        if loads.is_some() {
+            rhs = sum(&rhs, 1.0, &self.downhill(&self.body.gradients(u), loads));
+        }
         let d = self.solve(solver, &k, &rhs, counts)?;
         let predicted = sum(&moved, 1.0, &d);
         let size = largest(u).max(largest(if loads.is_some() { &predicted } else { &moved }));
@@ -344,7 +357,7 @@ impl Newton<'_> {
         let gradients = self.body.gradients(&u);
         let mut forces = self.body.forces(&gradients);
         if let Some(loads) = self.loads {
-            forces = sum(&forces, -1.0, &loads(share));
+            forces = sum(&forces, -1.0, &(loads.forces)(share));
         }
         let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
         let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));

@@ -13,7 +13,7 @@ use std::sync::Arc;
 type V3 = Vector3<f64>;
 
 /// A block of 1 × 0.2 × 0.2 m, held at one end or both, with these further keys.
-fn bar(element: &str, keys: &str, ends: &[&str]) -> Scene {
+pub fn bar(element: &str, keys: &str, ends: &[&str]) -> Scene {
     let controls: String = ends
         .iter()
         .map(|end| format!("[body.b.control.{end}]\nnodes = {{ group = \"{end}\" }}\ngrab = \"dragger\"\n"))
@@ -31,7 +31,7 @@ fn solved(scene: &Scene) -> Solution {
 }
 
 /// The body of the scene with all that its keys ask for, and its energy.
-fn deformer(scene: &Scene, model: &str) -> Deformer {
+pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     let name = scene.body.keys().next().unwrap();
     let body = &scene.body[name];
     let entry = find_model(model).unwrap();
@@ -49,7 +49,7 @@ fn deformer(scene: &Scene, model: &str) -> Deformer {
     Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, model).unwrap()
 }
 
-fn applied(coefficients: &[f64], points: Vec<PointLoad>) -> AppliedLoads {
+pub fn applied(coefficients: &[f64], points: Vec<PointLoad>) -> AppliedLoads {
     AppliedLoads { coefficients: coefficients.to_vec(), points }
 }
 

@@ -11,6 +11,7 @@ mod fem;
 mod green_file;
 mod hard_cases;
 mod loads;
+mod loads_solved;
 mod oracles;
 mod plan;
 mod refine;

@@ -208,7 +208,8 @@ fn patch_test_at_large_strain() {
         let rest = NodeFields::zeros(mesh.nodes.len(), 1);
         let k = body.tangent(&body.gradients(&rest));
         let solver = Solver::default().analyse(&partition.a(&k), &Silent).unwrap();
-        let newton = Newton { body: &body, partition: &partition, solver: Some(solver.as_ref()) };
+        let newton =
+            Newton { body: &body, partition: &partition, solver: Some(solver.as_ref()), loads: None };
         let path = |share: f64, u: &mut NodeFields| {
             for &node in &partition.controlled {
                 let at = h * mesh.nodes[node as usize] * share;

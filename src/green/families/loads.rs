@@ -25,9 +25,10 @@ use super::table;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use crate::fem::{Area, NodeFields, body_force, expansion, traction};
 use crate::mesh::{TetMesh, outer_faces, quality};
-use crate::scene::{Centrifugal, Load, LoadEntry, LoadKind, LoadSource, Scene};
+use crate::scene::{Centrifugal, DirectionField, Load, LoadEntry, LoadKind, LoadSource, Scene};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
+use std::cell::RefCell;
 
 pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
 
@@ -149,13 +150,13 @@ pub fn nodal_forces(
             vec![body_force(mesh, &outward)]
         }
         LoadSource::Thermal => Vec::new(),
-        LoadSource::Pattern(pattern) => of_pattern(mesh, pattern)
+        LoadSource::Pattern(pattern) => of_pattern(scene, mesh, pattern)
             .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?,
     })
 }
 
 /// The nodal forces of a pattern of 1 N, 1 N·m or 1 Pa.
-fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
+fn of_pattern(scene: &Scene, mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
     let chosen = pattern.nodes.select(mesh)?;
     let is_chosen = |node: &u32| chosen.binary_search(node).is_ok();
     let faces: Vec<Vec<u32>> =
@@ -166,6 +167,10 @@ fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
              of the surface, or use surface_compliance for forces on single nodes",
             chosen.len()
         ));
+    }
+    if let Some(direction) = &pattern.direction {
+        let field = direction.load(&scene.resolve(&direction.file), mesh)?;
+        return along_field(mesh, &faces, &field);
     }
     let area = Area::of(mesh, &faces);
     let axis = match pattern.axis {
@@ -196,6 +201,26 @@ fn of_pattern(mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
             vec![around.into_iter().map(|force| force / torque).collect()]
         }
     })
+}
+
+/// Tractions along a field and as large as it is, scaled so that their sizes come to 1 N.
+fn along_field(mesh: &TetMesh, faces: &[Vec<u32>], field: &DirectionField) -> Result<Vec<Vec<V3>>, String> {
+    let wrong = RefCell::new(None);
+    let forces = traction(mesh, faces, &|x, _| {
+        field.at(x).unwrap_or_else(|message| {
+            wrong.borrow_mut().get_or_insert(message);
+            V3::zeros()
+        })
+    });
+    let sizes = traction(mesh, faces, &|x, _| V3::x() * field.at(x).map_or(0.0, |vector| vector.norm()));
+    let size: f64 = sizes.iter().map(|force| force.x).sum();
+    if let Some(message) = wrong.into_inner() {
+        return Err(message);
+    }
+    if size <= f64::MIN_POSITIVE {
+        return Err("the direction field is zero on all its faces".to_owned());
+    }
+    Ok(vec![forces.into_iter().map(|force| force / size).collect()])
 }
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {

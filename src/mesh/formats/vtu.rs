@@ -61,7 +61,7 @@ struct Piece<'a> {
 }
 
 fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
-    let (pieces, mut coding) = outline(bytes)?;
+    let (pieces, mut coding) = outline(bytes, false)?;
     let mut raw = RawMesh::default();
     let mut first_cell = 0;
     for piece in &pieces {
@@ -78,8 +78,67 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     Ok(raw)
 }
 
-/// The arrays of all pieces, unread, and how their bytes are to be taken.
-fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
+/// Before the names of arrays of the points.
+const POINT_DATA: &str = "PointData/";
+
+/// The places of all points, m, with what an array of three components has there: that of this name, or the only one.
+pub fn point_vectors(
+    bytes: &[u8],
+    name: Option<&str>,
+) -> Result<Vec<(Vector3<f64>, Vector3<f64>)>, FormatFault> {
+    let (pieces, mut coding) = outline(bytes, true)?;
+    let mut all = Vec::new();
+    for piece in &pieces {
+        let own = piece.arrays.iter().filter_map(|array| Some((array.name.strip_prefix(POINT_DATA)?, array)));
+        let own: Vec<_> = own.filter(|(_, array)| array.components == 3).collect();
+        let known = || own.iter().map(|(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+        let array = match (name, &own[..]) {
+            (None, [(_, only)]) => only,
+            (None, []) => return refuse(piece.at, "no array of its points has three components"),
+            (None, _) => {
+                return refuse(piece.at, format!("name one of its arrays by array = …: {}", known()));
+            }
+            (Some(name), _) => match own.iter().find(|(own, _)| *own == name) {
+                Some((_, array)) => array,
+                None => {
+                    let message =
+                        format!("no array \"{name}\" of three components at its points, but {}", known());
+                    return refuse(piece.at, message);
+                }
+            },
+        };
+        let places = triples(points(piece)?, piece, &mut coding)?;
+        all.extend(places.into_iter().zip(triples(array, piece, &mut coding)?));
+    }
+    Ok(all)
+}
+
+/// The three numbers of each point.
+fn triples(array: &Array, piece: &Piece, coding: &mut Coding) -> Result<Vec<Vector3<f64>>, FormatFault> {
+    let mut numbers = Vec::new();
+    coding.numbers(array, |at, value| match value.is_finite() {
+        true => {
+            numbers.push(value);
+            Ok(())
+        }
+        false => refuse(at, format!("{value} is no coordinate")),
+    })?;
+    compare(array.at, "points", piece.points, numbers.len() / 3)?;
+    Ok(numbers.chunks_exact(3).map(Vector3::from_column_slice).collect())
+}
+
+/// The coordinates of a piece's points.
+fn points<'p, 'a>(piece: &'p Piece<'a>) -> Result<&'p Array<'a>, FormatFault> {
+    let points = piece.arrays.iter().find(|array| array.name == "Points");
+    let points = points.ok_or_else(|| FormatFault::at(piece.at, "the piece has no array \"Points\""))?;
+    if points.components != 3 {
+        return refuse(points.at, format!("points have {} components, not 3", points.components));
+    }
+    Ok(points)
+}
+
+/// The arrays of all pieces, unread, those of points only where they are asked for, and how their bytes are to be taken.
+fn outline(bytes: &[u8], with_point_data: bool) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
     let mut xml = Reader::from_reader(bytes);
     let mut coding = Coding::new(bytes);
     let mut pieces: Vec<Piece> = Vec::new();
@@ -91,7 +150,7 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
             FormatFault::at(offset(xml.error_position()), format!("this is no XML: {error}"))
         })? {
             Event::Start(tag) => {
-                let name = open(&tag, &path, at, &mut pieces, &mut coding)?;
+                let name = open(&tag, &path, at, (&mut pieces, with_point_data), &mut coding)?;
                 if name == "AppendedData" {
                     coding.appended(offset(xml.buffer_position()), attribute(&tag, "encoding", at)?)?;
                     break;
@@ -99,7 +158,7 @@ fn outline(bytes: &[u8]) -> Result<(Vec<Piece<'_>>, Coding<'_>), FormatFault> {
                 path.push(name);
             }
             Event::Empty(tag) => {
-                open(&tag, &path, at, &mut pieces, &mut coding)?;
+                open(&tag, &path, at, (&mut pieces, with_point_data), &mut coding)?;
             }
             Event::Text(text) if path.last().is_some_and(|name| name == WANTED) => {
                 let array = pieces.last_mut().and_then(|piece| piece.arrays.last_mut());
@@ -142,7 +201,7 @@ fn open<'a>(
     tag: &BytesStart,
     path: &[String],
     at: usize,
-    pieces: &mut Vec<Piece<'a>>,
+    (pieces, with_point_data): (&mut Vec<Piece<'a>>, bool),
     coding: &mut Coding,
 ) -> Result<String, FormatFault> {
     const DEEPEST: usize = 100;
@@ -176,6 +235,13 @@ fn open<'a>(
             };
             let (points, cells) = (count("NumberOfPoints")?, count("NumberOfCells")?);
             pieces.push(Piece { at, points, cells, arrays: Vec::new() });
+        }
+        ("PointData", "DataArray") if with_point_data => {
+            if let Some(piece) = pieces.last_mut() {
+                let name = attribute(tag, "Name", at)?.unwrap_or_default();
+                piece.arrays.push(array(tag, format!("{POINT_DATA}{name}"), at)?);
+                return Ok(WANTED.to_owned());
+            }
         }
         ("Points" | "Cells" | "CellData", "DataArray") => {
             if let Some(piece) = pieces.last_mut() {
@@ -236,10 +302,7 @@ fn piece_cells(piece: &Piece, coding: &mut Coding, raw: &mut RawMesh) -> Result<
         found.ok_or_else(|| FormatFault::at(piece.at, format!("the piece has no array \"{name}\"")))
     };
     let first = raw.nodes.len();
-    let points = find("Points")?;
-    if points.components != 3 {
-        return refuse(points.at, format!("points have {} components, not 3", points.components));
-    }
+    let points = points(piece)?;
     let (mut position, mut axis) = (Vector3::zeros(), 0);
     coding.numbers(points, |at, value| {
         position[axis] = value;

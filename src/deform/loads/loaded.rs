@@ -1,0 +1,174 @@
+//! A model with loads: its own state, with the loads' coefficients and the displacements of point forces added.
+
+use super::applied::{AppliedLoads, SharedLoads};
+use super::points::{Point, PointForces};
+use super::work::{Exerted, LoadWork};
+use crate::base::parts::PartWeights;
+use crate::deform::frames::PoseSlope;
+use crate::deform::model::{
+    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, PointResult, Response, StateAge,
+};
+use crate::deform::pose::ControlPose;
+use crate::green::{AFFINE, FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// Whether a model can carry loads: its whole displacement is the sum of the affine columns in one frame.
+pub fn carries_loads(model: &ModelEntry) -> bool {
+    let is_affine = matches!(model.requirements, [family] if family.name == AFFINE.name);
+    is_affine && matches!(model.kind, Kind::Online(_)) && model.frame != Frame::Solved
+}
+
+/// Why a body of such a model has no loads, and what to choose.
+pub fn refusal(model: &ModelEntry) -> String {
+    let name = model.name;
+    if let Kind::Background(_) = model.kind {
+        return format!(
+            "\"{name}\" has loads (gravity, centrifugal, thermal, load) in `greenstage deform` alone, where it is solved anew: in a \
+             session write model = \"rotation\" or model = \"linear\", and list \"ghost_equilibrium\" to see how far it is off"
+        );
+    }
+    format!(
+        "\"{name}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance), whose columns are those of \
+         small strain: write model = \"rotation\" or model = \"linear\", or leave the loads out"
+    )
+}
+
+/// A model with loads.
+pub struct Loaded {
+    model: Box<dyn DeformationModel>,
+    shared: SharedLoads,
+    applied: AppliedLoads,
+    work: LoadWork,
+    points: PointForces,
+    results: Vec<PointResult>,
+}
+
+impl Loaded {
+    /// `model` with the loads that the file has of the body; its columns' frame turns with the control elements or stays. The error says why a table cannot be used.
+    pub fn new(
+        file: &Arc<GreenFile>,
+        body: &str,
+        model: Box<dyn DeformationModel>,
+        turns: bool,
+        controls: &[ControlRest],
+        shared: &SharedLoads,
+    ) -> Result<Loaded, String> {
+        let meta = file.meta.bodies.get(body).ok_or("the body is not in the file")?;
+        let (fields, count) = (FIELDS * controls.len(), meta.load_columns());
+        let table = |name: &str, rows: usize| match file.table(body, name) {
+            Some(table) if table.shape() == (rows, count) => Ok(table),
+            None if count == 0 => Ok(DMatrix::zeros(rows, 0)),
+            _ => Err(format!("table {name} of the loads cannot be used")),
+        };
+        Ok(Loaded {
+            model,
+            shared: shared.clone(),
+            applied: AppliedLoads::default(),
+            work: LoadWork {
+                metas: meta.loads.clone(),
+                origins: controls.iter().map(|control| control.origin).collect(),
+                turns,
+                reaction: table(REACTION, fields)?,
+                compliance: table(LOAD_COMPLIANCE, count)?,
+                moments: table(MOMENTS, 12)?,
+                torques: table(TORQUES, 3 * (fields + count))?,
+            },
+            points: PointForces::new(file, body, count),
+            results: Vec::new(),
+        })
+    }
+
+    /// What is applied now; that of the last time where a frame is just setting it.
+    fn read(&mut self) {
+        if let Ok(shared) = self.shared.try_lock() {
+            self.applied.clone_from(&shared);
+        }
+    }
+
+    /// All forces of a state of the model.
+    fn exerted(&mut self, state: &BodyState) -> Exerted {
+        let motion = state.body_from_surface();
+        let rotation = motion.rotation.to_rotation_matrix();
+        let shift = motion.translation.vector;
+        let fields = FIELDS * self.work.origins.len();
+        let c = DVector::from_fn(fields, |k, _| state.coefficients.get(k).copied().unwrap_or(0.0));
+        let lambda = self.work.lambda(&self.applied.coefficients, &rotation);
+        let applied = &self.applied.points;
+        self.points.touch(applied);
+        let points: Vec<Point> = applied.iter().map(|point| self.points.point(point, &c, &lambda)).collect();
+        let forces = self.points.forces(applied, &points, &rotation, &shift);
+        Exerted { rotation, shift, c, lambda, points, forces }
+    }
+}
+
+impl DeformationModel for Loaded {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.read();
+        let mut state = self.model.state(poses);
+        let exerted = self.exerted(&state);
+        self.points.spread(&exerted.points, &exerted.forces);
+        let motion = Isometry3::from_parts(
+            exerted.shift.into(),
+            UnitQuaternion::from_rotation_matrix(&exerted.rotation),
+        );
+        let ends = self.points.ends(&exerted.points, &exerted.forces);
+        let result = |(end, force): (&V3, &V3)| PointResult {
+            place: motion.rotation * end + motion.translation.vector,
+            force: motion.rotation * force,
+        };
+        self.results = ends.iter().zip(&exerted.forces).map(result).collect();
+        state.coefficients.resize(self.points.before(), 0.0);
+        state.coefficients.extend(exerted.lambda.iter());
+        state
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.read();
+        let response = self.model.respond(poses, slopes)?;
+        let state = self.model.state(poses);
+        let exerted = self.exerted(&state);
+        let ends = self.points.ends(&exerted.points, &exerted.forces);
+        let energy = self.work.act(&exerted, (&self.applied.points, &ends), poses, slopes);
+        let is_defined = response.is_defined && !state.rotation_undefined;
+        Some(Response { energy: response.energy + energy, is_defined })
+    }
+
+    fn field(&self) -> Option<&[[f32; 3]]> {
+        self.points.field()
+    }
+
+    fn point_results(&self) -> &[PointResult] {
+        &self.results
+    }
+
+    fn has_news(&mut self) -> bool {
+        self.model.has_news()
+    }
+
+    fn age(&self) -> Option<StateAge> {
+        self.model.age()
+    }
+
+    fn wait_for_background(&mut self) {
+        self.model.wait_for_background();
+    }
+
+    fn part_weights(&self, rest: &[[f32; 3]]) -> Option<PartWeights> {
+        self.model.part_weights(rest)
+    }
+
+    fn feel(&mut self) {
+        self.model.feel();
+    }
+
+    fn forget(&mut self) {
+        self.model.forget();
+    }
+
+    fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
+        self.model.set_turn(e, turn);
+    }
+}

@@ -1,0 +1,223 @@
+//! Forces at single points of a surface, by the columns of its compliance.
+//!
+//! In: points with a force, or with a place to which each is drawn, and the columns of the body there. Out: the force at each
+//! point, where it ends up, and what all of them do to the whole surface. A point that is held gets the force that brings it to
+//! its place, by the compliance of all held points together.
+
+use super::applied::{PointLoad, Pull};
+use crate::base::columns::ColumnGroup;
+use crate::base::notice::notice;
+use crate::green::{GreenFile, Yield};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// A part of the largest compliance that is added to that of each held point, so that two hands may hold the same one.
+const RIDGE: f64 = 1e-9;
+
+/// One point in the frame of the columns.
+pub struct Point {
+    nodes: [u32; 3],
+    weights: [f64; 3],
+    /// Its place at rest, and with the displacements of all columns.
+    pub rest: V3,
+    pub now: V3,
+    /// The affine columns' and the loads' displacements there: 3 × 12 E and 3 × K.
+    pub affine: DMatrix<f64>,
+    pub loads: DMatrix<f64>,
+}
+
+/// The surface of a body that takes forces.
+pub struct PointForces {
+    file: Arc<GreenFile>,
+    body: String,
+    /// Columns of the file before those of loads.
+    before: usize,
+    /// Of nodes that take forces: where their columns stand, and those of nodes that are touched.
+    places: BTreeMap<u32, usize>,
+    touched: BTreeMap<u32, Yield>,
+    /// What the forces do to the whole surface, where it takes any; and the forces at nodes of which this is.
+    field: Option<Vec<[f32; 3]>>,
+    field_of: Vec<(u32, V3)>,
+}
+
+impl PointForces {
+    /// Of a body whose loads have so many columns.
+    pub fn new(file: &Arc<GreenFile>, body: &str, loads: usize) -> PointForces {
+        let nodes = file.rest(body).len();
+        let columns: usize = file.groups(body).iter().map(|group| group.columns(nodes).unwrap_or(0)).sum();
+        let places = file.compliance(body).map(|compliance| compliance.places());
+        PointForces {
+            field: places.is_some().then(|| vec![[0.0; 3]; nodes]),
+            before: columns - loads,
+            places: places.unwrap_or_default(),
+            touched: BTreeMap::new(),
+            field_of: Vec::new(),
+            body: body.to_owned(),
+            file: file.clone(),
+        }
+    }
+
+    /// Columns of the file before those of loads.
+    pub fn before(&self) -> usize {
+        self.before
+    }
+
+    /// What the forces do to the whole surface.
+    pub fn field(&self) -> Option<&[[f32; 3]]> {
+        self.field.as_deref()
+    }
+
+    /// Reads the columns of nodes that are touched now, and drops those of others.
+    pub fn touch(&mut self, points: &[PointLoad]) {
+        let now: Vec<u32> = points.iter().flat_map(corners).map(|(node, _)| node).collect();
+        self.touched.retain(|node, _| now.contains(node));
+        let Some(compliance) = self.file.compliance(&self.body) else { return };
+        for node in now.into_iter().filter(|node| !self.touched.contains_key(node)).collect::<BTreeSet<_>>() {
+            let Some(place) = self.places.get(&node) else { continue };
+            match compliance.column(*place) {
+                Ok(column) => drop(self.touched.insert(node, column)),
+                Err(error) => {
+                    notice!("{error}; node {node} of the surface takes no force");
+                    self.places.remove(&node);
+                }
+            }
+        }
+    }
+
+    /// A point with the columns there.
+    pub fn point(&self, point: &PointLoad, c: &DVector<f64>, lambda: &DVector<f64>) -> Point {
+        let (file, body) = (&self.file, &self.body);
+        let (rest, nodes) = (file.rest(body), file.rest(body).len());
+        let groups = file.groups(body);
+        let place: V3 =
+            corners(point).map(|(node, w)| Vector3::from(rest[node as usize]).cast::<f64>() * w).sum();
+        // The affine groups stand first, those of loads behind all that models have.
+        let width = |group: &ColumnGroup<'_>| group.columns(nodes).unwrap_or(0);
+        let starts =
+            groups.iter().scan(0, |start, group| Some(std::mem::replace(start, *start + width(group))));
+        let (mut affine, mut loads) = (DMatrix::zeros(3, c.len()), DMatrix::zeros(3, lambda.len()));
+        for (group, start) in groups.iter().zip(starts.collect::<Vec<_>>()) {
+            let target = match start {
+                start if start < c.len() => Some((&mut affine, start)),
+                start if start >= self.before => Some((&mut loads, start - self.before)),
+                _ => None,
+            };
+            let Some((matrix, first)) = target else { continue };
+            for k in 0..width(group) {
+                for (node, w) in corners(point) {
+                    for axis in 0..3 {
+                        let value = group.value(nodes, k, 3 * node as usize + axis);
+                        matrix[(axis, first + k)] += w * f64::from(value);
+                    }
+                }
+            }
+        }
+        let moved = &affine * c + &loads * lambda;
+        Point {
+            nodes: point.nodes,
+            weights: point.weights,
+            rest: place,
+            now: place + V3::new(moved[0], moved[1], moved[2]),
+            affine,
+            loads,
+        }
+    }
+
+    /// C_ab: what a force at point `b` does at point `a`.
+    fn between(&self, a: &Point, b: &Point) -> Matrix3<f64> {
+        let mut all = Matrix3::zeros();
+        for (from, w) in b.nodes.iter().zip(b.weights).filter(|(_, w)| *w != 0.0) {
+            let Some(column) = self.touched.get(from) else { continue };
+            for (to, v) in a.nodes.iter().zip(a.weights).filter(|(_, v)| *v != 0.0) {
+                let block = &column[*to as usize];
+                all += Matrix3::from_fn(|axis, force| f64::from(block[axis][force])) * (v * w);
+            }
+        }
+        all
+    }
+
+    /// The force at each point: as it is given, or what brings the point to its place.
+    pub fn forces(
+        &self,
+        applied: &[PointLoad],
+        points: &[Point],
+        rotation: &Rotation3<f64>,
+        shift: &V3,
+    ) -> Vec<V3> {
+        let inverse = rotation.inverse();
+        let mut forces = vec![V3::zeros(); points.len()];
+        let mut held = Vec::new();
+        for (i, point) in applied.iter().enumerate() {
+            match point.pull {
+                Pull::Force(force) => forces[i] = inverse * force,
+                Pull::Towards { place, spring } => held.push((i, inverse * (place - shift), spring)),
+            }
+        }
+        if held.is_empty() {
+            return forces;
+        }
+        let size = 3 * held.len();
+        let (mut matrix, mut missing) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        for (row, (i, place, spring)) in held.iter().enumerate() {
+            let given = (0..points.len()).filter(|j| held.iter().all(|(held, ..)| held != j));
+            let by_forces: V3 = given.map(|j| self.between(&points[*i], &points[j]) * forces[j]).sum();
+            missing.rows_mut(3 * row, 3).copy_from(&(place - points[*i].now - by_forces));
+            for (column, (j, ..)) in held.iter().enumerate() {
+                let block = self.between(&points[*i], &points[*j]);
+                matrix.view_mut((3 * row, 3 * column), (3, 3)).copy_from(&block);
+            }
+            let softness = spring.map_or(0.0, |spring| 1.0 / spring);
+            (0..3).for_each(|axis| matrix[(3 * row + axis, 3 * row + axis)] += softness);
+        }
+        let ridge = RIDGE * matrix.diagonal().amax();
+        (0..size).for_each(|i| matrix[(i, i)] += ridge);
+        if let Some(found) = matrix.lu().solve(&missing).filter(|found| found.iter().all(|f| f.is_finite())) {
+            for (row, (i, ..)) in held.iter().enumerate() {
+                forces[*i] = V3::new(found[3 * row], found[3 * row + 1], found[3 * row + 2]);
+            }
+        }
+        forces
+    }
+
+    /// Where every point ends up, in the frame of the columns.
+    pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
+        let of = |a: &Point| {
+            let pulled: V3 = points.iter().zip(forces).map(|(b, f)| self.between(a, b) * f).sum();
+            a.now + pulled
+        };
+        points.iter().map(of).collect()
+    }
+
+    /// Brings the displacements that point forces cause up to date.
+    pub fn spread(&mut self, points: &[Point], forces: &[V3]) {
+        let Some(field) = &mut self.field else { return };
+        let mut at_nodes: BTreeMap<u32, V3> = BTreeMap::new();
+        for (point, force) in points.iter().zip(forces) {
+            for (node, w) in point.nodes.iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
+                *at_nodes.entry(*node).or_default() += force * w;
+            }
+        }
+        let at_nodes: Vec<(u32, V3)> = at_nodes.into_iter().collect();
+        if at_nodes == self.field_of {
+            return;
+        }
+        field.fill([0.0; 3]);
+        for (node, force) in &at_nodes {
+            let (Some(column), f) = (self.touched.get(node), force.cast::<f32>()) else { continue };
+            for (u, block) in field.iter_mut().zip(column) {
+                for (u, row) in u.iter_mut().zip(block) {
+                    *u += row[0] * f.x + row[1] * f.y + row[2] * f.z;
+                }
+            }
+        }
+        self.field_of = at_nodes;
+    }
+}
+
+/// Nodes of a point that have a share in it, with that share.
+fn corners(point: &PointLoad) -> impl Iterator<Item = (u32, f64)> + use<> {
+    point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0)
+}
