@@ -8,8 +8,9 @@ pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
-use crate::green::{self, Precomputed};
+use crate::green::{self, GreenFile, Precomputed};
 use crate::prepare;
+use crate::scene::Storage;
 use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -56,6 +57,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let writing = Instant::now();
     let size = green::write(&path, &bodies).map_err(|error| prepare::unwritable(error, &path))?;
     let written_s = writing.elapsed().as_secs_f64();
+    let stored = stored(&path)?;
     tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
@@ -64,12 +66,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         .collect();
     let peak = peak_memory().map_or_else(String::new, |peak| format!(", peak memory {}", bytes(peak)));
     print(&format!(
-        "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
+        "{tables}{errors}{}: {} written in {}\n{stored}whole offline stage {}{peak}\n",
         path.display(),
         bytes(size as f64),
         seconds(written_s),
         seconds(started.elapsed().as_secs_f64())
     ))
+}
+
+/// What the columns of each body of the written file lost, as it says itself; nothing of single precision.
+fn stored(path: &Path) -> Result<String, Failure> {
+    let file = GreenFile::open(path)?;
+    let coarse = file.meta.bodies.iter().filter(|(_, body)| body.accuracy.storage != Storage::F32);
+    Ok(coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect())
 }
 
 /// Makes the folder and looks whether the file can be written there, before the work.
