@@ -214,6 +214,7 @@ fn histogram(quality: &quality::QualityReport) -> String {
 
 fn green(path: &Path) -> Result<(String, Value), Failure> {
     let file = GreenFile::open(path)?;
+    file.verify()?;
     let mut text = format!(
         "{}\n{}, format {}, {}\n",
         path.display(),
@@ -224,7 +225,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
             "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
-             worst relative residual {:.1e}{}{}\n  stored as {}: at most {:.1e} of each field's largest displacement\n  fingerprint {}\n",
+             worst relative residual {:.1e}{}{}\n  {}\n  fingerprint {}\n",
             body.mesh_nodes,
             body.mesh_tets,
             body.element,
@@ -232,13 +233,9 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
             body.surface_triangles,
             body.accuracy.solver,
             body.accuracy.residual,
-            body.accuracy
-                .forward_error
-                .map(|e| format!(", forward error {e:.1e}"))
-                .unwrap_or_default(),
+            body.accuracy.forward_error.map(|e| format!(", forward error {e:.1e}")).unwrap_or_default(),
             body.accuracy.asymmetry.map(|a| format!(", asymmetry of S {a:.1e}")).unwrap_or_default(),
-            body.accuracy.storage.name(),
-            body.accuracy.storage_error,
+            body.accuracy.stored(),
             body.fingerprint,
         ));
         for control in &body.controls {

@@ -7,11 +7,11 @@ use crate::base::table::bytes;
 use crate::green;
 use std::path::PathBuf;
 
-/// Make a .green file small for shipping (zstd), or unpack one
+/// Make a .green file small for shipping, or unpack one
 ///
 /// FILE.green becomes FILE.green.zst, FILE.green.zst becomes FILE.green. Beside its scene the packed file is enough:
 /// `view`, `render`, `deform` and `bench` unpack it where the .green file is missing. Nothing is lost; to make it
-/// smaller still, write storage = "int16" in the scene; the file records the error that this makes (`greenstage inspect`).
+/// smaller still, write storage = { error = 1e-4 } in the scene; the file records the error that this makes (`greenstage inspect`).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// File to pack or to unpack

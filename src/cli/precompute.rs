@@ -11,9 +11,9 @@ pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
-use crate::green::{self, FAMILIES, KEPT_AFTER, Precomputed, STIFFNESS};
+use crate::green::{self, FAMILIES, GreenFile, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare;
-use crate::scene::Method;
+use crate::scene::{Method, Storage};
 use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -65,6 +65,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let kept_after = args.keep_after.map_or(KEPT_AFTER, Duration::from_secs_f64);
     let (bodies, size, written_s) =
         prepare::make(&scene, &path, kept_after, &|name| Box::new(Bars::new(name, args.quiet)))?;
+    let stored = stored(&path)?;
     tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
@@ -75,12 +76,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let told = |peak| format!(", peak memory {}, where {planned} were planned", bytes(peak));
     let peak = peak_memory().map_or_else(String::new, told);
     print(&format!(
-        "{tables}{errors}{}: {} written in {}\nwhole offline stage {}{peak}\n",
+        "{tables}{errors}{}: {} written in {}\n{stored}whole offline stage {}{peak}\n",
         path.display(),
         bytes(size as f64),
         seconds(written_s),
         seconds(started.elapsed().as_secs_f64())
     ))
+}
+
+/// What the columns of each body of the written file lost, as it says itself; nothing of single precision.
+fn stored(path: &Path) -> Result<String, Failure> {
+    let file = GreenFile::open(path)?;
+    let coarse = file.meta.bodies.iter().filter(|(_, body)| body.accuracy.storage != Storage::F32);
+    Ok(coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect())
 }
 
 /// Makes the folder and looks whether the file can be written there, before the work.

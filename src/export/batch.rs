@@ -25,6 +25,12 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
+/// The file, with what opening it does not look at found sound.
+fn verified(file: Arc<GreenFile>) -> Result<Arc<GreenFile>, Failure> {
+    file.verify()?;
+    Ok(file)
+}
+
 /// All bodies of a scene in the poses that are asked for, and a table of how the solves went, where there were some.
 ///
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
@@ -38,7 +44,8 @@ pub fn solve(
     let online = prepare::summed_part(scene)?;
     let file = match online.body.is_empty() || all_nodes {
         true => None,
-        false => Some(prepare::green_file(&online, green)?),
+        // A force that is left out would be seen by nobody.
+        false => Some(prepare::green_file(&online, green).and_then(verified)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
     let asked = &free_poses::found(scene, asked, file.as_ref(), &mut set.missed)?[..];

@@ -31,7 +31,7 @@ impl Bytes {
             let gigabytes = length as f64 * 1e-9;
             let reason = format!(
                 "its {length} bytes ({gigabytes:.2} GB) do not fit into memory ({error}); storage = \"int16\" halves \
-                 them, a coarser mesh or fewer control elements need fewer"
+                 the columns, a coarser mesh or fewer control elements need fewer"
             );
             Error::new(ErrorKind::OutOfMemory, reason)
         };

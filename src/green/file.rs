@@ -125,6 +125,14 @@ pub struct Accuracy {
     pub storage_error: f64,
 }
 
+impl Accuracy {
+    /// How the columns are stored, and what that cost, as measured.
+    pub fn stored(&self) -> String {
+        let (storage, error) = (self.storage.name(), self.storage_error);
+        format!("stored as {storage}: at most {error:.1e} of each field's largest displacement")
+    }
+}
+
 /// Metadata as it stands in the file: its own hash beside it, so that a flipped bit in a number is found too.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Sealed<'a> {

@@ -63,8 +63,8 @@ impl Forecast {
         let [soon, late] = [seconds[0] / SPREAD, seconds[1] * SPREAD].map(duration);
         let [size, peak] = [1.0, 3.0].map(|times| bytes(times * size as f64));
         format!(
-            "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file and in memory, {peak} while it is \
-             made; by an estimate {soon} to {late} more"
+            "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file, {peak} of memory while it is \
+             made, little when it is used; by an estimate {soon} to {late} more"
         )
     }
 

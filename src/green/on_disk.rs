@@ -63,8 +63,10 @@ impl Read for Others<'_> {
                 self.at = place.end;
             }
         }
-        let next = self.left.iter().filter(|place| place.start > self.at).map(|place| place.start - self.at).min();
-        let most = next.map_or(into.len(), |next| usize::try_from(next).map_or(into.len(), |n| n.min(into.len())));
+        let next =
+            self.left.iter().filter(|place| place.start > self.at).map(|place| place.start - self.at).min();
+        let most =
+            next.map_or(into.len(), |next| usize::try_from(next).map_or(into.len(), |n| n.min(into.len())));
         let read = self.file.read_at(&mut into[..most], self.at)?;
         self.at += read as u64;
         Ok(read)

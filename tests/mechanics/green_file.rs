@@ -1,11 +1,13 @@
 //! The .green file: what is written is what is read, and no damage passes.
 
 use crate::common::{self, HAPTICS, block_scene, folder, scene, some_pose};
-use greenstage::deform::Deformer;
-use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements};
-use greenstage::mesh;
+use greenstage::deform::{AppliedLoads, ControlPose, Deformer, PointLoad, Pull};
+use greenstage::fem::{NodeFields, Partition};
+use greenstage::green::{self, AFFINE, COMPLIANCE, FIELDS, GreenError, GreenFile, Requirements};
+use greenstage::mesh::{self, Surface};
 use greenstage::scene::Scene;
-use greenstage::solve::Silent;
+use greenstage::solve::{Silent, Solver};
+use nalgebra::Vector3;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -49,9 +51,10 @@ fn round_trip_keeps_every_number_to_f32() {
 /// Half the bytes: every number is within the error that the file states for its field, and no smaller error is true.
 #[test]
 fn compact_columns_are_as_exact_as_their_file_says() {
-    for (storage, bound) in [("f16", 2.5e-4), ("int16", 1.6e-5)] {
-        let path = folder(&format!("green-{storage}")).join("block.green");
-        let scene = block_scene([3, 2, 2], &format!("storage = \"{storage}\""));
+    let within = "{ error = 1e-4 }";
+    for (storage, bound) in [("\"f16\"", 2.5e-4), ("\"int16\"", 1.6e-5), (within, 1e-4)] {
+        let path = folder(&format!("green-{bound}")).join("block.green");
+        let scene = block_scene([3, 2, 2], &format!("storage = {storage}"));
         let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
         green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
@@ -121,6 +124,128 @@ fn packed_files_unpack_to_the_same_bytes_and_damage_is_told() {
     std::fs::write(&small, &bytes[..bytes.len() / 2]).unwrap();
     assert!(green::unpack(&small, &path).unwrap_err().to_string().contains("does not unpack"));
     assert!(GreenFile::open(&path).is_ok(), "what was there stays");
+}
+
+/// Columns that are packed as what differs from guesses: smaller, the same again, and no damage to what zstd passes panics
+/// or comes through.
+#[test]
+fn guessed_columns_come_back_and_their_damage_is_told() {
+    let folder = folder("green-guessed");
+    let path = folder.join("block.green");
+    let made =
+        green::precompute(&block_scene([7, 3, 3], "storage = { error = 1e-3 }"), "block", &HAPTICS, &Silent);
+    green::write(&path, &[made.unwrap()]).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let (small, back) = (green::packed_path(&path), folder.join("back.green"));
+    let (_, packed) = green::pack(&path, &small).unwrap();
+    let plain = zstd::bulk::compress(&bytes, 19).unwrap().len() as u64;
+    assert!(packed < plain, "{packed} bytes, {plain} without guesses");
+    green::unpack(&small, &back).unwrap();
+    assert!(std::fs::read(&back).unwrap() == bytes);
+    let inner = zstd::decode_all(&*std::fs::read(&small).unwrap()).unwrap();
+    // Each byte behind the container, which says what was guessed, and some of its own.
+    let at = (bytes.len()..inner.len()).chain((0..bytes.len()).step_by(bytes.len() / 60));
+    for (at, flip) in at.flat_map(|at| [1, 0x16, 0x80].map(|flip| (at, flip))) {
+        let mut copy = inner.clone();
+        copy[at] ^= flip;
+        std::fs::write(&small, zstd::bulk::compress(&copy, 1).unwrap()).unwrap();
+        let error = green::unpack(&small, &back).unwrap_err().to_string();
+        assert!(error.contains("does not unpack") || error.contains("no sound .green file"), "{at}: {error}");
+    }
+}
+
+/// A block with the compliance of its surface, or of a part of it: its file and scene.
+fn compliant(name: &str, nodes: &str) -> (PathBuf, Scene) {
+    let path = folder(name).join("block.green");
+    let scene = block_scene([8, 4, 4], &format!("surface_compliance = {{ nodes = {nodes} }}"));
+    let made = green::precompute(&scene, "block", &Requirements::of(&[AFFINE, COMPLIANCE]), &Silent).unwrap();
+    green::write(&path, &[made]).unwrap();
+    (path, scene)
+}
+
+/// Every column of the compliance, read from the disk, is the inverse of a fresh factor.
+#[test]
+fn a_compliance_is_read_piece_by_piece_and_is_the_inverse() {
+    let some = "{ box = { min = [-1, -1, -0.3], max = [9, 9, 9] } }";
+    for (name, nodes) in [("green-whole", "\"surface\""), ("green-part", some)] {
+        let (path, scene) = compliant(name, nodes);
+        let file = GreenFile::open(&path).unwrap();
+        file.verify().unwrap();
+        let prepared = green::prepare(&scene, "block").unwrap();
+        let k = scene.body["block"].element.assemble(&prepared.mesh, &prepared.lame).unwrap();
+        let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
+        let partition = Partition::new(prepared.mesh.nodes.len(), held);
+        let a = partition.a(&k);
+        let solver = Solver::default().analyse(&a, &Silent).unwrap();
+        let factor = solver.factor(&a, &Silent).unwrap();
+        let surface = Surface::of(&prepared.mesh).nodes;
+        let free = |node: usize| partition.free.binary_search(&surface[node]).ok();
+        let compliance = file.compliance("block").unwrap();
+        let places = compliance.places();
+        assert!(places.len() > 64 && (places.len() < 100) == (nodes == some), "{} nodes", places.len());
+        let mut rhs = NodeFields::zeros(partition.free.len(), 3 * places.len());
+        for (column, &node) in places.keys().enumerate() {
+            (0..3).for_each(|axis| {
+                rhs.row_mut(3 * free(node as usize).unwrap() + axis)[3 * column + axis] = 1.0
+            });
+        }
+        let (x, _) = factor.solve(&rhs, &Silent).unwrap();
+        let largest = x.data.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (column, place) in places.values().enumerate() {
+            let found = compliance.column(*place).unwrap();
+            for (node, of_node) in found.iter().enumerate() {
+                for (axis, force) in (0..3).flat_map(|axis| [0, 1, 2].map(|force| (axis, force))) {
+                    let exact = free(node).map_or(0.0, |at| x.row(3 * at + axis)[3 * column + force]);
+                    let error = (f64::from(of_node[axis][force]) - exact).abs();
+                    assert!(error <= 2e-7 * largest, "{name}: node {node}, column {column}: {error:e}");
+                }
+            }
+        }
+    }
+}
+
+/// What is damaged on the disk is an error where it is read, and nowhere else; a file that is replaced goes on as it was.
+#[test]
+fn a_damaged_compliance_is_told_where_it_is_read() {
+    let (path, _) = compliant("green-tiles", "\"surface\"");
+    let bytes = std::fs::read(&path).unwrap();
+    let (header, info) = SafeTensors::read_metadata(&bytes).unwrap();
+    let first = 8 + header + info.info("block/compliance/values").unwrap().data_offsets.0;
+    let open = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Arc::new(GreenFile::open(&path).unwrap())
+    };
+    let column = |file: &GreenFile, place: usize| file.compliance("block").unwrap().column(place);
+    let sound = open(&bytes);
+    let last = sound.compliance("block").unwrap().places().len() - 1;
+    let mut flipped = bytes.clone();
+    flipped[first] ^= 0x10;
+    let file = open(&flipped);
+    assert_refused(file.verify(), "tile 0 of tensor block/compliance/values is damaged");
+    assert_refused(column(&file, 0), "tile 0 of tensor block/compliance/values is damaged");
+    assert_eq!(column(&file, last).unwrap().len(), file.rest("block").len());
+    // A force there does nothing, and one elsewhere what it should.
+    let mut body = Deformer::new(file, "block", "linear").unwrap();
+    let moved = |body: &mut Deformer, node: u32| {
+        let pull = Pull::Force(Vector3::new(0.0, 1.0, 0.0));
+        let points = vec![PointLoad { nodes: [node; 3], weights: [1.0, 0.0, 0.0], pull }];
+        body.apply(&AppliedLoads { coefficients: Vec::new(), points });
+        body.evaluate(&[ControlPose::REST; 2]);
+        body.displacement(node as usize).norm()
+    };
+    let takes: Vec<u32> = body.takes_forces().into_iter().collect();
+    assert_eq!(moved(&mut body, takes[0]), 0.0);
+    assert!(moved(&mut body, takes[last]) > 0.0);
+
+    let file = open(&bytes);
+    let other = path.with_extension("other");
+    std::fs::write(&other, b"other").unwrap();
+    std::fs::rename(&other, &path).unwrap();
+    assert!(column(&file, 0).is_ok() && file.verify().is_ok());
+    let file = open(&bytes);
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(first as u64 + 100).unwrap();
+    assert!(matches!(column(&file, 0).unwrap_err(), GreenError::Io { .. }));
+    assert!(matches!(GreenFile::open(&path).unwrap_err(), GreenError::Damaged { .. }));
 }
 
 #[test]

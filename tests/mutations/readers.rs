@@ -121,7 +121,8 @@ pub fn readers(folder: &Path) -> Vec<Reader> {
         read_green(&path())
     };
     // A block of zstd has 128 KiB; what came out is read back, to be checked before it is put in its place.
-    readers.push(Reader { is_dear: true, constant: 192 << 10, ..Reader::new(".green.zst", packed, read) });
+    let read = Reader { is_dear: true, constant: 192 << 10, ..Reader::new(".green.zst", packed, read) };
+    readers.push(Reader { damage: damage_packed, ..read });
     readers
 }
 
@@ -185,6 +186,15 @@ fn green_seed(folder: &Path, storage: &str) -> Vec<u8> {
     let body = green::precompute(&scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
     green::write(&path, &[body]).unwrap();
     std::fs::read(&path).unwrap()
+}
+
+/// Damage as it comes, which zstd finds; or damage to what it unpacks to.
+fn damage_packed(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
+    let unpacked = |bytes: &[u8]| zstd::decode_all(bytes).unwrap();
+    match random.below(2) {
+        0 => mutated(seed, other, random),
+        _ => zstd::encode_all(&mutated(&unpacked(seed), &unpacked(other), random)[..], 1).unwrap(),
+    }
 }
 
 /// Damage as it comes, which the hashes find; or damage to the numbers or the metadata that is hashed anew, as a forger

@@ -320,7 +320,10 @@ impl Compliance<'_> {
         let number = self.layout.number(block, other);
         let damaged = |reason: String| GreenError::Damaged { path: path(), reason };
         if self.hashes[HASH * number..HASH * (number + 1)] != *blake3::hash(&bytes).as_bytes() {
-            return Err(damaged(format!("tile {number} of tensor {} is damaged (the hash differs)", self.tensor)));
+            return Err(damaged(format!(
+                "tile {number} of tensor {} is damaged (the hash differs)",
+                self.tensor
+            )));
         }
         let four = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         let values: Vec<f32> = bytes.chunks_exact(4).map(four).collect();
