@@ -13,8 +13,9 @@
 //! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 come from where R·S
 //! takes the axes.
 
+use super::basis_file::{BasisFile, Profile, full_only, numbers, triangles};
+use super::body_basis::{BodyBasis, Column, Handle};
 use super::inventor_names::{InventorNames, quoted};
-use super::{BasisFile, BodyBasis, Column, Handle, Profile, full_only, numbers, triangles};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::export::shape::COLOUR;
