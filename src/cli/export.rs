@@ -20,21 +20,22 @@ use std::path::{Path, PathBuf};
 const AFTER_HELP: &str = "\
 OUT's extension chooses the format:
   .iv    Open Inventor 2.1, ASCII: the basis shapes, and the body as a live sum; draggers move it
-  .glb   glTF 2.0: one named morph target per column, and an animation; for viewers, Blender, the web
+  .glb   glTF 2.0: one named morph target per column, and an animation; for Blender and the web
   .vtu   VTK, for ParaView and meshio: one point vector per column
   .stl .ply .obj   the surface of one pose, or at rest; .png draws it
 
 Examples:
   greenstage export tube -o tube.iv                        then: ivview tube.iv
   greenstage export tube -o tube.glb                       24 morph targets: left.tx … right.m33
-  greenstage export tube -o web.glb --profile viewer       8 targets, for viewers without negative weights
+  greenstage export tube -o web.glb --profile viewer       8 targets, no negative weights
   greenstage export tube -o x.vtu --columns right.tx,right.m12
   greenstage export part.toml --poses poses.toml --pose pull -o pull.stl
 
-A sum of columns is the displacement of the model \"linear\". With \"rotation\" it stands in a frame that follows the
-control elements, with \"reduced\" and \"perturbation\" some columns (reduced.1, …) follow from an equilibrium: a file
-of these holds the columns, and a pose is right, but what another program sums by itself is the linear theory.
-Loads have their columns (gravity.x per m/s², a pattern per N); `surface_compliance` has none.
+A sum of columns is the displacement of the model \"linear\". With \"rotation\" it stands in a frame
+that follows the control elements; with \"reduced\" and \"perturbation\" the coefficients of some columns
+(reduced.1, …) follow from an equilibrium. A pose of these is written as the model has it; what another
+program sums by itself is the linear theory. Loads have their columns (gravity.x per m/s², a pattern
+per N), `surface_compliance` has none.
 `greenstage manual export` tells units and names, and how to read the .green file in Python.";
 
 /// Write what is precomputed for other programs: Open Inventor, glTF, VTK, STL, PLY, OBJ

@@ -92,7 +92,7 @@ fn inventors_live_sum_is_the_pose_and_its_dragger_moves_the_control_element() {
         "m11, m21 and m31 of flat ends are zero"
     );
     let shape: Vec<V3> = rest.iter().zip(&column).map(|(x, u)| x + u * amount).collect();
-    assert!(largest_difference(&file.value("right_ty_shape", "oA").vectors(), &shape) < 1e-12);
+    assert!(largest_difference(&file.engine("right_ty_shape", "oA").vectors(), &shape) < 1e-12);
 
     // At rest but for the dragger: T, and a turn after a stretch, which `deform` gets as a matrix.
     export(&place, &["-o", "out/rest.iv"]);

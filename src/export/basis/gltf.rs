@@ -5,8 +5,9 @@
 //! areas around a vertex: right for small weights. An animation moves every control element in turn. The profile `viewer`
 //! has a few motions instead, each forwards and backwards, for programs that take 8 targets with weights from 0 to 1.
 
-use super::motions::few;
-use super::{BasisFile, BodyBasis, Motion, Profile, motions, numbers, triangles};
+use super::basis_file::{BasisFile, Profile, numbers, triangles};
+use super::body_basis::BodyBasis;
+use super::motions::{Motion, few, motions};
 use crate::base::output::Kind;
 use crate::deform::vertex_normals;
 use crate::export::glb::{Document, MAGIC, root};

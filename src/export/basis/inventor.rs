@@ -13,8 +13,9 @@
 //! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 come from where R·S
 //! takes the axes.
 
+use super::basis_file::{BasisFile, Profile, full_only, numbers, triangles};
+use super::body_basis::{BodyBasis, Column, Handle};
 use super::inventor_names::{InventorNames, quoted};
-use super::{BasisFile, BodyBasis, Column, Handle, Profile, full_only, numbers, triangles};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::export::shape::COLOUR;
@@ -77,7 +78,14 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
     writeln!(out, "    Separator {{")?;
     named.iter().try_for_each(|body| body.put_live(out))?;
     writeln!(out, "    }}\n    Separator {{")?;
-    named.iter().try_for_each(|body| body.put_shapes(out))?;
+    let below = |body: &Named<'_>| body.body.centre.y + bounds(&body.body.rest).0.y - body.margin();
+    let mut corner = bodies.first().map_or(Vector3::zeros(), |body| body.centre);
+    corner.x -= named.first().map_or(0.0, |body| 0.5 * body.width());
+    corner.y = named.iter().map(below).fold(f64::INFINITY, f64::min);
+    for body in &named {
+        body.put_shapes(corner, out)?;
+        corner.x += body.width();
+    }
     writeln!(out, "    }}\n  }}\n}}")
 }
 
@@ -297,35 +305,56 @@ impl<'a> Named<'a> {
         writeln!(out, " expression \"oa = a + b\" }} . oa")
     }
 
-    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand; smaller, and below the
-    /// body.
-    fn put_shapes(&self, out: &mut dyn Write) -> io::Result<()> {
+    /// The space of a basis shape with its name, before it is made smaller, m.
+    fn cell(&self) -> Vector3<f64> {
         let (low, high) = bounds(&self.body.rest);
-        let margin = 2.5 * AMPLITUDE * self.body.size;
-        let cell = (high - low) + Vector3::repeat(margin);
+        high - low + Vector3::repeat(self.margin())
+    }
+
+    fn margin(&self) -> f64 {
+        2.5 * AMPLITUDE * self.body.size
+    }
+
+    /// Whether control elements stand below each other, and not side by side: whichever is more compact.
+    fn is_stacked(&self) -> bool {
+        let cell = self.cell();
+        cell.x > cell.y
+    }
+
+    /// How wide the basis shapes are together, m.
+    fn width(&self) -> f64 {
+        let cells = if self.is_stacked() { 3.5 } else { 3.5 * self.groups.len() as f64 };
+        SHAPE_SCALE * cells * self.cell().x
+    }
+
+    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand; from `corner` on to the
+    /// right and down.
+    fn put_shapes(&self, corner: Vector3<f64>, out: &mut dyn Write) -> io::Result<()> {
         let (id, name) = (&self.id, one_line(&self.body.body));
-        let below = self.body.centre + Vector3::y() * (low.y - margin);
+        let (cell, (low, _)) = (self.cell(), bounds(&self.body.rest));
         writeln!(
             out,
-            "      Separator {{   # body {name}: each shape is the rest shape plus a times the column that it names"
+            "      Separator {{   # body {name}: each shape is the rest shape plus a times the column that it names\n        \
+             Translation {{ translation {} }}\n        Scale {{ scaleFactor {SHAPE_SCALE} {SHAPE_SCALE} {SHAPE_SCALE} }}",
+            vector(corner)
         )?;
-        writeln!(out, "        Translation {{ translation {} }}", vector(below))?;
-        writeln!(out, "        Scale {{ scaleFactor {SHAPE_SCALE} {SHAPE_SCALE} {SHAPE_SCALE} }}")?;
-        // Control elements stand side by side or below each other, whichever is more compact.
-        let is_stacked = cell.x > cell.y;
+        let is_stacked = self.is_stacked();
         for (block, (_, own)) in self.groups.iter().enumerate() {
             let place = |at: usize, k: usize| match self.columns[k].column.name.source {
                 ColumnSource::Field { field, .. } => (field % 3, field / 3),
                 ColumnSource::Load | ColumnSource::Model => (at % 3, at / 3),
             };
-            let corner = if is_stacked { (-1.0, 4.5 * block as f64) } else { (3.5 * block as f64, 0.0) };
+            let first = if is_stacked {
+                (0.5, 0.5 + self.rows_above(block))
+            } else {
+                (0.5 + 3.5 * block as f64, 0.5)
+            };
             for (at, k) in own.iter().enumerate() {
                 let (x, y) = place(at, *k);
                 let NamedColumn { column, id: column_id } = &self.columns[*k];
-                let shift =
-                    Vector3::new((corner.0 + x as f64) * cell.x, -(0.5 + corner.1 + y as f64) * cell.y, 0.0);
+                let shift = Vector3::new((first.0 + x as f64) * cell.x, -(first.1 + y as f64) * cell.y, 0.0);
                 let amount = AMPLITUDE * self.body.size / column.largest.max(f64::MIN_POSITIVE);
-                let under = Vector3::new(0.0, low.y - 0.45 * margin, 0.0);
+                let under = Vector3::new(0.0, low.y - 0.45 * self.margin(), 0.0);
                 writeln!(
                     out,
                     "        Separator {{\n          Translation {{ translation {} }}\n          Coordinate3 {{ point = DEF \
@@ -339,6 +368,15 @@ impl<'a> Named<'a> {
             }
         }
         writeln!(out, "      }}")
+    }
+
+    /// Of the groups before one that stand above it: four for a control element, and half of one between them.
+    fn rows_above(&self, block: usize) -> f64 {
+        let rows = |own: &Vec<usize>| match self.columns[own[0]].column.name.source {
+            ColumnSource::Field { .. } => 4,
+            ColumnSource::Load | ColumnSource::Model => own.len().div_ceil(3),
+        };
+        self.groups[..block].iter().map(|(_, own)| rows(own) as f64 + 0.5).sum()
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! They show what the columns do. Turns are those of the linear theory, which stretches what it turns.
 
-use super::{BodyBasis, Handle};
+use super::body_basis::{BodyBasis, Handle};
 use crate::green::{ColumnSource, FIELD_NAMES};
 
 /// One motion; at -1 it is the opposite one.

@@ -1,6 +1,7 @@
 //! A VTU file for ParaView and meshio: the surface of each body, and a point vector for every column.
 
-use super::{BasisFile, BodyBasis, Profile, full_only, numbers, triangles};
+use super::basis_file::{BasisFile, Profile, full_only, numbers, triangles};
+use super::body_basis::{BodyBasis, Column};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::mesh::formats::vtu_write::{self, Cell, Piece};
@@ -40,7 +41,7 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
                     _ => one_line(format_args!("column {}.{name}", body.body)),
                 };
                 let zero = || vec![Vector3::zeros(); points.len()];
-                let field = move |column: &super::Column| {
+                let field = move |column: &Column| {
                     let values = || column.u.iter().map(|u| Vector3::from(*u).cast()).collect();
                     (label(&column.name.name), if is_own { values() } else { zero() })
                 };

@@ -144,6 +144,11 @@ impl Inventor {
         self.field(self.names[node], field)
     }
 
+    /// An output of a named engine.
+    pub fn engine(&self, node: &str, output: &str) -> Value {
+        self.output(self.names[node], output)
+    }
+
     fn field(&self, node: usize, field: &str) -> Value {
         let Node { kind, fields } = &self.nodes[node];
         let numbers = match fields.get(field) {

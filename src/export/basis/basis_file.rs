@@ -1,0 +1,51 @@
+//! One kind of file that holds columns, and for whom it is made.
+
+use super::body_basis::BodyBasis;
+use crate::base::output::Kind;
+use std::io::{self, Write};
+
+/// One kind of file that holds columns.
+pub struct BasisFile {
+    /// By which it is chosen, as `.iv`.
+    pub suffix: &'static str,
+    /// What it is, in one line.
+    pub about: &'static str,
+    /// Recognises an earlier file of this kind; others are never overwritten.
+    pub kind: Kind,
+    /// About how many bytes it will take.
+    pub size: fn(&[BodyBasis], Profile) -> u64,
+    /// It may take no more.
+    pub most: Option<u64>,
+    /// The error says what the profile lacks.
+    pub check: fn(&[BodyBasis], Profile) -> Result<(), String>,
+    pub write: fn(&[BodyBasis], Profile, &mut dyn Write) -> io::Result<()>,
+}
+
+/// For whom a file is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Profile {
+    /// Every column as it is
+    #[default]
+    Full,
+    /// At most 8 morph targets, with weights from 0 to 1: a few motions, each forwards and backwards (.glb)
+    Viewer,
+}
+
+/// Numbers of all fields, those of the rest shape too.
+pub fn numbers(bodies: &[BodyBasis]) -> u64 {
+    bodies.iter().map(|body| 3 * (body.rest.len() * (1 + body.columns.len())) as u64).sum()
+}
+
+pub fn triangles(bodies: &[BodyBasis]) -> u64 {
+    bodies.iter().map(|body| body.triangles.len() as u64).sum()
+}
+
+/// A profile is for some formats alone.
+pub fn full_only(_: &[BodyBasis], profile: Profile) -> Result<(), String> {
+    match profile {
+        Profile::Full => Ok(()),
+        Profile::Viewer => {
+            Err("--profile viewer makes morph targets, which .glb files have: name OUT.glb".to_owned())
+        }
+    }
+}

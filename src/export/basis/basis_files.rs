@@ -1,0 +1,109 @@
+//! The list of files that hold columns, and the bodies that are written into them.
+
+use super::basis_file::BasisFile;
+use super::body_basis::{BodyBasis, Choice};
+use super::{gltf, inventor, vtu};
+use crate::base::failure::Failure;
+use crate::export::free_poses;
+use crate::green::{AFFINE, GreenFile};
+use crate::prepare;
+use crate::scene::Scene;
+use std::sync::Arc;
+
+/// All of them; a new one is one file and one line here.
+pub const BASIS_FILES: &[BasisFile] = &[inventor::FILE, gltf::FILE, vtu::FILE];
+
+/// Refuses a body without columns, before anything is solved for it.
+pub fn refuse(scene: &Scene, name: &str) -> Result<(), Failure> {
+    let body = &scene.body[name];
+    if prepare::requirements(scene, name, body)?.has(AFFINE) {
+        return Ok(());
+    }
+    let message = format!(
+        "the model \"{}\" has no columns to sum: write the surface of a pose (-o OUT.stl, .ply or .obj), or model = \"linear\" \
+         into the scene, whose displacements are a sum",
+        body.model
+    );
+    Err(Failure::request(scene.invalid(&format!("body.{name}.model"), message)))
+}
+
+/// The bodies called `names`, from the file; the error says which of them is no sum of columns.
+pub fn read(
+    scene: &Scene,
+    file: &Arc<GreenFile>,
+    names: &[&str],
+    choice: Choice<'_>,
+) -> Result<Vec<BodyBasis>, Failure> {
+    let mut missed = Vec::new();
+    let asked = &free_poses::found(scene, choice.asked, Some(file), &mut missed)?[..];
+    if let Some(missed) = missed.first() {
+        return Err(Failure::work(anyhow::anyhow!("{}", missed.why)));
+    }
+    names.iter().map(|name| BodyBasis::read(scene, file, name, Choice { asked, ..choice })).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::{ControlRest, find_model};
+    use crate::export::basis::{Column, Handle, Profile};
+    use crate::green::{ColumnName, ColumnSource};
+    use nalgebra::{Isometry3, Vector3};
+
+    /// A sheet of nodes that waves in every column.
+    fn sheet(side: u32) -> BodyBasis {
+        let at = |node: u32| (node % side, node / side);
+        let place = |node: u32| {
+            let (x, y) = at(node);
+            [x as f32 * 0.0123, y as f32 * 0.0171, (x * y) as f32 * 1.234e-5]
+        };
+        let rest: Vec<[f32; 3]> = (0..side * side).map(place).collect();
+        let corner = |node: &u32| at(*node).0 + 1 < side && at(*node).1 + 1 < side;
+        let square = |node: u32| [[node, node + 1, node + side], [node + 1, node + side + 1, node + side]];
+        let column = |k: usize| Column {
+            name: ColumnName {
+                name: format!("c.{k}"),
+                unit: "m".into(),
+                source: ColumnSource::Field { control: 0, field: k },
+            },
+            u: rest.iter().map(|x| x.map(|x| (x * (k as f32 + 1.3)).sin())).collect(),
+            largest: 1.0,
+            coefficient: 0.0,
+        };
+        BodyBasis {
+            body: "sheet".into(),
+            model: find_model("linear").unwrap(),
+            centre: Vector3::zeros(),
+            triangles: (0..side * side).filter(corner).flat_map(square).collect(),
+            columns: (0..12).map(column).collect(),
+            vanishing: Vec::new(),
+            controls: vec![Handle {
+                rest: ControlRest { name: "c".into(), origin: Vector3::zeros(), nodes: 1 },
+                is_grabbed: true,
+                radius: 1.0,
+            }],
+            is_chosen: false,
+            pose: None,
+            motion: Isometry3::identity(),
+            size: 1.0,
+            rest,
+        }
+    }
+
+    #[test]
+    fn files_have_the_size_that_is_told_before_they_are_written() {
+        let bodies = [sheet(60)];
+        for file in BASIS_FILES {
+            let profiles: &[Profile] =
+                if file.suffix == ".glb" { &[Profile::Full, Profile::Viewer] } else { &[Profile::Full] };
+            for profile in profiles {
+                assert!((file.check)(&bodies, *profile).is_ok());
+                let mut bytes = Vec::new();
+                (file.write)(&bodies, *profile, &mut bytes).unwrap();
+                let ratio = (file.size)(&bodies, *profile) as f64 / bytes.len() as f64;
+                assert!((0.8..1.25).contains(&ratio), "{} {profile:?}: {ratio}", file.suffix);
+                assert!((file.kind.recognizes)(&bytes[..bytes.len().min(16 * 1024)]), "{}", file.suffix);
+            }
+        }
+    }
+}
