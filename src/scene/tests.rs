@@ -115,6 +115,12 @@ fn mistakes_name_the_entity_and_the_remedy() {
             "body.block.solver: tolerance 0.5 must lie between 1e-14 and 1e-3",
         ),
         ("material", "refine = 5\nmaterial", "body.block.refine: 5 refinements"),
+        (
+            "material",
+            "storage = { error = 1e-6 }\nmaterial",
+            "body.block.storage: error = 1e-6 is not between 1.6e-5",
+        ),
+        ("material", "storage = { eror = 1e-3 }\nmaterial", "scene.toml:4:"),
         ("material", "refine = -1\nmaterial", "scene.toml:4:"),
     ] {
         let text = error(from, to);
