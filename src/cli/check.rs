@@ -60,13 +60,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         match green::prepare(&scene, name) {
             Ok(prepared) => {
                 let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
+                match green::acting(&scene, name, &prepared.mesh, &prepared.controls) {
+                    Ok(found) => findings.extend(found),
+                    Err(wrong) => findings.push(error(wrong.to_string())),
+                }
                 if let Some(asked) = &body.surface_compliance {
                     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
                     let place = format!("{entity}.surface_compliance");
-                    findings.push(match green::compliance_size(&prepared.mesh, held, asked) {
-                        Ok(size) => Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)),
-                        Err(message) => Diagnostic::new(Severity::Error, &place, message),
-                    });
+                    let size = green::compliance_size(&prepared.mesh, held, asked).ok();
+                    let told = size.map(|size| Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)));
+                    findings.extend(told);
                 }
                 findings.extend(match body.method {
                     Method::Fem => forecast.told().map(|told| Diagnostic::new(Severity::Note, &entity, told)),

@@ -1,5 +1,6 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
+use super::acting::acting;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES};
@@ -105,6 +106,7 @@ fn solve_kept(
     let place = format!("{}: body.{name}", scene.path.display());
     let started = Instant::now();
     let Prepared { mesh, controls, lame, findings: mut notices } = prepared;
+    notices.extend(acting(scene, name, &mesh, &controls)?);
     refuse(scene, &notices)?;
     let surface = Surface::of(&mesh);
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };

@@ -5,6 +5,7 @@
 //! deformation using control elements"), the handle stiffness S = Φᵀ(C - BᵀA⁻¹B)Φ. A model or an effect declares those that
 //! it needs ([`Requirements`]); nothing else is computed or stored.
 
+mod acting;
 mod basis;
 mod boundary;
 mod bytes;
@@ -40,6 +41,7 @@ pub mod update;
 mod validate;
 mod write;
 
+pub use acting::acting;
 pub use basis::{precompute, precompute_kept, refuse, solve, solve_prepared};
 pub use column_names::{ColumnName, ColumnSource};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
