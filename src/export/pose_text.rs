@@ -2,7 +2,7 @@
 //! the material yields.
 
 use super::result_set::{PoseResult, ResultSet};
-use super::told::{FirstYield, Sureness, Told};
+use super::told::{FirstYield, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
@@ -35,7 +35,7 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
 
 /// What is to be said of a pose; what compares with the body's size where that is given.
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
-    let mut lines = size.map_or_else(Vec::new, |size| far(&result.told, size));
+    let mut lines = size.map_or_else(Vec::new, |size| far(result, size));
     lines.extend(stress(result));
     lines.extend(sureness(result));
     lines.extend(what_holds(result));
@@ -178,8 +178,8 @@ fn slid(pose: &ControlPose, placed: &Wrench, free: &[bool; 6]) -> Option<String>
 }
 
 /// Whether the pose is of another size than the body.
-fn far(told: &Told, size: f64) -> Vec<String> {
-    let mut lines = Vec::new();
+fn far(result: &PoseResult, size: f64) -> Vec<String> {
+    let (told, mut lines) = (&result.told, Vec::new());
     for (name, pose) in told.names.iter().zip(&told.control) {
         let times = pose.translation.norm() / size;
         if times > FAR {
@@ -189,6 +189,15 @@ fn far(told: &Told, size: f64) -> Vec<String> {
                  were millimetres meant?"
             ));
         }
+    }
+    let most = result.displacement.iter().map(Vector3::norm).fold(0.0, f64::max);
+    if lines.is_empty() && most > FAR * size {
+        let (way, whole) = (quantity(most, "m"), quantity(size, "m"));
+        lines.push(format!(
+            "warning: a node moves by {way}, {:.0} times the body's size of {whole}: what acts on it is far too strong for \
+             its material, or one of the two has another unit (Pa, N, kg/m³)",
+            most / size
+        ));
     }
     lines
 }
