@@ -1,6 +1,6 @@
 //! Every parser of packets with good packets of its kind; each keeps its state from packet to packet.
 
-use greenstage::effect::haptics::haply;
+use greenstage::effect::haptics::haply_messages;
 use greenstage::stage::GripButton;
 use greenstage::track::device::DeviceState;
 use greenstage::track::dtrack::Dtrack;
@@ -288,6 +288,7 @@ fn gamepad() -> PacketParser {
 fn haply() -> PacketParser {
     let arm = r#"{"inverse3":[{"device_id":"0A1B","config":{"handedness":"right"},"state":{"cursor_position":{"x":0.01,"y":-0.12,"z":0.2}}}]}"#;
     let grip = r#"{"inverse3":[{"device_id":"0A1B"}],"wireless_verse_grip":[{"device_id":"77","state":{"orientation":{"x":0.0,"y":0.6,"z":0.0,"w":0.8},"buttons":{"a":true,"b":false}}}]}"#;
-    let hear = |bytes: &[u8]| (haply::parse(&String::from_utf8_lossy(bytes), 0.0, BUTTONS).is_ok(), 0);
+    let hear =
+        |bytes: &[u8]| (haply_messages::parse(&String::from_utf8_lossy(bytes), 0.0, BUTTONS).is_ok(), 0);
     PacketParser { name: "Haply", seeds: vec![arm.into(), grip.into()], hear: Box::new(hear) }
 }

@@ -1,7 +1,7 @@
 //! What a force device and its loop do now, for the overlay.
 
+use super::loop_state::LoopState;
 use super::thread::LoopTiming;
-use super::tick::LoopState;
 
 /// What a force device and its loop do now.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,9 +7,10 @@
 
 use super::device::Device;
 use super::grasp::Grasp;
+use super::loop_state::{LoopState, Measures};
 use super::simulated::{Hand, Reports, Simulated};
 use super::stability::{START_M, spring, tick_with};
-use super::tick::{Control, LoopState, Measures};
+use super::tick::Control;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Translation3, Vector3};
 

@@ -7,8 +7,9 @@
 use super::device::Device;
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, HoldConstraint};
+use super::loop_state::Measures;
 use super::simulated::{Hand, Simulated};
-use super::tick::{Control, Measures, RAMP_S};
+use super::tick::{Control, RAMP_S};
 use crate::deform::{ControlPose, ControlRest};
 use crate::green::{FIELDS, STIFFNESS};
 use crate::stage::Haptic;

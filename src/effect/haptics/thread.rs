@@ -6,7 +6,8 @@
 use super::device::{Device, Push, Reading};
 use super::grasp::{Grasp, device_from_handle};
 use super::haptic_source::HapticSource;
-use super::tick::{Control, LoopState};
+use super::loop_state::LoopState;
+use super::tick::Control;
 use crate::track::device::now_s;
 use spin_sleep::SpinSleeper;
 use std::sync::Arc;

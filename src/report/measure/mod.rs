@@ -240,5 +240,12 @@ fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
     said.extend(body.region.iter().map(|(region, m)| format!("region {region}: {}", material(m))));
     let names: Vec<&str> = body.control.keys().map(String::as_str).collect();
     said.push(format!("{} control elements: {}", names.len(), names.join(", ")));
+    let loads: Vec<&str> = body.loads().iter().map(|load| load.name).collect();
+    if !loads.is_empty() {
+        said.push(format!(
+            "measured without its loads ({}); the effect expected_errors measures the scene's model under them",
+            loads.join(", ")
+        ));
+    }
     said
 }
