@@ -27,48 +27,42 @@ pub const FILE: BasisFile = BasisFile {
 };
 
 fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()> {
-    let points: Vec<Vec<Vector3<f64>>> = bodies
-        .iter()
-        .map(|body| body.rest.iter().map(|x| Vector3::from(*x).cast() + body.centre).collect())
-        .collect();
-    let piece =
-        |(own, points): (&BodyBasis, &'_ Vec<Vector3<f64>>)| -> (Vec<u32>, Vec<(String, Vec<Vector3<f64>>)>) {
-            // Every piece has the fields of all bodies, as VTK asks for: those of others do not move it.
-            let fields = bodies.iter().flat_map(|body| {
-                let is_own = std::ptr::eq(body, own);
-                let label = |name: &str| match bodies.len() {
-                    1 => one_line(format_args!("column {name}")),
-                    _ => one_line(format_args!("column {}.{name}", body.body)),
-                };
-                let zero = || vec![Vector3::zeros(); points.len()];
-                let field = move |column: &Column| {
-                    let values = || column.u.iter().map(|u| Vector3::from(*u).cast()).collect();
-                    (label(&column.name.name), if is_own { values() } else { zero() })
-                };
-                body.columns.iter().map(field).collect::<Vec<_>>()
-            });
-            let mut fields: Vec<_> = fields.collect();
-            if let Some(pose) =
-                own.pose.as_ref().or_else(|| bodies.iter().find_map(|body| body.pose.as_ref()))
-            {
-                fields.push((one_line(format_args!("displacement {pose}")), moved(own)));
-            }
-            (own.triangles.concat(), fields)
-        };
-    let parts: Vec<_> = bodies.iter().zip(&points).map(piece).collect();
-    let pieces: Vec<Piece<'_>> = parts
-        .into_iter()
-        .zip(&points)
-        .map(|((connectivity, vectors), points)| Piece {
-            points,
-            cell: Cell::Triangle,
-            connectivity,
-            vectors,
-            scalars: Vec::new(),
-            numbers: None,
-        })
-        .collect();
+    let place = |body: &BodyBasis| -> Vec<Vector3<f64>> {
+        body.rest.iter().map(|x| Vector3::from(*x).cast() + body.centre).collect()
+    };
+    let points: Vec<Vec<Vector3<f64>>> = bodies.iter().map(place).collect();
+    let pieces = bodies.iter().zip(&points).map(|(body, points)| Piece {
+        points,
+        cell: Cell::Triangle,
+        connectivity: body.triangles.concat(),
+        vectors: fields(bodies, body),
+        scalars: Vec::new(),
+        numbers: None,
+    });
+    let pieces: Vec<Piece<'_>> = pieces.collect();
     out.write_all(&vtu_write::encode(&pieces))
+}
+
+/// The fields of one body: every piece has those of all bodies, as VTK asks for, and what belongs to others does not move it.
+fn fields(bodies: &[BodyBasis], own: &BodyBasis) -> Vec<(String, Vec<Vector3<f64>>)> {
+    let mut fields = Vec::new();
+    for body in bodies {
+        for Column { name, u, .. } in &body.columns {
+            let label = match bodies.len() {
+                1 => one_line(format_args!("column {}", name.name)),
+                _ => one_line(format_args!("column {}.{}", body.body, name.name)),
+            };
+            let field = match std::ptr::eq(body, own) {
+                true => u.iter().map(|u| Vector3::from(*u).cast()).collect(),
+                false => vec![Vector3::zeros(); own.rest.len()],
+            };
+            fields.push((label, field));
+        }
+    }
+    if let Some(pose) = bodies.iter().find_map(|body| body.pose.as_ref()) {
+        fields.push((one_line(format_args!("displacement {pose}")), moved(own)));
+    }
+    fields
 }
 
 /// The displacements of the pose, the motion of the whole body too.
