@@ -55,7 +55,9 @@ pub struct Solved {
 
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("triangle {triangle} of the surface near {place} has no area: remove it, or mesh this place anew")]
+    #[error(
+        "triangle {triangle} of the surface near {place} has no area: remove it, or mesh this place anew"
+    )]
     Flat { triangle: usize, place: String },
     #[error(
         "{source}; the matrices of boundary elements are full: about {fits} nodes would fit. Take a coarser surface, or fill the \
@@ -123,7 +125,11 @@ fn free_cavities(nodes: &[Vector3<f64>], triangles: &[[u32; 3]], is_held: &[bool
         let [a, b, c] = triangle.map(|node| nodes[node as usize] - nodes[root]);
         volume[root] += a.dot(&b.cross(&c));
     }
-    shell.iter().zip(is_held).filter(|(_, held)| **held).for_each(|(root, _)| is_free[*root as usize] = false);
+    shell
+        .iter()
+        .zip(is_held)
+        .filter(|(_, held)| **held)
+        .for_each(|(root, _)| is_free[*root as usize] = false);
     shell.iter().map(|&root| volume[root as usize] < 0.0 && is_free[root as usize]).collect()
 }
 

@@ -17,13 +17,14 @@ const TOLERANCE: f64 = 3e-6;
 const DEPTH: u32 = 18;
 
 /// Weights of the corners in the three points of degree 2, each of a third of the area.
-const THREE: [[f64; 3]; 3] = [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
+const THREE: [[f64; 3]; 3] =
+    [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
 
 /// Weights of the corners and parts of the area of the seven points of degree 5 (Radon).
 const SEVEN: [([f64; 3], f64); 7] = {
     const A: f64 = 0.470_142_064_105_115_1;
     const B: f64 = 0.101_286_507_323_456_33;
-    const OF_A: f64 = 0.132_394_152_788_506_18;
+    const OF_A: f64 = 0.132_394_152_788_506_2;
     const OF_B: f64 = 0.125_939_180_544_827_17;
     [
         ([1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], 0.225),
@@ -57,7 +58,9 @@ pub fn pull(i: &Triangle, j: &Triangle) -> Pull {
         return whole;
     }
     let least = TOLERANCE * whole.g;
-    halved(&small.corners, small.area, whole, DEPTH, &|x| great.pull(x), &|a: &Pull, b: &Pull| a.is_near(b, least))
+    halved(&small.corners, small.area, whole, DEPTH, &|x| great.pull(x), &|a: &Pull, b: &Pull| {
+        a.is_near(b, least)
+    })
 }
 
 /// A fixed order of triangles of the same radius.
@@ -94,7 +97,9 @@ pub fn view(i: &Triangle, j: &Triangle) -> Vector3<f64> {
     }
     // As large as it gets: half the full angle over all of i.
     let least = TOLERANCE * std::f64::consts::TAU * i.area;
-    halved(&i.corners, i.area, whole, DEPTH, &at, &|a: &Vector3<f64>, b: &Vector3<f64>| (a - b).amax() < least)
+    halved(&i.corners, i.area, whole, DEPTH, &at, &|a: &Vector3<f64>, b: &Vector3<f64>| {
+        (a - b).amax() < least
+    })
 }
 
 /// What is integrated: summed with weights.
@@ -116,7 +121,9 @@ impl Sum for Vector3<f64> {
 
 fn seven<T: Sum>(corners: &[Vector3<f64>; 3], area: f64, f: &impl Fn(&Vector3<f64>) -> T) -> T {
     let frame = Matrix3::from_columns(corners);
-    SEVEN.iter().fold(T::default(), |sum, (at, weight)| sum.plus(f(&(frame * Vector3::from(*at))), weight * area))
+    SEVEN
+        .iter()
+        .fold(T::default(), |sum, (at, weight)| sum.plus(f(&(frame * Vector3::from(*at))), weight * area))
 }
 
 /// The integral over a triangle, of which `whole` is a first value, as exact as `is_near` asks.

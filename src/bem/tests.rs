@@ -8,10 +8,10 @@ const LAME: Lame = Lame { lambda: 1.5, mu: 1.0 };
 
 /// A sphere of radius 1, of 8·4^times triangles.
 fn sphere(times: u32) -> (Vec<Vector3<f64>>, Vec<[u32; 3]>) {
-    let mut nodes: Vec<_> = (0..6).map(|k| Vector3::ith(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
-    let mut triangles = vec![
-        [0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5],
-    ];
+    let mut nodes: Vec<_> =
+        (0..6).map(|k| Vector3::ith(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
+    let mut triangles =
+        vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
     for _ in 0..times {
         let mut middles = BTreeMap::new();
         let mut finer = Vec::new();
@@ -40,17 +40,22 @@ fn column(nodes: &[Vector3<f64>], field: impl Fn(&Vector3<f64>) -> Vector3<f64>)
 /// energy and the tractions' work are right to what the integrals are exact to.
 #[test]
 fn a_stretched_bar_is_exact() {
-    let mut bar = surface_body::of_tetrahedra(&block(&Block { size: [2.0, 1.0, 0.7], cells: [2, 1, 1] }).unwrap());
+    let mut bar =
+        surface_body::of_tetrahedra(&block(&Block { size: [2.0, 1.0, 0.7], cells: [2, 1, 1] }).unwrap());
     surface_body::shorten(&mut bar, 1.1).unwrap();
     let [young, poisson] = [2.6, 0.3];
     let stretch = Matrix3::from_diagonal(&Vector3::new(1.0, -poisson, -poisson));
     let exact = column(&bar.nodes, |x| stretch * x);
     let is_held: Vec<bool> = bar.nodes.iter().map(|x| x.x.abs() > 0.999).collect();
     let surface = Surface { nodes: &bar.nodes, triangles: &bar.triangles };
-    let solved =
-        solve(surface, Lame::from_young_poisson(young, poisson), &is_held, &exact, &Silent).unwrap();
-    assert!(is_held.iter().any(|held| !held) && solved.integration_error < 1e-4, "{}", solved.integration_error);
-    let error = solved.fields.data.iter().zip(&exact.data).map(|(u, exact)| (u - exact).abs()).fold(0.0, f64::max);
+    let solved = solve(surface, Lame::from_young_poisson(young, poisson), &is_held, &exact, &Silent).unwrap();
+    assert!(
+        is_held.iter().any(|held| !held) && solved.integration_error < 1e-4,
+        "{}",
+        solved.integration_error
+    );
+    let error =
+        solved.fields.data.iter().zip(&exact.data).map(|(u, exact)| (u - exact).abs()).fold(0.0, f64::max);
     assert!(error < 2e-4, "{error:e}");
     let energy = young * 2.0 * 0.7;
     for work in [&solved.work, &solved.traction_work] {
@@ -73,7 +78,8 @@ fn kelvin(x: &Vector3<f64>, normal: &Vector3<f64>, source: &Vector3<f64>) -> [Ve
         let d = Vector3::ith(k, step);
         (at(x + d) - at(x - d)) / (2.0 * step)
     }));
-    let stress = Matrix3::from_diagonal_element(LAME.lambda * slope.trace()) + (slope + slope.transpose()) * LAME.mu;
+    let stress =
+        Matrix3::from_diagonal_element(LAME.lambda * slope.trace()) + (slope + slope.transpose()) * LAME.mu;
     [u, stress * normal]
 }
 
@@ -85,12 +91,14 @@ fn kelvins_solution_is_met_at_second_order() {
         .map(|times| {
             // A cube, so that the body is the same however fine it is.
             let cells = [1u32, 2, 4][times];
-            let cube = surface_body::of_tetrahedra(&block(&Block { size: [1.0; 3], cells: [cells; 3] }).unwrap());
+            let cube =
+                surface_body::of_tetrahedra(&block(&Block { size: [1.0; 3], cells: [cells; 3] }).unwrap());
             let surface = Surface { nodes: &cube.nodes, triangles: &cube.triangles };
             let given = column(&cube.nodes, |x| kelvin(x, &Vector3::x(), &source)[0]);
             let held = vec![true; cube.nodes.len()];
             let solved = solve(surface, LAME, &held, &given, &Silent).unwrap();
-            let fine = surface_body::of_tetrahedra(&block(&Block { size: [1.0; 3], cells: [16; 3] }).unwrap());
+            let fine =
+                surface_body::of_tetrahedra(&block(&Block { size: [1.0; 3], cells: [16; 3] }).unwrap());
             let exact: f64 = fine
                 .triangles
                 .iter()
@@ -119,13 +127,21 @@ fn a_hollow_sphere_follows_lames_solution() {
     let errors = [0, 1, 2].map(|times| {
         let (shell, faces) = sphere(times);
         let count = shell.len() as u32;
-        let nodes: Vec<_> = shell.iter().chain(&shell).enumerate().map(|(k, x)| x * if k < shell.len() { outer } else { inner }).collect();
+        let nodes: Vec<_> = shell
+            .iter()
+            .chain(&shell)
+            .enumerate()
+            .map(|(k, x)| x * if k < shell.len() { outer } else { inner })
+            .collect();
         let turned = faces.iter().map(|[a, b, c]| [a + count, c + count, b + count]);
         let triangles: Vec<_> = faces.iter().copied().chain(turned).collect();
         let is_held: Vec<bool> = (0..nodes.len()).map(|k| k < shell.len()).collect();
         let given = column(&nodes, |x| *x);
-        let solved = solve(Surface { nodes: &nodes, triangles: &triangles }, LAME, &is_held, &given, &Silent).unwrap();
-        let at = |node: usize| nodes[node].normalize().dot(&Vector3::from_row_slice(&solved.fields.data[3 * node..][..3]));
+        let solved =
+            solve(Surface { nodes: &nodes, triangles: &triangles }, LAME, &is_held, &given, &Silent).unwrap();
+        let at = |node: usize| {
+            nodes[node].normalize().dot(&Vector3::from_row_slice(&solved.fields.data[3 * node..][..3]))
+        };
         let mean = (shell.len()..nodes.len()).map(at).sum::<f64>() / shell.len() as f64;
         (mean / exact - 1.0).abs()
     });
@@ -136,7 +152,8 @@ fn a_hollow_sphere_follows_lames_solution() {
 /// Nothing locks: at ν = 0.4999 the bar's energy is as near to that at 0.49 as the material is.
 #[test]
 fn nothing_locks_where_the_material_hardly_changes_its_volume() {
-    let bar = surface_body::of_tetrahedra(&block(&Block { size: [3.0, 1.0, 1.0], cells: [3, 1, 1] }).unwrap());
+    let bar =
+        surface_body::of_tetrahedra(&block(&Block { size: [3.0, 1.0, 1.0], cells: [3, 1, 1] }).unwrap());
     let is_held: Vec<bool> = bar.nodes.iter().map(|x| x.x.abs() > 1.499).collect();
     let shear = column(&bar.nodes, |x| if x.x > 0.0 { Vector3::y() } else { Vector3::zeros() });
     let surface = Surface { nodes: &bar.nodes, triangles: &bar.triangles };
@@ -153,7 +170,8 @@ fn tractions_lie_on_held_triangles_and_around_single_nodes() {
     let triangles = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]];
     let nodes: Vec<_> = (0..6).map(|k| Vector3::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect();
     let surface = Surface { nodes: &nodes, triangles: &triangles };
-    let loaded = |held: &[usize]| loaded_triangles(surface, &std::array::from_fn::<_, 6, _>(|k| held.contains(&k)));
+    let loaded =
+        |held: &[usize]| loaded_triangles(surface, &std::array::from_fn::<_, 6, _>(|k| held.contains(&k)));
     assert_eq!(loaded(&[0, 1, 2]), [0]);
     assert_eq!(loaded(&[0, 1, 2, 3]), [0, 1]);
     assert_eq!(loaded(&[4]), [2, 3]);
@@ -164,7 +182,10 @@ fn tractions_lie_on_held_triangles_and_around_single_nodes() {
 #[test]
 fn matrices_that_do_not_fit_are_refused_with_what_would() {
     let error = fits(10_000_000, 1000).unwrap_err().to_string();
-    assert!(error.contains("boundary elements on 10000000 nodes") && error.contains("nodes would fit"), "{error}");
+    assert!(
+        error.contains("boundary elements on 10000000 nodes") && error.contains("nodes would fit"),
+        "{error}"
+    );
     assert!(fits(10, 1).unwrap() > 0.0);
     let Err(Error::Memory { fits, .. }) = super::fits(10_000_000, 1000) else { panic!() };
     assert!(fits > 0 && fits < 1_000_000 && super::fits(fits * 9 / 10, 0).is_ok(), "{fits}");

@@ -11,8 +11,8 @@ use nalgebra::Vector3;
 const FOUR: [(f64, f64); 4] = {
     const A: f64 = 0.069_431_844_202_973_71;
     const B: f64 = 0.330_009_478_207_571_87;
-    const OF_A: f64 = 0.173_927_422_568_726_93;
-    const OF_B: f64 = 0.326_072_577_431_273_07;
+    const OF_A: f64 = 0.173_927_422_568_726_92;
+    const OF_B: f64 = 0.326_072_577_431_273_05;
     [(A, OF_A), (B, OF_B), (1.0 - B, OF_B), (1.0 - A, OF_A)]
 };
 /// Halving ends where it changes the mean by less than this part, and at this depth.

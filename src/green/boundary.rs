@@ -116,7 +116,10 @@ mod tests {
         // Displacements of the middle under the same shift.
         let middle = |solution: &Solution| {
             let mesh = &solution.mesh;
-            let node = mesh.nodes.iter().position(|x| (x.y - 0.5).abs() < 1e-9 && x.x.abs() < 1e-9 && x.z.abs() < 1e-9);
+            let node = mesh
+                .nodes
+                .iter()
+                .position(|x| (x.y - 0.5).abs() < 1e-9 && x.x.abs() < 1e-9 && x.z.abs() < 1e-9);
             solution.fields.row(3 * node.unwrap() + 1)[FIELDS + 1]
         };
         assert!((middle(&bem) - middle(&tet10)).abs() < 0.01, "{} {}", middle(&bem), middle(&tet10));
@@ -126,8 +129,12 @@ mod tests {
     fn solved_file(left_out: usize, more: &str) -> Result<Solution, GreenError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("box.obj");
-        let corners = (0..8).map(|k| format!("v {} {} {}\n", if k & 1 == 0 { -2 } else { 2 }, k >> 1 & 1, k >> 2));
-        let faces = ["1 3 4", "1 4 2", "5 6 8", "5 8 7", "1 2 6", "1 6 5", "3 7 8", "3 8 4", "1 5 7", "1 7 3", "2 4 8", "2 8 6"];
+        let corners =
+            (0..8).map(|k| format!("v {} {} {}\n", if k & 1 == 0 { -2 } else { 2 }, k >> 1 & 1, k >> 2));
+        let faces = [
+            "1 3 4", "1 4 2", "5 6 8", "5 8 7", "1 2 6", "1 6 5", "3 7 8", "3 8 4", "1 5 7", "1 7 3",
+            "2 4 8", "2 8 6",
+        ];
         let faces = faces.iter().skip(left_out).map(|face| format!("f {face}\n"));
         std::fs::write(&path, corners.chain(faces).collect::<String>()).unwrap();
         solved(&format!("mesh = {:?}\nmethod = \"bem\"\n{more}", path.display().to_string()))

@@ -62,13 +62,37 @@ impl Body {
             return Err(("longest_edge", format!("{edge} m: a positive length is needed")));
         }
         let needs_inside = [
-            ("tetrahedralise", self.tetrahedralise.is_some(), "fills the body with tetrahedra, and boundary elements need none"),
-            ("element", self.element != <&Element>::default(), "is one of tetrahedra, and boundary elements have none"),
-            ("region", !self.region.is_empty(), "is a part of the inside, and boundary elements know one material throughout"),
-            ("solver", self.solver != Solver::default(), "is for sparse matrices, and those of boundary elements are full"),
+            (
+                "tetrahedralise",
+                self.tetrahedralise.is_some(),
+                "fills the body with tetrahedra, and boundary elements need none",
+            ),
+            (
+                "element",
+                self.element != <&Element>::default(),
+                "is one of tetrahedra, and boundary elements have none",
+            ),
+            (
+                "region",
+                !self.region.is_empty(),
+                "is a part of the inside, and boundary elements know one material throughout",
+            ),
+            (
+                "solver",
+                self.solver != Solver::default(),
+                "is for sparse matrices, and those of boundary elements are full",
+            ),
             ("parts", self.parts.is_some(), "cuts the inside, and boundary elements have none"),
-            ("updates", self.updates.is_some(), "needs the matrix of the inside, and boundary elements have none"),
-            ("surface_compliance", self.surface_compliance.is_some(), "needs the matrix of the inside, and boundary elements have none"),
+            (
+                "updates",
+                self.updates.is_some(),
+                "needs the matrix of the inside, and boundary elements have none",
+            ),
+            (
+                "surface_compliance",
+                self.surface_compliance.is_some(),
+                "needs the matrix of the inside, and boundary elements have none",
+            ),
             ("gravity", self.gravity.is_some(), LOAD),
             ("centrifugal", self.centrifugal.is_some(), LOAD),
             ("thermal", self.thermal.is_some(), LOAD),
@@ -109,7 +133,10 @@ mod tests {
             ("method = \"bem\"\nregion.1 = \"steel\"", "body.a.region: is a part of the inside"),
             ("method = \"bem\"\nsolver = { method = \"pcg\" }", "body.a.solver: is for sparse matrices"),
             ("method = \"bem\"\ngravity = true", "body.a.gravity: is a load"),
-            ("method = \"bem\"\nsurface_compliance = { nodes = \"surface\" }", "body.a.surface_compliance: needs"),
+            (
+                "method = \"bem\"\nsurface_compliance = { nodes = \"surface\" }",
+                "body.a.surface_compliance: needs",
+            ),
             ("method = \"bm\"", "did you mean `bem`?"),
         ] {
             let error = scene(lines).unwrap_err();

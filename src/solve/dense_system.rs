@@ -92,7 +92,12 @@ pub struct DenseSystem {
 
 impl DenseSystem {
     /// `matrix`: the lower half of all `size` columns, the `free` unknowns first.
-    pub fn new(mut matrix: Vec<f64>, size: usize, free: usize, progress: &dyn Progress) -> Result<DenseSystem, SolveError> {
+    pub fn new(
+        mut matrix: Vec<f64>,
+        size: usize,
+        free: usize,
+        progress: &dyn Progress,
+    ) -> Result<DenseSystem, SolveError> {
         progress.begin("factor", 0);
         let started = Instant::now();
         mirror(&mut matrix, size);
@@ -188,7 +193,12 @@ impl DenseSystem {
 
     /// As for sparse matrices: the condition of A scaled by its diagonal, and a bound on the error of the column with the largest
     /// residual.
-    fn judge(&self, fields: &NodeFields, rest: &[f64], residuals: &[f64]) -> Result<Conditioning, SolveError> {
+    fn judge(
+        &self,
+        fields: &NodeFields,
+        rest: &[f64],
+        residuals: &[f64],
+    ) -> Result<Conditioning, SolveError> {
         let started = Instant::now();
         let (nodes, columns) = (self.free / 3, fields.columns);
         let inverse = |b: &NodeFields| {
@@ -199,7 +209,9 @@ impl DenseSystem {
         };
         let inverse: Inverse<'_> = &inverse;
         let scale: Vec<f64> = self.diagonal[..self.free].iter().map(|d| d.sqrt()).collect();
-        let scaled = |x: &[f64], power: i32| x.iter().zip(&scale).map(|(x, s)| x * s.powi(power)).collect::<Vec<f64>>();
+        let scaled = |x: &[f64], power: i32| {
+            x.iter().zip(&scale).map(|(x, s)| x * s.powi(power)).collect::<Vec<f64>>()
+        };
         let largest = largest_eigenvalue(self.free, STEPS[0], |x| {
             let mut all = scaled(x, -1);
             all.resize(self.size, 0.0);
@@ -271,7 +283,8 @@ mod tests {
     #[test]
     fn free_unknowns_are_without_force_and_others_as_they_were() {
         let (size, free, columns) = (501, 486, 4);
-        let lower = (0..size * size).map(|k| if k % size >= k / size { entry(k % size, k / size) } else { 0.0 });
+        let lower =
+            (0..size * size).map(|k| if k % size >= k / size { entry(k % size, k / size) } else { 0.0 });
         let system = DenseSystem::new(lower.collect(), size, free, &Silent).unwrap();
         for j in (0..size).step_by(7) {
             for (i, value) in system.above(j).iter().enumerate() {
