@@ -130,7 +130,8 @@ fn loads_required(
 pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
     match law(scene, name, body)? {
         None if body.method == Method::Bem => {
-            let message = "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
+            let message =
+                "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
             Err(wrong(scene, name, "method", message.to_owned()))
         }
         None => requirements(scene, name, body),

@@ -14,8 +14,10 @@
 mod assembly;
 mod operators;
 mod pairs;
+mod touching;
 mod triangle;
 
+use crate::base::disjoint::DisjointSets;
 use crate::base::machine::{self, TooLarge};
 use crate::base::progress::Progress;
 use crate::fem::{Lame, NodeFields};
@@ -38,7 +40,10 @@ pub struct Solved {
     pub fields: NodeFields,
     /// W = Uᵀ S U, symmetric: what S says that one field does on another, N·m per units of both.
     pub work: DMatrix<f64>,
-    /// The same as the tractions' work on the prescribed fields: the closer to W, the finer the surface; not symmetric.
+    /// max |W - Wᵀ| over max |W| as it was solved.
+    pub asymmetry: f64,
+    /// The same as the tractions' work on the prescribed fields: far from it where triangles are large, for tractions are constant
+    /// on each; W, the least energy, errs by about the square of that.
     pub traction_work: DMatrix<f64>,
     /// max |S r| over max |S| for the rigid motions r, before they were taken out: what was lost in the integrals.
     pub integration_error: f64,
@@ -50,7 +55,9 @@ pub struct Solved {
 
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("triangle {triangle} of the surface near {place} has no area: remove it, or mesh this place anew")]
+    #[error(
+        "triangle {triangle} of the surface near {place} has no area: remove it, or mesh this place anew"
+    )]
     Flat { triangle: usize, place: String },
     #[error(
         "{source}; the matrices of boundary elements are full: about {fits} nodes would fit. Take a coarser surface, or fill the \
@@ -87,17 +94,43 @@ pub fn fits(nodes: usize, held: usize) -> Result<f64, Error> {
 }
 
 /// The triangles that carry tractions, where `is_held` tells of each node whether it is prescribed: those with three held corners,
-/// and around a held node without such a triangle all.
-pub fn loaded_triangles(triangles: &[[u32; 3]], is_held: &[bool]) -> Vec<u32> {
+/// around a held node without such a triangle all, and all around a cavity that nothing holds. There they come out as about zero;
+/// without them nothing would tell where its wall is, for a rigid motion of a wall alone is felt nowhere else.
+pub fn loaded_triangles(Surface { nodes, triangles }: Surface<'_>, is_held: &[bool]) -> Vec<u32> {
     let held = |node: &u32| is_held[*node as usize];
     let mut is_covered = vec![false; is_held.len()];
     for triangle in triangles.iter().filter(|triangle| triangle.iter().all(held)) {
         triangle.iter().for_each(|&node| is_covered[node as usize] = true);
     }
+    let is_cavity = free_cavities(nodes, triangles, is_held);
     let is_loaded = |triangle: &[u32; 3]| {
-        triangle.iter().all(held) || triangle.iter().any(|node| held(node) && !is_covered[*node as usize])
+        triangle.iter().all(held)
+            || is_cavity[triangle[0] as usize]
+            || triangle.iter().any(|node| held(node) && !is_covered[*node as usize])
     };
     (0u32..).zip(triangles).filter(|(_, triangle)| is_loaded(triangle)).map(|(t, _)| t).collect()
+}
+
+/// Of each node, whether it lies on a shell around a cavity of which no node is held.
+fn free_cavities(nodes: &[Vector3<f64>], triangles: &[[u32; 3]], is_held: &[bool]) -> Vec<bool> {
+    let mut sets = DisjointSets::new(nodes.len());
+    for [a, b, c] in triangles {
+        sets.join(*a, *b);
+        sets.join(*b, *c);
+    }
+    let shell: Vec<u32> = (0..nodes.len() as u32).map(|node| sets.root(node)).collect();
+    let (mut volume, mut is_free) = (vec![0.0; nodes.len()], vec![true; nodes.len()]);
+    for triangle in triangles {
+        let root = shell[triangle[0] as usize] as usize;
+        let [a, b, c] = triangle.map(|node| nodes[node as usize] - nodes[root]);
+        volume[root] += a.dot(&b.cross(&c));
+    }
+    shell
+        .iter()
+        .zip(is_held)
+        .filter(|(_, held)| **held)
+        .for_each(|(root, _)| is_free[*root as usize] = false);
+    shell.iter().map(|&root| volume[root as usize] < 0.0 && is_free[root as usize]).collect()
 }
 
 /// Solves for `prescribed`, over all nodes, of which the rows of the nodes that are not held are ignored.
@@ -110,7 +143,7 @@ pub fn solve(
 ) -> Result<Solved, Error> {
     let started = Instant::now();
     let count = surface.nodes.len();
-    let loaded = loaded_triangles(surface.triangles, is_held);
+    let loaded = loaded_triangles(surface, is_held);
     fits(count, loaded.len())?;
     // Free nodes first.
     let mut order: Vec<u32> = (0..count as u32).collect();
@@ -138,15 +171,23 @@ pub fn solve(
     let displacement = as_matrix(&ordered);
     let work = displacement.tr_mul(&as_matrix(&force));
     let traction_work = traction_work(&mesh, &tractions, &loaded, &ordered);
+    let asymmetry = relative(&(&work - work.transpose()), &work);
     Ok(Solved {
         fields: ordered.at(&place_of),
         work: (&work + work.transpose()) / 2.0,
+        asymmetry,
         traction_work,
         integration_error,
         entries,
         assembly_s,
         stats,
     })
+}
+
+/// max |a| over max |b|; 0 where a is.
+pub fn relative(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+    let (a, b) = (a.amax(), b.amax());
+    if a == 0.0 { 0.0 } else { a / b }
 }
 
 fn mesh(surface: Surface<'_>, place_of: &[u32], lame: Lame) -> Result<Mesh, Error> {
@@ -234,3 +275,6 @@ fn take_out(matrix: &mut [f64], rigid: &DMatrix<f64>) -> f64 {
     let scale = (size as f64 / 3.0).sqrt();
     if largest == 0.0 { 0.0 } else { scale * image.amax() / largest }
 }
+
+#[cfg(test)]
+mod tests;

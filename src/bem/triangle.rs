@@ -36,9 +36,16 @@ pub struct Pull {
 }
 
 impl Pull {
-    pub fn add(&mut self, other: &Pull, weight: f64) {
+    /// With so much of another.
+    pub fn plus(mut self, other: &Pull, weight: f64) -> Pull {
         self.g += weight * other.g;
         self.h.iter_mut().zip(&other.h).for_each(|(own, other)| *own += weight * other);
+        self
+    }
+
+    /// Whether no number differs by more than `least`.
+    pub fn is_near(&self, other: &Pull, least: f64) -> bool {
+        (self.g - other.g).abs() < least && self.h.iter().zip(&other.h).all(|(a, b)| (a - b).abs() < least)
     }
 
     /// Adds a (b)ᵀ + b (a)ᵀ, halved, to H.

@@ -108,7 +108,9 @@ pub fn report(body: &Precomputed) -> Table {
         "mesh",
         times.mesh_s,
         match solution.method {
-            Method::Bem => format!("surface {} nodes and {} triangles", mesh.nodes.len(), mesh.triangles.len()),
+            Method::Bem => {
+                format!("surface {} nodes and {} triangles", mesh.nodes.len(), mesh.triangles.len())
+            }
             Method::Fem => format!(
                 "{} nodes, {} {}, surface {} nodes and {} triangles",
                 mesh.nodes.len(),
@@ -131,7 +133,11 @@ pub fn report(body: &Precomputed) -> Table {
     );
     if solution.method == Method::Bem {
         let fill = stats.factor_entries as f64;
-        row("factor", stats.factor_s, format!("{} unknowns, L: {fill:.3e} entries, in place", stats.unknowns));
+        row(
+            "factor",
+            stats.factor_s,
+            format!("{} unknowns, L: {fill:.3e} entries, in place", stats.unknowns),
+        );
         row("solves", stats.solve_s, format!("{} columns, with their residuals", stats.columns));
     } else if stats.method.is_direct {
         row("ordering", stats.ordering_s, "nested dissection (METIS)".into());

@@ -89,7 +89,9 @@ impl Forecast {
 pub fn boundary_told(mesh: &TetMesh, controls: &[ControlElement]) -> Result<String, String> {
     let mut is_held = vec![false; mesh.nodes.len()];
     controls.iter().flat_map(|control| &control.nodes).for_each(|&node| is_held[node as usize] = true);
-    let loaded = bem::loaded_triangles(&mesh.triangles, &is_held).len();
+    let loaded =
+        bem::loaded_triangles(bem::Surface { nodes: &mesh.nodes, triangles: &mesh.triangles }, &is_held)
+            .len();
     let need = bem::fits(mesh.nodes.len(), loaded).map_err(|error| error.to_string())?;
     Ok(format!(
         "boundary elements on {} triangles, tractions on {loaded}: full matrices of {} while it is precomputed",

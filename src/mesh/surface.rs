@@ -89,7 +89,10 @@ pub fn outer_faces(mesh: &TetMesh) -> Vec<Vec<u32>> {
 impl Surface {
     pub fn of(mesh: &TetMesh) -> Surface {
         if !mesh.triangles.is_empty() {
-            return Surface { triangles: mesh.triangles.clone(), nodes: (0..mesh.nodes.len() as u32).collect() };
+            return Surface {
+                triangles: mesh.triangles.clone(),
+                nodes: (0..mesh.nodes.len() as u32).collect(),
+            };
         }
         let faces = sorted_faces(mesh);
         let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);

@@ -80,7 +80,10 @@ pub fn shorten(mesh: &mut TetMesh, longest: f64) -> Result<(), String> {
 
 /// Halves the edges that are asked for, and cuts the triangles beside them; false where there was none. A group holds the new
 /// nodes between two of its own.
-fn split(mesh: &mut TetMesh, is_halved: &dyn Fn(&Vector3<f64>, &Vector3<f64>) -> bool) -> Result<bool, String> {
+fn split(
+    mesh: &mut TetMesh,
+    is_halved: &dyn Fn(&Vector3<f64>, &Vector3<f64>) -> bool,
+) -> Result<bool, String> {
     let edges_of = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]);
     let nodes = &mesh.nodes;
     let halved = |[a, b]: &[u32; 2]| is_halved(&nodes[*a as usize], &nodes[*b as usize]);
@@ -91,7 +94,9 @@ fn split(mesh: &mut TetMesh, is_halved: &dyn Fn(&Vector3<f64>, &Vector3<f64>) ->
     let after = mesh.triangles.len() + 2 * edges.len();
     let last = mesh.tags.iter().copied().max().unwrap_or(0).checked_add(edges.len() as u64);
     if after > MOST_TRIANGLES || last.is_none() {
-        return Err(format!("the surface would have {after} triangles or more, and {MOST_TRIANGLES} are possible"));
+        return Err(format!(
+            "the surface would have {after} triangles or more, and {MOST_TRIANGLES} are possible"
+        ));
     }
     let first = mesh.nodes.len() as u32;
     let middle: BTreeMap<[u32; 2], u32> = edges.iter().copied().zip(first..).collect();
@@ -112,7 +117,11 @@ fn split(mesh: &mut TetMesh, is_halved: &dyn Fn(&Vector3<f64>, &Vector3<f64>) ->
 }
 
 /// The parts of a triangle, some of whose edges are halved.
-fn cut(nodes: &[Vector3<f64>], [a, b, c]: [u32; 3], middle: &dyn Fn(u32, u32) -> Option<u32>) -> Vec<[u32; 3]> {
+fn cut(
+    nodes: &[Vector3<f64>],
+    [a, b, c]: [u32; 3],
+    middle: &dyn Fn(u32, u32) -> Option<u32>,
+) -> Vec<[u32; 3]> {
     let length = |p: u32, q: u32| (nodes[p as usize] - nodes[q as usize]).norm_squared();
     match [middle(a, b), middle(b, c), middle(c, a)] {
         [None, None, None] => vec![[a, b, c]],
@@ -130,7 +139,11 @@ fn cut(nodes: &[Vector3<f64>], [a, b, c]: [u32; 3], middle: &dyn Fn(u32, u32) ->
 /// Of a triangle whose edge from the first to the second corner is whole; the four corners behind are cut along the shorter diagonal.
 fn quarter([a, b, c]: [u32; 3], bc: u32, ca: u32, length: &dyn Fn(u32, u32) -> f64) -> Vec<[u32; 3]> {
     let tip = [ca, bc, c];
-    if length(a, bc) <= length(b, ca) { vec![tip, [a, b, bc], [a, bc, ca]] } else { vec![tip, [a, b, ca], [b, bc, ca]] }
+    if length(a, bc) <= length(b, ca) {
+        vec![tip, [a, b, bc], [a, bc, ca]]
+    } else {
+        vec![tip, [a, b, ca], [b, bc, ca]]
+    }
 }
 
 /// The pieces of a body without tetrahedra: shells that are joined through edges, each around a cavity with the shell around it.
@@ -142,7 +155,10 @@ pub(super) fn pieces(mesh: &TetMesh) -> Components {
         edges.extend([[a, b], [b, c], [c, a]].map(|[p, q]| ([*p.min(q), *p.max(q)], t)));
     }
     edges.sort_unstable();
-    edges.chunk_by(|a, b| a.0 == b.0).flat_map(|same| same.windows(2)).for_each(|pair| sets.join(pair[0].1, pair[1].1));
+    edges
+        .chunk_by(|a, b| a.0 == b.0)
+        .flat_map(|same| same.windows(2))
+        .for_each(|pair| sets.join(pair[0].1, pair[1].1));
     let roots: Vec<u32> = (0..count as u32).map(|t| sets.root(t)).collect();
     let mut shells: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     (0u32..).zip(&roots).for_each(|(t, root)| shells.entry(*root).or_default().push(t));
@@ -153,7 +169,8 @@ pub(super) fn pieces(mesh: &TetMesh) -> Components {
         if volume < 0.0 { cavities.push(triangles) } else { outer.push((volume, triangles)) }
     }
     let holders: Vec<Option<usize>> = cavities.iter().map(|cavity| holder(mesh, &outer, cavity)).collect();
-    let mut nodes: Vec<Vec<u32>> = outer.into_iter().map(|(_, triangles)| nodes_of(mesh, &triangles)).collect();
+    let mut nodes: Vec<Vec<u32>> =
+        outer.into_iter().map(|(_, triangles)| nodes_of(mesh, &triangles)).collect();
     for (cavity, holder) in cavities.into_iter().zip(holders) {
         let own = nodes_of(mesh, &cavity);
         match holder {

@@ -3,7 +3,9 @@
 use super::{Body, Generate, Method, Scene, SceneError, Tetrahedralise};
 use crate::base::input;
 use crate::mesh::quadratic::{Curve, straight};
-use crate::mesh::{self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files};
+use crate::mesh::{
+    self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files,
+};
 use image::{ImageReader, RgbaImage};
 use std::path::Path;
 
@@ -87,7 +89,9 @@ impl Scene {
         }
         let after = mesh.triangles.len();
         if after > before {
-            loaded.notices.push(format!("{before} triangles were cut into {after}, with {} nodes", mesh.nodes.len()));
+            loaded
+                .notices
+                .push(format!("{before} triangles were cut into {after}, with {} nodes", mesh.nodes.len()));
         }
         Ok(())
     }

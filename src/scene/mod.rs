@@ -37,9 +37,9 @@ pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
     SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
-pub use method::Method;
 pub use look::{CREASE, Color, Lines, Texture};
 pub use material::Material;
+pub use method::Method;
 pub use parts::Parts;
 pub use select::Nodes;
 pub use updates::Updates;

@@ -42,7 +42,7 @@ impl Real for f32 {
 }
 
 /// Columns that are factorized together, and rows and columns of a tile.
-const PANEL: usize = 192;
+pub(super) const PANEL: usize = 192;
 const TILE_ROWS: usize = 512;
 const TILE_COLUMNS: usize = 256;
 

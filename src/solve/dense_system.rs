@@ -5,7 +5,7 @@
 //! that residuals are those of the matrix itself.
 
 use super::condition::{ROUNDOFF, Solved};
-use super::dense::{factorize, update};
+use super::dense::{PANEL, factorize, update};
 use super::error::SolveError;
 use super::solver::{Conditioning, Method, SolveResult, SolveStats};
 use crate::base::progress::Progress;
@@ -90,12 +90,27 @@ pub struct DenseSystem {
 
 impl DenseSystem {
     /// `matrix`: the lower half of all `size` columns, the `free` unknowns first.
-    pub fn new(mut matrix: Vec<f64>, size: usize, free: usize, progress: &dyn Progress) -> Result<DenseSystem, SolveError> {
+    pub fn new(
+        mut matrix: Vec<f64>,
+        size: usize,
+        free: usize,
+        progress: &dyn Progress,
+    ) -> Result<DenseSystem, SolveError> {
         progress.begin("factor", 0);
         let started = Instant::now();
         mirror(&mut matrix, size);
         let diagonal = (0..size).map(|i| matrix[i * size + i]).collect();
-        let elimination = Elimination::of(matrix, free, size - free)?;
+        // The kernel writes above the diagonal, too, within a panel.
+        let panel = |j: usize| j * size + j / PANEL * PANEL..j * size + j;
+        let above: Vec<f64> = (0..free).flat_map(|j| &matrix[panel(j)]).copied().collect();
+        let mut elimination = Elimination::of(matrix, free, size - free)?;
+        let mut above = above.as_slice();
+        for j in 0..free {
+            let own = &mut elimination.numbers[panel(j)];
+            let (before, rest) = above.split_at(own.len());
+            own.copy_from_slice(before);
+            above = rest;
+        }
         progress.end();
         Ok(DenseSystem { free, size, elimination, diagonal, factor_s: started.elapsed().as_secs_f64() })
     }
@@ -176,7 +191,12 @@ impl DenseSystem {
 
     /// As for sparse matrices: the condition of A scaled by its diagonal, and a bound on the error of the column with the largest
     /// residual.
-    fn judge(&self, fields: &NodeFields, rest: &[f64], residuals: &[f64]) -> Result<Conditioning, SolveError> {
+    fn judge(
+        &self,
+        fields: &NodeFields,
+        rest: &[f64],
+        residuals: &[f64],
+    ) -> Result<Conditioning, SolveError> {
         let started = Instant::now();
         let columns = fields.columns;
         let inverse = |b: &NodeFields| {
@@ -260,7 +280,8 @@ mod tests {
     #[test]
     fn free_unknowns_are_without_force_and_others_as_they_were() {
         let (size, free, columns) = (501, 486, 4);
-        let lower = (0..size * size).map(|k| if k % size >= k / size { entry(k % size, k / size) } else { 0.0 });
+        let lower =
+            (0..size * size).map(|k| if k % size >= k / size { entry(k % size, k / size) } else { 0.0 });
         let system = DenseSystem::new(lower.collect(), size, free, &Silent).unwrap();
         for j in (0..size).step_by(7) {
             for (i, value) in system.above(j).iter().enumerate() {
@@ -277,7 +298,7 @@ mod tests {
                 assert!(force.abs() < 1e-12, "{i}, {c}: {force:e}");
             }
         }
-        let conditioning = stats.conditioning.unwrap();
+        let conditioning = stats.conditioning.clone().unwrap();
         assert!(stats.worst_residual() < 1e-14 && conditioning.forward_error < 1e-10, "{conditioning:?}");
         assert!((2.0..30.0).contains(&conditioning.scaled_condition.unwrap()), "{conditioning:?}");
     }
