@@ -31,7 +31,7 @@ const TOLERANCE: f64 = 5e-13;
 /// … and of what it lost by rounding, and of the solves of the estimates.
 const CORRECTION: f64 = 1e-3;
 /// … and of columns of the inverse at chosen nodes, which are kept as f32.
-const COLUMN: f64 = 1e-9;
+const COLUMN: f64 = 1e-10;
 
 /// All matrices of one graph.
 struct Direct {
