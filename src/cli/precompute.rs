@@ -143,8 +143,14 @@ pub fn report(body: &Precomputed) -> Table {
         row("ordering", stats.ordering_s, "nested dissection (METIS)".into());
         row("symbolic", stats.symbolic_s, format!("{} unknowns", stats.unknowns));
         let fill = stats.factor_entries as f64;
-        row("factor", stats.factor_s, format!("L: {fill:.3e} entries, {}", bytes(8.0 * fill)));
-        row("solves", stats.solve_s, format!("{} columns, with their residuals", stats.columns));
+        // Only a factor in f32 is iterated with.
+        let (number, iterations) = match stats.iterations {
+            0 => (8.0, String::new()),
+            count => (4.0, format!(", {count} iterations")),
+        };
+        row("factor", stats.factor_s, format!("L: {fill:.3e} entries, {}", bytes(number * fill)));
+        let columns = stats.columns;
+        row("solves", stats.solve_s, format!("{columns} columns, with their residuals{iterations}"));
     } else {
         row("multigrid", stats.factor_s, format!("{} unknowns", stats.unknowns));
         row(

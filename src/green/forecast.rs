@@ -4,7 +4,8 @@
 //! dissection of a body in three dimensions fills c·n^{4/3} numbers of n unknowns (George, SIAM J. Numer. Anal. 10, 1973;
 //! Lipton, Rose and Tarjan, SIAM J. Numer. Anal. 16, 1979); c was measured here: 7 for a thin-walled tube of 23,520
 //! unknowns and for a bar of 35,937 ten times as long as thick, 11 and 13 for cubes of 13,005 and 43,125. The time of a
-//! factor is that of L^{1.5} multiplications, and was measured with the tube: 0.19 s for 5.0·10⁶ numbers on two threads.
+//! factor is that of L^{1.5} multiplications, and was measured with the tube and with a box of 28,000 nodes: 0.10 s for 5.0·10⁶
+//! numbers and 3.0 s for some 4.4·10⁷, on one thread.
 
 use super::control::ControlElement;
 use crate::base::table::bytes;
@@ -14,8 +15,13 @@ use crate::mesh::TetMesh;
 /// Numbers of the factor over n^{4/3}: of a thin body, and of a compact one.
 const FILL: [f64; 2] = [6.0, 15.0];
 /// Seconds of the factorization on one thread over L^{1.5}, and how far wrong it may be either way.
-const SECONDS: f64 = 3.4e-11;
+const SECONDS: f64 = 1.0e-11;
 const SPREAD: f64 = 2.0;
+/// Seconds on one thread over L of a solve of one column of many, of the estimates in such columns, and of a column of the
+/// inverse at the surface, whose solves stop early.
+const COLUMN: f64 = 7e-10;
+const JUDGEMENT: f64 = 30.0;
+const SURFACE_COLUMN: f64 = 1.5e-10;
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
@@ -45,7 +51,8 @@ impl Forecast {
         let factor_entries =
             FILL.map(|fill| (fill * unknowns.powf(4.0 / 3.0)).min(unknowns * unknowns / 2.0));
         let threads = rayon::current_num_threads() as f64;
-        let time = |entries: f64| SECONDS * entries.powf(1.5) / threads + columns * 16.0 * entries / 20e9;
+        let time =
+            |entries: f64| (SECONDS * entries.powf(1.5) + COLUMN * entries * (columns + JUDGEMENT)) / threads;
         let [thin, compact] = factor_entries.map(time);
         Forecast {
             unknowns,
@@ -59,7 +66,8 @@ impl Forecast {
     /// What `surface_compliance` adds, with [`super::compliance_size`]: its columns are solved as others are.
     pub fn compliance_told(&self, [nodes, all, size]: [usize; 3]) -> String {
         let columns = 3.0 * nodes as f64;
-        let seconds = self.factor_entries.map(|entries| columns * 16.0 * entries / 20e9);
+        let threads = rayon::current_num_threads() as f64;
+        let seconds = self.factor_entries.map(|entries| SURFACE_COLUMN * entries * columns / threads);
         let [soon, late] = [seconds[0] / SPREAD, seconds[1] * SPREAD].map(duration);
         let [size, peak] = [1.0, 3.0].map(|times| bytes(times * size as f64));
         format!(

@@ -27,15 +27,6 @@ pub const AUTO: Method = Method {
 const SMALL: usize = 30_000;
 /// Numbers of the factor over n^{4/3} of the thinnest bodies, as the forecast of a scene has it.
 const LEAST_FILL: f64 = 6.0;
-/// Seconds on one thread: of the factor over L^{1.5}, of a column's solve over L, of an iteration of one column and of the
-/// levels over the pairs of coupled nodes.
-const FACTOR_S: f64 = 3.4e-11;
-const SOLVE_S: f64 = 1.0e-9;
-const ITERATION_S: f64 = 2.0e-8;
-const LEVELS_S: f64 = 3.5e-6;
-/// Iterations of bodies without thin parts or large contrasts, with those of the forward error.
-const ITERATIONS: f64 = 25.0;
-
 /// Both methods; the factor's symbolic step only where it may be wanted.
 struct Auto {
     direct: Option<Box<dyn LinearSolver>>,
@@ -44,18 +35,6 @@ struct Auto {
     unfit: String,
     /// How many columns there will be: told by [`LinearSolver::fits`].
     columns: Mutex<usize>,
-}
-
-/// What is predicted of a method.
-struct Cost {
-    seconds: f64,
-    bytes: f64,
-}
-
-impl Cost {
-    fn told(&self) -> String {
-        format!("{} and {}", seconds(self.seconds), bytes(self.bytes))
-    }
 }
 
 impl Auto {
@@ -83,25 +62,21 @@ impl Auto {
         if 3 * a.nodes() <= SMALL && direct.fits(a, columns).is_ok() {
             return (direct.as_ref(), "cholesky by \"auto\", as for every small body".into());
         }
-        let [cholesky, pcg] = [direct_cost(direct.as_ref(), a, columns), self.iterative_cost(a, columns)];
-        let told = format!("predicted for cholesky {}, for pcg {}", cholesky.told(), pcg.told());
+        let both = [direct.as_ref(), self.iterative.as_ref()];
+        let times = both.map(|solver| solver.seconds(a, columns));
+        let memory = both.map(|solver| bytes(solver.memory(a, columns)));
+        let told = |i: usize| format!("{} and {}", seconds(times[i]), memory[i]);
+        let told = format!("predicted for cholesky {}, for pcg {}", told(0), told(1));
         if let Err(refused) = direct.fits(a, columns) {
             let (SolveError::FactorMemory(refused) | SolveError::Unfit { refused, .. }) = refused else {
                 return (self.iterative.as_ref(), format!("pcg by \"auto\": {told}"));
             };
             return (self.iterative.as_ref(), format!("pcg by \"auto\", for {refused}; {told}"));
         }
-        let is_direct = cholesky.seconds <= pcg.seconds || self.iterative.fits(a, columns).is_err();
+        let is_direct = times[0] <= times[1] || self.iterative.fits(a, columns).is_err();
         let (solver, name) =
             if is_direct { (direct.as_ref(), "cholesky") } else { (self.iterative.as_ref(), "pcg") };
         (solver, format!("{name} by \"auto\": {told}"))
-    }
-
-    fn iterative_cost(&self, a: &StiffnessMatrix, columns: usize) -> Cost {
-        let threads = rayon::current_num_threads() as f64;
-        let pairs = a.edges.len() as f64;
-        let seconds = pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / threads;
-        Cost { seconds, bytes: self.iterative.memory(a, columns) }
     }
 
     fn columns(&self) -> usize {
@@ -109,17 +84,13 @@ impl Auto {
     }
 }
 
-/// Of one column more the memory is the factor's, nearly.
-fn direct_cost(direct: &dyn LinearSolver, a: &StiffnessMatrix, columns: usize) -> Cost {
-    let threads = rayon::current_num_threads() as f64;
-    let entries = direct.memory(a, 1) / 8.0;
-    let seconds = FACTOR_S * entries.powf(1.5) / threads + SOLVE_S * entries * columns as f64 / threads;
-    Cost { seconds, bytes: direct.memory(a, columns) }
-}
-
 impl LinearSolver for Auto {
     fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         self.choose(a, columns).0.memory(a, columns)
+    }
+
+    fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        self.choose(a, columns).0.seconds(a, columns)
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {

@@ -27,6 +27,10 @@ impl LinearSolver for Direct {
         self.analysis.memory::<f64>(a, columns)
     }
 
+    fn seconds(&self, _: &StiffnessMatrix, columns: usize) -> f64 {
+        self.analysis.seconds::<f64>(columns)
+    }
+
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
         self.analysis.fits::<f64>(a, columns)
     }

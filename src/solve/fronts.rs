@@ -126,6 +126,11 @@ impl Fronts {
         self.forward.len()
     }
 
+    /// Multiplications that make L.
+    pub(super) fn work(&self) -> f64 {
+        self.roots().map(|s| self.work[s as usize]).sum()
+    }
+
     /// Numbers in L, with the zeros of its supernodes.
     pub(super) fn entries(&self) -> usize {
         self.value_start[self.count()]

@@ -8,7 +8,7 @@ use super::cholesky::Cholesky;
 use super::error::SolveError;
 use super::llt::{Analysis, Llt};
 use super::refinement::{conditioning, refined};
-use super::solver::{Factor, LinearSolver, Method, SolveResult, SolveStats};
+use super::solver::{Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, spread, strips};
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use std::sync::OnceLock;
@@ -23,12 +23,15 @@ pub const MIXED: Method = Method {
     analyse: |_, a, progress| Ok(Box::new(Direct { analysis: Analysis::new(a, progress)? })),
 };
 
-/// Iterations after which the factor is called too inexact; three or four are usual.
+/// Iterations after which the factor is called too inexact, and those that are usual.
 const MOST: usize = 25;
+const USUAL: usize = 3;
 /// Relative residual to which the recurrence goes, …
 const TOLERANCE: f64 = 5e-13;
 /// … and of what it lost by rounding, and of the solves of the estimates.
 const CORRECTION: f64 = 1e-3;
+/// … and of columns of the inverse at chosen nodes, which are kept as f32.
+const COLUMN: f64 = 1e-10;
 
 /// All matrices of one graph.
 struct Direct {
@@ -39,6 +42,10 @@ impl LinearSolver for Direct {
     fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         // The iteration's own fields beside the solves'.
         self.analysis.memory::<f32>(a, columns) + 3.0 * 24.0 * (a.nodes() * columns) as f64
+    }
+
+    fn seconds(&self, _: &StiffnessMatrix, columns: usize) -> f64 {
+        self.analysis.seconds::<f32>(columns * (USUAL + 1))
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -178,6 +185,30 @@ impl Factor for Mixed<'_> {
     /// One substitution in f32.
     fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
         self.llt.substitute(b, &Silent)
+    }
+
+    fn inverse_block_from(
+        &self,
+        first: usize,
+        nodes: &[u32],
+        take: &mut dyn FnMut(&InverseStrip<'_>),
+        progress: &dyn Progress,
+    ) -> Result<(), SolveError> {
+        if let Some(exact) = self.exact.get() {
+            return exact.inverse_block_from(first, nodes, take, progress);
+        }
+        progress.tell(
+            "With a factor in f32 the inverse at chosen nodes is iterated for, some ten times as long as with solver = \
+             { method = \"cholesky\" }, which takes twice the memory.",
+        );
+        let column = |own: &[u32], b: &NodeFields, asked: &[u32]| {
+            let b = spread(self.a.nodes(), own, b);
+            match self.iterate(&b, COLUMN)? {
+                Ok((x, _)) => Ok(x.at(asked)),
+                Err(Stagnant) => self.exact(&Silent)?.solve(&b, &Silent).map(|(x, _)| x.at(asked)),
+            }
+        };
+        strips(&column, first, nodes, take, progress)
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {

@@ -3,6 +3,7 @@
 
 use super::error::SolveError;
 use super::multigrid::{Multigrid, NotDefinite, Workspace};
+use super::residual::Column;
 use super::solver::{Conditioning, Factor, LinearSolver, Method, SolveResult, SolveStats, Solver};
 use super::spectrum::Spectrum;
 use crate::base::lanes::padded;
@@ -39,6 +40,13 @@ impl LinearSolver for Limits {
         memory(a, columns)
     }
 
+    fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        let pairs = a.edges.len() as f64;
+        let is_thin = pairs < COMPACT * a.nodes() as f64;
+        pairs * (LEVELS_S + ITERATIONS[usize::from(is_thin)] * ITERATION_S * columns as f64)
+            / rayon::current_num_threads() as f64
+    }
+
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
         let what = format!("multigrid, with the iteration of {columns} columns");
         Ok(machine::fits(what, self.memory(a, columns), 0.0)?)
@@ -65,6 +73,13 @@ pub(super) fn memory(a: &StiffnessMatrix, columns: usize) -> f64 {
     let solutions = 24.0 * (a.nodes() * columns) as f64;
     making.max(levels + solutions + batch_memory(a, batch_width(a).min(columns)))
 }
+/// Seconds on one thread, for each pair of coupled nodes: of the levels, and of an iteration of one column.
+const LEVELS_S: f64 = 3.5e-6;
+const ITERATION_S: f64 = 2.0e-8;
+/// Iterations of compact bodies and of thin ones without large contrasts, with those of the forward error; and the pairs a node
+/// below which most nodes are so near the surface that the body is thin.
+const ITERATIONS: [f64; 2] = [25.0, 50.0];
+const COMPACT: f64 = 6.3;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
 /// The bits of a column do not depend on the others.
@@ -91,6 +106,9 @@ struct Pcg<'a> {
 /// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
 /// residual at most this often, and while that helps, before it is called stagnant.
 const RESTARTS: usize = 8;
+
+/// Residual in parts of ‖|A| |x| + |b|‖₂ that rounding leaves where no iteration can lower it: some units of roundoff.
+const ROUNDING: f64 = 2e-15;
 
 /// Relative residual to which the error of a solution is solved for.
 const PROBE: f64 = 1e-2;
@@ -245,9 +263,16 @@ impl<'a> Batch<'a> {
         if !self.relative.iter().any(is_above) {
             return Ok(());
         }
-        // Where a stiff part floats, rounding alone leaves a large residual on it, which moves it by nothing.
+        // Where a stiff part floats, rounding alone leaves a large residual on it, which moves it by nothing; the forward
+        // error is judged afterwards.
         let errors = self.estimated_errors();
-        let refused = (0..self.columns.len()).find(|&c| is_above(&self.relative[c]) && is_above(&errors[c]));
+        take(self.b, &self.columns, &mut self.p);
+        let is_refused = |&c: &usize| {
+            is_above(&self.relative[c])
+                && is_above(&errors[c])
+                && Column::of(self.pcg.a, &self.x, &self.p, &self.r, c).normwise_error() > ROUNDING
+        };
+        let refused = (0..self.columns.len()).find(is_refused);
         refused.map_or(Ok(()), |number| {
             let (column, residual) = (self.columns.start + number, self.relative[number]);
             Err(SolveError::Residual { column, residual, limit: tolerance, iterations: self.iterations })

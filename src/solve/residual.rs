@@ -45,6 +45,11 @@ impl Column {
         Column { x, r: one(r), sizes }
     }
 
+    /// ‖r‖₂ / ‖|A| |x| + |b|‖₂: what rounding alone makes is some 1e-16.
+    pub(super) fn normwise_error(&self) -> f64 {
+        self.r.norms()[0] / self.sizes.norms()[0]
+    }
+
     /// The componentwise backward error max_i |r_i| / (|A| |x| + |b|)_i (Arioli, Demmel and Duff, SIAM J. Matrix Anal.
     /// Appl. 10, 1989): how much A and b must be changed, relatively, for x to be exact.
     pub(super) fn backward_error(&self) -> f64 {

@@ -92,6 +92,9 @@ pub trait LinearSolver: Send + Sync {
     /// Bytes that the factor, and the solves for `columns` right-hand sides after it, take at most.
     fn memory(&self, a: &StiffnessMatrix, columns: usize) -> f64;
 
+    /// Seconds that the factor, the solves for `columns` right-hand sides and their judgement will take on an idle machine.
+    fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64;
+
     /// Errors where they take more memory than is left.
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError>;
 
@@ -135,12 +138,7 @@ pub trait Factor {
     /// twice. Of a direct solver the cost follows the ways from those nodes to the root of the elimination tree; its result
     /// is as exact as the factor, without refinement.
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
-        let mut all = NodeFields::zeros(self.nodes(), b.columns);
-        for (i, &node) in loaded.iter().enumerate() {
-            let part = 3 * b.columns;
-            all.data[part * node as usize..][..part].copy_from_slice(&b.data[part * i..][..part]);
-        }
-        self.solve(&all, &Silent).map(|(x, _)| x.at(asked))
+        self.solve(&spread(self.nodes(), loaded, b), &Silent).map(|(x, _)| x.at(asked))
     }
 
     /// How many columns are solved together: the bits of a column do not depend on those of other such groups. A direct
@@ -168,26 +166,50 @@ pub trait Factor {
         take: &mut dyn FnMut(&InverseStrip<'_>),
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
-        let places: Vec<u32> = (0..nodes.len() as u32).collect();
-        progress.begin("inverse at the surface", nodes.len() as u64);
-        for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)).skip(first) {
-            let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
-            for i in 0..3 * own.len() {
-                unit.row_mut(i)[i] = 1.0;
-            }
-            let first = columns[0] as usize;
-            let x = self.solve_at(own, &unit, &nodes[first..])?;
-            let values: Vec<f64> =
-                (0..x.columns).flat_map(|c| x.data.iter().skip(c).step_by(x.columns)).copied().collect();
-            take(&InverseStrip { rows: &places[first..], columns, values: &values });
-            progress.advance(own.len() as u64);
-        }
-        progress.end();
-        Ok(())
+        strips(&|own, b, asked| self.solve_at(own, b, asked), first, nodes, take, progress)
     }
 
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
+}
+
+/// Fields over all nodes from those at the nodes `loaded`, zero at the others.
+pub(super) fn spread(nodes: usize, loaded: &[u32], b: &NodeFields) -> NodeFields {
+    let mut all = NodeFields::zeros(nodes, b.columns);
+    let part = 3 * b.columns;
+    for (&node, own) in loaded.iter().zip(b.data.chunks_exact(part.max(1))) {
+        all.data[part * node as usize..][..part].copy_from_slice(own);
+    }
+    all
+}
+
+/// [`Factor::solve_at`], with the nodes loaded, their right-hand sides, and the nodes asked.
+pub(super) type SolveAt<'a> = &'a dyn Fn(&[u32], &NodeFields, &[u32]) -> Result<NodeFields, SolveError>;
+
+/// [`Factor::inverse_block_from`] by solves for the nodes' own columns.
+pub(super) fn strips(
+    solve_at: SolveAt<'_>,
+    first: usize,
+    nodes: &[u32],
+    take: &mut dyn FnMut(&InverseStrip<'_>),
+    progress: &dyn Progress,
+) -> Result<(), SolveError> {
+    let places: Vec<u32> = (0..nodes.len() as u32).collect();
+    progress.begin("inverse at chosen nodes", nodes.len() as u64);
+    for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)).skip(first) {
+        let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
+        for i in 0..3 * own.len() {
+            unit.row_mut(i)[i] = 1.0;
+        }
+        let first = columns[0] as usize;
+        let x = solve_at(own, &unit, &nodes[first..])?;
+        let values: Vec<f64> =
+            (0..x.columns).flat_map(|c| x.data.iter().skip(c).step_by(x.columns)).copied().collect();
+        take(&InverseStrip { rows: &places[first..], columns, values: &values });
+        progress.advance(own.len() as u64);
+    }
+    progress.end();
+    Ok(())
 }
 
 /// What a solver did, for the closing table and the .green file.
@@ -204,7 +226,7 @@ pub struct SolveStats {
     pub solve_s: f64,
     /// Numbers held by the factor (supernodal: its explicit zeros counted), 0 of an iterative method.
     pub factor_entries: usize,
-    /// Iterations of the slowest column, 0 of a direct method.
+    /// Iterations of the slowest column, 0 where a factor alone solves.
     pub iterations: usize,
     /// ‖b - A x‖₂ / ‖b‖₂ of every column, computed from A after the solve; 0 where b = 0.
     pub residuals: Vec<f64>,

@@ -146,6 +146,11 @@ impl<const B: usize> Smoothed<B> {
     pub fn nodes(&self) -> usize {
         self.start.len() - 1
     }
+
+    /// Numbers that one pass reads.
+    pub fn numbers(&self) -> usize {
+        self.value.len()
+    }
 }
 
 /// Nodes that one thread works on at a time.

@@ -13,10 +13,17 @@ use super::rows::{PART, Smoothed};
 use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 
-/// Passes over the matrix before and after the coarse correction.
-pub const DEGREE: usize = 2;
-/// The smoother damps errors with eigenvalues of D⁻¹ A between the largest and this part of it.
-const DAMPED: f64 = 1.0 / 10.0;
+/// Chebyshev's iteration as a smoother.
+pub struct Smoother {
+    /// Passes over the matrix before and after the coarse correction.
+    degree: usize,
+    /// It damps errors with eigenvalues of D⁻¹ A between the largest and this part of it.
+    damped: f64,
+}
+
+/// Of compact bodies, where few iterations are needed, and of thin ones, where more passes cost nothing in all.
+pub const THICK: Smoother = Smoother { degree: 2, damped: 1.0 / 10.0 };
+pub const THIN: Smoother = Smoother { degree: 3, damped: 1.0 / 15.0 };
 
 /// The vectors of one level, f32, for so many columns.
 #[derive(Default)]
@@ -165,12 +172,12 @@ impl<const B: usize> Smoothed<B> {
     }
 
     /// Smooths x; `is_zero`: whether x is zero, and so need not be read.
-    pub fn smooth(&self, largest: f64, is_zero: bool, v: &mut Vectors) {
-        let (high, low) = (largest, DAMPED * largest);
+    pub fn smooth(&self, smoother: &Smoother, largest: f64, is_zero: bool, v: &mut Vectors) {
+        let (high, low) = (largest, smoother.damped * largest);
         let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
         let sigma = middle / half;
         let mut rho = 1.0 / sigma;
-        for step in 0..DEGREE {
+        for step in 0..smoother.degree {
             let pass = if step > 0 {
                 let next = 1.0 / (2.0 * sigma - rho);
                 let pass = Pass::Step([(next * rho) as f32, (2.0 * next / half) as f32]);

@@ -182,3 +182,18 @@ fn bits_depend_on_nothing_but_the_column() {
     let alone = with(2, &second);
     assert!(alone.data.iter().zip(all.data.iter().skip(1).step_by(3)).all(|(a, b)| a == b));
 }
+
+/// Stiff layers that float between soft ones: no iteration lowers the residual to the tolerance, and rounding moves them by
+/// nothing.
+#[test]
+fn a_residual_that_rounding_leaves_is_no_refusal() {
+    let mesh = bar([1.0; 3], [8, 4, 4]);
+    let young = |tet: usize| if (8.0 * centre(&mesh, tet)[0]) as usize % 2 == 0 { 1e12 } else { 1e5 };
+    let lame: Vec<Lame> = (0..mesh.tets.len()).map(|tet| Lame::from_young_poisson(young(tet), 0.3)).collect();
+    let (a, b) = system(&TET4, &mesh, &lame);
+    let (x, stats) = solve("pcg", &a, &b);
+    let (exact, _) = solve("cholesky", &a, &b);
+    let worst = x.data.iter().zip(&exact.data).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+    println!("layers: residual {:.1e}, error {worst:.1e}", stats.worst_residual());
+    assert!(stats.worst_residual() > 1e-10 && worst < 1e-4, "{:e}, {worst:e}", stats.worst_residual());
+}
