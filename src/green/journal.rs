@@ -204,10 +204,12 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
         Ok(records) => {
             let (count, size) = (records.contents.len(), bytes(records.end as f64));
             let results = if count == 1 { "result" } else { "results" };
-            notice!(
-                "{}: {count} finished {results} of a run that was ended ({size}) are taken up",
-                path.display()
-            );
+            if count > 0 {
+                notice!(
+                    "{}: {count} finished {results} of a run that was ended ({size}) are taken up",
+                    path.display()
+                );
+            }
             State::Open(records)
         }
         Err(error) => {
