@@ -10,8 +10,8 @@ use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_r
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
-    self, AFFINE, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements, STIFFNESS,
-    UPDATES,
+    self, AFFINE, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements,
+    STIFFNESS, UPDATES,
 };
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Method, Scene};

@@ -68,7 +68,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
                     let place = format!("{entity}.surface_compliance");
                     let size = green::compliance_size(&prepared.mesh, held, asked).ok();
-                    let told = size.map(|size| Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)));
+                    let told = size
+                        .map(|size| Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)));
                     findings.extend(told);
                 }
                 findings.extend(match body.method {

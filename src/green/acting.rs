@@ -21,7 +21,8 @@ pub fn acting(
     for load in body.loads().iter().filter(|load| matches!(load.source, LoadSource::Pattern(_))) {
         let key = format!("body.{name}.load.{}", load.name);
         let forces = nodal_forces(scene, name, mesh, load)?;
-        let acts = |(node, force): (u32, &nalgebra::Vector3<f64>)| force.norm() > 0.0 && !held.contains(&node);
+        let acts =
+            |(node, force): (u32, &nalgebra::Vector3<f64>)| force.norm() > 0.0 && !held.contains(&node);
         if !forces.iter().any(|column| (0..).zip(column).any(acts)) {
             let message = "acts on held nodes alone, so that nothing moves: only the force on the control element changes";
             findings.push(Diagnostic::new(Severity::Warning, key, message));
@@ -49,7 +50,8 @@ mod tests {
         );
         let scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
         let prepared = prepare(&scene, "a").unwrap();
-        let found = acting(&scene, "a", &prepared.mesh, &prepared.controls).map_err(|error| error.to_string());
+        let found =
+            acting(&scene, "a", &prepared.mesh, &prepared.controls).map_err(|error| error.to_string());
         if found.is_err() {
             assert!(solve(&scene, "a", &Requirements::default(), &Silent).is_err());
         }
@@ -59,11 +61,16 @@ mod tests {
     #[test]
     fn what_selects_nothing_or_nothing_that_moves_is_told_before_the_solve() {
         let load = |group: &str| {
-            found(&format!("load.l = {{ nodes = {{ group = \"{group}\" }}, kind = \"pressure\", value = 1.0 }}"))
+            found(&format!(
+                "load.l = {{ nodes = {{ group = \"{group}\" }}, kind = \"pressure\", value = 1.0 }}"
+            ))
         };
         assert_eq!(load("xmax").unwrap(), Vec::<String>::new());
         let told = load("xmin").unwrap();
-        assert!(told.len() == 1 && told[0].contains("body.a.load.l") && told[0].contains("held nodes"), "{told:?}");
+        assert!(
+            told.len() == 1 && told[0].contains("body.a.load.l") && told[0].contains("held nodes"),
+            "{told:?}"
+        );
         let error = load("xmx").unwrap_err();
         assert!(error.contains("body.a.load.l") && error.contains("did you mean \"xmax\"?"), "{error}");
         let error = found("surface_compliance = { nodes = { group = \"xmin\" } }").unwrap_err();
