@@ -6,7 +6,8 @@
 //! National Conference, 1968, 517-524); at one of them its own vector does.
 
 use crate::base::input;
-use crate::mesh::{TetMesh, formats::point_vectors};
+use crate::mesh::TetMesh;
+use crate::mesh::formats::{PlacedVectors, point_vectors};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -31,7 +32,7 @@ pub struct DirectionField {
     /// For errors.
     path: PathBuf,
     /// Places, m, with their vectors.
-    points: Vec<(V3, V3)>,
+    points: PlacedVectors,
     /// Nothing is known farther than this from the nearest place, m.
     reach: f64,
 }
@@ -98,7 +99,7 @@ impl DirectionField {
 
 /// Lines of four or six numbers between commas or spaces; a heading of words and comments after # are passed over. Errors with
 /// their line.
-fn of_text(bytes: &[u8], mesh: &TetMesh) -> Result<Vec<(V3, V3)>, (usize, String)> {
+fn of_text(bytes: &[u8], mesh: &TetMesh) -> Result<PlacedVectors, (usize, String)> {
     let Ok(text) = std::str::from_utf8(bytes) else {
         let before = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
         return Err((before.lines().count().max(1), "this is no text".to_owned()));

@@ -29,7 +29,7 @@ mod write;
 pub use converters::advice;
 pub use format::{Encoded, Format, Part, Writer};
 pub use gmsh_write::{Encoding, encode};
-pub use vtu::point_vectors;
+pub use vtu::{PlacedVectors, point_vectors};
 
 use super::error::{FormatFault, MeshError};
 use std::path::{Path, PathBuf};

@@ -81,11 +81,11 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
 /// Before the names of arrays of the points.
 const POINT_DATA: &str = "PointData/";
 
+/// Places, m, each with a vector.
+pub type PlacedVectors = Vec<(Vector3<f64>, Vector3<f64>)>;
+
 /// The places of all points, m, with what an array of three components has there: that of this name, or the only one.
-pub fn point_vectors(
-    bytes: &[u8],
-    name: Option<&str>,
-) -> Result<Vec<(Vector3<f64>, Vector3<f64>)>, FormatFault> {
+pub fn point_vectors(bytes: &[u8], name: Option<&str>) -> Result<PlacedVectors, FormatFault> {
     let (pieces, mut coding) = outline(bytes, true)?;
     let mut all = Vec::new();
     for piece in &pieces {
