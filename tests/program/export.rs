@@ -419,7 +419,7 @@ fn ten_lines_of_python_deform_a_body() {
     let file = SafeTensors::deserialize(&bytes).unwrap();
     let (basis, scale) = (file.tensor("part/basis/right").unwrap(), file.tensor("part/scale/right").unwrap());
     let m = [[1.0, -0.1, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let identity = |k: usize| f64::from(u8::from(k % 4 == 0));
+    let identity = |k: usize| f64::from(u8::from(k.is_multiple_of(4)));
     let matrix = m.as_flattened().iter().enumerate().map(|(k, m)| m - identity(k));
     let c: Vec<f64> = [0.01, 0.0, 0.0].into_iter().chain(matrix).collect();
     let scales =
