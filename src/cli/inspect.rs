@@ -224,11 +224,19 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     );
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
-            "\nbody {name}: mesh of {} nodes and {} {}, surface {} nodes and {} triangles\n  solver {}, \
-             worst relative residual {:.1e}{}{}\n  {}\n  fingerprint {}\n",
+            "
+body {name}: mesh of {} nodes{}, surface {} nodes and {} triangles
+  solver {}, \
+             worst relative residual {:.1e}{}{}
+  {}
+  fingerprint {}
+",
             body.mesh_nodes,
-            body.mesh_tets,
-            body.element,
+            if body.element == Method::Bem.name() {
+                ", boundary elements".to_owned()
+            } else {
+                format!(" and {} {}", body.mesh_tets, body.element)
+            },
             body.surface_nodes,
             body.surface_triangles,
             body.accuracy.solver,

@@ -19,6 +19,7 @@ pub mod quadratic;
 pub mod quality;
 pub mod refine;
 mod scalar;
+mod shells;
 mod surface;
 pub mod surface_body;
 pub mod surface_check;

@@ -4,6 +4,7 @@
 //! the volume over the cube of the root-mean-square edge (the inverse of Parthasarathy, Graichen and Hathaway, Finite
 //! Elem. Anal. Des. 15, 1994, normalised), 1 for a regular tetrahedron and 0 for a flat one.
 
+use super::shells;
 use super::surface::{Surface, sorted_faces};
 use super::tet_mesh::TetMesh;
 use nalgebra::Vector3;
@@ -56,7 +57,7 @@ pub struct Components {
 
 pub fn components(mesh: &TetMesh) -> Components {
     if !mesh.triangles.is_empty() {
-        return super::surface_body::pieces(mesh);
+        return Components { of_tet: Vec::new(), nodes: shells::pieces(mesh) };
     }
     let mut parent: Vec<usize> = (0..mesh.tets.len()).collect();
     fn root(parent: &mut [usize], mut tet: usize) -> usize {

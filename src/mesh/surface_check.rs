@@ -5,6 +5,7 @@
 //! angles: Van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30, 1983).
 
 use super::quality::bounding_box;
+use super::shells::solid_angle;
 use super::surface_files::TriangleSurface;
 use super::surface_intersect::{Intersections, intersections};
 use nalgebra::Vector3;
@@ -334,12 +335,4 @@ fn turn_shells(
 fn winding(surface: &TriangleSurface, triangles: &[usize], point: &Vector3<f64>) -> f64 {
     let angle = |&t: &usize| solid_angle(surface.corners(t), point);
     triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
-}
-
-/// Under which a triangle is seen from `point`; negative from its front.
-pub(super) fn solid_angle(corners: [Vector3<f64>; 3], point: &Vector3<f64>) -> f64 {
-    let [a, b, c] = corners.map(|corner| corner - point);
-    let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-    let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-    2.0 * a.dot(&b.cross(&c)).atan2(below)
 }

@@ -5,6 +5,7 @@
 
 mod accuracy_target;
 mod body_loads;
+mod boundary;
 pub mod built_in;
 mod check;
 mod control;

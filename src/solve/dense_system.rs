@@ -298,7 +298,7 @@ mod tests {
                 assert!(force.abs() < 1e-12, "{i}, {c}: {force:e}");
             }
         }
-        let conditioning = stats.conditioning.clone().unwrap();
+        let conditioning = stats.conditioning.unwrap();
         assert!(stats.worst_residual() < 1e-14 && conditioning.forward_error < 1e-10, "{conditioning:?}");
         assert!((2.0..30.0).contains(&conditioning.scaled_condition.unwrap()), "{conditioning:?}");
     }
