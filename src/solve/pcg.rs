@@ -42,9 +42,7 @@ impl LinearSolver for Limits {
 
     fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         let pairs = a.edges.len() as f64;
-        let is_thin = pairs < COMPACT * a.nodes() as f64;
-        pairs * (LEVELS_S + ITERATIONS[usize::from(is_thin)] * ITERATION_S * columns as f64)
-            / rayon::current_num_threads() as f64
+        pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / rayon::current_num_threads() as f64
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -76,10 +74,8 @@ pub(super) fn memory(a: &StiffnessMatrix, columns: usize) -> f64 {
 /// Seconds on one thread, for each pair of coupled nodes: of the levels, and of an iteration of one column.
 const LEVELS_S: f64 = 3.5e-6;
 const ITERATION_S: f64 = 2.0e-8;
-/// Iterations of compact bodies and of thin ones without large contrasts, with those of the forward error; and the pairs a node
-/// below which most nodes are so near the surface that the body is thin.
-const ITERATIONS: [f64; 2] = [25.0, 50.0];
-const COMPACT: f64 = 6.3;
+/// Iterations of a body without large contrasts, with those of the forward error; thin bodies take up to twice as many.
+const ITERATIONS: f64 = 30.0;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
 /// The bits of a column do not depend on the others.
