@@ -75,7 +75,14 @@ impl Read for Others<'_> {
 
 /// Numbers that were read and checked last, by their tensor and their place in it.
 #[derive(Debug, Default)]
-pub struct Recent(Mutex<VecDeque<(String, usize, Arc<Vec<f32>>)>>);
+pub struct Recent(Mutex<VecDeque<Strip>>);
+
+#[derive(Debug)]
+struct Strip {
+    tensor: String,
+    place: usize,
+    numbers: Arc<Vec<f32>>,
+}
 
 impl Recent {
     /// The numbers of this place, made where they are not kept.
@@ -86,14 +93,14 @@ impl Recent {
         make: impl FnOnce() -> std::result::Result<Vec<f32>, E>,
     ) -> std::result::Result<Arc<Vec<f32>>, E> {
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |(of, at, _): &&(String, usize, Arc<Vec<f32>>)| (of.as_str(), *at) == (tensor, place);
-        if let Some((.., numbers)) = kept().iter().find(is_it) {
-            return Ok(numbers.clone());
+        let is_it = |strip: &&Strip| (strip.tensor.as_str(), strip.place) == (tensor, place);
+        if let Some(strip) = kept().iter().find(is_it) {
+            return Ok(strip.numbers.clone());
         }
         let numbers = Arc::new(make()?);
         let mut kept = kept();
         kept.truncate(RECENT - 1);
-        kept.push_front((tensor.to_owned(), place, numbers.clone()));
+        kept.push_front(Strip { tensor: tensor.to_owned(), place, numbers: numbers.clone() });
         Ok(numbers)
     }
 }
