@@ -224,13 +224,8 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
     );
     for (name, body) in &file.meta.bodies {
         text.push_str(&format!(
-            "
-body {name}: mesh of {} nodes{}, surface {} nodes and {} triangles
-  solver {}, \
-             worst relative residual {:.1e}{}{}
-  {}
-  fingerprint {}
-",
+            "\nbody {name}: mesh of {} nodes{}, surface {} nodes and {} triangles\n  solver {}, \
+             worst relative residual {:.1e}{}{}\n  {}\n  fingerprint {}\n",
             body.mesh_nodes,
             if body.element == Method::Bem.name() {
                 ", boundary elements".to_owned()
