@@ -34,7 +34,8 @@ pub mod update;
 mod validate;
 mod write;
 
-pub use basis::{precompute, refuse, solve, solve_prepared};
+pub use basis::{precompute, solve, solve_prepared};
+pub use check::refuse;
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
