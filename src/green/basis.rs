@@ -1,6 +1,7 @@
 //! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
 
 use super::acting::acting;
+use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES};
@@ -12,7 +13,6 @@ use super::prepare::Prepared;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
 use super::solution::{Precomputed, Solution, StepTimes};
-use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
@@ -222,15 +222,4 @@ fn assembly_memory(element: &Element, mesh: &TetMesh, surface: &Surface, columns
     let [on_edge, on_face, inside] = element.pairs;
     let pairs = on_edge * edges + on_face * faces + inside * tets;
     184.0 * pairs + 170.0 * tets + 400.0 * nodes + 2.0 * 24.0 * nodes * columns as f64
-}
-
-/// The first error among the findings, if there is one.
-pub fn refuse(scene: &Scene, findings: &[Diagnostic]) -> Result<(), GreenError> {
-    let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
-    let Some(first) = errors.next() else { return Ok(()) };
-    let more = match errors.count() {
-        0 => String::new(),
-        count => format!(" ({count} more: `greenstage check {}`)", scene.path.display()),
-    };
-    Err(scene.invalid(&first.place, format!("{}{more}", first.message)).into())
 }

@@ -3,7 +3,7 @@
 //! In: a prepared body without tetrahedra. Out: its [`Solution`] with the families `affine` and `stiffness`, as finite elements
 //! make them.
 
-use super::basis::refuse;
+use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::STIFFNESS;

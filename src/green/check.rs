@@ -2,6 +2,7 @@
 //! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
 use super::control::ControlElement;
+use super::error::GreenError;
 use super::floating::{Floating, floating};
 use super::pieces;
 use crate::base::diagnostic::{Diagnostic, Severity};
@@ -10,7 +11,7 @@ use crate::mesh::diagnostics::{self, place};
 use crate::mesh::length_unit::implausible;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::materials::implausible_young;
-use crate::scene::{Body, Material};
+use crate::scene::{Body, Material, Scene};
 use std::collections::BTreeSet;
 
 /// Poisson's ratio above which a material is called nearly incompressible.
@@ -132,6 +133,17 @@ fn floats(mesh: &TetMesh, part: &Floating) -> String {
         [others @ .., last] => format!("{} and {last} float", others.join(", ")),
         [] => "a part floats".to_owned(),
     }
+}
+
+/// The first error among the findings, if there is one.
+pub fn refuse(scene: &Scene, findings: &[Diagnostic]) -> Result<(), GreenError> {
+    let mut errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let Some(first) = errors.next() else { return Ok(()) };
+    let more = match errors.count() {
+        0 => String::new(),
+        count => format!(" ({count} more: `greenstage check {}`)", scene.path.display()),
+    };
+    Err(scene.invalid(&first.place, format!("{}{more}", first.message)).into())
 }
 
 #[cfg(test)]

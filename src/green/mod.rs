@@ -42,7 +42,8 @@ mod validate;
 mod write;
 
 pub use acting::acting;
-pub use basis::{precompute, precompute_kept, refuse, solve, solve_prepared};
+pub use basis::{precompute, precompute_kept, solve, solve_prepared};
+pub use check::refuse;
 pub use column_names::{ColumnName, ColumnSource};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
