@@ -188,8 +188,8 @@ fn bits_depend_on_nothing_but_the_column() {
 #[test]
 fn a_residual_that_rounding_leaves_is_no_refusal() {
     let mesh = bar([1.0; 3], [8, 4, 4]);
-    let young =
-        |tet: usize| if ((8.0 * centre(&mesh, tet)[0]) as usize).is_multiple_of(2) { 1e12 } else { 1e5 };
+    let layer = |tet: usize| (8.0 * centre(&mesh, tet)[0]) as usize;
+    let young = |tet: usize| if layer(tet).is_multiple_of(2) { 1e12 } else { 1e5 };
     let lame: Vec<Lame> = (0..mesh.tets.len()).map(|tet| Lame::from_young_poisson(young(tet), 0.3)).collect();
     let (a, b) = system(&TET4, &mesh, &lame);
     let (x, stats) = solve("pcg", &a, &b);
