@@ -174,6 +174,20 @@ mod tests {
         assert!((xx + yy - pull.g).abs() < 1e-12);
     }
 
+    /// In whatever unit.
+    #[test]
+    fn a_triangle_on_itself_grows_with_the_cube_of_its_size() {
+        let of = |size: f64| {
+            let own = triangle([[0.0; 3], [4.0 * size, 0.0, 0.0], [0.0, size, 0.0]]);
+            pull(&own, &own).g / size.powi(3)
+        };
+        let one = of(1.0);
+        assert!(one > 0.0);
+        for size in [1e-9, 1e-3, 7.0, 1e3, 1e9] {
+            assert!((of(size) / one - 1.0).abs() < 1e-12, "{size}");
+        }
+    }
+
     /// Triangles that share an edge or a corner, flat, folded and sharp, beside halving, which needs no such case.
     #[test]
     fn shared_corners_are_as_halving_has_them() {

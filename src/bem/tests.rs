@@ -112,7 +112,7 @@ fn kelvins_solution_is_met_at_second_order() {
         })
         .collect();
     let rate = (errors[1] / errors[2]).log2();
-    assert!(errors[2] < 0.02 && rate > 1.5, "{errors:?}: order {rate}");
+    assert!(errors[2] < 0.025 && rate > 1.6, "{errors:?}: order {rate}");
 }
 
 /// A hollow sphere stretched from outside: u = A r + B/r², with no traction on the wall of the cavity. It is a surface of two shells,

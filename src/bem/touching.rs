@@ -65,7 +65,7 @@ fn segment(x: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> Pull {
     let (s, t) = (from.dot(&along), to.dot(&along));
     let (near, far) = (from.norm(), to.norm());
     let quotient = if s + t >= 0.0 { (far + t) / (near + s) } else { (near - s) / (far - t) };
-    let log = quotient.max(f64::MIN_POSITIVE).ln() / length;
+    let log = quotient.clamp(f64::MIN_POSITIVE, f64::MAX).ln() / length;
     let off = from - along * s;
     let across = off.try_normalize(0.0).unwrap_or_default();
     let rise = (t / far - s / near) / length;

@@ -118,7 +118,8 @@ impl Triangle {
             } else {
                 (far[e] - from) / (far[next] - to).max(f64::MIN_POSITIVE)
             };
-            log[e] = quotient.max(f64::MIN_POSITIVE).ln();
+            // On the edge itself it is without bounds, and only multiplied with 0.
+            log[e] = quotient.clamp(f64::MIN_POSITIVE, f64::MAX).ln();
         }
         let [a, b, c] = &r;
         let below = far[0] * far[1] * far[2] + a.dot(b) * far[2] + b.dot(c) * far[0] + c.dot(a) * far[1];

@@ -131,6 +131,7 @@ mod tests {
                 let mesh = match key {
                     "generate" => line,
                     "tetrahedralise" => "mesh = \"part.stl\"",
+                    "longest_edge" => "mesh = \"part.stl\"\nmethod = \"bem\"",
                     _ => "mesh = \"part.msh\"",
                 };
                 let slots = [

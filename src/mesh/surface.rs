@@ -28,9 +28,10 @@ pub(super) fn sorted_faces(mesh: &TetMesh) -> Vec<([u32; 3], usize)> {
             face
         })
     };
-    let mut start = vec![0; mesh.nodes.len() + 1];
+    let nodes = mesh.tets.iter().flatten().max().map_or(0, |most| *most as usize + 1);
+    let mut start = vec![0; nodes + 1];
     mesh.tets.iter().flat_map(of_tet).for_each(|[lowest, ..]| start[lowest as usize + 1] += 1);
-    for node in 0..mesh.nodes.len() {
+    for node in 0..nodes {
         start[node + 1] += start[node];
     }
     let mut next = start.clone();

@@ -116,7 +116,7 @@ mod tests {
                 "method = \"bem\"\nsurface_compliance = { nodes = \"surface\" }",
                 "body.a.surface_compliance: needs",
             ),
-            ("method = \"bm\"", "did you mean `bem`?"),
+            ("method = \"bm\"", "unknown variant `bm`, expected `fem` or `bem`"),
         ] {
             let error = scene(lines).unwrap_err();
             assert!(error.contains(expected), "{lines}: {error}");

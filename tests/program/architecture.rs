@@ -258,7 +258,8 @@ fn no_two_files_import_each_other() {
         if told.contains(file) {
             continue;
         }
-        let is_back = |other: &&&str| **other != file && reached.get(**other).is_some_and(|to| to.contains(file));
+        let is_back =
+            |other: &&&str| **other != file && reached.get(**other).is_some_and(|to| to.contains(file));
         let with: Vec<&str> = from.iter().filter(is_back).copied().collect();
         if !with.is_empty() {
             circles.push(format!("{file} with {}", with.len()));
