@@ -43,7 +43,7 @@ pub struct Solved {
     /// max |W - Wᵀ| over max |W| as it was solved.
     pub asymmetry: f64,
     /// The same as the tractions' work on the prescribed fields: far from it where triangles are large, for tractions are constant
-    /// on each; W, the least energy, errs by about the square of that.
+    /// on each.
     pub traction_work: DMatrix<f64>,
     /// max |S r| over max |S| for the rigid motions r, before they were taken out: what was lost in the integrals.
     pub integration_error: f64,

@@ -49,9 +49,9 @@ pub fn solve(
     let coarse = bem::relative(&(&solved.traction_work - &solved.work), &solved.work);
     let message = format!(
         "boundary elements: the tractions on the control elements, constant on each triangle, do a work that differs by {:.1} % of the \
-         largest from that of the energy, which the forces are made from and which errs by far less; the finer the triangles \
-         there, the smaller both: refine = 1 makes four of each, longest_edge = … bounds their edges. The integrals over the \
-         surface are exact to {:.0e}",
+         largest from that of the energy, which the forces are made from. Large triangles make the body stiffer than it is, and \
+         no figure here tells by how much: solve it once more with refine = 1, which makes four of each, or half the \
+         longest_edge, and compare the forces. The integrals over the surface are exact to {:.0e}",
         100.0 * coarse,
         solved.integration_error
     );
