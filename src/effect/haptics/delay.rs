@@ -7,7 +7,7 @@
 //! jitter.
 //!
 //! In: the device's readings and their times; t_m, the larger of the echo's measurement and the stage's `latency`. Out: T
-//! and τ, for [`super::passivity`]. A rises at once and falls slowly ([`Peak`]).
+//! and τ, for the observer of `passivity`. A rises at once and falls slowly ([`Peak`]).
 
 use super::device::Reading;
 use crate::base::peak::Peak;
