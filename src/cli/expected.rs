@@ -5,7 +5,7 @@ use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
 use crate::effect::expected;
 use crate::green::{GreenError, GreenFile};
 use crate::prepare;
-use crate::scene::{Body, Scene};
+use crate::scene::{Body, Method, Scene};
 
 /// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
@@ -84,6 +84,9 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     let Ok(requirements) = prepare::requirements(scene, name, body) else {
         return Err("the body is refused".into());
     };
+    if body.method == Method::Bem {
+        return Err("solve once more with refine = 1, or half the longest_edge, and compare".into());
+    }
     if requirements.sections().next().is_none() {
         let name = expected::NAME;
         return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));

@@ -18,7 +18,7 @@ use crate::effect::stress::{NAME as STRESS, StressedBody};
 use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
-use crate::scene::{Body, Scene};
+use crate::scene::{Body, Method, Scene};
 use crate::solve::Silent;
 use crate::world::wrench_error_of;
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -109,6 +109,9 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
 
 /// Why a body's errors are not known at a pose.
 fn why_unknown(body: &Body) -> String {
+    if body.method == Method::Bem {
+        return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
+    }
     let lists = body.effects.iter().any(|effect| effect == EXPECTED);
     let is_static = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
     match (is_static, lists) {
