@@ -21,8 +21,8 @@ const MOST: usize = 16;
 /// Stands for no socket.
 const FREE: i32 = -1;
 const TAKEN: i32 = -2;
-/// How often, and for how many ms each time, the process waits for the peer to read before it ends: 0.2 s in all.
-const ROUNDS: usize = 40;
+/// How long the process waits for the peer to read before it ends, ms, however much that still says.
+const LINGER_MS: i64 = 200;
 const ROUND_MS: c_int = 5;
 /// How long another thread has to finish what it is sending, ms. It may be the thread that died.
 const SENDING_MS: usize = 20;
@@ -167,7 +167,8 @@ impl Slot {
             return;
         }
         let mut bytes = [0_u8; 1024];
-        for _ in 0..ROUNDS {
+        let end = now_ms() + LINGER_MS;
+        while now_ms() < end {
             let mut asked = libc::pollfd { fd: socket, events: libc::POLLIN, revents: 0 };
             // SAFETY: one entry, which outlives the call.
             if unsafe { libc::poll(&raw mut asked, 1, ROUND_MS) } <= 0 {
@@ -177,11 +178,20 @@ impl Slot {
             let read = unsafe {
                 libc::recv(socket, bytes.as_mut_ptr().cast::<c_void>(), bytes.len(), libc::MSG_DONTWAIT)
             };
-            if read == 0 {
+            // Closed, or broken.
+            if read <= 0 {
                 return;
             }
         }
     }
+}
+
+/// A clock that POSIX lets a handler read.
+fn now_ms() -> i64 {
+    let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `now` outlives the call.
+    unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut now) };
+    1000 * now.tv_sec + now.tv_nsec / 1_000_000
 }
 
 /// From the first call on, signals that would end the process at once first send the last messages, and those that would
