@@ -40,7 +40,9 @@ fn keys_save_what_is_seen_and_open_the_panel() {
     let still: String =
         scene.lines().filter(|line| !line.starts_with("script")).map(|l| format!("{l}\n")).collect();
     std::fs::write(place.join("tube.toml"), still).unwrap();
-    display.move_cursor([699, 459]);
+    // Beside the body, so that what it points at is not lit up.
+    const CURSOR: [i16; 2] = [100, 100];
+    display.move_cursor(CURSOR);
     let _view = display.run(
         Command::new(env!("CARGO_BIN_EXE_greenstage"))
             .current_dir(&place)
@@ -61,7 +63,23 @@ fn keys_save_what_is_seen_and_open_the_panel() {
     display.focus(window.id);
     let rect = [window.at[0] as u32, window.at[1] as u32, window.size[0], window.size[1]];
     let shows_body = |image: &RgbImage| image.pixels().filter(|p| p.0[0] > 80).count() > 500;
-    let seen = wait_for("the body", || Some(display.picture(rect)).filter(shows_body));
+    // A window learns with the focus where the cursor is: before that its green ray starts from the middle.
+    let near_cursor = |x: u32, y: u32| {
+        let is_near = |pixel: u32, origin: i32, cursor: i16| {
+            (pixel as i32 + origin).abs_diff(i32::from(cursor)) < 8
+        };
+        is_near(x, window.at[0], CURSOR[0]) && is_near(y, window.at[1], CURSOR[1])
+    };
+    let aims = |image: &RgbImage| {
+        let is_ray = |p: &image::Rgb<u8>| p.0[1] > 120 && p.0[0] < 80;
+        image.enumerate_pixels().any(|(x, y, p)| near_cursor(x, y) && is_ray(p))
+    };
+    let mut before = None;
+    let seen = wait_for("the body and the ray, standing still", || {
+        let now = display.picture(rect);
+        let stands = before.replace(now.clone()).is_some_and(|before| before == now);
+        (stands && shows_body(&now) && aims(&now)).then_some(now)
+    });
 
     display.type_key(F12);
     let saved = wait_for("the picture", || written(&place, &[".png"], None));
