@@ -28,11 +28,12 @@ use prolong::{MODES, Prolongator, RigidModes};
 use rows::{Rows, Scaled, Smoothed};
 use smooth::{Smoother, THICK, THIN, Vectors};
 
-/// Coupling of two nodes, in parts of their diagonal blocks, below which they are not gathered; on every coarser level this
-/// many times as much, for there the smoothed prolongator couples second neighbours too: plates and shells took up to twice
-/// the iterations with the halves of Vaněk, Mandel and Brezina.
+/// Coupling of two nodes, in parts of their diagonal blocks, below which they are not gathered; on every coarser level half of
+/// it (Vaněk, Mandel and Brezina), but of thin bodies twice as much: plates and shells took up to twice the iterations with
+/// halves, a box of a million nodes twice as many with doubles.
 const THRESHOLD: f64 = 0.02;
-const COARSER: f64 = 2.0;
+const COARSER: f64 = 0.5;
+const COARSER_IF_THIN: f64 = 2.0;
 /// A level of so many unknowns is solved by a dense factor.
 const DENSE: usize = 600;
 /// Levels that are smaller than the last by less than this are of no use.
@@ -80,6 +81,7 @@ impl Multigrid {
         let mut coarse = Vec::new();
         let mut last = None;
         let mut threshold = THRESHOLD;
+        let is_thin = below.as_ref().is_some_and(|(rows, _)| rows.numbers() < fine.matrix.numbers());
         while let Some((rows, modes)) = below {
             if MODES * rows.nodes() <= DENSE
                 && let Some(dense) = Dense::new(&rows)
@@ -87,13 +89,12 @@ impl Multigrid {
                 last = Some(dense);
                 break;
             }
-            threshold *= COARSER;
+            threshold *= if is_thin { COARSER_IF_THIN } else { COARSER };
             let (level, next) =
                 level(&rows, &modes, threshold).map_err(|_coarse_node| NotDefinite { node: 0 })?;
             coarse.push(level);
             below = next;
         }
-        let is_thin = coarse.first().is_some_and(|second| second.matrix.numbers() < fine.matrix.numbers());
         Ok(Multigrid { fine, coarse, last, is_thin, scale: rows.scale })
     }
 

@@ -64,6 +64,13 @@ pub struct CoarseRows {
     pub block: Vec<Block<6>>,
 }
 
+impl CoarseRows {
+    /// Numbers that one pass reads.
+    pub fn numbers(&self) -> usize {
+        36 * (self.diagonal.len() + self.block.len())
+    }
+}
+
 impl Rows<6> for CoarseRows {
     fn nodes(&self) -> usize {
         self.diagonal.len()
