@@ -62,6 +62,13 @@ pub fn from_table<T: DeserializeOwned>(table: &toml::Table) -> Result<T, String>
     parsed.map_err(|error: toml::de::Error| explain(error.message()))
 }
 
+/// The keys of a table of this type, from the answer to one that it cannot have.
+pub fn keys<T: DeserializeOwned>() -> Vec<String> {
+    let stranger = toml::Table::from_iter([(String::new(), toml::Value::Boolean(false))]);
+    let answer = from_table::<T>(&stranger).err().unwrap_or_default();
+    answer.split('`').skip(3).step_by(2).map(str::to_owned).collect()
+}
+
 /// 1-based line and column of a byte offset.
 pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text.as_bytes()[..offset.min(text.len())];

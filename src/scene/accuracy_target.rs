@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The largest relative errors over the measured poses.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { displacement = 0.05, force = 0.2 }")]
 pub struct Accuracy {
     /// Error of the displacement, relative L2 over the body.
     pub displacement: Option<f64>,
@@ -15,7 +15,7 @@ pub struct Accuracy {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { frame_ms = 0.5, file_mb = 10.0 }")]
 pub struct Budget {
     /// Time of one evaluation with every control element moved: from poses to the surface.
     pub frame_ms: Option<f64>,

@@ -4,7 +4,7 @@ use super::select::Nodes;
 use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { nodes = { group = \"left\" }, grab = \"dragger\" }")]
 pub struct Control {
     pub nodes: Nodes,
     pub grab: Grab,

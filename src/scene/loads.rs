@@ -36,7 +36,7 @@ impl Gravity {
 
 /// The body turns about an axis of its own mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { axis = [0, 0, 1], speed = 10.0 }")]
 pub struct Centrifugal {
     pub axis: [f64; 3],
     /// A point of the axis, m.
@@ -48,7 +48,7 @@ pub struct Centrifugal {
 
 /// The whole body is warmer than where it is without stress.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { expansion = 1.2e-5, difference = 20.0 }")]
 pub struct Thermal {
     /// Coefficient of linear expansion, 1/K.
     pub expansion: f64,
@@ -129,7 +129,7 @@ impl LoadValue {
 
 /// `surface_compliance = { nodes = "surface" }`, or a selection.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { nodes = \"surface\" }")]
 pub struct SurfaceCompliance {
     pub nodes: SurfaceNodes,
     /// What hands take of the surface at first; a key changes it.

@@ -45,7 +45,7 @@ pub use parts::Parts;
 pub use select::Nodes;
 pub use updates::Updates;
 
-use crate::config;
+use crate::config::{self, ConfigError};
 use crate::fem::Element;
 use crate::mesh::length_unit::{LengthUnit, Scale};
 use crate::mesh::{blobs, generate};
@@ -202,7 +202,7 @@ pub enum Generate {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { cell = 0.004 }")]
 pub struct Tetrahedralise {
     /// Edge of a lattice cube, m; the tetrahedra's edges have about this length.
     pub cell: f64,
@@ -211,7 +211,7 @@ pub struct Tetrahedralise {
 /// room_from_body: x ↦ position + scale · R(rotation) · x. What is left out is chosen as without a place
 /// ([`Stage::room_from_mesh`](crate::stage::Stage::room_from_mesh)).
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table like { position = [0.0, 1.0, 0.0] }")]
 pub struct Place {
     /// The position of the mesh's origin in the room, m.
     pub position: Option<[f64; 3]>,
@@ -234,13 +234,12 @@ impl Scene {
         if is_mesh_or_surface(path) {
             return Err(SceneError::IsMesh { path: path.to_owned() });
         }
-        let scene: Scene = config::load(path)?;
-        scene.begin(path)
+        Scene::parse(&config::read(path)?, path)
     }
 
     /// Parses a scene from text; `path` is where its relative paths start and what errors name.
     pub fn parse(text: &str, path: &Path) -> Result<Scene, SceneError> {
-        let scene: Scene = config::parse(text, path)?;
+        let scene: Scene = config::parse(text, path).map_err(of_a_body)?;
         scene.begin(path)
     }
 
@@ -265,4 +264,16 @@ impl Scene {
     pub fn checked(&self) -> Result<Scene, SceneError> {
         self.check().map(|()| self.clone())
     }
+}
+
+/// Says of a key of bodies that stands above them where it belongs.
+fn of_a_body(mut error: ConfigError) -> ConfigError {
+    if let ConfigError::Parse { message, .. } = &mut error
+        && let Some(key) = message.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next())
+        && message.contains("`stage`")
+        && config::keys::<Body>().iter().any(|known| known == key)
+    {
+        *message = format!("`{key}` is a key of a body: it belongs below [body.NAME]");
+    }
+    error
 }

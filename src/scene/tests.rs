@@ -122,6 +122,18 @@ fn mistakes_name_the_entity_and_the_remedy() {
         ),
         ("material", "storage = { eror = 1e-3 }\nmaterial", "scene.toml:4:"),
         ("material", "refine = -1\nmaterial", "scene.toml:4:"),
+        ("material", "solver = \"pcg\"\nmaterial", "expected a table like { method = \"pcg\" }"),
+        (
+            "material",
+            "thermal = 20\nmaterial",
+            "expected a table like { expansion = 1.2e-5, difference = 20.0 }",
+        ),
+        (
+            "[body.block]",
+            "refine = 1\n[body.block]",
+            ":2:1: `refine` is a key of a body: it belongs below [body.NAME]",
+        ),
+        ("[body.block]", "refin = 1\n[body.block]", "unknown field `refin`, expected one of `stage`"),
     ] {
         let text = error(from, to);
         assert!(text.contains(expected), "{text}\nlacks {expected}");

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, expecting = "a table like { release = [\"right\"] }")]
 pub struct Updates {
     /// Control elements that may be released and hold again.
     #[serde(skip_serializing_if = "Vec::is_empty")]

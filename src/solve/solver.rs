@@ -15,7 +15,7 @@ use std::fmt;
 
 /// A method with its settings, as a scene asks for it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, expecting = "a table like { method = \"pcg\" }")]
 pub struct Solver {
     pub method: &'static Method,
     /// Of an iterative method: relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column is done.
