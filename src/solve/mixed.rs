@@ -198,7 +198,7 @@ impl Factor for Mixed<'_> {
             return exact.inverse_block_from(first, nodes, take, progress);
         }
         progress.tell(
-            "With a factor in f32 the inverse at chosen nodes is iterated for, some ten times as long as with solver = \
+            "With a factor in f32 the inverse at chosen nodes is iterated for, about ten times as long as with solver = \
              { method = \"cholesky\" }, which takes twice the memory.",
         );
         let column = |own: &[u32], b: &NodeFields, asked: &[u32]| {
