@@ -21,7 +21,7 @@ const MOST: usize = 16;
 /// Stands for no socket.
 const FREE: i32 = -1;
 const TAKEN: i32 = -2;
-/// How long the process waits for the peer to read before it ends, ms, however much that still says.
+/// How long the process waits for its peers to read before it ends, ms, however much they still say.
 const LINGER_MS: i64 = 200;
 const ROUND_MS: c_int = 5;
 /// How long another thread has to finish what it is sending, ms. It may be the thread that died.
@@ -132,7 +132,8 @@ impl Drop for LastWord {
 pub fn speak() {
     SPEAKING.store(true, SeqCst);
     SLOTS.iter().for_each(Slot::speak);
-    SLOTS.iter().for_each(Slot::linger);
+    let end = now_ms() + LINGER_MS;
+    SLOTS.iter().for_each(|slot| slot.linger(end));
 }
 
 impl Slot {
@@ -159,16 +160,17 @@ impl Slot {
         unsafe { libc::shutdown(socket, libc::SHUT_WR) };
     }
 
-    /// Waits until the peer has closed its side too, reading what it still says: a connection that is closed with bytes
-    /// unread is reset, and a reset may overtake the message.
-    fn linger(&self) {
+    /// Waits until the peer has closed its side too, or until `end`, reading what it still says, once at least: a connection
+    /// that is closed with bytes unread is reset, and a reset may overtake the message.
+    fn linger(&self, end: i64) {
         let socket = self.socket.load(SeqCst);
         if socket < 0 {
             return;
         }
         let mut bytes = [0_u8; 1024];
-        let end = now_ms() + LINGER_MS;
-        while now_ms() < end {
+        let mut is_over = false;
+        while !is_over {
+            is_over = now_ms() >= end;
             let mut asked = libc::pollfd { fd: socket, events: libc::POLLIN, revents: 0 };
             // SAFETY: one entry, which outlives the call.
             if unsafe { libc::poll(&raw mut asked, 1, ROUND_MS) } <= 0 {

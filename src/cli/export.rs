@@ -9,8 +9,8 @@ use crate::config::unknown_name;
 use crate::deform::Frame;
 use crate::deform::pose_file::{self, Pose};
 use crate::export::{
-    Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, basis, batch, chosen,
-    surfaces,
+    Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, VIEWER_MOTIONS, basis,
+    batch, chosen, surfaces,
 };
 use crate::prepare;
 use crate::scene::Scene;
@@ -139,10 +139,37 @@ fn refuse_pointless(args: &Args, format: &Format, names: &[String]) -> Result<()
             "{options} for files that hold columns: name OUT.glb, or leave the option out"
         )));
     }
+    if let Format::Basis(file) = format
+        && args.profile == Profile::Viewer
+    {
+        refuse_for_viewers(args, file)?;
+    }
     if !args.columns.is_empty() && names.len() > 1 {
         return Err(Failure::wrong(format!(
             "--columns are those of one body: say which by --body: {}",
             names.join(", ")
+        )));
+    }
+    Ok(())
+}
+
+fn refuse_for_viewers(args: &Args, file: &BasisFile) -> Result<(), Failure> {
+    if !file.is_for_viewers {
+        return Err(Failure::wrong(
+            "--profile viewer makes morph targets, which .glb files have: name OUT.glb".to_owned(),
+        ));
+    }
+    if args.poses.is_some() {
+        return Err(Failure::wrong(
+            "--profile viewer has a few motions, whose sum no pose is: leave --poses out, or --profile viewer"
+                .to_owned(),
+        ));
+    }
+    if args.columns.len() > VIEWER_MOTIONS {
+        return Err(Failure::wrong(format!(
+            "--profile viewer has room for {VIEWER_MOTIONS} columns, each forwards and backwards, and --columns names {}: \
+             name fewer",
+            args.columns.len()
         )));
     }
     Ok(())
@@ -174,7 +201,6 @@ fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisF
     let green = prepare::green_file(&online, args.green.as_deref())?;
     let asked = posed.chosen(scene)?;
     let bodies = basis::read(scene, &green, &names, Choice { columns: &args.columns, asked: &asked })?;
-    (file.check)(&bodies, args.profile).map_err(Failure::wrong)?;
     let size = (file.size)(&bodies, args.profile);
     let path = args.output.display();
     let smaller =
@@ -210,7 +236,8 @@ fn told(bodies: &[BodyBasis], file: &BasisFile, args: &Args) -> String {
             text += &format!(", not that of the model \"{model}\"\n");
         }
         if !body.vanishing.is_empty() {
-            text += &format!("left out, since they are zero: {}\n", body.vanishing.join(", "));
+            let names: Vec<&str> = body.vanishing.iter().map(|column| column.name.as_str()).collect();
+            text += &format!("left out, since they are zero: {}\n", names.join(", "));
         }
     }
     text

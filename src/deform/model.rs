@@ -81,14 +81,21 @@ pub struct ModelEntry {
 }
 
 impl ModelEntry {
+    /// Whether its columns are summed as in the theory of small strain, in a frame that may turn along.
+    pub fn is_of_small_strain(&self) -> bool {
+        matches!(self.kind, Kind::Online(_)) && !self.is_quartic()
+    }
+
+    fn is_quartic(&self) -> bool {
+        self.requirements.iter().any(|family| family.name == REDUCED.name)
+    }
+
     /// What the model's own law makes of the stretches in a free face: St. Venant–Kirchhoff's where its energy is quartic, that
     /// of a background model, else Hooke's law of small strain in the frame that turns along.
     pub fn free_face(&self) -> fn([f64; 2], Lame) -> FreeFace {
         match self.kind {
             Kind::Background(law) => law.free_face,
-            Kind::Online(_) if self.requirements.iter().any(|family| family.name == REDUCED.name) => {
-                STVK.free_face
-            }
+            Kind::Online(_) if self.is_quartic() => STVK.free_face,
             Kind::Online(_) => hooke_at_free_face,
         }
     }

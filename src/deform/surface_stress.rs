@@ -7,7 +7,9 @@
 //! 2 E_ab = e_a·D_b + D_a·e_b + D_a·D_b     λ_i² = 1 + 2 E_i     σ₃ = 0 gives λ₃ and σ₁, σ₂ (`fem::FreeFace`)
 //! ```
 //!
-//! so that a rotation, however large, is no strain. A body that warmth makes longer by s where it is free has the gradient
+//! so that a rotation, however large, is no strain. The displacements of small-strain theory are no such shape: a slender part that
+//! they turn by θ seems longer by θ²/2, which its forces know nothing of. Of them the strain is linear, 2 E_ab = e_a·D_b + D_a·e_b
+//! and λ_i = 1 + E_i ([`Strain`]). A body that warmth makes longer by s where it is free has the gradient
 //! I + D over s there: what it expands by itself is no strain and no stress; and where no force acts on the surface, which is everywhere but at control
 //! elements, this is the whole stress. Both tensors are turned back into the body at rest, where a node takes the mean of the
 //! triangles around it, weighed by area at rest. The nodes lie on the surface itself, so a bent body has the stress of its
@@ -43,6 +45,15 @@ pub struct SurfaceStress {
     nodes: usize,
     /// Of each node a third of the triangles around it, at rest, m².
     pub areas: Vec<f64>,
+}
+
+/// Which strain is meant by displacements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strain {
+    /// That of small-strain theory, whose displacements they are.
+    Small,
+    /// That of the shape that they make.
+    Finite,
 }
 
 /// What is known at one node.
@@ -113,18 +124,19 @@ impl SurfaceStress {
         SurfaceStress { faces, rows, around, lame: parts.lame.to_vec(), law: parts.law, nodes, areas }
     }
 
-    /// At every node, of the displacements u of all, where warmth lengthens what is free by `stretch`; `None` where no triangle is
+    /// At every node, of the displacements u of all, by this strain, where warmth lengthens what is free by `stretch`; `None` where no triangle is
     /// free of forces. `share` is how much of its limit a node of a material has reached, or anything else by which the larger
     /// is shown.
     pub fn at_nodes(
         &self,
         u: &[Vector3<f64>],
         stretch: f64,
+        of: Strain,
         share: impl Fn(&NodeStress) -> f64 + Sync,
     ) -> Vec<Option<NodeStress>> {
         let of_face = |face: &Face| {
             let lame = self.lame.get(usize::from(face.material)).copied();
-            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors((u, stretch), self.law, lame))
+            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors((u, stretch, of), self.law, lame))
         };
         let tensors: Vec<(Tensor, Tensor)> = self.faces.par_iter().with_min_len(1024).map(of_face).collect();
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
@@ -179,7 +191,7 @@ impl Face {
     /// σ and U - I, turned back into the body at rest.
     fn tensors(
         &self,
-        (u, stretch): (&[Vector3<f64>], f64),
+        (u, stretch, of): (&[Vector3<f64>], f64, Strain),
         law: fn([f64; 2], Lame) -> FreeFace,
         lame: Lame,
     ) -> (Tensor, Tensor) {
@@ -189,13 +201,20 @@ impl Face {
         let d2 = ((c - a) - d1 * self.along) / self.width;
         // F = I + D is s times what strains the body.
         let [d1, d2] = [(d1, first), (d2, second)].map(|(d, axis)| (d - axis * (stretch - 1.0)) / stretch);
-        let xx = first.dot(&d1) + 0.5 * d1.norm_squared();
-        let yy = second.dot(&d2) + 0.5 * d2.norm_squared();
-        let xy = 0.5 * (first.dot(&d2) + second.dot(&d1) + d1.dot(&d2));
+        let squares = match of {
+            Strain::Small => [0.0; 3],
+            Strain::Finite => [d1.norm_squared(), d2.norm_squared(), d1.dot(&d2)],
+        };
+        let xx = first.dot(&d1) + 0.5 * squares[0];
+        let yy = second.dot(&d2) + 0.5 * squares[1];
+        let xy = 0.5 * (first.dot(&d2) + second.dot(&d1) + squares[2]);
         let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
         let radius = half.hypot(xy);
         // λ - 1 of 1 + 2 E, with all its digits; a triangle that is pressed flat has λ = 0.
-        let stretch = |green: f64| 2.0 * green / (1.0 + (1.0 + 2.0 * green).max(0.0).sqrt());
+        let stretch = |e: f64| match of {
+            Strain::Small => e,
+            Strain::Finite => 2.0 * e / (1.0 + (1.0 + 2.0 * e).max(0.0).sqrt()),
+        };
         let stretches = [mean + radius, mean - radius].map(stretch);
         let FreeFace { across, stress } = law(stretches, lame);
         // What has these values on the principal axes of E, on the axes of the triangle.

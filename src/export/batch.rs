@@ -10,8 +10,8 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file;
 use crate::deform::{
-    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Wrench, find_model,
-    model_of,
+    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Strain, Wrench,
+    find_model, model_of,
 };
 use crate::effect::expected::{self, NAME as EXPECTED};
 use crate::effect::stress::{NAME as STRESS, StressedBody};
@@ -160,7 +160,7 @@ impl SolvedStress {
     fn result(&self, displacement: &[Vector3<f64>], stretch: f64) -> StressResult {
         let SolvedStress { surface, body } = self;
         let u: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| displacement[node as usize]).collect();
-        let at = body.at_nodes(&u, stretch);
+        let at = body.at_nodes(&u, stretch, Strain::Finite);
         let mut reached = body.reached(&at);
         for node in [&mut reached.von_mises.1, &mut reached.strain.1] {
             *node = surface.nodes.get(*node).map_or(0, |&node| node as usize);

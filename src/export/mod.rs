@@ -31,7 +31,7 @@ pub mod told;
 pub mod vtu;
 
 pub use asked::{Asked, ask};
-pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile};
+pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile, VIEWER_MOTIONS};
 pub use chosen::chosen;
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};

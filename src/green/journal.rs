@@ -11,6 +11,7 @@
 //! A process that is killed leaves a torn record at the end, which is cut off; the system keeps what was written (unless its
 //! power fails, against which the checksums stand). A journal of another state of the scene or another version is dropped.
 
+use crate::base::input;
 use crate::base::notice::notice;
 use crate::base::output::Kind;
 use crate::base::table::bytes;
@@ -170,7 +171,9 @@ fn lock(file: &File) -> Result<()> {
 
 /// What stands there already.
 fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
-    let file = match File::options().read(true).write(true).open(path) {
+    // Opening a pipe waits.
+    let opened = input::regular(path).and_then(|_| File::options().read(true).write(true).open(path));
+    let file = match opened {
         Err(error) if error.kind() == ErrorKind::NotFound => return State::Empty,
         Err(error) => {
             notice!("{}: finished columns are not kept: {error}", path.display());
@@ -187,11 +190,15 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
     if lock(&file).is_err() {
         return State::Closed;
     }
-    let is_ours = head.len() == HEAD
-        && head[MAGIC.len()..].starts_with(FORMAT)
-        && identity().is_some_and(|own| head.ends_with(&own));
-    if !is_ours {
-        let why = if head.len() == HEAD { "it belongs to another state of the scene" } else { "it is torn" };
+    let Some(own) = identity() else { return State::Closed };
+    let is_whole = head.len() == HEAD;
+    let is_known = is_whole && head[MAGIC.len()..].starts_with(FORMAT);
+    if !is_known || !head.ends_with(&own) {
+        let why = match (is_whole, is_known) {
+            (false, _) => "it is torn",
+            (true, false) => "another version of the program has written it",
+            (true, true) => "it belongs to another state of the scene",
+        };
         return match std::fs::remove_file(path) {
             Ok(()) => {
                 notice!("{} is dropped: {why}", path.display());
@@ -223,8 +230,11 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
 fn created(path: &Path, identity: &dyn Fn() -> Option<Key>) -> Result<Records> {
     let identity = identity().ok_or_else(|| Error::other("the scene's files cannot be read"))?;
     let mut file = File::options().read(true).write(true).create_new(true).open(path)?;
-    lock(&file)?;
-    file.write_all(&[MAGIC, FORMAT, &identity].concat())?;
+    let begun = lock(&file).and_then(|()| file.write_all(&[MAGIC, FORMAT, &identity].concat()));
+    if let Err(error) = begun {
+        std::fs::remove_file(path)?;
+        return Err(error);
+    }
     Ok(Records { file, end: HEAD as u64, contents: BTreeMap::new() })
 }
 

@@ -73,7 +73,7 @@ impl Read for Others<'_> {
     }
 }
 
-/// Numbers that were read and checked last, by their tensor and their place in it.
+/// Numbers that were read and checked last, the oldest dropped first, by their tensor and their place in it.
 #[derive(Debug, Default)]
 pub struct Recent(Mutex<VecDeque<Strip>>);
 
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_used_last_is_not_read_again() {
+    fn what_was_read_last_is_not_read_again() {
         let recent = Recent::default();
         let get = |place: usize| {
             let mut made = false;

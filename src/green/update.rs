@@ -11,9 +11,10 @@
 //! 0 = [K u]_j + (α - 1) [K_R u]_j        on what is released,
 //! ```
 //!
-//! a dense system in d and f. Among the u_k are the fields of the body's loads, whose own forces do not count in [K u]_j. Inside of R nothing may act, so that K_R is condensed onto the nodes Q that it shares with the rest
-//! of the body and with control elements: S_R = K_QQ - K_QI K_II⁻¹ K_IQ. These nodes, and those of elements that may be
-//! released, are the body's ports.
+//! a dense system in d and f. Among the u_k are the fields of the body's loads, whose own forces do not count in [K u]_j.
+//! Inside of R nothing may act, so that K_R is condensed onto the nodes Q that it shares with the rest of the body and with
+//! control elements: S_R = K_QQ - K_QI K_II⁻¹ K_IQ. These nodes, and those of elements that may be released, are the
+//! body's ports.
 
 use super::control::FIELDS;
 use faer::linalg::solvers::{PartialPivLu, Solve};

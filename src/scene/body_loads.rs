@@ -105,8 +105,12 @@ fn check(body: &Body) -> Result<(), (String, String)> {
     }
     for (name, load) in &body.load {
         let key = format!("load.{name}");
-        if name.contains('/') || [GRAVITY, CENTRIFUGAL, THERMAL].contains(&name.as_str()) {
-            return wrong(&key, "the name must not contain '/' nor be that of a body load".to_owned());
+        // A column `left.tx` is that of a control element.
+        if name.contains(['/', '.']) || [GRAVITY, CENTRIFUGAL, THERMAL].contains(&name.as_str()) {
+            return wrong(
+                &key,
+                "the name must contain neither '/' nor '.', and not be that of a body load".to_owned(),
+            );
         }
         load.nodes.check().map_err(|message| (key.clone(), message))?;
         if load.axis.as_ref().is_some_and(|axis| !is_axis(axis)) {

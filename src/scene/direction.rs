@@ -9,6 +9,8 @@ use crate::base::input;
 use crate::mesh::TetMesh;
 use crate::mesh::formats::{PlacedVectors, point_vectors};
 use nalgebra::Vector3;
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -32,7 +34,7 @@ pub struct DirectionField {
     /// For errors.
     path: PathBuf,
     /// Places, m, with their vectors.
-    points: PlacedVectors,
+    points: RTree<GeomWithData<[f64; 3], V3>>,
     /// Nothing is known farther than this from the nearest place, m.
     reach: f64,
 }
@@ -61,6 +63,8 @@ impl DirectionFile {
         }
         let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
         let (low, high) = mesh.nodes.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+        let points = points.into_iter().map(|(x, vector)| GeomWithData::new(x.into(), vector)).collect();
+        let points = RTree::bulk_load(points);
         Ok(DirectionField { path: path.to_owned(), points, reach: REACH * (high - low).norm() })
     }
 }
@@ -68,15 +72,8 @@ impl DirectionFile {
 impl DirectionField {
     /// The vector at a place; the error names the file.
     pub fn at(&self, place: &V3) -> Result<V3, String> {
-        let mut near: Vec<(f64, &V3)> = Vec::with_capacity(NEAREST + 1);
-        for (x, vector) in &self.points {
-            let away = (x - place).norm_squared();
-            let rank = near.partition_point(|(other, _)| *other <= away);
-            if rank < NEAREST {
-                near.insert(rank, (away, vector));
-                near.truncate(NEAREST);
-            }
-        }
+        let nearest = self.points.nearest_neighbor_iter_with_distance_2((*place).into());
+        let near: Vec<(f64, &V3)> = nearest.take(NEAREST).map(|(at, away)| (away, &at.data)).collect();
         let Some(&(least, nearest)) = near.first().filter(|(least, _)| least.sqrt() <= self.reach) else {
             let &[x, y, z] = place.as_ref();
             return Err(format!(
@@ -131,7 +128,9 @@ fn of_text(bytes: &[u8], mesh: &TetMesh) -> Result<PlacedVectors, (usize, String
         let place = match columns {
             6 => V3::from_column_slice(&numbers[..3]),
             _ => {
-                let tag = cells[0].parse().ok().and_then(|tag: u64| index.get(&tag));
+                // As programs for numbers write it, 1.000e+00, too.
+                let is_tag = numbers[0] >= 0.0 && numbers[0].fract() == 0.0;
+                let tag = is_tag.then(|| index.get(&(numbers[0] as u64))).flatten();
                 let Some(node) = tag else {
                     return wrong(format!("the mesh has no used node with tag {}", cells[0]));
                 };
@@ -206,6 +205,8 @@ mod tests {
             ("1,0,0,nan\n", ":1: `1,0,0,nan`"),
             ("x,y\n", ":1: no line with a vector"),
             ("1,0,0,0\n", "no vector that is not zero"),
+            ("1.5,0,0,1\n", ":1: the mesh has no used node with tag 1.5"),
+            ("1.000e+00 0.0e+00 0.0e+00 0.0e+00\n", "no vector that is not zero"),
         ] {
             let error = told(text);
             assert!(error.contains(expected), "{error}");

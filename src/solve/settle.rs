@@ -113,6 +113,9 @@ impl Settler<'_> {
             let forces = self.body.forces(&now.gradients);
             let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
             let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
+            if !(left.is_finite() && held.is_finite()) {
+                return Ok(Err(Unsettled));
+            }
             let residual = if held == 0.0 { left } else { left / held };
             let solves = inverse.solves;
             if left <= TOLERANCE * held {

@@ -186,8 +186,7 @@ fn the_steel_bar_yields_where_beam_theory_says() {
     let (length, thickness, young, moved) = (0.2, 0.006, 2.1e11, 1e-3);
     let translation = Vector3::new(0.0, moved, 0.0);
     bar.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
-    let u: Vec<Vector3<f64>> = (0..bar.node_count()).map(|i| bar.straining_part(i)).collect();
-    let found = stressed.at_nodes(&u, 1.0);
+    let found = stressed.of(&bar);
     let most = 3.0 * young * thickness * moved / (length * length);
     let mut count = 0;
     for (at, rest) in found.iter().zip(bar.rest()) {

@@ -276,7 +276,7 @@ fn a_viewer_of_eight_weights_gets_each_motion_forwards_and_backwards() {
     assert!(glb.numbers(&sampler["output"]).iter().all(|weight| (0.0..=1.0).contains(weight)));
     refuse(&place, &["--profile", "viewer", "-o", "web.iv"], &["--profile viewer", "OUT.glb"]);
     let posed = ["--profile", "viewer", "--poses", "poses.toml", "--pose", "both", "-o", "web.glb"];
-    refuse(&place, &posed, &["leave --pose out"]);
+    refuse(&place, &posed, &["leave --poses out"]);
 }
 
 /// Expects exit status 2 and all of `expected` in the message.
@@ -357,6 +357,43 @@ fn vtk_gets_a_vector_for_every_column_and_a_choice_of_them() {
     let said = export(&place, &["--columns", "right.m12,gravity.y", "-o", "part.vtu"]);
     let names: Vec<String> = vtu_vectors(&place.join("part.vtu")).into_iter().map(|(name, _)| name).collect();
     assert_eq!(names, ["column right.m12", "column gravity.y", "Points"], "{said}");
+}
+
+/// A load moves steel by little for 1 Pa, and a flat control element has half of the columns of its turns.
+#[test]
+fn a_stiff_body_keeps_its_loads_and_a_flat_end_is_not_turned_inside_out() {
+    let place = part("export-stiff");
+    let scene = r#"
+[body.part]
+generate = { block = { size = [1.0, 0.1, 0.2], cells = [6, 2, 2] } }
+material = "steel"
+load.press = { nodes = { group = "ymax" }, kind = "pressure", value = 1.0e5 }
+control.left = { nodes = { group = "xmin" }, grab = "fixed" }
+control.right = { nodes = { group = "xmax" }, grab = "dragger" }
+"#;
+    std::fs::write(place.join("part.toml"), scene).unwrap();
+    let pose = "[[pose]]\nname = \"pressed\"\ncontrol.right = { translation = [0.0, 0.0, 0.0] }\n";
+    std::fs::write(place.join("poses.toml"), pose).unwrap();
+    let said = export(&place, &["--poses", "poses.toml", "-o", "part.vtu"]);
+    assert!(said.contains("left out, since they are zero: left.m11, ") && !said.contains("press,"), "{said}");
+    let arrays = vtu_vectors(&place.join("part.vtu"));
+    let u = deformed(&place, "pressed");
+    let largest = u.iter().map(V3::norm).fold(0.0, f64::max);
+    let shown = &arrays.iter().find(|(name, _)| name == "displacement pressed").unwrap().1;
+    assert!(largest > 1e-7 && largest_difference(shown, &u) < 1e-5 * largest, "{largest}");
+
+    export(&place, &["--profile", "viewer", "-o", "web.glb"]);
+    let glb = Glb::read(&place.join("web.glb"));
+    let targets = glb.root["meshes"][0]["primitives"][0]["targets"].as_array().unwrap();
+    let nodes = glb.vectors(&glb.root["meshes"][0]["primitives"][0]["attributes"]["POSITION"]);
+    for (k, name) in glb.names().iter().enumerate() {
+        let u = glb.vectors(&targets[k]["POSITION"]);
+        let end = || {
+            nodes.iter().zip(&u).filter(|(x, _)| x.x > 0.999 * nodes.iter().map(|x| x.x).fold(0.0, f64::max))
+        };
+        let turns = end().zip(end().skip(1)).map(|((x, u), (y, v))| (u - v).norm() / (x - y).norm());
+        assert!(turns.fold(0.0, f64::max) < 0.36, "{name}");
+    }
 }
 
 /// The pose of a model with a frame of its own is that of `deform`, too; what is said of the sum is what is true of it.

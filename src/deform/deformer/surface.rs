@@ -92,7 +92,7 @@ impl Deformer {
         Cow::Owned(normals)
     }
 
-    /// u of surface node `i`: the sum of its columns, in the surface's frame, m.
+    /// u of surface node `i`: the sum of its columns and of what forces at points do, in the surface's frame, m.
     pub fn linear_part(&self, i: usize) -> Vector3<f64> {
         match &self.partial {
             None => Vector3::from(self.u[i]).cast::<f64>(),

@@ -2,7 +2,7 @@
 
 use super::stressed_body::StressedBody;
 use crate::base::quantity::quantity;
-use crate::deform::{Deformer, NodeStress};
+use crate::deform::{Deformer, NodeStress, Strain};
 use crate::scene::{Limit, Quantity};
 use nalgebra::Vector3;
 
@@ -36,16 +36,20 @@ pub fn share(at: &NodeStress, limits: &[Option<Limit>]) -> f64 {
 impl StressedBody {
     /// At every node of the surface, of its displacements where warmth lengthens what is free by `stretch`; `None` inside control
     /// elements.
-    pub fn at_nodes(&self, u: &[Vector3<f64>], stretch: f64) -> Vec<Option<NodeStress>> {
+    pub fn at_nodes(&self, u: &[Vector3<f64>], stretch: f64, of: Strain) -> Vec<Option<NodeStress>> {
         // Where no limit tells, the larger stress does.
         let order = |at: &NodeStress| part(at, &self.limits).map_or(at.von_mises * 1e-100, |(part, _)| part);
-        self.surface.at_nodes(u, stretch, order)
+        self.surface.at_nodes(u, stretch, of, order)
     }
 
     /// At every node of the surface of a deformed body.
     pub fn of(&self, body: &Deformer) -> Vec<Option<NodeStress>> {
         let u: Vec<Vector3<f64>> = (0..body.node_count()).map(|i| body.straining_part(i)).collect();
-        self.at_nodes(&u, body.free_stretch())
+        let of = match self.is_of_small_strain && body.part_weights().is_none() {
+            true => Strain::Small,
+            false => Strain::Finite,
+        };
+        self.at_nodes(&u, body.free_stretch(), of)
     }
 
     pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {

@@ -1,6 +1,6 @@
 //! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
 
-use crate::deform::{SurfaceParts, SurfaceStress, find_model};
+use crate::deform::{ModelEntry, SurfaceParts, SurfaceStress, find_model};
 use crate::fem::Lame;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Tensor};
 use crate::mesh::{Surface, TetMesh};
@@ -44,6 +44,8 @@ pub struct StressedBody {
     pub surface: SurfaceStress,
     /// By material.
     pub limits: Vec<Option<Limit>>,
+    /// Its model moves the surface as the theory of small strain does.
+    pub is_of_small_strain: bool,
 }
 
 impl StressedBody {
@@ -94,10 +96,11 @@ impl StressedBody {
     ) -> StressedBody {
         let lame: Vec<Lame> = body.materials().map(Material::lame).collect();
         // A model that is not known was refused before.
-        let law =
-            find_model(&body.model).map_or(crate::fem::hooke_at_free_face as _, |model| model.free_face());
+        let model = find_model(&body.model).ok();
+        let law = model.map_or(crate::fem::hooke_at_free_face as _, ModelEntry::free_face);
+        let is_of_small_strain = model.is_some_and(ModelEntry::is_of_small_strain);
         let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
         let limits = body.materials().map(|material| material.limit).collect();
-        StressedBody { surface: SurfaceStress::new(&parts), limits }
+        StressedBody { surface: SurfaceStress::new(&parts), limits, is_of_small_strain }
     }
 }

@@ -64,8 +64,7 @@ fn errors(size: u32, element: &str, poisson: f64) -> [f64; 2] {
     let mut deformer = Deformer::new(file.clone(), "b", "linear").unwrap();
     deformer.evaluate(&[pose]);
     let stressed = StressedBody::of_file(&scene, &file, "b").unwrap();
-    let u: Vec<Vector3<f64>> = (0..deformer.node_count()).map(|i| deformer.straining_part(i)).collect();
-    let found = stressed.at_nodes(&u, 1.0);
+    let found = stressed.of(&deformer);
 
     let solution = &made.solution;
     let mesh = &solution.mesh;

@@ -16,8 +16,8 @@ pub struct BasisFile {
     pub size: fn(&[BodyBasis], Profile) -> u64,
     /// It may take no more.
     pub most: Option<u64>,
-    /// The error says what the profile lacks.
-    pub check: fn(&[BodyBasis], Profile) -> Result<(), String>,
+    /// Whether it can be made for [`Profile::Viewer`] too.
+    pub is_for_viewers: bool,
     pub write: fn(&[BodyBasis], Profile, &mut dyn Write) -> io::Result<()>,
 }
 
@@ -31,6 +31,9 @@ pub enum Profile {
     Viewer,
 }
 
+/// Motions that a file for viewers has at most, each as two targets.
+pub const VIEWER_MOTIONS: usize = 4;
+
 /// Numbers of all fields, those of the rest shape too.
 pub fn numbers(bodies: &[BodyBasis]) -> u64 {
     bodies.iter().map(|body| 3 * (body.rest.len() * (1 + body.columns.len())) as u64).sum()
@@ -38,14 +41,4 @@ pub fn numbers(bodies: &[BodyBasis]) -> u64 {
 
 pub fn triangles(bodies: &[BodyBasis]) -> u64 {
     bodies.iter().map(|body| body.triangles.len() as u64).sum()
-}
-
-/// A profile is for some formats alone.
-pub fn full_only(_: &[BodyBasis], profile: Profile) -> Result<(), String> {
-    match profile {
-        Profile::Full => Ok(()),
-        Profile::Viewer => {
-            Err("--profile viewer makes morph targets, which .glb files have: name OUT.glb".to_owned())
-        }
-    }
 }

@@ -27,8 +27,8 @@ pub struct BodyBasis {
     pub triangles: Vec<[u32; 3]>,
     /// Those that move something.
     pub columns: Vec<Column>,
-    /// Names of the others: of flat control elements.
-    pub vanishing: Vec<String>,
+    /// The others: fields of flat control elements, loads on what is held.
+    pub vanishing: Vec<ColumnName>,
     pub controls: Vec<Handle>,
     /// Whether the columns were chosen one by one.
     pub is_chosen: bool,
@@ -55,9 +55,11 @@ pub struct Column {
 pub struct Handle {
     pub rest: ControlRest,
     pub is_grabbed: bool,
-    /// Half of the largest extent of its surface nodes, m.
+    /// Half of the largest extent of its surface nodes, m; of a single node this part of the body's size: [`SINGLE_NODE`].
     pub radius: f64,
 }
+
+pub const SINGLE_NODE: f64 = 0.03;
 
 /// What is wanted of a body.
 #[derive(Clone, Copy, Default)]
@@ -87,7 +89,7 @@ impl BodyBasis {
         let asked = choice.asked.iter().rfind(|asked| asked.body == name);
         let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
         let rest = file.rest(name).to_vec();
-        let size = extent(rest.iter().copied());
+        let size = extent(rest.iter().copied()).unwrap_or(1.0);
         check_chosen(choice.columns, &names).map_err(wrong)?;
         let (mut columns, mut vanishing, mut missing) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (name, (group, of_group))) in names.into_iter().zip(places).enumerate() {
@@ -96,9 +98,14 @@ impl BodyBasis {
             let largest = u.iter().map(|u| Vector3::from(*u).cast::<f64>().norm()).fold(0.0, f64::max);
             let coefficient = posed.as_ref().and_then(|(c, _)| c.get(k).copied()).unwrap_or(0.0);
             let is_chosen = choice.columns.is_empty() || choice.columns.contains(&name.name);
-            let is_zero = largest <= f64::from(f32::EPSILON) * size && name.source != ColumnSource::Model;
+            // The entries of M have no unit; what a load does for 1 N or 1 Pa is small of any stiff body.
+            let is_zero = match name.source {
+                ColumnSource::Field { .. } => largest <= f64::from(f32::EPSILON) * size,
+                ColumnSource::Load => largest == 0.0,
+                ColumnSource::Model => false,
+            };
             match (is_zero, is_chosen) {
-                (true, true) => vanishing.push(name.name),
+                (true, true) => vanishing.push(name),
                 (false, true) => columns.push(Column { name, u, largest, coefficient }),
                 (false, false) if coefficient != 0.0 => missing.push(name.name),
                 (_, false) => {}
@@ -117,7 +124,7 @@ impl BodyBasis {
             triangles: file.triangles(name).to_vec(),
             columns,
             vanishing,
-            controls: handles(scene, file, name),
+            controls: handles(scene, file, name, size),
             pose: asked.map(|asked| asked.pose.to_owned()),
             motion: posed.map_or_else(Isometry3::identity, |(_, motion)| motion),
             is_chosen: !choice.columns.is_empty(),
@@ -174,8 +181,11 @@ fn check_chosen(chosen: &[String], names: &[ColumnName]) -> Result<(), String> {
     unknown.map_or(Ok(()), |name| Err(unknown_name("column", name, known())))
 }
 
-fn handles(scene: &Scene, file: &GreenFile, body: &str) -> Vec<Handle> {
+fn handles(scene: &Scene, file: &GreenFile, body: &str, size: f64) -> Vec<Handle> {
     let (rest, settings) = (file.rest(body), &scene.body[body]);
+    let places = |control: &ControlMeta| {
+        file.control(body, &control.name).iter().map(|node| rest[*node as usize]).collect::<Vec<_>>()
+    };
     let handle = |control: &ControlMeta| Handle {
         rest: ControlRest {
             name: control.name.clone(),
@@ -183,15 +193,15 @@ fn handles(scene: &Scene, file: &GreenFile, body: &str) -> Vec<Handle> {
             nodes: control.nodes,
         },
         is_grabbed: settings.control.get(&control.name).is_some_and(|control| control.grab == Grab::Dragger),
-        radius: 0.5 * extent(file.control(body, &control.name).iter().map(|node| rest[*node as usize])),
+        radius: extent(places(control).into_iter()).map_or(SINGLE_NODE * size, |extent| 0.5 * extent),
     };
     file.meta.bodies[body].controls.iter().map(handle).collect()
 }
 
-/// The largest extent of places along an axis; 1 where there is none.
-fn extent(places: impl Iterator<Item = [f32; 3]>) -> f64 {
+/// The largest extent of places along an axis; `None` of a single one.
+fn extent(places: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
     let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
     let (low, high) = places.map(Vector3::from).fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
     let extent = f64::from((high - low).max());
-    if extent.is_finite() && extent > 0.0 { extent } else { 1.0 }
+    (extent.is_finite() && extent > 0.0).then_some(extent)
 }

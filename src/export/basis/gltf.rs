@@ -5,7 +5,7 @@
 //! areas around a vertex: right for small weights. An animation moves every control element in turn. The profile `viewer`
 //! has a few motions instead, each forwards and backwards, for programs that take 8 targets with weights from 0 to 1.
 
-use super::basis_file::{BasisFile, Profile, numbers, triangles};
+use super::basis_file::{BasisFile, Profile, VIEWER_MOTIONS, numbers, triangles};
 use super::body_basis::BodyBasis;
 use super::motions::{Motion, few, motions};
 use crate::base::output::Kind;
@@ -29,12 +29,10 @@ pub const FILE: BasisFile = BasisFile {
     },
     size,
     most: Some(u32::MAX as u64),
-    check,
+    is_for_viewers: true,
     write,
 };
 
-/// Targets of the profile `viewer`, and its motions.
-const TARGETS: usize = 8;
 /// Seconds from rest to a motion's end.
 const STRIDE_S: f32 = 0.6;
 
@@ -43,31 +41,8 @@ fn size(bodies: &[BodyBasis], profile: Profile) -> u64 {
     match profile {
         // Positions and normals.
         Profile::Full => 8 * numbers(bodies) + 12 * triangles(bodies),
-        Profile::Viewer => 12 * (2 + TARGETS as u64) * vertices + 12 * triangles(bodies),
+        Profile::Viewer => 12 * (2 + 2 * VIEWER_MOTIONS as u64) * vertices + 12 * triangles(bodies),
     }
-}
-
-fn check(bodies: &[BodyBasis], profile: Profile) -> Result<(), String> {
-    if profile == Profile::Full {
-        return Ok(());
-    }
-    for body in bodies {
-        if let Some(pose) = &body.pose {
-            return Err(format!(
-                "--profile viewer has a few motions of body {}, whose sum the pose \"{pose}\" is not: leave --pose out, or \
-                 --profile viewer",
-                body.body
-            ));
-        }
-        if body.is_chosen && body.columns.len() > TARGETS / 2 {
-            return Err(format!(
-                "--profile viewer has room for {} columns, each forwards and backwards, and --columns names {}: name fewer",
-                TARGETS / 2,
-                body.columns.len()
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// One morph target, and the weight at which it begins.
@@ -176,7 +151,7 @@ fn full(body: &BodyBasis) -> Track {
 /// A few motions, each as two targets. Normals would take the room of as many targets again in the programs that have so few.
 fn split(body: &BodyBasis) -> Track {
     let all = motions(body);
-    let chosen = if body.is_chosen { all } else { few(body, &all, TARGETS / 2) };
+    let chosen = if body.is_chosen { all } else { few(body, &all, VIEWER_MOTIONS) };
     let target = |motion: &Motion, sign: f64| {
         let mut position = vec![Vector3::<f64>::zeros(); body.rest.len()];
         for (k, weight) in &motion.terms {

@@ -13,7 +13,7 @@
 //! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 come from where R·S
 //! takes the axes.
 
-use super::basis_file::{BasisFile, Profile, full_only, numbers, triangles};
+use super::basis_file::{BasisFile, Profile, numbers, triangles};
 use super::body_basis::{BodyBasis, Column, Handle};
 use super::inventor_names::{InventorNames, quoted};
 use crate::base::output::Kind;
@@ -36,7 +36,7 @@ pub const FILE: BasisFile = BasisFile {
     // A number takes some 13 characters, a triangle three indices and -1.
     size: |bodies, _| 13 * numbers(bodies) + 24 * triangles(bodies),
     most: None,
-    check: full_only,
+    is_for_viewers: false,
     write,
 };
 
@@ -148,12 +148,12 @@ impl<'a> Named<'a> {
             self.columns.len(),
             self.body.model.name
         )?;
-        for name in &self.body.vanishing {
-            writeln!(
-                out,
-                "    # {} is zero, because the control element is flat along that axis",
-                one_line(name)
-            )?;
+        for column in &self.body.vanishing {
+            let why = match column.source {
+                ColumnSource::Field { .. } => ", because the control element is flat along that axis",
+                ColumnSource::Load | ColumnSource::Model => "",
+            };
+            writeln!(out, "    # {} is zero{why}", one_line(&column.name))?;
         }
         put_points(out, &format!("{id}_rest"), &self.body.rest)?;
         for NamedColumn { column, id } in &self.columns {

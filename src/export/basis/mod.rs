@@ -13,6 +13,6 @@ mod inventor_names;
 mod motions;
 mod vtu;
 
-pub use basis_file::{BasisFile, Profile};
+pub use basis_file::{BasisFile, Profile, VIEWER_MOTIONS};
 pub use basis_files::{BASIS_FILES, read, refuse};
 pub use body_basis::{BodyBasis, Choice, Column, Handle};

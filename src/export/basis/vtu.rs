@@ -1,6 +1,6 @@
 //! A VTU file for ParaView and meshio: the surface of each body, and a point vector for every column.
 
-use super::basis_file::{BasisFile, Profile, full_only, numbers, triangles};
+use super::basis_file::{BasisFile, Profile, numbers, triangles};
 use super::body_basis::{BodyBasis, Column};
 use crate::base::output::Kind;
 use crate::base::text::one_line;
@@ -22,7 +22,7 @@ pub const FILE: BasisFile = BasisFile {
     // Numbers of 8 bytes as base64, and seven of each triangle: three nodes, an offset and a type.
     size: |bodies, _| 4 * (8 * numbers(bodies) * bodies.len() as u64 + 33 * triangles(bodies)) / 3,
     most: None,
-    check: full_only,
+    is_for_viewers: false,
     write,
 };
 
