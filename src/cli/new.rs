@@ -5,6 +5,7 @@ use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::base::output::Kind;
+use crate::deform::find_model;
 use crate::effect::{find_effect, haptics, stress};
 use crate::mesh::formats::files_of;
 use crate::scene::proposal::pull::{self, length, poses_path};
@@ -46,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "GROUP")]
     pub grab: Vec<String>,
     /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` compares the models
-    #[arg(long)]
+    #[arg(long, value_parser = model)]
     pub model: Option<String>,
     /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress); `greenstage manual scene` lists them
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
@@ -115,6 +116,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         output::write(poses, &POSES, |file| file.write_all(text.as_bytes()))?;
     }
     print(&told(&proposal, &path, args.pull))
+}
+
+/// The name of a model.
+fn model(name: &str) -> Result<String, String> {
+    find_model(name).map(|model| model.name.to_owned())
 }
 
 /// The name of an effect.

@@ -162,7 +162,8 @@ impl<'a> Search<'a> {
                 self.last = (share, q);
                 return Ok(poses);
             }
-            let jacobian = self.jacobian.take().unwrap_or_else(|| DMatrix::zeros(q.len(), q.len()));
+            // It stays where it is: the residual that is none is a part of it.
+            let jacobian = self.jacobian.clone().unwrap_or_else(|| DMatrix::zeros(q.len(), q.len()));
             let step = jacobian.clone().lu().solve(&-&now.r).filter(|_| !q.is_empty());
             let mut found = None;
             for halvings in 0..5 {
@@ -267,6 +268,24 @@ mod tests {
         assert!(
             found[0].translation.norm() < 1e-12 && (found[0].matrix - Matrix3::identity()).amax() < 1e-12
         );
+    }
+
+    /// A warm bar with a free end: no force is left, neither there nor at the clamp, that the residual could be a part of.
+    #[test]
+    fn a_free_end_of_a_warm_bar_moves_without_a_force() {
+        let (stiffness, expansion) = (1e8 / 3.0, 1.2e-4);
+        let mut bar = |poses: &[ControlPose]| {
+            let force = Vector3::new(stiffness * (poses[0].translation.x - expansion), 0.0, 0.0);
+            let wrench = |force| Wrench { force, moment: Vector3::zeros() };
+            Ok(vec![wrench(force), wrench(-force)])
+        };
+        let slides = |free| Freedom { free: [free, false, false, false, false, false], load: [0.0; 6] };
+        let freedom = [slides(true), slides(false)];
+        let rest = |_: f64| vec![ControlPose::REST; 2];
+        for is_linear in [true, false] {
+            let found = Search::new(&freedom, 0.2, is_linear, &rest).follow(&mut bar).unwrap();
+            assert!((found[0].translation.x - expansion).abs() < 1e-9 * expansion, "{found:?}");
+        }
     }
 
     #[test]

@@ -125,6 +125,16 @@ impl Body {
         {
             return wrong(&key, "one positive number or more is needed");
         }
+        if let AccuracyTarget::Accuracy(Accuracy { displacement, force, .. }) = target
+            && let Some(error) = displacement.into_iter().chain(force).find(|error| *error > 1.0)
+        {
+            let message = format!(
+                "an error of {error} is {:.0} % of the whole: write {} for {error} %",
+                100.0 * error,
+                error / 100.0
+            );
+            return wrong(&key, message);
+        }
         let is_free = self.element == <&Element>::default()
             && self.storage == Storage::default()
             && self.solver == Solver::default()

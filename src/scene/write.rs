@@ -147,11 +147,12 @@ impl<'a> Block<'a> {
 
 /// A comment of its own, over as many lines as it needs.
 fn wrap(text: &mut String, comment: &str) {
-    let mut length = WIDTH;
+    text.push('#');
+    let mut length = 1;
     for word in comment.split_whitespace() {
         let word_length = word.chars().count();
-        if length + 1 + word_length > WIDTH {
-            text.push_str(if length == WIDTH { "#" } else { "\n#" });
+        if length > 1 && length + 1 + word_length > WIDTH {
+            text.push_str("\n#");
             length = 1;
         }
         text.push(' ');
@@ -290,6 +291,10 @@ grab = "fixed"
         assert!(written.lines().all(|line| line.chars().count() <= WIDTH), "{written}");
         assert_eq!(written.matches("word").count(), 40);
         assert!(written.contains("word\nmaterial = \"liver\"\n"), "{written}");
+        // A line that is full to the last column.
+        let mut full = String::new();
+        wrap(&mut full, &format!("{} more", "x".repeat(WIDTH - 2)));
+        assert_eq!(full, format!("# {}\n# more\n", "x".repeat(WIDTH - 2)));
         assert_eq!(Scene::parse(&written, Path::new("scene.toml")).unwrap(), scene);
     }
 
