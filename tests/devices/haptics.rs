@@ -315,7 +315,7 @@ fn the_thread_ticks_tells_and_ends() {
             if until(&report) {
                 return report;
             }
-            assert!(started.elapsed() < Duration::from_secs(20), "{report:?}");
+            assert!(started.elapsed() < Duration::from_secs(60), "{report:?}");
             std::thread::sleep(Duration::from_millis(5));
         }
     };
