@@ -135,11 +135,15 @@ fn forged_counts_fail_at_once_and_allocate_nothing() {
         replaced(&binary_4, &tets_after_counts(tets), &tets_after_counts(u64::MAX)),
     ];
     for (i, file) in files.iter().enumerate() {
-        let before = IN_USE.load(Relaxed);
-        PEAK.store(before, Relaxed);
-        let start = std::time::Instant::now();
-        let error = parse(Path::new("m.msh"), file).unwrap_err().to_string();
-        let (peak, time) = (PEAK.load(Relaxed) - before, start.elapsed());
+        // The least of three times: a busy machine may have stopped during one.
+        let runs = [(); 3].map(|()| {
+            let before = IN_USE.load(Relaxed);
+            PEAK.store(before, Relaxed);
+            let start = std::time::Instant::now();
+            let error = parse(Path::new("m.msh"), file).unwrap_err().to_string();
+            (start.elapsed(), PEAK.load(Relaxed) - before, error)
+        });
+        let (time, peak, error) = runs.into_iter().min().unwrap();
         println!("{i}: {peak} bytes in {time:.1?}: {error}");
         assert!(peak < 40 * file.len(), "file {i} of {} bytes: {peak} bytes", file.len());
         assert!(time.as_millis() < 500, "file {i}: {time:?}");

@@ -315,7 +315,7 @@ fn the_thread_ticks_tells_and_ends() {
             if until(&report) {
                 return report;
             }
-            assert!(started.elapsed() < Duration::from_secs(20), "{report:?}");
+            assert!(started.elapsed() < Duration::from_secs(60), "{report:?}");
             std::thread::sleep(Duration::from_millis(5));
         }
     };
@@ -332,7 +332,7 @@ fn the_thread_ticks_tells_and_ends() {
 #[test]
 fn the_largest_stable_stiffness_is_that_of_theory() {
     for (rate_hz, hand) in
-        [(500.0, Hand::NONE), (1000.0, Hand::NONE), (4000.0, Hand::NONE), (1000.0, Hand::FINGERS)]
+        [(500.0, Hand::NONE), (1000.0, Hand::NONE), (2000.0, Hand::NONE), (1000.0, Hand::FINGERS)]
     {
         let haptic = Haptic { rate_hz, ..Haptic::simulated("right") };
         let theory = 2.0 * (haptic.damping + hand.damping) * rate_hz;

@@ -1,7 +1,7 @@
 //! Force devices over the loopback device: servers of our own that a loop feels, that vanish and that lie.
 
 use crate::common::{program, text};
-use greenstage::effect::haptics::{Device, Haply, Push, Reading};
+use greenstage::effect::haptics::{Device, Haply, HaplyTiming, Push, Reading};
 use greenstage::manual::CHAPTERS;
 use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
@@ -13,7 +13,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Whatever stands still for a moment, the connection lasts.
+const STEADY: HaplyTiming = HaplyTiming { silent_s: 60.0, retry_s: 0.05, ask_s: 60.0 };
 const BUTTONS: [GripButton; 2] = [GripButton::A, GripButton::B];
 
 /// Reads the device until its reading is as wanted, pushing with `push` meanwhile as the loop does.
@@ -39,8 +41,10 @@ fn wait(
 fn hear<T: std::fmt::Debug>(heard: &Receiver<T>, what: &str, wanted: impl Fn(&T) -> bool) {
     let started = Instant::now();
     while started.elapsed() < PATIENCE {
-        if heard.recv_timeout(PATIENCE).is_ok_and(|message| wanted(&message)) {
-            return;
+        match heard.recv_timeout(PATIENCE) {
+            Ok(message) if wanted(&message) => return,
+            Ok(_) => {}
+            Err(error) => panic!("{what}: {error}"),
         }
     }
     panic!("{what}: not heard");
@@ -57,11 +61,11 @@ fn push_until(device: &mut dyn Device, push: &Push, heard: &Receiver<f64>) {
 }
 
 /// A device, and the thread that plays its service.
-fn served(serve: impl FnOnce(TcpListener) + Send + 'static) -> (Haply, JoinHandle<()>) {
+fn served(timing: HaplyTiming, serve: impl FnOnce(TcpListener) + Send + 'static) -> (Haply, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let place = listener.local_addr().unwrap().to_string();
     let server = std::thread::spawn(move || serve(listener));
-    (Haply::open(&place, BUTTONS).unwrap(), server)
+    (Haply::with_timing(&place, BUTTONS, timing).unwrap(), server)
 }
 
 fn accept(listener: &TcpListener) -> WebSocket<TcpStream> {
@@ -70,12 +74,19 @@ fn accept(listener: &TcpListener) -> WebSocket<TcpStream> {
     tungstenite::accept(stream).unwrap()
 }
 
-/// The x of the force in a command to the arm `id`.
-fn force_of(command: &str, id: &str, key: &str) -> f64 {
+/// The x of the force in a command to the arm `id`; `None` for the question whether there is an arm.
+fn force_of(command: &str, id: &str, key: &str) -> Option<f64> {
     let value: serde_json::Value = serde_json::from_str(command).unwrap();
+    if value == asked() {
+        return None;
+    }
     let arm = &value["inverse3"][0];
     assert_eq!(arm["device_id"], id);
-    arm["commands"]["set_cursor_force"][key]["x"].as_f64().unwrap()
+    Some(arm["commands"]["set_cursor_force"][key]["x"].as_f64().unwrap())
+}
+
+fn asked() -> serde_json::Value {
+    serde_json::json!({ "session": { "force_render_full_state": {} } })
 }
 
 fn state(x: f64) -> String {
@@ -86,24 +97,30 @@ fn state(x: f64) -> String {
     )
 }
 
-/// Like the Inverse Service: a state, and another after each command. Gives the x of each force that it was sent.
-fn serve_haply(listener: TcpListener, first: Vec<String>, forces: Sender<f64>, rounds: usize) {
-    for _ in 0..rounds {
-        let Ok((stream, _)) = listener.accept() else { return };
-        let Ok(mut socket) = tungstenite::accept(stream) else { continue };
+/// Like the Inverse Service: a state, and another after each command. Gives the x of each force that it was sent. It vanishes
+/// and is back when it is told to.
+fn serve_haply(listener: TcpListener, first: Vec<String>, forces: Sender<f64>, back: Receiver<()>) {
+    loop {
+        let mut socket = accept(&listener);
         for text in &first {
             if socket.send(Message::text(text.clone())).is_err() {
                 break;
             }
         }
         converse(&mut socket, &forces);
+        drop(socket);
+        if back.recv().is_err() {
+            return;
+        }
     }
 }
 
 fn converse(socket: &mut WebSocket<TcpStream>, forces: &Sender<f64>) {
     for i in 0..100 {
         let Ok(Message::Text(text)) = socket.read() else { return };
-        let _ = forces.send(force_of(&text, "0A1B", "values"));
+        if let Some(force) = force_of(&text, "0A1B", "values") {
+            let _ = forces.send(force);
+        }
         std::thread::sleep(Duration::from_millis(1));
         if socket.send(Message::text(state(0.001 * f64::from(i)))).is_err() {
             return;
@@ -117,7 +134,8 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
     let (forces, heard) = channel();
     let nonsense = ["nonsense", "{\"inverse3\": 7}", "{}"].map(str::to_owned);
     let first = nonsense.into_iter().chain([state(0.5)]).collect();
-    let (mut device, server) = served(move |listener| serve_haply(listener, first, forces, 2));
+    let (back, is_back) = channel();
+    let (mut device, server) = served(STEADY, move |listener| serve_haply(listener, first, forces, is_back));
     let push = Push { force: Vector3::new(1.25, 0.0, 0.0), torque: Vector3::x() };
     let reading = wait(&mut device, &push, "the first state", |reading| reading.is_some()).unwrap();
     assert_eq!((reading.buttons, reading.tracked), ([true, false], true));
@@ -126,8 +144,9 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
     device.push(&push, now_s());
     wait(&mut device, &push, "it vanishes", |reading| reading.is_none());
     hear(&heard, "the force was sent", |force| *force == 1.25);
+    back.send(()).unwrap();
     wait(&mut device, &push, "it returns", |reading| reading.is_some());
-    drop(device);
+    drop((device, back));
     server.join().unwrap();
 }
 
@@ -135,13 +154,15 @@ fn a_haply_service_is_felt_vanishes_and_returns() {
 #[test]
 fn a_silent_loop_sends_no_force() {
     let (forces, heard) = channel();
-    let (mut device, server) = served(move |listener| {
+    let (mut device, server) = served(STEADY, move |listener| {
         let mut socket = accept(&listener);
         socket.send(Message::text(state(0.0))).unwrap();
         while let Ok(Message::Text(text)) = socket.read() {
             let force = force_of(&text, "0A1B", "values");
             std::thread::sleep(Duration::from_millis(2));
-            if forces.send(force).is_err() || socket.send(Message::text(state(0.0))).is_err() {
+            if force.is_some_and(|force| forces.send(force).is_err())
+                || socket.send(Message::text(state(0.0))).is_err()
+            {
                 break;
             }
         }
@@ -160,14 +181,15 @@ fn a_silent_loop_sends_no_force() {
 #[test]
 fn a_service_without_an_arm_is_asked_until_there_is_one() {
     let (forces, heard) = channel();
-    let (mut device, server) = served(move |listener| {
+    let timing = HaplyTiming { ask_s: 0.02, ..STEADY };
+    let (mut device, server) = served(timing, move |listener| {
         let mut socket = accept(&listener);
         let without = r#"{ "session_id": 3, "inverse3": [], "verse_grip": [], "wireless_verse_grip": [] }"#;
         socket.send(Message::text(without)).unwrap();
         for _ in 0..6 {
-            let asked: serde_json::Value =
+            let said: serde_json::Value =
                 serde_json::from_str(socket.read().unwrap().to_text().unwrap()).unwrap();
-            assert_eq!(asked, serde_json::json!({ "session": { "force_render_full_state": {} } }));
+            assert_eq!(said, asked());
             socket.send(Message::text(without)).unwrap();
         }
         let plugged = r#"{ "session_id": 3, "inverse3": [{ "device_id": "049D", "state": {
@@ -176,11 +198,12 @@ fn a_service_without_an_arm_is_asked_until_there_is_one() {
         let _asked = socket.read().unwrap();
         socket.send(Message::text(plugged)).unwrap();
         while let Ok(Message::Text(text)) = socket.read() {
-            let _ = forces.send(force_of(&text, "049D", "vector"));
-            std::thread::sleep(Duration::from_millis(1));
-            if socket.send(Message::text(plugged)).is_err() {
-                return;
+            if let Some(force) = force_of(&text, "049D", "vector") {
+                let _ = forces.send(force);
             }
+            std::thread::sleep(Duration::from_millis(1));
+            // Nobody to hear it: what was said by the one that has gone is read all the same.
+            let _ = socket.send(Message::text(plugged));
         }
     });
     let push = Push { force: Vector3::new(1.5, 0.0, 0.0), torque: Vector3::zeros() };
@@ -195,7 +218,7 @@ fn a_service_without_an_arm_is_asked_until_there_is_one() {
 /// A service that only answers, and says something that cannot be read once in a while, is answered all the same.
 #[test]
 fn a_malformed_state_is_answered() {
-    let (mut device, server) = served(|listener| {
+    let (mut device, server) = served(STEADY, |listener| {
         let mut socket = accept(&listener);
         for said in [state(0.0), "nonsense".into(), "{}".into(), "{\"inverse3\": 7}".into(), state(0.0)] {
             socket.send(Message::text(said)).unwrap();

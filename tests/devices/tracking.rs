@@ -9,16 +9,17 @@ mod osc;
 use greenstage::track::device::{DeviceState, Source, now_s};
 use nalgebra::Isometry3;
 
-/// Asks again and again until `is` is true of the source's state; fails after 20 s.
+/// Asks again and again until `is` is true of the source's state, which it returns; fails after 60 s.
 fn wait(source: &mut dyn Source, what: &str, mut is: impl FnMut(&DeviceState) -> bool) -> DeviceState {
-    let deadline_s = now_s() + 20.0;
+    let deadline_s = now_s() + 60.0;
     while now_s() < deadline_s {
-        if is(source.latest()) {
-            return source.latest().clone();
+        let state = source.latest();
+        if is(state) {
+            return state.clone();
         }
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
-    panic!("no {what} within 20 s: {:?}", source.latest());
+    panic!("no {what} within 60 s: {:?}", source.latest());
 }
 
 fn near(pose: &Isometry3<f64>, expected: &Isometry3<f64>, tolerance: f64) -> bool {

@@ -7,8 +7,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::xproto::{
-    AtomEnum, ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, InputFocus, PropMode, Window,
-    WindowClass,
+    AtomEnum, ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, InputFocus, MapState,
+    PropMode, Window, WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -80,11 +80,16 @@ impl Display {
         Running(command.env_remove("WAYLAND_SOCKET").spawn().unwrap())
     }
 
-    /// Every window that has a title, sorted by it. Those that go away meanwhile are left out.
+    /// Every window that has a title and can be seen, sorted by it. Those that go away meanwhile are left out.
     pub fn windows(&self) -> Vec<Placed> {
         let tree = self.connection.query_tree(self.root).unwrap().reply().unwrap();
         let title = self.atom(b"_NET_WM_NAME");
         let of = |&id: &Window| {
+            // One that is not shown yet stands nowhere and takes no focus.
+            let attributes = self.connection.get_window_attributes(id).unwrap().reply().ok()?;
+            if attributes.map_state != MapState::VIEWABLE {
+                return None;
+            }
             let named = self.connection.get_property(false, id, title, AtomEnum::ANY, 0, 1024).unwrap();
             let place = self.connection.get_geometry(id).unwrap().reply().ok()?;
             let title =

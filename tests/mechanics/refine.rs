@@ -139,7 +139,7 @@ fn quality_is_bounded() {
         TriangleSurface { vertices: nodes.iter().map(|&node| mesh.nodes[node as usize]).collect(), triangles }
     };
     let report = check(&mut ring, &mut Vec::new());
-    let stuffed = tetrahedralise(&ring, &report, 0.1, &mut Vec::new()).unwrap();
+    let stuffed = tetrahedralise(&ring, &report, 0.2, &mut Vec::new()).unwrap();
     for (name, mesh, limit) in [("crooked", crooked, 0.65), ("stuffed", stuffed, 0.65)] {
         let least: Vec<f64> = (0..=3)
             .map(|times| quality_report(&refine(mesh.clone(), times, &straight).unwrap()).min)

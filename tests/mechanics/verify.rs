@@ -2,9 +2,18 @@
 
 use crate::common::{self, folder};
 use greenstage::verify::{Bound, ConvergenceRow, Effort, Level, PROBLEMS, run};
+use std::sync::OnceLock;
 
 fn solve(name: &str, effort: Effort) -> Vec<ConvergenceRow> {
     run(PROBLEMS.iter().find(|problem| problem.name == name).unwrap(), effort).unwrap()
+}
+
+/// Every problem on two meshes, solved when a test first asks for it.
+fn coarse(name: &str) -> &'static [ConvergenceRow] {
+    static SOLVED: [OnceLock<Vec<ConvergenceRow>>; PROBLEMS.len()] =
+        [const { OnceLock::new() }; PROBLEMS.len()];
+    let which = PROBLEMS.iter().position(|problem| problem.name == name).unwrap();
+    SOLVED[which].get_or_init(|| solve(name, Effort::Coarse))
 }
 
 fn row<'a>(rows: &'a [ConvergenceRow], quantity: &str, element: &str) -> &'a ConvergenceRow {
@@ -19,7 +28,7 @@ fn finest(row: &ConvergenceRow) -> f64 {
 #[test]
 fn nothing_misses_its_bound() {
     for problem in PROBLEMS {
-        let rows = run(problem, Effort::Coarse).unwrap();
+        let rows = coarse(problem.name);
         // NAFEMS's 2 % are required of finer meshes.
         let is_bound = problem.name == "le10" || rows.iter().any(|row| row.bound != Bound::NONE);
         assert!(is_bound, "{} requires nothing", problem.name);
@@ -54,31 +63,31 @@ fn smooth_fields_converge_at_the_orders_of_theory() {
 /// Stress on curved elements with their own dilatation: on the second mesh to 2.3 %.
 #[test]
 fn stress_comes_near_to_nafems() {
-    let rows = solve("le10", Effort::Coarse);
-    let error = |element: &str| finest(row(&rows, "σ_yy(D)", element));
+    let rows = coarse("le10");
+    let error = |element: &str| finest(row(rows, "σ_yy(D)", element));
     assert!(error("tet10") < 0.025 && error("tet4") < 0.075, "{} {}", error("tet10"), error("tet4"));
 }
 
 /// Near ν = 1/2 linear tetrahedra hardly move, those with mean pressures and quadratic ones do.
 #[test]
 fn locking_is_seen() {
-    let rows = solve("cylinder", Effort::Coarse);
-    let error = |element: &str| finest(row(&rows, "u_r(a), ν 0.4999", element));
+    let rows = coarse("cylinder");
+    let error = |element: &str| finest(row(rows, "u_r(a), ν 0.4999", element));
     assert!(error("tet4") > 0.8 && error("tet4_anp") < 0.02 && error("tet10") < 0.01);
-    let rows = solve("cook-plane-strain", Effort::Coarse);
-    let error = |element: &str| finest(row(&rows, "v(48, 60)", element));
+    let rows = coarse("cook-plane-strain");
+    let error = |element: &str| finest(row(rows, "v(48, 60)", element));
     assert!(error("tet4") > 0.5 && error("tet4_anp") < 0.04 && error("tet10") < 0.02);
 }
 
 /// Errors of the plain elements are scikit-fem's on the same meshes, integrated to degree 9 there and to 7 here.
 #[test]
 fn errors_are_required_to_be_those_of_another_program() {
-    let rows = solve("kelvin", Effort::Coarse);
+    let rows = coarse("kelvin");
     for (quantity, element, most) in [
         ("errors beside scikit-fem's, 8³ cells", "tet4", 2e-5),
         ("errors beside scikit-fem's, 4³ cells", "tet10", 2e-4),
     ] {
-        let row = row(&rows, quantity, element);
+        let row = row(rows, quantity, element);
         assert_eq!(row.bound, Bound::error(most));
         assert!(row.holds(), "{row:?}");
     }

@@ -152,7 +152,8 @@ fn watch(readers: &[Reader], now: &[[AtomicU64; 2]], started: Instant, done: &At
         std::thread::sleep(Duration::from_millis(20));
         for [number, began] in now {
             let number = number.load(Relaxed);
-            let since = started.elapsed().as_millis() as u64 - began.load(Relaxed);
+            // It may have begun since the clock was read.
+            let since = (started.elapsed().as_millis() as u64).saturating_sub(began.load(Relaxed));
             if number > 0 && u128::from(since) > HUNG.as_millis() {
                 let (_, name, bytes) = input(readers, number - 1);
                 let path = saved(name, number - 1, &bytes);

@@ -52,7 +52,7 @@ impl Lab {
     /// Puts the wand's sensor where it is when the stylus is there, until trackers and world have it; returns what they got.
     fn show(&mut self, world: &mut World, room_from_stylus: &Isometry3<f32>, pressed: bool) -> StylusState {
         let sensor = self.tracker_from_room * room_from_stylus.cast::<f64>() * self.body_from_sensor;
-        let deadline_s = now_s() + 30.0;
+        let deadline_s = now_s() + 60.0;
         loop {
             self.source.change(|state| {
                 state.take_pose(7, sensor, None, 1.0);
@@ -72,6 +72,7 @@ impl Lab {
 
     /// A tracker that is there anew is not believed at once when it says that a button is down.
     fn settle(&mut self) {
+        wait("it is there", || self.trackers.state(now_s()).styli[0].signal == Signal::Live);
         let until_s = now_s() + 0.2;
         while now_s() < until_s {
             self.trackers.state(now_s());
@@ -89,7 +90,7 @@ fn serve(place: SocketAddr, source: &FakeSource) -> crate::track::vrpn::Serving 
 }
 
 fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
-    let deadline_s = now_s() + 30.0;
+    let deadline_s = now_s() + 60.0;
     while !is_so() {
         assert!(now_s() < deadline_s, "waited in vain until {what}");
         std::thread::sleep(Duration::from_millis(2));

@@ -31,12 +31,6 @@ pub const PORT: u16 = 10001;
 const LONGEST: usize = 64 << 10;
 /// A command of the loop that is older than this is replaced by no force, s.
 const COMMAND_S: f64 = 0.02;
-/// Silence for this long ends the connection, s.
-const SILENT_S: f64 = 1.0;
-/// Between two attempts to connect, s.
-const RETRY_S: f64 = 1.0;
-/// How often a service without an arm is asked whether there is one, s, since it sends nothing by itself.
-const ASK_S: f64 = 0.25;
 const ASK: &str = r#"{"session":{"force_render_full_state":{}}}"#;
 const NO_ARM: &str =
     "the service is up, but has no Inverse3 that says where it is; it is asked again until one is plugged in";
@@ -45,6 +39,23 @@ const MOST_TOLD: usize = 16;
 const WAKE: Duration = Duration::from_millis(50);
 /// The assumed time until an answer before the first one has come, s.
 const UNHEARD_S: f64 = 2e-3;
+
+/// How long this side waits for what, s.
+#[derive(Clone, Copy, Debug)]
+pub struct HaplyTiming {
+    /// Silence for this long ends the connection.
+    pub silent_s: f64,
+    /// Between two attempts to connect.
+    pub retry_s: f64,
+    /// How often a service without an arm is asked whether there is one, since it sends nothing by itself.
+    pub ask_s: f64,
+}
+
+impl Default for HaplyTiming {
+    fn default() -> HaplyTiming {
+        HaplyTiming { silent_s: 1.0, retry_s: 1.0, ask_s: 0.25 }
+    }
+}
 
 /// A service, connected or not.
 pub struct Haply {
@@ -66,13 +77,17 @@ struct Shared {
 impl Haply {
     /// Connects in the background to `host` or `host:port`; `buttons` are the one that grabs and the second one.
     pub fn open(place: &str, buttons: [GripButton; 2]) -> std::io::Result<Haply> {
+        Haply::with_timing(place, buttons, HaplyTiming::default())
+    }
+
+    pub fn with_timing(place: &str, buttons: [GripButton; 2], timing: HaplyTiming) -> std::io::Result<Haply> {
         let place = if place.contains(':') { place.to_owned() } else { format!("{place}:{PORT}") };
         let (reading, newest) = triple_buffer(&None);
         let (command, commands) = triple_buffer(&(Push::NONE, f64::NEG_INFINITY));
         let shared = Arc::new(Shared::default());
         let told = BTreeSet::new();
         let mut link =
-            Link { place: place.clone(), buttons, reading, commands, shared: shared.clone(), told };
+            Link { place: place.clone(), buttons, timing, reading, commands, shared: shared.clone(), told };
         let thread = std::thread::Builder::new().name("haply".into()).spawn(move || link.run())?;
         Ok(Haply { place, newest, command, shared, thread: Some(thread) })
     }
@@ -117,6 +132,7 @@ impl Drop for Haply {
 struct Link {
     place: String,
     buttons: [GripButton; 2],
+    timing: HaplyTiming,
     reading: Input<Option<Reading>>,
     commands: Output<(Push, f64)>,
     shared: Arc<Shared>,
@@ -132,7 +148,7 @@ impl Link {
                 self.tell(&format!("{reason}; it is tried again"));
             }
             self.reading.write(None);
-            let again_s = now_s() + RETRY_S;
+            let again_s = now_s() + self.timing.retry_s;
             while now_s() < again_s && !self.shared.stop.load(Relaxed) {
                 std::thread::sleep(WAKE);
             }
@@ -149,7 +165,7 @@ impl Link {
     fn connect(&self) -> Result<WebSocket<TcpStream>, String> {
         let text = |error: std::io::Error| error.to_string();
         let address = self.place.to_socket_addrs().map_err(text)?.next().ok_or("the host has no address")?;
-        let patience = Duration::from_secs_f64(SILENT_S);
+        let patience = Duration::from_secs_f64(self.timing.silent_s);
         let stream = TcpStream::connect_timeout(&address, patience).map_err(text)?;
         stream.set_nodelay(true).map_err(text)?;
         stream.set_read_timeout(Some(patience)).map_err(text)?;
@@ -169,7 +185,7 @@ impl Link {
         let mut heard = DeviceState::default();
         let (mut commanded_s, mut echo) = (None, Peak::default());
         while !self.shared.stop.load(Relaxed) {
-            if arm.is_none() && now_s() - asked_s > ASK_S {
+            if arm.is_none() && now_s() - asked_s > self.timing.ask_s {
                 asked_s = now_s();
                 if let Err(error) = socket.send(Message::text(ASK)) {
                     return error.to_string();
@@ -211,8 +227,9 @@ impl Link {
                 }
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_only_late(&error) => {
-                    if now_s() - heard_s > SILENT_S {
-                        return format!("silent for {SILENT_S} s");
+                    let silent_s = self.timing.silent_s;
+                    if now_s() - heard_s > silent_s {
+                        return format!("silent for {silent_s} s");
                     }
                 }
                 Err(error) => return error.to_string(),

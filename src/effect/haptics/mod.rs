@@ -32,7 +32,7 @@ pub mod vrpn;
 pub use device::{Device, Push, Reading, SampleInfo};
 pub use elastic::{Elastic, ElasticResponse};
 pub use grasp::{Grasp, Held, HoldConstraint};
-pub use haply::Haply;
+pub use haply::{Haply, HaplyTiming};
 pub use haptic_source::HapticSource;
 pub use live::HapticSession;
 pub use loop_state::{LoopFaults, LoopState, Measures};

@@ -6,7 +6,7 @@
 use super::codec::{self, Message};
 use super::payload::{MessageKind, Payload};
 use crate::base::peak::Peak;
-use crate::track::device::{DeviceState, now_s};
+use crate::track::device::{DeviceState, Stamp, now_s};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 /// The most other devices of a server that are remembered, to list them if the requested one is missing.
@@ -102,21 +102,29 @@ impl Listener {
 
     /// Takes a message of the TCP stream; false if the server ends the connection.
     pub fn take(&mut self, message: &Message) -> bool {
+        self.take_at(message, now_s())
+    }
+
+    fn take_at(&mut self, message: &Message, now_s: f64) -> bool {
         match message.header.kind {
             codec::SENDER_DESCRIPTION | codec::TYPE_DESCRIPTION => self.describe(message),
             codec::DISCONNECT => return false,
             kind if kind < 0 => {}
-            _ => self.take_reading(message, false),
+            _ => self.take_reading(message, false, now_s),
         }
         true
     }
 
     /// Takes a datagram, which may contain only readings.
     pub fn take_datagram(&mut self, bytes: &[u8]) {
+        self.take_datagram_at(bytes, now_s());
+    }
+
+    fn take_datagram_at(&mut self, bytes: &[u8], now_s: f64) {
         self.state.counters.packets += 1;
         for message in codec::datagram(bytes) {
             match message {
-                Ok(message) if message.header.kind >= 0 => self.take_reading(&message, true),
+                Ok(message) if message.header.kind >= 0 => self.take_reading(&message, true, now_s),
                 Ok(_) => self.state.counters.dropped += 1,
                 Err(_) => self.state.counters.malformed += 1,
             }
@@ -163,22 +171,24 @@ impl Listener {
         }
     }
 
-    fn take_reading(&mut self, message: &Message, by_udp: bool) {
+    fn take_reading(&mut self, message: &Message, by_udp: bool, now_s: f64) {
         if self.sender != Some(message.header.sender) {
             return;
         }
-        (self.heard_s, self.is_there) = (now_s(), true);
+        (self.heard_s, self.is_there) = (now_s, true);
         let Some(kind) = self.kinds.kind(message.header.kind) else { return };
         self.state.counters.messages += 1;
         let measured_s = Some(message.header.time_s());
         match Payload::decode(kind, message.payload) {
             Ok(Payload::Pose { sensor, .. })
-                if by_udp && self.is_overtaken(sensor, message.header.time_s()) =>
+                if by_udp && self.is_overtaken(sensor, message.header.time_s(), now_s) =>
             {
                 self.state.counters.dropped += 1;
             }
             Ok(Payload::Pose { sensor, position, quaternion }) => match pose(position, quaternion) {
-                Some(pose) => self.state.take_pose(sensor, pose, measured_s, 1.0),
+                Some(pose) => {
+                    self.state.take_pose_at(Stamp { arrived_s: now_s, measured_s }, sensor, pose, 1.0)
+                }
                 None => self.state.counters.malformed += 1,
             },
             Ok(Payload::ButtonChange { button, state }) => {
@@ -206,10 +216,10 @@ impl Listener {
         }
     }
 
-    fn is_overtaken(&self, sensor: i32, measured_s: f64) -> bool {
+    fn is_overtaken(&self, sensor: i32, measured_s: f64, now_s: f64) -> bool {
         self.state.sensors.get(&sensor).is_some_and(|last| {
             let older_s = last.measured_s.map_or(0.0, |last_s| last_s - measured_s);
-            older_s > 0.0 && older_s < OVERTAKEN_S && now_s() - last.arrived_s < JUST_NOW_S
+            older_s > 0.0 && older_s < OVERTAKEN_S && now_s - last.arrived_s < JUST_NOW_S
         })
     }
 }
@@ -252,18 +262,17 @@ mod tests {
     #[test]
     fn a_pose_that_was_overtaken_on_its_way_is_not_shown() {
         let mut listener = listener();
-        let mut x_after = |time_s: f64, x: f64| {
-            listener.take_datagram(&pose_at(time_s, x));
+        let mut x_after = |now_s: f64, time_s: f64, x: f64| {
+            listener.take_datagram_at(&pose_at(time_s, x), now_s);
             (listener.state.sensors[&0].value.translation.x, listener.state.counters.dropped)
         };
-        assert_eq!(x_after(1000.0, 1.0), (1.0, 0));
-        assert_eq!(x_after(1000.02, 2.0), (2.0, 0));
-        assert_eq!(x_after(1000.01, 3.0), (2.0, 1), "overtaken");
-        assert_eq!(x_after(1000.03, 4.0), (4.0, 1));
-        assert_eq!(x_after(990.0, 5.0), (5.0, 1), "the server's clock was set");
+        assert_eq!(x_after(7.0, 1000.0, 1.0), (1.0, 0));
+        assert_eq!(x_after(7.02, 1000.02, 2.0), (2.0, 0));
+        assert_eq!(x_after(7.02, 1000.01, 3.0), (2.0, 1), "overtaken");
+        assert_eq!(x_after(7.03, 1000.03, 4.0), (4.0, 1));
+        assert_eq!(x_after(7.04, 990.0, 5.0), (5.0, 1), "the server's clock was set");
         // Set back by little: heard again as soon as nothing else has come for a moment.
-        std::thread::sleep(std::time::Duration::from_secs_f64(2.0 * JUST_NOW_S));
-        assert_eq!(x_after(989.9, 6.0), (6.0, 1));
+        assert_eq!(x_after(7.04 + 2.0 * JUST_NOW_S, 989.9, 6.0), (6.0, 1));
     }
 
     /// The longest of late counts; a pong that nothing asked for tells nothing, and while one is awaited no other is sent.
@@ -274,22 +283,20 @@ mod tests {
         codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
         pong.clear();
         encode(&Header::now(0, 1), &Payload::Pong.encode(), &mut pong);
-        let answer = |listener: &mut Listener| {
-            codec::datagram(&pong).for_each(|message| assert!(listener.take(&message.unwrap())));
+        let answer = |listener: &mut Listener, now_s: f64| {
+            codec::datagram(&pong).for_each(|message| assert!(listener.take_at(&message.unwrap(), now_s)));
             listener.state.round_trip_s
         };
-        assert_eq!(answer(&mut listener), None);
-        assert!(listener.pings(now_s()) && !listener.pings(now_s()));
-        std::thread::sleep(std::time::Duration::from_millis(20));
-        let longest_s = answer(&mut listener).unwrap();
-        assert!(longest_s >= 0.02, "{longest_s}");
-        assert!(listener.pings(now_s()));
-        let after_s = answer(&mut listener).unwrap();
-        assert!(after_s <= longest_s && after_s > 0.9 * longest_s, "{longest_s} {after_s}");
-        assert!(listener.pings(now_s() - 1.0), "one that is lost is not waited for");
-        assert!(listener.pings(now_s()), "one that is lost is not waited for");
+        assert_eq!(answer(&mut listener, 7.0), None);
+        assert!(listener.pings(7.0) && !listener.pings(7.0));
+        assert_eq!(answer(&mut listener, 7.02), Some(7.02 - 7.0));
+        assert!(listener.pings(7.02));
+        let (longest_s, after_s) = (7.02 - 7.0, answer(&mut listener, 7.021).unwrap());
+        assert!(after_s < longest_s && after_s > 0.9 * longest_s, "{longest_s} {after_s}");
+        assert!(listener.pings(8.0) && !listener.pings(8.0 + UNANSWERED_S));
+        assert!(listener.pings(8.1 + UNANSWERED_S), "one that is lost is not waited for");
         listener.connected();
-        assert!(listener.pings(now_s()));
+        assert!(listener.pings(8.1 + UNANSWERED_S));
     }
 
     #[test]

@@ -34,7 +34,7 @@ fn a_packet_is_seen_in_the_table_where_the_calibration_puts_it() {
     let stage = folder("track-command").join("bench.toml");
     std::fs::write(&stage, format!("{}{KEYS}", BUILT_IN[0].1)).unwrap();
     let stage = stage.to_str().unwrap();
-    let mut child = track(&[stage, "--json", "--interval", "0.05", "--seconds", "30"]).spawn().unwrap();
+    let mut child = track(&[stage, "--json", "--interval", "0.05", "--seconds", "120"]).spawn().unwrap();
     let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
     let unit = "[1 0 0 0 1 0 0 0 1]";
     let mut seen = None;
@@ -47,14 +47,16 @@ fn a_packet_is_seen_in_the_table_where_the_calibration_puts_it() {
             "ts {time}\n6d 1 [0 1][100 200 300 0 0 0]{unit}\n6df2 1 1 [0 1 2 1][0 0 500]{unit}[1 0.25]\n"
         );
         sender.send_to(frame.as_bytes(), ("127.0.0.1", port)).unwrap();
-        if art["sensors"][0]["count"].as_u64().unwrap() >= 5 {
+        // A busy machine may have lost it for a moment.
+        let head = &art["sensors"][0];
+        if head["count"].as_u64().unwrap() >= 5 && head["signal"] == "live" && art["link"] == "up" {
             seen = Some(told);
             break;
         }
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    let seen = seen.expect("the frames are seen within 30 s");
+    let seen = seen.expect("the frames are seen within 120 s");
     let art = &seen["trackers"][0];
     let head = &art["sensors"][0];
     assert_eq!((head["name"].as_str(), head["signal"].as_str()), (Some("head"), Some("live")));

@@ -83,7 +83,7 @@ mod played {
 
     /// Reads what the program commands until `end` stands there.
     fn read_until(port: &mut TTYPort, end: &str) -> String {
-        let deadline_s = now_s() + 20.0;
+        let deadline_s = now_s() + 60.0;
         let mut heard = String::new();
         let mut bytes = [0; 256];
         while !heard.ends_with(end) && now_s() < deadline_s {

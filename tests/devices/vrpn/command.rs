@@ -1,6 +1,6 @@
 //! `greenstage track --serve`: a script served by one program, followed and passed on by a second, heard by a third.
 
-use super::lab::SOON;
+use super::lab::STEADY;
 use super::lab::wait;
 use crate::common::folder;
 use greenstage::stage::{BUILT_IN, Stage};
@@ -34,16 +34,16 @@ fn track(arguments: &[&str]) -> (Running, String) {
 
 #[test]
 fn a_script_goes_through_two_programs_to_a_third() {
-    let (_script, address) = track(&["--script", "bend", "--serve", "127.0.0.1:0", "--seconds", "60"]);
+    let (_script, address) = track(&["--script", "bend", "--serve", "127.0.0.1:0", "--seconds", "300"]);
     assert!(address.starts_with("Tracker0@127.0.0.1:"), "{address}");
     let path = folder("vrpn-command").join("bench.toml");
     let keys = format!(
         "[tracker.lab]\nvrpn = \"{address}\"\n[sensor.wand]\ntracker = \"lab\"\nid = 1\n[stylus.right]\nsensor = \"wand\"\n"
     );
     std::fs::write(&path, BUILT_IN[0].1.to_owned() + &keys).unwrap();
-    let options = ["--serve", "127.0.0.1:0", "--json", "--interval", "0.05", "--seconds", "60"];
+    let options = ["--serve", "127.0.0.1:0", "--json", "--interval", "0.05", "--seconds", "300"];
     let (mut table, address) = track(&[&[path.to_str().unwrap()], &options[..]].concat());
-    let mut client = Client::with_timing(Address::parse(&address).unwrap(), Transport::Tcp, SOON);
+    let mut client = Client::with_timing(Address::parse(&address).unwrap(), Transport::Tcp, STEADY);
     assert_eq!(client.describe(), format!("vrpn {address}"));
     wait("twenty poses have come", || client.latest().sensors.get(&1).is_some_and(|wand| wand.count > 20));
 
@@ -65,7 +65,11 @@ fn a_script_goes_through_two_programs_to_a_third() {
     let lines = BufReader::new(table.0.stdout.take().unwrap()).lines();
     let told: serde_json::Value = lines
         .map(|line| serde_json::from_str(&line.unwrap()).unwrap())
-        .find(|told: &serde_json::Value| told["trackers"][0]["sensors"][0]["count"].as_u64() > Some(20))
+        .find(|told: &serde_json::Value| {
+            let sensor = &told["trackers"][0]["sensors"][0];
+            // A busy machine may have lost it for a moment.
+            sensor["count"].as_u64() > Some(20) && sensor["signal"] == "live"
+        })
         .unwrap();
     let sensor = &told["trackers"][0]["sensors"][0];
     assert_eq!((sensor["name"].as_str(), sensor["signal"].as_str()), (Some("wand"), Some("live")), "{told}");
