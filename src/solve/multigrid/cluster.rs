@@ -99,9 +99,14 @@ fn coupling<const B: usize>(own: &Block<B>, block: &Block<B>, other: &Block<B>) 
     sum
 }
 
-/// The inverse of the block of A on a cluster's nodes; `None` where it is not positive definite.
+/// Condition (largest entries of a block and its inverse, multiplied) above which f32 cannot hold a cluster's inverse.
+const CONDITION: f64 = 4e6;
+
+/// The inverse of the block of A on a cluster's nodes, or of those of its nodes one by one where it is too ill-conditioned for
+/// f32; `None` where one of them is not positive definite.
 pub fn inverse<const B: usize>(rows: &impl Rows<B>, members: Range<usize>) -> Option<DMatrix<f64>> {
-    let mut matrix = DMatrix::zeros(B * members.len(), B * members.len());
+    let size = B * members.len();
+    let mut matrix = DMatrix::zeros(size, size);
     for node in members.clone() {
         let mut put = |other: usize, block: &Block<B>| {
             if members.contains(&other) {
@@ -118,5 +123,15 @@ pub fn inverse<const B: usize>(rows: &impl Rows<B>, members: Range<usize>) -> Op
             rows.each(node, put);
         }
     }
-    matrix.cholesky().map(|factor| factor.inverse())
+    let largest = matrix.amax();
+    let of_all = matrix.clone().cholesky().map(|factor| factor.inverse());
+    let holds = |inverse: &DMatrix<f64>| members.len() == 1 || inverse.amax() * largest <= CONDITION;
+    of_all.filter(holds).or_else(|| {
+        let mut inverse = DMatrix::zeros(size, size);
+        for at in (0..size).step_by(B) {
+            let own = matrix.view((at, at), (B, B)).clone_owned().cholesky()?.inverse();
+            inverse.view_mut((at, at), (B, B)).copy_from(&own);
+        }
+        Some(inverse)
+    })
 }
