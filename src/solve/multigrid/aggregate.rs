@@ -1,5 +1,6 @@
-//! Nodes that are strongly coupled, gathered into aggregates (Vaněk, Mandel and Brezina, Computing 56, 1996, 179-196).
+//! Clusters of nodes that are strongly coupled, gathered into aggregates (Vaněk, Mandel and Brezina, Computing 56, 1996, 179-196).
 
+use super::cluster::Clusters;
 use super::rows::{Block, Rows};
 use rayon::prelude::*;
 
@@ -18,51 +19,60 @@ fn square<const B: usize>(block: &Block<B>) -> f64 {
 }
 
 impl Aggregates {
-    /// Two nodes are strongly coupled where ‖A_ij‖ ≥ `threshold` (‖A_ii‖ ‖A_jj‖)^½.
+    /// Two clusters are strongly coupled where two of their nodes are: ‖A_ij‖ ≥ `threshold` (‖A_ii‖ ‖A_jj‖)^½.
     ///
-    /// A node none of whose neighbours belongs to an aggregate makes one of them all; what is left over joins the
+    /// A cluster none of whose neighbours belongs to an aggregate makes one of them all; what is left over joins the
     /// aggregate to which it is coupled most.
-    pub fn new<const B: usize>(rows: &impl Rows<B>, threshold: f64) -> Aggregates {
-        let nodes = rows.nodes();
-        let size: Vec<f64> = (0..nodes).map(|node| square(&rows.diagonal(node)).sqrt()).collect();
+    pub fn new<const B: usize>(rows: &impl Rows<B>, clusters: &Clusters, threshold: f64) -> Aggregates {
+        let size: Vec<f64> = (0..rows.nodes()).map(|node| square(&rows.diagonal(node)).sqrt()).collect();
         let limit = threshold * threshold;
-        let strong: Vec<Vec<u32>> = (0..nodes)
+        let cluster_of = clusters.of_nodes();
+        let strong: Vec<Vec<u32>> = (0..clusters.count())
             .into_par_iter()
             .with_min_len(512)
-            .map(|node| {
+            .map(|cluster| {
                 let mut strong = Vec::new();
-                rows.each(node, |other, block| {
-                    let strength = square(block);
-                    if strength > 0.0 && strength >= limit * size[node] * size[other] {
-                        strong.push(other as u32);
-                    }
-                });
+                for node in clusters.members(cluster) {
+                    rows.each(node, |other, block| {
+                        let strength = square(block);
+                        let is_strong = strength > 0.0 && strength >= limit * size[node] * size[other];
+                        let other = cluster_of[other];
+                        if is_strong && other as usize != cluster && !strong.contains(&other) {
+                            strong.push(other);
+                        }
+                    });
+                }
                 strong
             })
             .collect();
 
-        let mut of_node = vec![ALONE; nodes];
+        let mut of_cluster = vec![ALONE; clusters.count()];
         let mut count = 0;
-        for (node, strong) in strong.iter().enumerate() {
-            let is_free =
-                of_node[node] == ALONE && strong.iter().all(|&other| of_node[other as usize] == ALONE);
-            if is_free && !strong.is_empty() {
-                of_node[node] = count;
-                strong.iter().for_each(|&other| of_node[other as usize] = count);
+        for (cluster, strong) in strong.iter().enumerate() {
+            let is_free = of_cluster[cluster] == ALONE
+                && strong.iter().all(|&other| of_cluster[other as usize] == ALONE);
+            if is_free && (!strong.is_empty() || clusters.members(cluster).len() > 1) {
+                of_cluster[cluster] = count;
+                strong.iter().for_each(|&other| of_cluster[other as usize] = count);
                 count += 1;
             }
         }
-        let rooted = of_node.clone();
-        for node in (0..nodes).filter(|&node| rooted[node] == ALONE && !strong[node].is_empty()) {
+        let rooted = of_cluster.clone();
+        for cluster in (0..clusters.count()).filter(|&c| rooted[c] == ALONE && !strong[c].is_empty()) {
             let mut best = (0.0, ALONE);
-            rows.each(node, |other, block| {
-                let strength = square(block) / size[other];
-                if rooted[other] != ALONE && strength > best.0 && strong[node].contains(&(other as u32)) {
-                    best = (strength, rooted[other]);
-                }
-            });
-            of_node[node] = best.1;
+            for node in clusters.members(cluster) {
+                rows.each(node, |other, block| {
+                    let strength = square(block) / size[other];
+                    let other = cluster_of[other];
+                    let aggregate = rooted[other as usize];
+                    if aggregate != ALONE && strength > best.0 && strong[cluster].contains(&other) {
+                        best = (strength, aggregate);
+                    }
+                });
+            }
+            of_cluster[cluster] = best.1;
         }
+        let of_node = cluster_of.iter().map(|&cluster| of_cluster[cluster as usize]).collect();
         Aggregates { of_node, count: count as usize }
     }
 

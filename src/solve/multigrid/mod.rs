@@ -4,7 +4,7 @@
 //! In: A and the places of its nodes. Out: [`Multigrid::apply`], about A⁻¹ r for several columns at once.
 //!
 //! ```text
-//! rows → Aggregates → Prolongator P → Pᵀ A P → …  until few unknowns are left → Dense
+//! rows → Clusters → Aggregates → Prolongator P → Pᵀ A P → …  until few unknowns are left → Dense
 //! apply: smooth, residual, Pᵀ, the next level, P, smooth
 //! ```
 //!
@@ -12,6 +12,7 @@
 //! softest motions is held by the coarse matrices, and conjugate gradients in f64 correct the rest.
 
 mod aggregate;
+mod cluster;
 mod coarsest;
 mod galerkin;
 mod prolong;
@@ -23,8 +24,10 @@ mod transfer;
 
 use crate::fem::StiffnessMatrix;
 use aggregate::Aggregates;
+use cluster::Clusters;
 use coarsest::Dense;
 use prolong::{MODES, Prolongator, RigidModes};
+use rayon::prelude::*;
 use rows::{Rows, Scaled, Smoothed};
 use smooth::{Smoother, THICK, THIN, Vectors};
 
@@ -50,6 +53,8 @@ struct Level<const B: usize> {
 
 pub struct Multigrid {
     fine: Level<3>,
+    /// Where clusters have changed the order of the nodes: A's node at each place, and the place of each node.
+    places: Option<[Vec<u32>; 2]>,
     coarse: Vec<Level<6>>,
     /// The last level; where levels stop shrinking, it is smoothed alone.
     last: Option<Dense>,
@@ -74,10 +79,13 @@ pub struct NotDefinite {
 impl Multigrid {
     /// Builds all levels.
     pub fn new(a: &StiffnessMatrix) -> Result<Multigrid, NotDefinite> {
-        let rows = Scaled::new(a);
-        let modes = fine_modes(a);
-        let (fine, mut below) = level(&rows, &modes, THRESHOLD).map_err(|node| NotDefinite { node })?;
-        drop(modes);
+        let mut rows = Scaled::new(a);
+        let (clusters, order) = Clusters::new(&rows, &rows.inverses().map_err(|node| NotDefinite { node })?);
+        rows.reorder(order);
+        let modes = fine_modes(a, &rows.order);
+        let (fine, mut below) = level(&rows, &clusters, &modes, THRESHOLD)
+            .map_err(|place| NotDefinite { node: rows.order[place] as usize })?;
+        drop((modes, clusters));
         let mut coarse = Vec::new();
         let mut last = None;
         let mut threshold = THRESHOLD;
@@ -90,21 +98,22 @@ impl Multigrid {
                 break;
             }
             threshold *= if is_thin { COARSER_IF_THIN } else { COARSER };
-            let (level, next) =
-                level(&rows, &modes, threshold).map_err(|_coarse_node| NotDefinite { node: 0 })?;
+            let (level, next) = level(&rows, &Clusters::alone(rows.nodes()), &modes, threshold)
+                .map_err(|_coarse_node| NotDefinite { node: 0 })?;
             coarse.push(level);
             below = next;
         }
-        Ok(Multigrid { fine, coarse, last, is_thin, scale: rows.scale })
+        let scale = rows.scale;
+        Ok(Multigrid { fine, places: rows.into_places(), coarse, last, is_thin, scale })
     }
 
-    /// Bytes of all levels of `a` while they are built, and afterwards: 40 for each block of rows in f32, 300 for each node's
-    /// way to the next level, and 32,000 for each aggregate, as which a node with its neighbours is counted, for a coarse
+    /// Bytes of all levels of `a` while they are built, and afterwards: 40 for each block of rows in f32, 450 for each node's
+    /// way to the next level and its cluster, and 32,000 for each aggregate, as which a node with its neighbours is counted, for a coarse
     /// matrix of a body that is not thin (measured: blocks of tet4 and tet10, a tube). Making them takes 1.4 times as much.
     pub fn memory(a: &StiffnessMatrix) -> [f64; 2] {
         let (nodes, pairs) = (a.nodes() as f64, 2.0 * a.edges.len() as f64);
         let aggregates = nodes * nodes / (nodes + pairs).max(1.0);
-        let levels = 40.0 * (pairs + nodes) + 300.0 * nodes + 32_000.0 * aggregates;
+        let levels = 40.0 * (pairs + nodes) + 450.0 * nodes + 32_000.0 * aggregates;
         [1.4 * levels, levels]
     }
 
@@ -123,9 +132,17 @@ impl Multigrid {
 
     /// One cycle: `fine.x` ≈ A⁻¹ `fine.b` / [`Multigrid::scale`].
     pub fn apply(&self, v: &mut Workspace) {
+        if let Some([order, _]) = &self.places {
+            gather(order, v.fine.columns, &v.fine.b, &mut v.fine.y);
+            std::mem::swap(&mut v.fine.b, &mut v.fine.y);
+        }
         self.fine.cycle(self.smoother(), true, &mut v.fine, |residual, columns, down, x| {
             self.below(0, residual, columns, down, x, &mut v.coarse);
         });
+        if let Some([_, places]) = &self.places {
+            gather(places, v.fine.columns, &v.fine.x, &mut v.fine.y);
+            std::mem::swap(&mut v.fine.x, &mut v.fine.y);
+        }
     }
 
     /// What [`Multigrid::apply`] leaves is to be multiplied with.
@@ -188,30 +205,39 @@ impl<const B: usize> Prolongator<B> {
     }
 }
 
+/// Node i of `to` is node `places[i]` of `from`.
+fn gather(places: &[u32], columns: usize, from: &[f32], to: &mut [f32]) {
+    let size = 3 * columns;
+    to.par_chunks_exact_mut(size).zip(places).with_min_len(1024).for_each(|(to, &place)| {
+        to.copy_from_slice(&from[place as usize * size..][..size]);
+    });
+}
+
 /// The rows and rigid motions of the level below.
 type Below = Option<(rows::CoarseRows, RigidModes<MODES>)>;
 
-/// Errors with the node whose diagonal block is not positive definite.
+/// Errors with a node of a cluster whose block is not positive definite.
 fn level<const B: usize>(
     rows: &impl Rows<B>,
+    clusters: &Clusters,
     modes: &RigidModes<B>,
     threshold: f64,
 ) -> Result<(Level<B>, Below), usize> {
-    let matrix = Smoothed::new(rows)?;
-    let largest = MARGIN * matrix.largest_eigenvalue(&matrix.diagonal());
-    let aggregates = Aggregates::new(rows, threshold);
+    let matrix = Smoothed::new(rows, clusters)?;
+    let largest = MARGIN * matrix.largest_eigenvalue();
+    let aggregates = Aggregates::new(rows, clusters, threshold);
     let unknowns = B * rows.nodes();
     if aggregates.count == 0 || MODES as f64 * aggregates.count as f64 > 2.0 * SHRINK * unknowns as f64 {
         return Ok((Level { matrix, largest, down: None }, None));
     }
-    let (prolongator, coarse_modes) = Prolongator::new(rows, &aggregates, modes, largest);
+    let (prolongator, coarse_modes) = Prolongator::new(rows, clusters, &aggregates, modes, largest);
     let coarse = galerkin::coarse(rows, &prolongator);
     Ok((Level { matrix, largest, down: Some(prolongator) }, Some((coarse, coarse_modes))))
 }
 
 /// Each node moves with a shift, and a turn about its own place does not move it; without places, no turns are known.
-fn fine_modes(a: &StiffnessMatrix) -> RigidModes<3> {
+fn fine_modes(a: &StiffnessMatrix, order: &[u32]) -> RigidModes<3> {
     let shift = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
-    let place = if a.places.len() == a.nodes() { a.places.clone() } else { vec![[0.0; 3]; a.nodes()] };
-    RigidModes { place, modes: vec![shift; a.nodes()] }
+    let place = |&node: &u32| a.places.get(node as usize).copied().unwrap_or_default();
+    RigidModes { place: order.iter().map(place).collect(), modes: vec![shift; a.nodes()] }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! tentative    [N_i S(o_i - c)]_(i in aggregate) = Q R      P₀ = Q,  coarse N = R about the centre c
-//! smoothed     P = (I - ω D⁻¹ A) P₀                         ω = 4/3 / λ_max(D⁻¹ A)
+//! smoothed     P = (I - ω D⁻¹ A) P₀                         ω = 4/3 / λ_max(D⁻¹ A),  D: the blocks of A on the clusters
 //! ```
 //!
 //! N_i are a node's six rigid motions about its own place o_i, and S(d) takes a motion (t, ω) about c to that about c + d:
@@ -11,8 +11,10 @@
 //! nodes about itself) is left out: its column of Q is zero.
 
 use super::aggregate::{ALONE, Aggregates};
-use super::rows::{Block, PART, Rows, inverse};
+use super::cluster::{self, Clusters, MOST};
+use super::rows::{Block, PART, Rows};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rigid motions.
 pub const MODES: usize = 6;
@@ -115,6 +117,7 @@ impl<const B: usize> Prolongator<B> {
     /// The smoothed prolongator and the rigid motions of the coarse level; `largest`: λ_max(D⁻¹ A).
     pub fn new(
         rows: &impl Rows<B>,
+        clusters: &Clusters,
         aggregates: &Aggregates,
         fine: &RigidModes<B>,
         largest: f64,
@@ -122,17 +125,21 @@ impl<const B: usize> Prolongator<B> {
         let (q, coarse) = tentative(aggregates, fine);
         let nodes = rows.nodes();
         let damping = 4.0 / 3.0 / largest;
-        let parts: Vec<_> = (0..nodes.div_ceil(PART))
+        let smoothing = Smoothing { rows, aggregates, q: &q, damping };
+        let parts: Vec<_> = (0..clusters.count().div_ceil(PART))
             .into_par_iter()
             .map(|part| {
                 let (mut counts, mut column, mut value) = (Vec::new(), Vec::new(), Vec::new());
-                let mut row: Vec<(u32, Modes<B>)> = Vec::new();
-                for node in part * PART..((part + 1) * PART).min(nodes) {
-                    smoothed_row(rows, aggregates, &q, damping, node, &mut row);
-                    counts.push(row.len());
-                    for (aggregate, block) in &row {
-                        column.push(*aggregate);
-                        value.extend((0..MODES * B).map(|at| block[at % B][at / B] as f32));
+                let mut row = Vec::new();
+                for cluster in part * PART..((part + 1) * PART).min(clusters.count()) {
+                    let members = clusters.members(cluster);
+                    smoothing.rows_of(members.clone(), &mut row);
+                    for own in 0..members.len() {
+                        counts.push(row.len());
+                        for (aggregate, blocks) in &row {
+                            column.push(*aggregate);
+                            value.extend((0..MODES * B).map(|at| blocks[own][at % B][at / B] as f32));
+                        }
                     }
                 }
                 (counts, column, value)
@@ -164,49 +171,60 @@ impl<const B: usize> Prolongator<B> {
     }
 }
 
-/// The blocks of P in one row, ascending by their aggregates.
-fn smoothed_row<const B: usize>(
-    rows: &impl Rows<B>,
-    aggregates: &Aggregates,
-    q: &[Modes<B>],
+/// What P is made of.
+struct Smoothing<'a, R, const B: usize> {
+    rows: &'a R,
+    aggregates: &'a Aggregates,
+    q: &'a [Modes<B>],
     damping: f64,
-    node: usize,
-    row: &mut Vec<(u32, Modes<B>)>,
-) {
-    row.clear();
-    let diagonal = rows.diagonal(node);
-    let mut add = |other: usize, block: &Block<B>| {
-        let aggregate = aggregates.of_node[other];
-        if aggregate == ALONE {
-            return;
+}
+
+impl<R: Rows<B>, const B: usize> Smoothing<'_, R, B> {
+    /// The blocks of P in the rows of one cluster, ascending by their aggregates; nothing where A is not positive definite.
+    fn rows_of(&self, members: Range<usize>, row: &mut Vec<(u32, [Modes<B>; MOST])>) {
+        row.clear();
+        for node in members.clone() {
+            let own = node - members.start;
+            let mut add = |other: usize, block: &Block<B>| {
+                let aggregate = self.aggregates.of_node[other];
+                if aggregate == ALONE {
+                    return;
+                }
+                let at = row.iter().position(|(known, _)| *known == aggregate).unwrap_or_else(|| {
+                    row.push((aggregate, [[[0.0; MODES]; B]; MOST]));
+                    row.len() - 1
+                });
+                let (sum, q) = (&mut row[at].1[own], &self.q[other]);
+                for r in 0..B {
+                    for k in 0..B {
+                        for c in 0..MODES {
+                            sum[r][c] += block[r][k] * q[k][c];
+                        }
+                    }
+                }
+            };
+            add(node, &self.rows.diagonal(node));
+            self.rows.each(node, &mut add);
         }
-        let at = row.iter().position(|(known, _)| *known == aggregate).unwrap_or_else(|| {
-            row.push((aggregate, [[0.0; MODES]; B]));
-            row.len() - 1
-        });
-        let (sum, q) = (&mut row[at].1, &q[other]);
-        for r in 0..B {
-            for k in 0..B {
-                for c in 0..MODES {
-                    sum[r][c] += block[r][k] * q[k][c];
+        let Some(inverse) = cluster::inverse(self.rows, members.clone()) else { return row.clear() };
+        for (aggregate, sums) in row.iter_mut() {
+            let product = *sums;
+            for node in members.clone() {
+                let own = node - members.start;
+                let is_own = *aggregate == self.aggregates.of_node[node];
+                for r in 0..B {
+                    for c in 0..MODES {
+                        let correction: f64 = (0..B * members.len())
+                            .map(|k| inverse[(B * own + r, k)] * product[k / B][k % B][c])
+                            .sum();
+                        let own_q = if is_own { self.q[node][r][c] } else { 0.0 };
+                        sums[own][r][c] = own_q - self.damping * correction;
+                    }
                 }
             }
         }
-    };
-    add(node, &diagonal);
-    rows.each(node, &mut add);
-    let Some(inverse) = inverse(&diagonal) else { return row.clear() };
-    for (aggregate, sum) in row.iter_mut() {
-        let product = *sum;
-        for r in 0..B {
-            for c in 0..MODES {
-                let correction: f64 = (0..B).map(|k| inverse[r][k] * product[k][c]).sum();
-                let own = if *aggregate == aggregates.of_node[node] { q[node][r][c] } else { 0.0 };
-                sum[r][c] = own - damping * correction;
-            }
-        }
+        row.sort_unstable_by_key(|(aggregate, _)| *aggregate);
     }
-    row.sort_unstable_by_key(|(aggregate, _)| *aggregate);
 }
 
 fn by_columns(start: &[usize], column: &[u32], count: usize) -> (Vec<usize>, Vec<(u32, u32)>) {

@@ -1,9 +1,11 @@
 //! Symmetric matrices of B × B blocks by their rows: those that a level is built from in f64, and those that are smoothed
 //! with in f32.
 
+use super::cluster::{self, Clusters};
 use crate::fem::StiffnessMatrix;
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A block, row by row.
 pub type Block<const B: usize> = [[f64; B]; B];
@@ -18,9 +20,12 @@ pub trait Rows<const B: usize>: Sync {
     fn each(&self, node: usize, each: impl FnMut(usize, &Block<B>));
 }
 
-/// A stiffness matrix in parts of `unit`, so that its numbers are near 1.
+/// A stiffness matrix in parts of `unit`, so that its numbers are near 1, in an order of its own.
 pub struct Scaled<'a> {
     pub matrix: &'a StiffnessMatrix,
+    /// The matrix' node at each place, and the place of each of its nodes.
+    pub order: Vec<u32>,
+    place: Vec<u32>,
     /// 1 over the mean of the diagonal.
     pub scale: f64,
 }
@@ -28,7 +33,28 @@ pub struct Scaled<'a> {
 impl<'a> Scaled<'a> {
     pub fn new(matrix: &'a StiffnessMatrix) -> Scaled<'a> {
         let sum: f64 = matrix.diagonal.iter().map(Matrix3::trace).sum();
-        Scaled { matrix, scale: 3.0 * matrix.nodes() as f64 / sum }
+        let order: Vec<u32> = (0..matrix.nodes() as u32).collect();
+        Scaled { matrix, place: order.clone(), order, scale: 3.0 * matrix.nodes() as f64 / sum }
+    }
+
+    /// Of the diagonal's blocks; errors with the node whose block is not positive definite.
+    pub fn inverses(&self) -> Result<Vec<Block<3>>, usize> {
+        let inverse = |node: usize| inverse(&self.diagonal(node)).ok_or(node);
+        (0..self.nodes()).into_par_iter().with_min_len(512).map(inverse).collect()
+    }
+
+    /// With node `order[i]` at place i.
+    pub fn reorder(&mut self, order: Vec<u32>) {
+        for (place, &node) in order.iter().enumerate() {
+            self.place[node as usize] = place as u32;
+        }
+        self.order = order;
+    }
+
+    /// The place of each of the matrix' nodes, where the order is not theirs.
+    pub fn into_places(self) -> Option<[Vec<u32>; 2]> {
+        let is_moved = self.order.iter().enumerate().any(|(place, &node)| place != node as usize);
+        is_moved.then_some([self.order, self.place])
     }
 
     #[inline(always)]
@@ -44,13 +70,13 @@ impl Rows<3> for Scaled<'_> {
     }
 
     fn diagonal(&self, node: usize) -> Block<3> {
-        self.block(&self.matrix.diagonal[node], false)
+        self.block(&self.matrix.diagonal[self.order[node] as usize], false)
     }
 
     #[inline(always)]
     fn each(&self, node: usize, mut each: impl FnMut(usize, &Block<3>)) {
-        for (other, edge, is_transposed) in self.matrix.neighbours(node) {
-            each(other, &self.block(&self.matrix.blocks[edge], is_transposed));
+        for (other, edge, is_transposed) in self.matrix.neighbours(self.order[node] as usize) {
+            each(self.place[other] as usize, &self.block(&self.matrix.blocks[edge], is_transposed));
         }
     }
 }
@@ -95,13 +121,41 @@ pub struct Smoothed<const B: usize> {
     pub column: Vec<u32>,
     /// B² numbers a block, column by column.
     pub value: Vec<f32>,
-    /// Inverses of the diagonal blocks, column by column.
+    /// Nodes of cluster c: `clusters[c]..clusters[c + 1]`.
+    pub clusters: Vec<u32>,
+    /// Inverses of the clusters' blocks, column by column, one after the other.
     pub inverse: Vec<f32>,
+    /// What is worked on together.
+    pub parts: Vec<Part>,
+}
+
+/// Whole clusters, of about [`PART`] nodes, and where their inverses begin.
+pub struct Part {
+    pub clusters: Range<usize>,
+    pub nodes: Range<usize>,
+    pub inverse: usize,
+}
+
+fn parts_of<const B: usize>(clusters: &Clusters) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    let mut inverse = 0;
+    for cluster in 0..clusters.count() {
+        let nodes = clusters.members(cluster);
+        match parts.last_mut() {
+            Some(part) if nodes.end - part.nodes.start <= PART => {
+                part.clusters.end = cluster + 1;
+                part.nodes.end = nodes.end;
+            }
+            _ => parts.push(Part { clusters: cluster..cluster + 1, nodes: nodes.clone(), inverse }),
+        }
+        inverse += (B * nodes.len()).pow(2);
+    }
+    parts
 }
 
 impl<const B: usize> Smoothed<B> {
-    /// Of `rows`; errors with a node whose diagonal block is not positive definite.
-    pub fn new(rows: &impl Rows<B>) -> Result<Smoothed<B>, usize> {
+    /// Of `rows`; errors with a node of a cluster whose block is not positive definite.
+    pub fn new(rows: &impl Rows<B>, clusters: &Clusters) -> Result<Smoothed<B>, usize> {
         let nodes = rows.nodes();
         let mut start = vec![0; nodes + 1];
         start[1..].par_iter_mut().enumerate().with_min_len(512).for_each(|(node, count)| {
@@ -139,15 +193,25 @@ impl<const B: usize> Smoothed<B> {
                 rows.each(node, &mut put);
             }
         });
-        let inverse: Vec<f32> = (0..nodes)
+        let inverse: Vec<f32> = (0..clusters.count())
             .into_par_iter()
             .with_min_len(512)
-            .map(|node| inverse(&rows.diagonal(node)).ok_or(node))
-            .collect::<Result<Vec<_>, _>>()?
-            .into_iter()
-            .flat_map(|block| (0..B * B).map(move |at| block[at % B][at / B] as f32))
-            .collect();
-        Ok(Smoothed { start, column, value, inverse })
+            .map(|cluster| {
+                let members = clusters.members(cluster);
+                let first = members.start;
+                let inverse = cluster::inverse(rows, members).ok_or(first)?;
+                Ok(inverse.iter().map(|value| *value as f32).collect::<Vec<_>>())
+            })
+            .collect::<Result<Vec<_>, usize>>()?
+            .concat();
+        Ok(Smoothed {
+            start,
+            column,
+            value,
+            clusters: clusters.start.clone(),
+            inverse,
+            parts: parts_of::<B>(clusters),
+        })
     }
 
     pub fn nodes(&self) -> usize {

@@ -2,16 +2,18 @@
 //!
 //! ```text
 //! residual   d ← b - A x
-//! step       d ← c₁ d + c₂ D⁻¹ (b - A x),   y ← x + d
+//! step       d ← c₁ d + c₂ D⁻¹ (b - A x),   y ← x + d,        D: the blocks of A on the clusters
 //! ```
 //!
 //! (Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 12.1; as a smoother: Adams, Brezina, Hu and
 //! Tuminaro, J. Comput. Phys. 188, 2003, 593-610.) Vectors are row-major like
 //! [`crate::fem::NodeFields`]: all columns of an unknown stand together.
 
-use super::rows::{PART, Smoothed};
+use super::cluster::MOST;
+use super::rows::{Part, Smoothed};
 use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Chebyshev's iteration as a smoother.
 pub struct Smoother {
@@ -51,102 +53,136 @@ enum Pass {
     First(f32),
 }
 
-/// Nodes `first..` of one pass; `y` and `d` are theirs.
-struct Part<'a, const B: usize> {
+/// One pass over some clusters; `y` and `d` are those of their nodes.
+struct Clustered<'a, const B: usize> {
     matrix: &'a Smoothed<B>,
+    part: &'a Part,
     pass: Pass,
     columns: usize,
-    first: usize,
     b: &'a [f32],
     x: &'a [f32],
     y: &'a mut [f32],
     d: &'a mut [f32],
 }
 
-impl<const B: usize> Kernel for Part<'_, B> {
+impl<const B: usize> Kernel for Clustered<'_, B> {
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) {
-        for node in 0..self.d.len() / (B * self.columns) {
+        let mut at = self.part.inverse;
+        for cluster in self.part.clusters.clone() {
+            let nodes = self.matrix.clusters[cluster] as usize..self.matrix.clusters[cluster + 1] as usize;
+            let size = (B * nodes.len()).pow(2);
+            let inverse = &self.matrix.inverse[at..at + size];
+            at += size;
+            let is_alone = B > 3 || nodes.len() == 1;
             let mut lane = 0;
-            if B == 3 {
+            if B == 3 && is_alone {
                 while lane + 24 <= self.columns {
-                    self.tile::<FUSED, 24>(node, lane);
+                    self.tile::<FUSED, 24, 1>(&nodes, inverse, lane);
                     lane += 24;
                 }
             }
             while lane + 8 <= self.columns {
-                self.tile::<FUSED, 8>(node, lane);
+                if is_alone {
+                    self.tile::<FUSED, 8, 1>(&nodes, inverse, lane);
+                } else {
+                    self.tile::<FUSED, 8, MOST>(&nodes, inverse, lane);
+                }
                 lane += 8;
             }
             while lane + 4 <= self.columns {
-                self.tile::<FUSED, 4>(node, lane);
+                if is_alone {
+                    self.tile::<FUSED, 4, 1>(&nodes, inverse, lane);
+                } else {
+                    self.tile::<FUSED, 4, MOST>(&nodes, inverse, lane);
+                }
                 lane += 4;
             }
         }
     }
 }
 
-impl<const B: usize> Part<'_, B> {
-    /// `T` columns of one node.
+impl<const B: usize> Clustered<'_, B> {
+    /// b - A x of one node.
     #[inline(always)]
-    fn tile<const FUSED: bool, const T: usize>(&mut self, node: usize, lane: usize) {
+    fn rest<const FUSED: bool, const T: usize>(&self, node: usize, lane: usize) -> [[f32; T]; B] {
         let m = self.columns;
-        let (here, there) = (node * B * m + lane, (self.first + node) * B * m + lane);
         let mut rest = [[0.0_f32; T]; B];
         for r in 0..B {
-            rest[r] = *lanes::<T, f32>(self.b, there + r * m);
+            rest[r] = *lanes::<T, f32>(self.b, (node * B + r) * m + lane);
         }
-        if !matches!(self.pass, Pass::First(_)) {
-            let mut sum = [[0.0_f32; T]; B];
-            let row = self.matrix.start[self.first + node]..self.matrix.start[self.first + node + 1];
-            let blocks = self.matrix.value[row.start * B * B..row.end * B * B].chunks_exact(B * B);
-            for (block, &other) in blocks.zip(&self.matrix.column[row]) {
-                let from = other as usize * B * m + lane;
-                for k in 0..B {
-                    let x = lanes::<T, f32>(self.x, from + k * m);
-                    for r in 0..B {
-                        let a = block[k * B + r];
-                        for t in 0..T {
-                            sum[r][t] = fused::<FUSED>(a, x[t], sum[r][t]);
-                        }
+        if matches!(self.pass, Pass::First(_)) {
+            return rest;
+        }
+        let mut sum = [[0.0_f32; T]; B];
+        let row = self.matrix.start[node]..self.matrix.start[node + 1];
+        let blocks = self.matrix.value[row.start * B * B..row.end * B * B].chunks_exact(B * B);
+        for (block, &other) in blocks.zip(&self.matrix.column[row]) {
+            let from = other as usize * B * m + lane;
+            for k in 0..B {
+                let x = lanes::<T, f32>(self.x, from + k * m);
+                for r in 0..B {
+                    let a = block[k * B + r];
+                    for t in 0..T {
+                        sum[r][t] = fused::<FUSED>(a, x[t], sum[r][t]);
                     }
                 }
             }
-            for r in 0..B {
-                for t in 0..T {
-                    rest[r][t] -= sum[r][t];
-                }
+        }
+        for r in 0..B {
+            for t in 0..T {
+                rest[r][t] -= sum[r][t];
             }
+        }
+        rest
+    }
+
+    /// `T` columns of one cluster of at most `M` nodes.
+    #[inline(always)]
+    fn tile<const FUSED: bool, const T: usize, const M: usize>(
+        &mut self,
+        nodes: &Range<usize>,
+        inverse: &[f32],
+        lane: usize,
+    ) {
+        let m = self.columns;
+        let count = if M == 1 { 1 } else { nodes.len() };
+        let here = (nodes.start - self.part.nodes.start) * B * m + lane;
+        let mut rest = [[[0.0_f32; T]; B]; M];
+        for i in 0..count {
+            rest[i] = self.rest::<FUSED, T>(nodes.start + i, lane);
         }
         let (keep, take) = match self.pass {
             Pass::Residual => {
-                for r in 0..B {
-                    *lanes_mut(self.d, here + r * m) = rest[r];
+                for (i, r) in (0..count).flat_map(|i| (0..B).map(move |r| (i, r))) {
+                    *lanes_mut(self.d, here + (i * B + r) * m) = rest[i][r];
                 }
                 return;
             }
             Pass::Step([keep, take]) => (keep, take),
             Pass::First(take) => (0.0, take),
         };
-        let inverse = &self.matrix.inverse[(self.first + node) * B * B..][..B * B];
-        for r in 0..B {
+        for (i, r) in (0..count).flat_map(|i| (0..B).map(move |r| (i, r))) {
             let mut sum = [0.0_f32; T];
-            for k in 0..B {
-                let a = inverse[k * B + r];
-                for t in 0..T {
-                    sum[t] = fused::<FUSED>(a, rest[k][t], sum[t]);
+            for j in 0..count {
+                for k in 0..B {
+                    let a = inverse[((j * B + k) * count + i) * B + r];
+                    for t in 0..T {
+                        sum[t] = fused::<FUSED>(a, rest[j][k][t], sum[t]);
+                    }
                 }
             }
-            let d = lanes_mut::<T, f32>(self.d, here + r * m);
+            let own = (i * B + r) * m;
+            let d = lanes_mut::<T, f32>(self.d, here + own);
             for t in 0..T {
                 // What stands there before the first step may be anything.
                 d[t] = if keep == 0.0 { take * sum[t] } else { keep * d[t] + take * sum[t] };
             }
-            let y = lanes_mut::<T, f32>(self.y, here + r * m);
+            let y = lanes_mut::<T, f32>(self.y, here + own);
             if matches!(self.pass, Pass::First(_)) {
                 *y = *d;
             } else {
-                let x = lanes::<T, f32>(self.x, there + r * m);
+                let x = lanes::<T, f32>(self.x, nodes.start * B * m + lane + own);
                 for t in 0..T {
                     y[t] = x[t] + d[t];
                 }
@@ -159,11 +195,17 @@ impl<const B: usize> Smoothed<B> {
     /// One pass; what it makes of x goes to y, or the residual to d.
     fn pass(&self, pass: Pass, v: &mut Vectors) {
         let columns = v.columns;
-        let length = PART * B * columns;
         let (b, x) = (&v.b, &v.x);
-        v.y.par_chunks_mut(length).zip(v.d.par_chunks_mut(length)).enumerate().for_each(|(part, (y, d))| {
-            run(Part { matrix: self, pass, columns, first: part * PART, b, x, y, d });
-        });
+        let (mut rest_y, mut rest_d) = (v.y.as_mut_slice(), v.d.as_mut_slice());
+        let mut works = Vec::with_capacity(self.parts.len());
+        for part in &self.parts {
+            let length = B * columns * part.nodes.len();
+            let (y, behind_y) = rest_y.split_at_mut(length);
+            let (d, behind_d) = rest_d.split_at_mut(length);
+            (rest_y, rest_d) = (behind_y, behind_d);
+            works.push(Clustered { matrix: self, part, pass, columns, b, x, y, d });
+        }
+        works.into_par_iter().for_each(run);
     }
 
     /// d = b - A x.
@@ -194,7 +236,7 @@ impl<const B: usize> Smoothed<B> {
     }
 
     /// λ_max(D⁻¹ A) by Lanczos' iteration in the product with D, from below to a few per cent.
-    pub fn largest_eigenvalue(&self, diagonal: &[f32]) -> f64 {
+    pub fn largest_eigenvalue(&self) -> f64 {
         const STEPS: usize = 15;
         let unknowns = B * self.nodes();
         let dot = |a: &[f64], b: &[f64]| -> f64 {
@@ -206,9 +248,9 @@ impl<const B: usize> Smoothed<B> {
             parts.iter().sum()
         };
         // Numbers without a pattern, always the same (Weyl's sequence).
-        let mut v: Vec<f64> =
+        let mut dv: Vec<f64> =
             (1..=unknowns).map(|i| 2.0 * (i as f64 * 0.754_877_666_246_692_7).fract() - 1.0).collect();
-        let mut dv = self.blockwise(diagonal, &v);
+        let mut v = self.cluster_by_cluster(&dv);
         let (mut v_before, mut dv_before) = (vec![0.0; unknowns], vec![0.0; unknowns]);
         let mut length = dot(&v, &dv).sqrt();
         let (mut main, mut beside): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -218,7 +260,7 @@ impl<const B: usize> Smoothed<B> {
             }
             v.iter_mut().chain(&mut dv).for_each(|value| *value /= length);
             let mut w = self.product(&v);
-            let mut u = self.blockwise(&self.inverse, &w);
+            let mut u = self.cluster_by_cluster(&w);
             let alpha = dot(&v, &w);
             let beta = beside.last().copied().unwrap_or(0.0);
             for (u, (v, before)) in u.iter_mut().zip(v.iter().zip(&v_before)) {
@@ -257,22 +299,19 @@ impl<const B: usize> Smoothed<B> {
         y
     }
 
-    /// The blocks of a diagonal, column by column, times one column.
-    fn blockwise(&self, blocks: &[f32], x: &[f64]) -> Vec<f64> {
+    /// D⁻¹ x of one column.
+    fn cluster_by_cluster(&self, x: &[f64]) -> Vec<f64> {
         let mut y = vec![0.0; x.len()];
-        for ((y, x), block) in y.chunks_exact_mut(B).zip(x.chunks_exact(B)).zip(blocks.chunks_exact(B * B)) {
-            for (k, column) in block.chunks_exact(B).enumerate() {
-                for r in 0..B {
-                    y[r] += f64::from(column[r]) * x[k];
+        let mut at = 0;
+        for nodes in self.clusters.windows(2) {
+            let own = B * nodes[0] as usize..B * nodes[1] as usize;
+            for k in own.clone() {
+                for (y, a) in y[own.clone()].iter_mut().zip(&self.inverse[at..at + own.len()]) {
+                    *y += f64::from(*a) * x[k];
                 }
+                at += own.len();
             }
         }
         y
-    }
-
-    /// The diagonal's blocks, column by column.
-    pub fn diagonal(&self) -> Vec<f32> {
-        let blocks = self.start[..self.nodes()].iter();
-        blocks.flat_map(|&at| self.value[B * B * at..][..B * B].iter().copied()).collect()
     }
 }

@@ -66,6 +66,57 @@ fn iterations_are_few_for_thick_thin_and_long_bodies() {
     assert!(counts.iter().all(|count| *count < 50), "{counts:?}");
 }
 
+/// A sheet of 1 : 200 with elements far wider than thick (64 iterations where nodes are smoothed one by one, and more of
+/// larger sheets), and a block of such elements.
+#[test]
+fn flat_elements_cost_few_iterations() {
+    for (name, size, cells, most) in
+        [("sheet", [1.0, 1.0, 0.005], [32, 32, 2], 30), ("flat", [1.0, 1.0, 0.1], [11; 3], 35)]
+    {
+        let mesh = bar(size, cells);
+        let count = iterations(name, &TET4, &mesh, &uniform(&mesh, 0.3));
+        assert!(count <= most, "{name}: {count}");
+    }
+}
+
+/// Fibres a million times as stiff as what is between them, some of whose elements hang on an edge or a corner.
+#[test]
+fn stiff_fibres_cost_few_iterations() {
+    let mesh = bar([1.0; 3], [11; 3]);
+    let is_even = |x: f64| ((6.0 * x) as usize).is_multiple_of(2);
+    let young = |tet: usize| {
+        let [_, y, z] = centre(&mesh, tet);
+        if is_even(y) && is_even(z) { 1e11 } else { 1e5 }
+    };
+    let lame: Vec<Lame> = (0..mesh.tets.len()).map(|tet| Lame::from_young_poisson(young(tet), 0.3)).collect();
+    assert!(iterations("fibres", &TET4, &mesh, &lame) <= 25);
+}
+
+/// Of a thin sheet every line through it is a cluster, of a cube no two nodes are.
+#[test]
+fn lines_through_a_sheet_are_clusters() {
+    let of = |size: [f64; 3], cells: [u32; 3]| {
+        let mesh = bar(size, cells);
+        let (a, _) = system(&TET4, &mesh, &uniform(&mesh, 0.3));
+        let rows = Scaled::new(&a);
+        let (clusters, mut order) = Clusters::new(&rows, &rows.inverses().unwrap());
+        let places: Vec<Vec<[f64; 3]>> = (0..clusters.count())
+            .map(|cluster| {
+                order[clusters.members(cluster)].iter().map(|&node| a.places[node as usize]).collect()
+            })
+            .collect();
+        order.sort_unstable();
+        assert!(order.iter().enumerate().all(|(at, &node)| at == node as usize));
+        places
+    };
+    assert!(of([1.0; 3], [6; 3]).iter().all(|cluster| cluster.len() == 1));
+    let lines = of([1.0, 1.0, 0.01], [20, 20, 2]);
+    assert_eq!(lines.len(), 19 * 21);
+    for line in lines {
+        assert!(line.len() == 3 && line.iter().all(|place| place[..2] == line[0][..2]), "{line:?}");
+    }
+}
+
 /// Cubes of 2.5 × 2.5 × 2.5 cells, a million times as stiff as those between.
 #[test]
 fn jumps_of_a_million_cost_few_iterations() {
@@ -96,10 +147,10 @@ fn rigid_motions_are_motions_of_the_aggregates() {
     // Far from the origin, as meshes come.
     k.places.iter_mut().for_each(|place| place[1] += 30.0);
     let rows = Scaled::new(&k);
-    let matrix = Smoothed::new(&rows).unwrap();
-    let largest = matrix.largest_eigenvalue(&matrix.diagonal());
-    let aggregates = Aggregates::new(&rows, THRESHOLD);
-    let (p, modes) = Prolongator::new(&rows, &aggregates, &fine_modes(&k), largest);
+    let clusters = Clusters::alone(k.nodes());
+    let largest = Smoothed::new(&rows, &clusters).unwrap().largest_eigenvalue();
+    let aggregates = Aggregates::new(&rows, &clusters, THRESHOLD);
+    let (p, modes) = Prolongator::new(&rows, &clusters, &aggregates, &fine_modes(&k, &rows.order), largest);
     let coarse = galerkin::coarse(&rows, &p);
     println!("{} nodes, {} aggregates", k.nodes(), aggregates.count);
     assert!(aggregates.count * 6 < k.nodes() && !aggregates.of_node.contains(&aggregate::ALONE));
