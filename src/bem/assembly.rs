@@ -124,7 +124,15 @@ impl Mesh {
         for u in first..self.triangles.len() {
             let j = &self.triangles[u];
             // Of a pair both orders are meant; of a triangle with itself, half of them.
-            let weight = |t: usize| if t < u { 1.0 } else if t == u { 0.5 } else { 0.0 };
+            let weight = |t: usize| {
+                if t < u {
+                    1.0
+                } else if t == u {
+                    0.5
+                } else {
+                    0.0
+                }
+            };
             let weights = std::array::from_fn(|k| if k < own.len() { weight(first + k) } else { 0.0 });
             strip.pulls(j, &weights, false, &mut pulls);
             for (q, &place) in self.places[u].iter().enumerate() {

@@ -79,6 +79,9 @@ mod tests {
         for value in [f64::MIN_POSITIVE, f64::MAX, 1.0, 0.5f64.sqrt(), 2f64.sqrt()] {
             assert!((ln(value) - value.ln()).abs() <= 2e-16 * value.ln().abs(), "{value:e}");
         }
-        assert_eq!((atan2(0.0, 0.0), atan2(1.0, 1.0), atan2(0.0, -1.0)), (0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::PI));
+        assert_eq!(
+            (atan2(0.0, 0.0), atan2(1.0, 1.0), atan2(0.0, -1.0)),
+            (0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::PI)
+        );
     }
 }

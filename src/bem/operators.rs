@@ -118,7 +118,10 @@ impl Material {
         for (a, row) in blocks.iter_mut().enumerate() {
             for (b, block) in row.iter_mut().enumerate() {
                 let part = if a == b { 1.0 / (4.0 * PI) } else { 0.0 };
-                block.iter_mut().zip(&sums.seen).for_each(|(value, seen)| *value = factor * *value + part * seen);
+                block
+                    .iter_mut()
+                    .zip(&sums.seen)
+                    .for_each(|(value, seen)| *value = factor * *value + part * seen);
             }
         }
         blocks
@@ -128,7 +131,13 @@ impl Material {
     pub fn hypersingular(self, c: &[Lanes; 3], sums: &Curled) -> Blocks {
         let mut blocks = [[[0.0; LANES]; 3]; 3];
         let factor = self.mu / (4.0 * PI);
-        lanes::run(Hypersingular { c, sums, plain: factor, bent: factor / (1.0 - self.nu), blocks: &mut blocks });
+        lanes::run(Hypersingular {
+            c,
+            sums,
+            plain: factor,
+            bent: factor / (1.0 - self.nu),
+            blocks: &mut blocks,
+        });
         blocks
     }
 }
@@ -151,7 +160,8 @@ impl Kernel for Hypersingular<'_> {
             let product = 2.0 * (c[0] * x[0] + c[1] * x[1] + c[2] * x[2]);
             for b in 0..3 {
                 let m = [0, 1, 2].map(|a| bent * sums.bent[a][b][k]);
-                let turned = [c[1] * m[2] - c[2] * m[1], c[2] * m[0] - c[0] * m[2], c[0] * m[1] - c[1] * m[0]];
+                let turned =
+                    [c[1] * m[2] - c[2] * m[1], c[2] * m[0] - c[0] * m[2], c[0] * m[1] - c[1] * m[0]];
                 for a in 0..3 {
                     let own = if a == b { product } else { 0.0 };
                     blocks[a][b][k] = own - c[a] * x[b] + turned[a];

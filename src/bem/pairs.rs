@@ -16,8 +16,10 @@ use nalgebra::Vector3;
 /// second on one of seven.
 pub const FAR: f64 = 8.0;
 const NEAR: f64 = 2.0;
-/// Halving ends where the rules of degrees 5 and 8 differ by less than this part, and at this depth.
+/// Halving ends where the rules of degrees 5 and 8 differ by less than this part, the latter by much less, and at this depth.
 const TOLERANCE: f64 = 3e-5;
+/// The same for views, in parts of half the full angle; no closed form helps where triangles touch.
+const VIEW_TOLERANCE: f64 = 1e-7;
 const DEPTH: u32 = 18;
 
 /// Distance of the centres over the sum of the radii.
@@ -51,9 +53,7 @@ pub fn view(i: &Triangle, j: &Triangle) -> Vector3<f64> {
     if distance(i, j) > NEAR {
         return by_gauss(i, j).1.into();
     }
-    // As large as it gets: half the full angle over all of i.
-    let least = TOLERANCE * std::f64::consts::TAU;
-    Vector3::from(integral(i, |_| least, &|x| views(j, x)))
+    Vector3::from(integral(i, |_| VIEW_TOLERANCE * std::f64::consts::TAU, &|x| views(j, x)))
 }
 
 /// One evaluation of the kernels between x and y, of weight 1: of a pull, and -r·n/r³.
@@ -140,4 +140,119 @@ fn halved<const M: usize>(
         if depth == 0 || is_near(&coarse, &fine, least) { fine } else { halved(&half, least, depth - 1, f) }
     });
     std::array::from_fn(|m| 0.5 * (halves[0][m] + halves[1][m]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bem::strip::{LANES, Pulls, Strip};
+    use proptest::prelude::*;
+
+    fn triangle(x: [[f64; 3]; 3]) -> Triangle {
+        Triangle::new(x.map(Vector3::from)).unwrap()
+    }
+
+    fn is_close(a: &Pull, b: &Pull, part: f64) -> bool {
+        is_near(&a.0, &b.0, part * b.0[0])
+    }
+
+    /// By halving one of them, which needs no case of its own, to this part.
+    fn fine(i: &Triangle, j: &Triangle, part: f64) -> Pull {
+        Pull(integral(i, |mean| part * mean[0], &|x| pulls(j, x)))
+    }
+
+    /// Twice the same triangle: ∫∫ 1/r of an equilateral one of side 1 is (√3/4)²·… in closed form by its three edges
+    /// (Eibert and Hansen, IEEE Trans. Antennas Propag. 43, 1995): A² · 4/3 · 3 · ln 3 / side.
+    #[test]
+    fn a_triangle_on_itself_has_the_closed_form() {
+        let own = triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.5, 0.75f64.sqrt(), 0.0]]);
+        let exact = own.area * own.area * 4.0 * 3f64.ln();
+        let Pull([g, xx, xy, _, yy, _, zz]) = pull(&own, &own);
+        assert!((g / exact - 1.0).abs() < 1e-12, "{g} {exact}");
+        // r rᵀ/r³ has the trace 1/r, and no side is preferred.
+        let tolerance = 1e-12 * exact;
+        assert!((xx - yy).abs() < tolerance && xy.abs() < tolerance && zz.abs() < 1e-12);
+        assert!((xx + yy - g).abs() < 1e-12);
+    }
+
+    /// In whatever unit.
+    #[test]
+    fn a_triangle_on_itself_grows_with_the_cube_of_its_size() {
+        let of = |size: f64| {
+            let own = triangle([[0.0; 3], [4.0 * size, 0.0, 0.0], [0.0, size, 0.0]]);
+            pull(&own, &own).0[0] / size.powi(3)
+        };
+        let one = of(1.0);
+        assert!(one > 0.0);
+        for size in [1e-9, 1e-3, 7.0, 1e3, 1e9] {
+            assert!((of(size) / one - 1.0).abs() < 1e-12, "{size}");
+        }
+    }
+
+    /// Triangles that share an edge or a corner, flat, folded and sharp, beside halving, which needs no such case.
+    #[test]
+    fn shared_corners_are_as_halving_has_them() {
+        let own = triangle([[0.0; 3], [1.0, 0.1, 0.0], [0.4, 0.9, 0.2]]);
+        for other in [
+            [[1.0, 0.1, 0.0], [0.0; 3], [0.5, -0.9, 0.1]],
+            [[0.0; 3], [0.4, 0.9, 0.2], [-0.6, 0.7, 0.9]],
+            [[1.0, 0.1, 0.0], [0.0; 3], [0.4, 0.7, 0.5]],
+            [[1.0, 0.1, 0.0], [1.7, 0.3, 0.0], [1.2, 0.9, -0.4]],
+            [[0.0; 3], [-0.9, 0.1, 0.3], [-0.4, -0.8, 0.0]],
+            [[0.4, 0.9, 0.2], [0.5, 0.9, 3.0], [0.3, 1.0, 3.0]],
+        ] {
+            let other = triangle(other);
+            let (sum, halved) = (pull(&own, &other), fine(&own, &other, 1e-7));
+            assert!(is_close(&sum, &halved, 1e-6), "{sum:?} {halved:?}");
+        }
+    }
+
+    /// Two sheets of 1 × 0.3 that nearly touch: the integrals tend to that of a sheet with itself.
+    #[test]
+    fn nearly_touching_triangles_are_as_touching_ones() {
+        let at = |height: f64| triangle([[0.0, 0.0, height], [1.0, 0.0, height], [0.2, 0.3, height]]);
+        let own = pull(&at(0.0), &at(0.0)).0[0];
+        let lost = [1e-2, 1e-3, 1e-4].map(|height| 1.0 - pull(&at(0.0), &at(height)).0[0] / own);
+        // As 2π A height.
+        let slope = std::f64::consts::TAU * at(0.0).area / own;
+        for (lost, height) in lost.iter().zip([1e-2, 1e-3, 1e-4]) {
+            assert!((lost / (slope * height) - 1.0).abs() < 15.0 * height + 0.1, "{lost} at {height}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Wherever the second one lies: both orders agree, and all rules with halving to the end.
+        #[test]
+        fn rules_agree_across_their_borders(
+            at in prop::array::uniform3(-4.0..4.0f64),
+            away in 1.0..6.0f64,
+            tip in prop::array::uniform3(-0.5..0.5f64),
+        ) {
+            let [x, y, z] = at.map(|x| away * x);
+            let near = triangle([[0.0; 3], [1.0, 0.1, 0.0], [0.4, 0.9, 0.2]]);
+            let other = triangle([[x, y, z], [x + 0.8, y, z + 0.3], [x + tip[0], y + 0.9, z + tip[2]]]);
+            let (there, back) = (pull(&near, &other), pull(&other, &near));
+            prop_assert_eq!(there.0, back.0);
+            let [g, xx, _, _, yy, _, zz] = there.0;
+            prop_assert!((xx + yy + zz - g).abs() < 1e-12 * g);
+            if distance(&near, &other) > 1.0 {
+                let fine = fine(&near, &other, 1e-8);
+                prop_assert!(is_close(&there, &fine, 2e-6), "{:?} {:?}", there, fine);
+                let seen = integral(&near, |_| 1e-9, &|x| views(&other, x));
+                prop_assert!((view(&near, &other) - Vector3::from(seen)).amax() < 2e-6, "{:?}", seen);
+            }
+            // In lanes, where three points do from FAR on.
+            let strip = [&near, &other];
+            let (strip, mut pulls) = (Strip::new(&strip), Pulls::default());
+            let weights: [f64; LANES] = std::array::from_fn(|k| [1.0, 0.5].get(k).copied().unwrap_or(0.0));
+            strip.pulls(&other, &weights, true, &mut pulls);
+            let far = Pull(pulls.pull.map(|lanes| lanes[0]));
+            prop_assert!(is_close(&far, &there, 3e-5), "{:?} {:?}", far, there);
+            prop_assert!(pulls.pull.iter().zip(pull(&other, &other).0).all(|(lanes, own)| lanes[1] == 0.5 * own && lanes[2] == 0.0));
+            let seen = Vector3::from(pulls.view.map(|lanes| lanes[0]));
+            prop_assert!((seen - view(&near, &other)).amax() < 2e-6 && pulls.view.iter().all(|lanes| lanes[1] == 0.0));
+        }
+    }
 }

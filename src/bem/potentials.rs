@@ -105,8 +105,7 @@ impl Frame {
             log[e] = log_of_edge(&r[e], &r[next], far[e], far[next], self.lengths[e]);
         }
         let [a, b, c] = &r;
-        let below =
-            far[0] * far[1] * far[2] + dot(a, b) * far[2] + dot(b, c) * far[0] + dot(c, a) * far[1];
+        let below = far[0] * far[1] * far[2] + dot(a, b) * far[2] + dot(b, c) * far[0] + dot(c, a) * far[1];
         let solid_angle = 2.0 * atan2(dot(a, &cross(b, c)), below);
         Edges { log, rise, off, height: dot(a, &self.normal), solid_angle }
     }
@@ -124,9 +123,8 @@ impl Frame {
             let (along, out) = (&self.along[e], &self.out[e]);
             let mut taken = [0.0; 3];
             for axis in 0..3 {
-                taken[axis] = out[axis] * (off[e] * log[e])
-                    + along[axis] * rise[e]
-                    + n[axis] * (2.0 * height * log[e]);
+                taken[axis] =
+                    out[axis] * (off[e] * log[e]) + along[axis] * rise[e] + n[axis] * (2.0 * height * log[e]);
             }
             add_product(&mut h, out, &taken, -1.0);
         }
@@ -250,7 +248,11 @@ impl<const N: usize> Kernel for &mut Edge<'_, N> {
 }
 
 /// The means of 1/r and r rᵀ/r³ over the way from `a` to `b`, at the points.
-pub fn means_over_edge<const N: usize>(a: &Vector3<f64>, b: &Vector3<f64>, points: &Points<N>) -> [[f64; N]; PULL] {
+pub fn means_over_edge<const N: usize>(
+    a: &Vector3<f64>,
+    b: &Vector3<f64>,
+    points: &Points<N>,
+) -> [[f64; N]; PULL] {
     let (way, length) = (b - a, (b - a).norm());
     let along = (way / length).into();
     let mut made = Edge { ends: [(*a).into(), (*b).into()], along, length, points, out: [[0.0; N]; PULL] };

@@ -42,9 +42,21 @@ impl<const C: usize, const N: usize> Nested<C, N> {
 pub const TRIANGLE: Nested<3, 24> = {
     const THIRD: f64 = 1.0 / 3.0;
     // Points that differ by the order of the corners alone: two weights alike, or none.
-    const fn put(rule: &mut Nested<3, 24>, from: usize, [a, b, c]: [f64; 3], is_fine: bool, part: f64) -> usize {
+    const fn put(
+        rule: &mut Nested<3, 24>,
+        from: usize,
+        [a, b, c]: [f64; 3],
+        is_fine: bool,
+        part: f64,
+    ) -> usize {
         let orders = [[a, b, c], [b, c, a], [c, a, b], [a, c, b], [c, b, a], [b, a, c]];
-        let count = if a == c { 1 } else if b == c { 3 } else { 6 };
+        let count = if a == c {
+            1
+        } else if b == c {
+            3
+        } else {
+            6
+        };
         let mut k = 0;
         while k < count {
             let mut q = 0;
@@ -135,7 +147,9 @@ mod tests {
             let sum: f64 = weights.iter().enumerate().map(|(k, weight)| weight * of(k)).sum();
             assert!((sum - exact).abs() < 1e-14, "{powers:?}: {sum} {exact}");
         };
-        for (a, b, c) in (0..9).flat_map(|a| (0..9 - a).flat_map(move |b| (0..9 - a - b).map(move |c| (a, b, c)))) {
+        for (a, b, c) in
+            (0..9).flat_map(|a| (0..9 - a).flat_map(move |b| (0..9 - a - b).map(move |c| (a, b, c))))
+        {
             let exact = 2.0 * factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 2);
             let at = TRIANGLE.at.each_ref().map(|at| at.as_slice());
             check(&at, &TRIANGLE.fine, &[a, b, c], exact);

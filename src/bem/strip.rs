@@ -4,7 +4,6 @@
 //! the operators at a corner of j. Pairs that are far apart, nearly all of them, are integrated in all lanes at once by three points
 //! of each; the others one by one ([`pairs`]).
 
-use super::operators::Curled;
 use super::pairs::{self, FAR, kernel};
 use super::potentials::PULL;
 use super::rules::THREE;

@@ -19,10 +19,12 @@ pub fn pull(i: &Triangle, j: &Triangle) -> Option<Pull> {
     let [a, b, c] = [0, 1, 2].map(|p| shared(p).map(|q| (p, q)));
     match (a, b, c) {
         (None, None, None) => None,
-        (Some((p, q)), None, None) | (None, Some((p, q)), None) | (None, None, Some((p, q))) => Some(corner(i, j, p, q)),
-        (Some(first), Some(second), None) | (Some(first), None, Some(second)) | (None, Some(first), Some(second)) => {
-            Some(edge(i, j, first, second))
+        (Some((p, q)), None, None) | (None, Some((p, q)), None) | (None, None, Some((p, q))) => {
+            Some(corner(i, j, p, q))
         }
+        (Some(first), Some(second), None)
+        | (Some(first), None, Some(second))
+        | (None, Some(first), Some(second)) => Some(edge(i, j, first, second)),
         (Some(_), Some(_), Some(_)) => Some(itself(i)),
     }
 }
@@ -53,7 +55,9 @@ fn edge(i: &Triangle, j: &Triangle, first: (usize, usize), second: (usize, usize
     let (a, b) = (tip(i, first.0, second.0), tip(j, first.1, second.1));
     let (v, w) = (i.corners[first.0], i.corners[second.0]);
     let between = |c: Vector3<f64>, d: &Vector3<f64>| mean(&[w, c], &|x| means_over_edge(&v, d, x));
-    let at = |of: &Triangle, x: &Vector3<f64>| Pull(pulls(of, &[0, 1, 2].map(|axis| [x[axis]])).map(|[value]| value));
+    let at = |of: &Triangle, x: &Vector3<f64>| {
+        Pull(pulls(of, &[0, 1, 2].map(|axis| [x[axis]])).map(|[value]| value))
+    };
     let product = 2.0 * i.area * j.area / 3.0;
     let tips = Pull::default().plus(&at(j, &a), i.area / 3.0).plus(&at(i, &b), j.area / 3.0);
     tips.plus(&between(a, &b), product).plus(&between(b, &a), product)
