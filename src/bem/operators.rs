@@ -114,7 +114,7 @@ impl Material {
     /// K: the rows tested on each i, for the node of these sums.
     pub fn double_layer(self, sums: &Curled) -> Blocks {
         let factor = 1.0 / (8.0 * PI * (1.0 - self.nu));
-        let mut blocks = sums.bent.clone();
+        let mut blocks = sums.bent;
         for (a, row) in blocks.iter_mut().enumerate() {
             for (b, block) in row.iter_mut().enumerate() {
                 let part = if a == b { 1.0 / (4.0 * PI) } else { 0.0 };
