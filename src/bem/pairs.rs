@@ -1,7 +1,7 @@
 //! Integrals over two triangles, which meet in nothing, a corner, an edge, or are one.
 //!
 //! In: two triangles. Out: ∫∫ 1/r and ∫∫ r rᵀ/r³ ([`Pull`]), and ∫∫ -r·n/r³ φ_q. Far from each other, both are integrated by
-//! Gauss, with three points each ([`super::far`]) or seven; nearer, the greater in closed form and the smaller by Gauss, which is
+//! Gauss, with three points each ([`super::strip`]) or seven; nearer, the greater in closed form and the smaller by Gauss, which is
 //! halved across its longest edge until two rules agree, so that thin walls and slivers need no case of their own. Those that touch:
 //! [`touching`].
 
@@ -37,7 +37,7 @@ pub fn pull(i: &Triangle, j: &Triangle) -> Pull {
     if let Some(pull) = touching::pull(small, great) {
         return pull;
     }
-    let of = |x: &Points<24>| pulls(great, x);
+    let of = |x: &Points<24>| pulls(&great.frame, x);
     Pull(integral(small, |fine| TOLERANCE * fine[0], &of))
 }
 
@@ -53,7 +53,7 @@ pub fn view(i: &Triangle, j: &Triangle) -> Vector3<f64> {
     if distance(i, j) > NEAR {
         return by_gauss(i, j).1.into();
     }
-    Vector3::from(integral(i, |_| VIEW_TOLERANCE * std::f64::consts::TAU, &|x| views(j, x)))
+    Vector3::from(integral(i, |_| VIEW_TOLERANCE * std::f64::consts::TAU, &|x| views(&j.frame, x)))
 }
 
 /// One evaluation of the kernels between x and y, of weight 1: of a pull, and -r·n/r³.
@@ -158,7 +158,7 @@ mod tests {
 
     /// By halving one of them, which needs no case of its own, to this part.
     fn fine(i: &Triangle, j: &Triangle, part: f64) -> Pull {
-        Pull(integral(i, |mean| part * mean[0], &|x| pulls(j, x)))
+        Pull(integral(i, |mean| part * mean[0], &|x| pulls(&j.frame, x)))
     }
 
     /// Twice the same triangle: ∫∫ 1/r of an equilateral one of side 1 is (√3/4)²·… in closed form by its three edges
@@ -223,6 +223,15 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
+        /// From inside a closed surface all of it is seen, under 4π.
+        #[test]
+        fn a_tetrahedron_is_seen_all_around(x in prop::array::uniform3(0.05..0.3f64)) {
+            let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(|face: [usize; 3]| triangle(face.map(|c| corners[c])));
+            let seen: f64 = faces.iter().flat_map(|face| views(&face.frame, &x.map(|x| [x])).map(|[q]| q)).sum();
+            prop_assert!((seen + 4.0 * std::f64::consts::PI).abs() < 1e-12);
+        }
+
         /// Wherever the second one lies: both orders agree, and all rules with halving to the end.
         #[test]
         fn rules_agree_across_their_borders(
@@ -240,7 +249,7 @@ mod tests {
             if distance(&near, &other) > 1.0 {
                 let fine = fine(&near, &other, 1e-8);
                 prop_assert!(is_close(&there, &fine, 2e-6), "{:?} {:?}", there, fine);
-                let seen = integral(&near, |_| 1e-9, &|x| views(&other, x));
+                let seen = integral(&near, |_| 1e-9, &|x| views(&other.frame, x));
                 prop_assert!((view(&near, &other) - Vector3::from(seen)).amax() < 2e-6, "{:?}", seen);
             }
             // In lanes, where three points do from FAR on.

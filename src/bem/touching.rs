@@ -31,7 +31,7 @@ pub fn pull(i: &Triangle, j: &Triangle) -> Option<Pull> {
 
 /// ⅔ of the area times the sum over the corners of ∫ f from there.
 fn itself(i: &Triangle) -> Pull {
-    let sums = pulls(i, &transposed(&i.frame.corners)).map(|[a, b, c]| a + b + c);
+    let sums = pulls(&i.frame, &transposed(&i.frame.corners)).map(|[a, b, c]| a + b + c);
     Pull::default().plus(&Pull(sums), 2.0 * i.area / 3.0)
 }
 
@@ -42,7 +42,7 @@ fn transposed(points: &[Point; 3]) -> Points<3> {
 /// ⅔ of each area times the other's potential, on the mean over the edge behind the corner.
 fn corner(i: &Triangle, j: &Triangle, p: usize, q: usize) -> Pull {
     let behind = |of: &Triangle, at: usize, other: &Triangle| {
-        mean(&[of.corners[(at + 1) % 3], of.corners[(at + 2) % 3]], &|x| pulls(other, x))
+        mean(&[of.corners[(at + 1) % 3], of.corners[(at + 2) % 3]], &|x| pulls(&other.frame, x))
     };
     let part = |of: &Triangle| 2.0 * of.area / 3.0;
     Pull::default().plus(&behind(i, p, j), part(i)).plus(&behind(j, q, i), part(j))
@@ -56,7 +56,7 @@ fn edge(i: &Triangle, j: &Triangle, first: (usize, usize), second: (usize, usize
     let (v, w) = (i.corners[first.0], i.corners[second.0]);
     let between = |c: Vector3<f64>, d: &Vector3<f64>| mean(&[w, c], &|x| means_over_edge(&v, d, x));
     let at = |of: &Triangle, x: &Vector3<f64>| {
-        Pull(pulls(of, &[0, 1, 2].map(|axis| [x[axis]])).map(|[value]| value))
+        Pull(pulls(&of.frame, &[0, 1, 2].map(|axis| [x[axis]])).map(|[value]| value))
     };
     let product = 2.0 * i.area * j.area / 3.0;
     let tips = Pull::default().plus(&at(j, &a), i.area / 3.0).plus(&at(i, &b), j.area / 3.0);
