@@ -12,8 +12,12 @@
 //! displacements are linear on each triangle, and tractions constant on those that a control element holds, and 0 on all others.
 
 mod assembly;
+mod elementary;
 mod operators;
 mod pairs;
+mod potentials;
+mod rules;
+mod strip;
 mod touching;
 mod triangle;
 
@@ -71,8 +75,7 @@ pub enum Error {
 /// Bytes that `nodes` nodes take with tractions on `held` triangles.
 fn memory(nodes: usize, held: usize) -> f64 {
     let (nodes, held) = (3.0 * nodes as f64, 3.0 * held as f64);
-    let strips = 2.0 * rayon::current_num_threads() as f64 * assembly::ROWS;
-    8.0 * (nodes * nodes + held * (held + nodes) + strips * nodes)
+    8.0 * (nodes * nodes + held * (held + nodes) + assembly::working() * nodes)
 }
 
 /// Bytes of the matrices for a surface of `nodes` nodes of which `held` triangles carry tractions. Errors where they do not fit.

@@ -1,21 +1,28 @@
 //! The boundary integral operators of isotropic elasticity, tested with functions on the same triangles.
 //!
-//! In: triangles and material constants. Out: blocks of the matrices of
+//! In: the pulls of some triangles i, in lanes, with others j. Out: blocks of the matrices of
 //!
 //! ```text
 //! V t = (½ + K) u     D u = (½ - Kᵀ) t
 //! ```
 //!
 //! with u linear on each triangle and continuous, t constant on each. Kernels that cannot be integrated are integrated by parts on
-//! the surface first: with c the curl n × ∇φ of a corner's function, all that is left are [`Pull`] and [`pairs::view`] (Kupradze,
-//! Three-Dimensional Problems of the Mathematical Theory of Elasticity and Thermoelasticity, 1979, chapter 5; Han, J. Comput. Math. 12, 1994;
-//! Steinbach, Numerical Approximation Methods for Elliptic Boundary Value Problems, 2008, section 6.7). Nothing of it grows without
-//! bounds as Poisson's ratio nears ½.
+//! the surface first: with c and d the curls n × ∇φ of a corner's function on i and j, all that is left are the pulls, g and H, and the
+//! views of [`Pulls`] (Kupradze, Three-Dimensional Problems of the Mathematical Theory of Elasticity and Thermoelasticity, 1979,
+//! chapter 5; Han, J. Comput. Math. 12, 1994; Steinbach, Numerical Approximation Methods for Elliptic Boundary Value Problems, 2008,
+//! section 6.7):
+//!
+//! ```text
+//! V = (3 - 4ν) g + H     W = (1 - 2ν) g + H     K = view + W [d]     D = 2 g c·d - g c dᵀ + [c] W [d]     [d] b = d × b
+//! ```
+//!
+//! up to factors. Nothing of it grows without bounds as Poisson's ratio nears ½. What depends on j alone is summed over the triangles
+//! around each node first ([`Curled`]).
 
-use super::pairs;
-use super::triangle::{Pull, Triangle};
+use super::potentials::PULL;
+use super::strip::{LANES, Lanes, Pulls};
+use crate::base::lanes::{self, Kernel};
 use crate::fem::Lame;
-use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
 /// Shear modulus and Poisson's ratio.
@@ -31,40 +38,135 @@ impl From<Lame> for Material {
     }
 }
 
-impl Material {
-    /// V: the displacement, summed over one triangle, that a unit traction on another causes by Kelvin's solution, m³ for N/m².
-    pub fn single_layer(self, pull: &Pull) -> Matrix3<f64> {
-        let factor = 1.0 / (16.0 * PI * self.mu * (1.0 - self.nu));
-        pull.combined(factor * (3.0 - 4.0 * self.nu), factor)
-    }
+/// A block for each lane, by row and column.
+pub type Blocks = [[Lanes; 3]; 3];
 
-    /// K: a block for each corner of j, its rows tested on i.
-    pub fn double_layer(self, i: &Triangle, j: &Triangle, pull: &Pull) -> [Matrix3<f64>; 3] {
-        let view = if std::ptr::eq(i, j) { Vector3::zeros() } else { pairs::view(i, j) } / (4.0 * PI);
-        let factor = 1.0 / (8.0 * PI * (1.0 - self.nu));
-        let shear = pull.combined(factor * (1.0 - 2.0 * self.nu), factor);
-        std::array::from_fn(|q| Matrix3::from_diagonal_element(view[q]) + times_cross(&shear, &j.curls[q]))
-    }
+/// Sums over the triangles j around one node, d the curl of its function there.
+#[derive(Clone)]
+pub struct Curled {
+    /// Of W \[d\].
+    bent: Blocks,
+    /// Of g d.
+    plain: [Lanes; 3],
+    /// Of the views.
+    seen: Lanes,
+}
 
-    /// D: block \[p\]\[q\] for corner p of i and corner q of j, N/m.
-    pub fn hypersingular(self, i: &Triangle, j: &Triangle, pull: &Pull) -> [[Matrix3<f64>; 3]; 3] {
-        let factor = self.mu / (4.0 * PI);
-        let g = factor * pull.g;
-        let within = factor / (1.0 - self.nu);
-        let inner = pull.combined(within * (1.0 - 2.0 * self.nu), within);
-        let columns = j.curls.map(|d| times_cross(&inner, &d));
-        std::array::from_fn(|p| {
-            let c = &i.curls[p];
-            std::array::from_fn(|q| {
-                let d = &j.curls[q];
-                let plain = Matrix3::from_diagonal_element(2.0 * g * c.dot(d)) - c * d.transpose() * g;
-                plain + Matrix3::from_columns(&[0, 1, 2].map(|k| c.cross(&columns[q].column(k))))
-            })
-        })
+/// Numbers of one.
+pub const CURLED: usize = 13 * LANES;
+
+impl Default for Curled {
+    fn default() -> Curled {
+        Curled { bent: [[[0.0; LANES]; 3]; 3], plain: [[0.0; LANES]; 3], seen: [0.0; LANES] }
     }
 }
 
-/// M \[d\], with \[d\] b = d × b.
-fn times_cross(m: &Matrix3<f64>, d: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::from_rows(&[0, 1, 2].map(|k| m.row(k).transpose().cross(d).transpose()))
+impl Curled {
+    /// Adds what the triangle of these pulls does by its corner `q`, whose curl is `d`.
+    pub fn add(&mut self, Material { nu, .. }: Material, pulls: &Pulls, q: usize, d: [f64; 3]) {
+        lanes::run(Adding { sums: self, pull: &pulls.pull, view: &pulls.view[q], d, shear: 1.0 - 2.0 * nu });
+    }
+}
+
+struct Adding<'a> {
+    sums: &'a mut Curled,
+    pull: &'a [Lanes; PULL],
+    view: &'a Lanes,
+    d: [f64; 3],
+    shear: f64,
+}
+
+impl Kernel for Adding<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Adding { sums, pull, view, d, shear } = self;
+        for k in 0..LANES {
+            let [g, xx, xy, xz, yy, yz, zz] = pull.each_ref().map(|lanes| lanes[k]);
+            let own = shear * g;
+            let w = [[xx + own, xy, xz], [xy, yy + own, yz], [xz, yz, zz + own]];
+            for a in 0..3 {
+                sums.bent[a][0][k] += w[a][1] * d[2] - w[a][2] * d[1];
+                sums.bent[a][1][k] += w[a][2] * d[0] - w[a][0] * d[2];
+                sums.bent[a][2][k] += w[a][0] * d[1] - w[a][1] * d[0];
+                sums.plain[a][k] += g * d[a];
+            }
+            sums.seen[k] += view[k];
+        }
+    }
+}
+
+impl Material {
+    /// V: the displacement, summed over one triangle, that a unit traction on another causes by Kelvin's solution, m³ for N/m².
+    pub fn single_layer(self, pulls: &Pulls) -> Blocks {
+        let factor = 1.0 / (16.0 * PI * self.mu * (1.0 - self.nu));
+        let own = 3.0 - 4.0 * self.nu;
+        let [g, xx, xy, xz, yy, yz, zz] = &pulls.pull;
+        let mut blocks = [[*xx, *xy, *xz], [*xy, *yy, *yz], [*xz, *yz, *zz]];
+        for (a, row) in blocks.iter_mut().enumerate() {
+            for (b, block) in row.iter_mut().enumerate() {
+                let own = if a == b { own } else { 0.0 };
+                block.iter_mut().zip(g).for_each(|(value, g)| *value = factor * (own * g + *value));
+            }
+        }
+        blocks
+    }
+
+    /// K: the rows tested on each i, for the node of these sums.
+    pub fn double_layer(self, sums: &Curled) -> Blocks {
+        let factor = 1.0 / (8.0 * PI * (1.0 - self.nu));
+        let mut blocks = sums.bent;
+        for (a, row) in blocks.iter_mut().enumerate() {
+            for (b, block) in row.iter_mut().enumerate() {
+                let part = if a == b { 1.0 / (4.0 * PI) } else { 0.0 };
+                block
+                    .iter_mut()
+                    .zip(&sums.seen)
+                    .for_each(|(value, seen)| *value = factor * *value + part * seen);
+            }
+        }
+        blocks
+    }
+
+    /// D: for the corner of each i whose curls are `c`, and the node of these sums, N/m.
+    pub fn hypersingular(self, c: &[Lanes; 3], sums: &Curled) -> Blocks {
+        let mut blocks = [[[0.0; LANES]; 3]; 3];
+        let factor = self.mu / (4.0 * PI);
+        lanes::run(Hypersingular {
+            c,
+            sums,
+            plain: factor,
+            bent: factor / (1.0 - self.nu),
+            blocks: &mut blocks,
+        });
+        blocks
+    }
+}
+
+struct Hypersingular<'a> {
+    c: &'a [Lanes; 3],
+    sums: &'a Curled,
+    plain: f64,
+    bent: f64,
+    blocks: &'a mut Blocks,
+}
+
+impl Kernel for Hypersingular<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Hypersingular { c, sums, plain, bent, blocks } = self;
+        for k in 0..LANES {
+            let c = c.each_ref().map(|lanes| lanes[k]);
+            let x = sums.plain.each_ref().map(|lanes| plain * lanes[k]);
+            let product = 2.0 * (c[0] * x[0] + c[1] * x[1] + c[2] * x[2]);
+            for b in 0..3 {
+                let m = [0, 1, 2].map(|a| bent * sums.bent[a][b][k]);
+                let turned =
+                    [c[1] * m[2] - c[2] * m[1], c[2] * m[0] - c[0] * m[2], c[0] * m[1] - c[1] * m[0]];
+                for a in 0..3 {
+                    let own = if a == b { product } else { 0.0 };
+                    blocks[a][b][k] = own - c[a] * x[b] + turned[a];
+                }
+            }
+        }
+    }
 }

@@ -51,7 +51,8 @@ pub fn solve(
         "boundary elements: the tractions on the control elements, constant on each triangle, do a work that differs by {:.1} % of the \
          largest from that of the energy, which the forces are made from. Large triangles make the body stiffer than it is, and \
          no figure here tells by how much: solve it once more with refine = 1, which makes four of each, or half the \
-         longest_edge, and compare the forces. The integrals over the surface are exact to {:.0e}",
+         longest_edge, and compare the forces. A rigid motion, which needs no force, would take {:.0e} of the largest stiffness: so \
+         exact, about, are the integrals over the surface; it is taken out",
         100.0 * coarse,
         solved.integration_error
     );

@@ -7,8 +7,9 @@ use super::floating::{Floating, floating};
 use super::pieces;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::{Element, Lame};
-use crate::mesh::diagnostics::{self, place};
+use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::length_unit::implausible;
+use crate::mesh::walls::{ThinWalls, thin_walls};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::materials::implausible_young;
 use crate::scene::{Body, Material, Scene};
@@ -60,6 +61,24 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
     }
     findings.extend(pieces::find(entity, mesh, controls));
     findings
+}
+
+/// Walls that boundary elements bend too stiffly, for displacements are linear on each triangle: by (edge/thickness)²/18 more than
+/// they are (plates of 1 × 1 m, 5 to 100 mm thick, beside `tet10`: chapter `method`).
+pub fn walls(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
+    let ThinWalls { share, edge, thickness } = thin_walls(mesh, 2.0).filter(|walls| walls.share > 0.1)?;
+    let message = format!(
+        "under {:.0} % of its surface the body is thinner than half the longest edge of the triangle there, half of that with \
+         edges of {} m on {} m or worse: boundary elements bend such a wall too stiffly, this one about {:.1} \
+         times. Write longest_edge = {} or less; or fill the body with tetrahedra (leave out method) of element = \
+         \"tet10\", which needs few",
+        100.0 * share,
+        digits(edge),
+        digits(thickness),
+        1.0 + (edge / thickness).powi(2) / 18.0,
+        digits(thickness),
+    );
+    Some(Diagnostic::new(Severity::Warning, entity, message))
 }
 
 /// Materials that linear tetrahedra answer badly, and stiff inclusions that float.

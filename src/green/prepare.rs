@@ -6,7 +6,7 @@ use super::error::GreenError;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
 use crate::mesh::{Loaded, TetMesh, quality};
-use crate::scene::{Body, Material, Scene};
+use crate::scene::{Body, Material, Method, Scene};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a body is, before anything is assembled.
@@ -37,6 +37,9 @@ pub fn prepare_mesh(scene: &Scene, name: &str, loaded: Loaded) -> Result<Prepare
     findings.extend(check::mesh(&entity, &mesh));
     findings.extend(check::support(&entity, &mesh, &controls));
     findings.extend(check::materials(&entity, body, &mesh, &controls, &lame));
+    if body.method == Method::Bem {
+        findings.extend(check::walls(&entity, &mesh));
+    }
     findings.sort_by_key(|finding| finding.severity);
     Ok(Prepared { mesh, controls, lame, findings })
 }

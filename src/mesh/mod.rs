@@ -26,6 +26,7 @@ pub mod surface_check;
 pub mod surface_files;
 pub mod surface_intersect;
 mod tet_mesh;
+pub mod walls;
 
 pub use assemble::Order;
 pub use error::{FormatFault, MeshError, Place};
