@@ -6,7 +6,7 @@
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{
-    AFFINE, COMPLIANCE, FAMILIES, LOAD_COMPLIANCE, LOADS, MOMENTS, REACTION, STIFFNESS, TORQUES, UPDATES,
+    AFFINE, COMPLIANCE, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOADS, MOMENTS, REACTION, STIFFNESS, TORQUES, UPDATES,
     affine_tensors, load_tensors,
 };
 use super::file::{BodyMeta, GreenFile};
@@ -23,7 +23,7 @@ pub type Sections<'a> = &'a dyn Fn(&GreenFile, &str) -> Vec<(String, Tensor)>;
 
 /// The families that are found again after a change.
 pub fn is_derived(family: &str) -> bool {
-    [AFFINE, STIFFNESS, UPDATES, LOADS, COMPLIANCE].iter().any(|known| known.name == family)
+    [AFFINE, STIFFNESS, UPDATES, LOADS, COMPLIANCE, KEPT_FACTOR].iter().any(|known| known.name == family)
 }
 
 /// The file of `scene` as it is now, from that of [`Scene::as_prepared`]. Errors where nothing holds a body any more.
@@ -54,7 +54,7 @@ pub fn derive(base: Arc<GreenFile>, scene: &Scene, sections: Sections<'_>) -> Re
             let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
             let freed: Vec<u32> =
                 loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
-            tensors.extend(compliance.changed(&freed, &|nodes| changed_body.compliance(nodes))?);
+            tensors.extend(compliance.changed(&freed, &changed_body)?);
         }
         tensors.extend(sections(&base, name));
         changed.insert(name.clone(), (own, tensors));

@@ -9,6 +9,7 @@ use crate::fem::AssemblyError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 #[derive(Debug, thiserror::Error)]
 pub enum GreenError {
@@ -31,6 +32,8 @@ pub enum GreenError {
     Memory { body: String, source: TooLarge },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error("{0}")]
+    InBackground(Arc<GreenError>),
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
@@ -52,6 +55,7 @@ impl GreenError {
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
             GreenError::Solve { .. } | GreenError::Memory { .. } => false,
+            GreenError::InBackground(error) => error.is_request(),
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {
                 use std::io::ErrorKind::{

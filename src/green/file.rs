@@ -7,6 +7,7 @@
 
 use super::bytes::Bytes;
 use super::error::GreenError;
+use super::on_demand::OnDemand;
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
 use super::tensor::Number;
@@ -143,6 +144,7 @@ pub(super) struct Sealed<'a> {
 
 /// Ends of the names of tensors that stay on the disk.
 pub(super) const COMPLIANCE_VALUES: &str = "compliance/values";
+pub(super) const FACTOR_VALUES: &str = "kept_factor/values";
 
 /// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
 /// nothing here, but for a compliance: that of a file which is replaced stays as it was, what is damaged is an error.
@@ -154,6 +156,7 @@ pub struct GreenFile {
     pub(super) tensors: Tensors,
     pub(super) on_disk: Option<OnDisk>,
     pub(super) recent: Recent,
+    pub(super) on_demand: OnDemand,
     /// The file that this one was derived from, where a control element was released or a modulus changed.
     pub base: Option<Arc<GreenFile>>,
 }
@@ -180,8 +183,9 @@ impl GreenFile {
         let on_disk = OnDisk::new(file, places);
         let bytes = Bytes::read(&mut on_disk.others(), length - left).map_err(unread)?;
         let on_disk = (left > 0).then_some(on_disk);
-        let recent = Recent::default();
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (recent, on_demand) = (Recent::default(), OnDemand::default());
+        let path_of = path.to_owned();
+        let file = GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, on_demand, base: None };
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -190,8 +194,9 @@ impl GreenFile {
     pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
         let length = bytes.as_slice().len() as u64;
         let (meta, tensors) = read_container(bytes.as_slice(), length)?;
-        let (on_disk, recent) = (None, Recent::default());
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (on_disk, recent, on_demand) = (None, Recent::default(), OnDemand::default());
+        let path_of = path.to_owned();
+        let file = GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, on_demand, base: None };
         file.check()?;
         Ok(file)
     }
@@ -333,7 +338,7 @@ fn read_container(bytes: &[u8], length: u64) -> Result<(Meta, Tensors), String> 
 /// Takes tensors that stay on the disk out of what is read; returns their places and their bytes together. They are of numbers
 /// of 4 bytes, and those of 8 stand before them: what is behind stays aligned.
 fn leave(meta: &Meta, tensors: &mut Tensors) -> (BTreeMap<String, Range<u64>>, u64) {
-    let names = meta.bodies.keys().map(|body| format!("{body}/{COMPLIANCE_VALUES}"));
+    let names = meta.bodies.keys().flat_map(|body| [COMPLIANCE_VALUES, FACTOR_VALUES].map(|of| format!("{body}/{of}")));
     let mut places = BTreeMap::new();
     for name in names {
         let Some((.., range)) = tensors.get_mut(&name) else { continue };

@@ -10,7 +10,7 @@ use crate::base::diagnostic::Diagnostic;
 use crate::fem::{Element, NodeFields};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::Method;
-use crate::solve::SolveStats;
+use crate::solve::{KeptFactor, SolveStats};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
@@ -47,6 +47,7 @@ pub struct Solution {
     pub loads: Vec<LoadMeta>,
     /// How the surface yields, where it was required.
     pub compliance: Option<SurfaceInverse>,
+    pub kept_factor: Option<SurfaceFactor>,
     /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
     pub asymmetry: Option<f64>,
     pub rigid: RigidMotion,
@@ -91,6 +92,16 @@ pub struct SurfaceInverse {
     pub order: Vec<u32>,
     /// f32, little-endian.
     pub bytes: Vec<u8>,
+}
+
+/// The factor that tells how the surface yields, as the family `kept_factor` has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceFactor {
+    /// How many nodes take forces.
+    pub nodes: usize,
+    /// Indices into the surface's nodes.
+    pub order: Vec<u32>,
+    pub kept: KeptFactor,
 }
 
 /// What goes into the .green file for one body.

@@ -4,6 +4,7 @@
 //! with a key.
 
 use super::loads::{
+    Kept,
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
 };
 use super::{Body, Nodes};
@@ -149,6 +150,15 @@ fn check(body: &Body) -> Result<(), (String, String)> {
     }
     if let Some(asked) = &body.surface_compliance {
         asked.kept.check().map_err(|message| ("surface_compliance".to_owned(), message))?;
+        let method = body.solver.method;
+        if asked.kept == Kept::Factor && !method.keeps_factor {
+            let message = format!(
+                "kept = \"factor\" needs one in f64, which solver = {{ method = \"{}\" }} does not make: write \
+                 solver = {{ method = \"cholesky\" }}, or kept = \"inverse\"",
+                method.name
+            );
+            return wrong("surface_compliance", message);
+        }
     }
     if let Some(nodes) = body.surface_compliance.as_ref().and_then(|of| of.nodes.selection()) {
         nodes.check().map_err(|message| ("surface_compliance".to_owned(), message))?;

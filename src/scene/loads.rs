@@ -175,9 +175,6 @@ impl Kept {
                 Kept::ERRORS.start(),
                 Kept::ERRORS.end()
             )),
-            Kept::Factor => {
-                Err("kept = \"factor\" is not there yet: write \"inverse\", or { error = 1e-4 }".to_owned())
-            }
             _ => Ok(()),
         }
     }

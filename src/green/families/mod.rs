@@ -5,6 +5,7 @@ mod columns;
 mod compliance;
 mod cubic;
 mod dense_fields;
+mod kept_factor;
 mod loads;
 mod perturbation;
 mod reduced;
@@ -14,12 +15,14 @@ mod substructures;
 mod table;
 mod updates;
 mod volume;
+mod yielding;
 
 pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
-pub use compliance::{COMPLIANCE, Compliance, Yield, compliance_size};
+pub use compliance::{COMPLIANCE, compliance_size};
 pub use cubic::CUBIC;
 pub(super) use loads::load_tensors;
+pub use kept_factor::{KEPT_FACTOR, inverse_bytes};
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
@@ -27,6 +30,7 @@ pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use updates::UPDATES;
 pub use volume::{VOLUME, Volume};
+pub use yielding::Compliance;
 
 use super::family::FamilyEntry;
 use super::file::GreenFile;
@@ -44,6 +48,7 @@ pub const FAMILIES: &[FamilyEntry] = &[
     volume::ENTRY,
     loads::ENTRY,
     compliance::ENTRY,
+    kept_factor::ENTRY,
     updates::ENTRY,
 ];
 
