@@ -4,8 +4,7 @@
 //! with a key.
 
 use super::loads::{
-    Kept,
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
 };
 use super::{Body, Nodes};
 use std::path::Path;
@@ -231,6 +230,10 @@ mod tests {
             (
                 "surface_compliance = { nodes = \"surface\", kept = { error = 1.0 } }".to_owned(),
                 "body.a.surface_compliance: kept = { error = 1e0 } is not between 1e-6 and 1e-2",
+            ),
+            (
+                "surface_compliance = { nodes = \"surface\", kept = \"factor\" }\nsolver = { method = \"pcg\" }".to_owned(),
+                "body.a.surface_compliance: kept = \"factor\" needs one in f64, which solver = { method = \"pcg\" } does not",
             ),
             (
                 "surface_compliance = { nodes = \"surface\", kept = \"half\" }".to_owned(),

@@ -38,7 +38,7 @@ pub use crate::base::progress::{Progress, Silent};
 pub use auto::AUTO;
 pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
-pub use kept_factor::{KeptFactor, LoadedFactor, kept_bytes};
+pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
 pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError, Setback};
 pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};

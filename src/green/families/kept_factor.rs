@@ -20,7 +20,7 @@ use super::affine::AFFINE;
 use super::compliance::{Order, check_order, unknowns};
 use crate::base::machine;
 use crate::base::table::bytes;
-use crate::solve::{KeptFactor, LoadedFactor, Progress, SolveError};
+use crate::solve::{KeptFactor, LoadedFactor, NUMBER, Progress, SolveError};
 use safetensors::tensor::Dtype;
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
@@ -84,7 +84,7 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let KeptFactor { supernodes, rows, places, numbers } = kept;
     let list = |list: &[u32]| Tensor::new(&[list.len()], list.iter().copied());
     let sizes = Tensor::new(&[supernodes.len(), 2], supernodes.iter().flatten().copied());
-    let values = Tensor { dtype: Dtype::F64, shape: vec![numbers.len() / 8], bytes: numbers.clone() };
+    let values = Tensor { dtype: Dtype::U8, shape: vec![numbers.len() / NUMBER, NUMBER], bytes: numbers.clone() };
     [(ORDER, list(order)), (SUPERNODES, sizes), (ROWS, list(rows)), (PLACES, list(places)), (VALUES, values)]
         .map(|(name, tensor)| (name.to_owned(), tensor))
         .into()
@@ -103,10 +103,12 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     file.expect(&supernodes, Dtype::U32, &[file.count(&supernodes) / 2, 2])?;
     file.expect(&own(ROWS), Dtype::U32, &[file.count(&own(ROWS))])?;
     file.expect(&own(PLACES), Dtype::U32, &[m])?;
-    let found = LoadedFactor::numbers(file.slice(&supernodes), file.slice(&own(ROWS)), file.slice(&own(PLACES)))
-        .map_err(|reason| format!("tensors {supernodes}, rows and places: {reason}"))?;
     // Its numbers are looked at when they are read.
-    file.expect(&own(VALUES), Dtype::F64, &[found])
+    let bytes = file.count(&own(VALUES));
+    file.expect(&own(VALUES), Dtype::U8, &[bytes / NUMBER, NUMBER])?;
+    let [sizes, rows, places] = [SUPERNODES, ROWS, PLACES].map(own);
+    LoadedFactor::check(file.slice(&sizes), file.slice(&rows), file.slice(&places), bytes)
+        .map_err(|reason| format!("tensors {sizes}, {rows} and {places}: {reason}"))
 }
 
 /// The compliance of a body whose factor was kept.
@@ -238,7 +240,7 @@ struct Hashed<'a> {
 
 impl Hashed<'_> {
     fn new(file: &GreenFile, tensor: String) -> Hashed<'_> {
-        let length = 8 * file.count(&tensor);
+        let length = file.count(&tensor);
         Hashed { file, tensor, length, taken: 0, piece: Vec::new(), at: 0, hasher: blake3::Hasher::new() }
     }
 
