@@ -170,6 +170,7 @@ fn solve_kept(
         tables: BTreeMap::new(),
         loads: Vec::new(),
         compliance: None,
+        compressed: None,
         asymmetry: None,
         rigid: RigidMotion::default(),
         stats,

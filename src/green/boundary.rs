@@ -71,6 +71,7 @@ pub fn solve(
         tables: tables.into_iter().collect::<BTreeMap<_, _>>(),
         loads: Vec::new(),
         compliance: None,
+        compressed: None,
         asymmetry: needs_stiffness.then_some(solved.asymmetry),
         rigid,
         stats: solved.stats,

@@ -6,6 +6,7 @@
 //! NumPy's safetensors opens the file as it is.
 
 use super::bytes::Bytes;
+use super::compressed::Shapes;
 use super::error::GreenError;
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
@@ -60,6 +61,9 @@ pub struct BodyMeta {
     /// Nodes of the surface that take forces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compliance_nodes: Option<usize>,
+    /// Of a compressed compliance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compressed: Option<CompressedMeta>,
 }
 
 impl BodyMeta {
@@ -67,6 +71,15 @@ impl BodyMeta {
     pub fn load_columns(&self) -> usize {
         self.loads.iter().fold(0, |sum, load| sum.saturating_add(load.columns))
     }
+}
+
+/// How exact a compressed compliance is, in parts of the displacement of a pressed node.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompressedMeta {
+    pub asked: f64,
+    /// The largest error of displacements anywhere for forces at so many nodes, against columns solved anew.
+    pub measured: f64,
+    pub nodes: usize,
 }
 
 /// One load of a body.
@@ -143,6 +156,7 @@ pub(super) struct Sealed<'a> {
 
 /// Ends of the names of tensors that stay on the disk.
 pub(super) const COMPLIANCE_VALUES: &str = "compliance/values";
+pub(super) const COMPRESSED_VALUES: &str = "compressed/values";
 
 /// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
 /// nothing here, but for a compliance: that of a file which is replaced stays as it was, what is damaged is an error.
@@ -154,6 +168,7 @@ pub struct GreenFile {
     pub(super) tensors: Tensors,
     pub(super) on_disk: Option<OnDisk>,
     pub(super) recent: Recent,
+    pub(super) shapes: Shapes,
     /// The file that this one was derived from, where a control element was released or a modulus changed.
     pub base: Option<Arc<GreenFile>>,
 }
@@ -180,8 +195,9 @@ impl GreenFile {
         let on_disk = OnDisk::new(file, places);
         let bytes = Bytes::read(&mut on_disk.others(), length - left).map_err(unread)?;
         let on_disk = (left > 0).then_some(on_disk);
-        let recent = Recent::default();
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (recent, shapes) = (Recent::default(), Shapes::default());
+        let path_of = path.to_owned();
+        let file = GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, base: None };
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -190,8 +206,9 @@ impl GreenFile {
     pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
         let length = bytes.as_slice().len() as u64;
         let (meta, tensors) = read_container(bytes.as_slice(), length)?;
-        let (on_disk, recent) = (None, Recent::default());
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (on_disk, recent, shapes) = (None, Recent::default(), Shapes::default());
+        let path_of = path.to_owned();
+        let file = GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, base: None };
         file.check()?;
         Ok(file)
     }
@@ -333,7 +350,8 @@ fn read_container(bytes: &[u8], length: u64) -> Result<(Meta, Tensors), String> 
 /// Takes tensors that stay on the disk out of what is read; returns their places and their bytes together. They are of numbers
 /// of 4 bytes, and those of 8 stand before them: what is behind stays aligned.
 fn leave(meta: &Meta, tensors: &mut Tensors) -> (BTreeMap<String, Range<u64>>, u64) {
-    let names = meta.bodies.keys().map(|body| format!("{body}/{COMPLIANCE_VALUES}"));
+    let own = |body: &String| [COMPLIANCE_VALUES, COMPRESSED_VALUES].map(|values| format!("{body}/{values}"));
+    let names = meta.bodies.keys().flat_map(own);
     let mut places = BTreeMap::new();
     for name in names {
         let Some((.., range)) = tensors.get_mut(&name) else { continue };

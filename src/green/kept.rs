@@ -216,6 +216,10 @@ impl Factor for Kept<'_> {
         Ok(x)
     }
 
+    fn unkept(&self, progress: &dyn Progress) -> Result<Option<&dyn Factor>, SolveError> {
+        self.factor(progress).map(Some)
+    }
+
     fn inverse_block_from(
         &self,
         first: usize,

@@ -11,6 +11,7 @@ mod boundary;
 mod bytes;
 mod check;
 mod column_names;
+mod compressed;
 mod control;
 mod derive;
 mod error;
@@ -49,9 +50,9 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
-    PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
-    TORQUES, UPDATES, VOLUME, Volume, Yield, compliance_size, nodal_forces,
+    AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS,
+    MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
+    SUBSTRUCTURES, TORQUES, UPDATES, VOLUME, Volume, compliance_size, nodal_forces,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
@@ -65,6 +66,6 @@ pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh};
 pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
-pub use solution::{Precomputed, Solution, StepTimes};
+pub use solution::{Precomputed, Solution, StepTimes, Yield};
 pub use tensor::{Number, Tensor};
 pub use write::{write, write_with};

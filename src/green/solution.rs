@@ -1,5 +1,6 @@
 //! What was computed of one body: its f64 solution, and what of it goes into the .green file.
 
+use super::compressed::{Block, Compressed};
 use super::control::ControlElement;
 use super::file::LoadMeta;
 use super::requirements::{Family, Requirements};
@@ -47,6 +48,7 @@ pub struct Solution {
     pub loads: Vec<LoadMeta>,
     /// How the surface yields, where it was required.
     pub compliance: Option<SurfaceInverse>,
+    pub compressed: Option<SurfaceCompressed>,
     /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
     pub asymmetry: Option<f64>,
     pub rigid: RigidMotion,
@@ -92,6 +94,22 @@ pub struct SurfaceInverse {
     /// f32, little-endian.
     pub bytes: Vec<u8>,
 }
+
+/// The same within an error, as the family `compressed` has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceCompressed {
+    /// How many nodes take forces.
+    pub nodes: usize,
+    /// Indices into the surface's nodes.
+    pub order: Vec<u32>,
+    pub blocks: Vec<Block>,
+    /// The error that was asked for.
+    pub asked: f64,
+    pub compressed: Compressed,
+}
+
+/// Displacements of all nodes of the surface for a force of 1 N at one of them along x, y and z: m/N, `[node][axis][force]`.
+pub type Yield = Vec<[[f32; 3]; 3]>;
 
 /// What goes into the .green file for one body.
 pub struct Precomputed {
