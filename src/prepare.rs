@@ -10,8 +10,8 @@ use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_r
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
-    self, AFFINE, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, KEPT_FACTOR, LOADS, Precomputed, Requirements,
-    STIFFNESS, UPDATES,
+    self, AFFINE, COMPLIANCE, COMPRESSED, GreenError, GreenFile, Journal, KEPT_AFTER, KEPT_FACTOR, LOADS,
+    Precomputed, Requirements, STIFFNESS, UPDATES,
 };
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Kept, Method, Scene};
@@ -119,8 +119,9 @@ fn loads_required(
         return Err(wrong(scene, name, "model", load_refusal(model)));
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
+        Kept::Inverse => COMPLIANCE,
+        Kept::Compressed(_) => COMPRESSED,
         Kept::Factor => KEPT_FACTOR,
-        Kept::Inverse | Kept::Compressed(_) => COMPLIANCE,
     });
     let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
     Ok(Requirements::of(&families))

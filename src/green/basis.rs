@@ -174,6 +174,7 @@ fn solve_kept(
         loads: Vec::new(),
         compliance: None,
         kept_factor: None,
+        compressed: None,
         asymmetry: None,
         rigid: RigidMotion::default(),
         stats,

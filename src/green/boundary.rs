@@ -72,6 +72,7 @@ pub fn solve(
         loads: Vec::new(),
         compliance: None,
         kept_factor: None,
+        compressed: None,
         asymmetry: needs_stiffness.then_some(solved.asymmetry),
         rigid,
         stats: solved.stats,

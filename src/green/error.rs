@@ -30,6 +30,11 @@ pub enum GreenError {
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
+    #[error(
+        "{body}: compressed, the compliance of the surface errs by {found:.1e} of a pressed node's displacement, where \
+         surface_compliance asks for kept = {{ error = {asked:e} }}; write a larger error, or kept = \"inverse\""
+    )]
+    Compression { body: String, asked: f64, found: f64 },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     #[error("{0}")]
@@ -54,7 +59,7 @@ impl GreenError {
             GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
-            GreenError::Solve { .. } | GreenError::Memory { .. } => false,
+            GreenError::Solve { .. } | GreenError::Memory { .. } | GreenError::Compression { .. } => false,
             GreenError::InBackground(error) => error.is_request(),
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {

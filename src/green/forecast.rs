@@ -161,7 +161,9 @@ mod tests {
     /// As `greenstage precompute` told it of these bodies.
     #[test]
     fn kept_factors_that_were_measured_lie_in_the_forecast() {
-        for (size, cells, kept) in [([1.0, 1.0, 0.005], [60, 60, 2], 23.2e6), ([1.0; 3], [21, 21, 20], 39.1e6)] {
+        for (size, cells, kept) in
+            [([1.0, 1.0, 0.005], [60, 60, 2], 23.2e6), ([1.0; 3], [21, 21, 20], 39.1e6)]
+        {
             let forecast = Forecast::of(&block(&Block { size, cells }).unwrap(), 2);
             let [thin, compact] = [0, 1].map(|i| NUMBER as f64 * KEPT[i] * forecast.factor_entries[i]);
             assert!(thin <= kept && kept <= compact, "{cells:?}: {kept} in {thin}..{compact}");

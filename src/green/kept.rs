@@ -220,6 +220,10 @@ impl Factor for Kept<'_> {
         self.factor(progress)?.kept(nodes, progress)
     }
 
+    fn unkept(&self, progress: &dyn Progress) -> Result<Option<&dyn Factor>, SolveError> {
+        self.factor(progress).map(Some)
+    }
+
     fn inverse_block_from(
         &self,
         first: usize,

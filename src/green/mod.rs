@@ -11,6 +11,7 @@ mod boundary;
 mod bytes;
 mod check;
 mod column_names;
+mod compressed;
 mod control;
 mod derive;
 mod error;
@@ -50,9 +51,9 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
-    PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
-    TORQUES, UPDATES, VOLUME, Volume, compliance_size, inverse_bytes, nodal_forces,
+    AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,
+    LOADS, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
+    SUBSTRUCTURES, TORQUES, UPDATES, VOLUME, Volume, compliance_size, nodal_forces,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

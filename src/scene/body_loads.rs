@@ -4,7 +4,8 @@
 //! with a key.
 
 use super::loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL,
+    Thermal,
 };
 use super::{Body, Nodes};
 use std::path::Path;

@@ -60,9 +60,9 @@ impl KeptFactor {
         let (taken, supernodes, rows, places) = l.supernodes.part(nodes);
         let size = kept_bytes(&supernodes) as usize;
         let mut numbers = Vec::new();
-        numbers.try_reserve_exact(size).map_err(|_full| {
-            SolveError::Memory(machine::refused("the factor as it is kept", size as f64))
-        })?;
+        numbers
+            .try_reserve_exact(size)
+            .map_err(|_full| SolveError::Memory(machine::refused("the factor as it is kept", size as f64)))?;
         for s in taken {
             let height = 3 * (l.supernodes.own(s).len() + l.supernodes.below(s).len());
             let columns = l.values[l.supernodes.values(s)].chunks_exact(height).enumerate();
@@ -104,12 +104,7 @@ impl LoadedFactor {
     }
 
     /// Whether this is the pattern of a factor whose numbers take so many bytes; the error says why not.
-    pub fn check(
-        supernodes: &[[u32; 2]],
-        rows: &[u32],
-        places: &[u32],
-        bytes: usize,
-    ) -> Result<(), String> {
+    pub fn check(supernodes: &[[u32; 2]], rows: &[u32], places: &[u32], bytes: usize) -> Result<(), String> {
         // First, for it bounds the memory of what follows.
         let expected = kept_bytes(supernodes);
         if expected != bytes as u128 {

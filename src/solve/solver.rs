@@ -182,6 +182,11 @@ pub trait Factor {
         Ok(None)
     }
 
+    /// The factor behind one that keeps its solves, for solves too large to be kept.
+    fn unkept(&self, _progress: &dyn Progress) -> Result<Option<&dyn Factor>, SolveError> {
+        Ok(None)
+    }
+
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 }

@@ -164,7 +164,7 @@ impl<T: Real> Triangle<'_, T> {
 
     /// A block of so many columns, zero, and its scratch.
     pub(super) fn block(&self, columns: usize) -> Result<(Vec<T>, Vec<T>), SolveError> {
-                let zeros = |count: usize| {
+        let zeros = |count: usize| {
             let mut numbers = Vec::new();
             numbers.try_reserve_exact(count).map_err(|_full| {
                 let what = format!("a block of {columns} columns");

@@ -210,7 +210,8 @@ fn body_fields(
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
     let is_background = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
     let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == Kept::Factor);
-    let arrived = (is_background || is_solved).then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
+    let arrived =
+        (is_background || is_solved).then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
     let starting: Vec<f64> = body.loads().into_iter().flat_map(|load| load.start).collect();
     let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
     let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));

@@ -169,7 +169,8 @@ fn kept_factor(name: &str, nodes: &str) -> (PathBuf, Scene) {
     let path = folder(name).join("block.green");
     let keys = format!("surface_compliance = {{ nodes = {nodes}, kept = \"factor\" }}");
     let scene = block_scene([8, 4, 4], &keys);
-    let made = green::precompute(&scene, "block", &Requirements::of(&[AFFINE, KEPT_FACTOR]), &Silent).unwrap();
+    let made =
+        green::precompute(&scene, "block", &Requirements::of(&[AFFINE, KEPT_FACTOR]), &Silent).unwrap();
     green::write(&path, &[made]).unwrap();
     (path, scene)
 }
@@ -278,7 +279,10 @@ fn columns_from_a_kept_factor_are_those_of_the_inverse() {
             let (found, expected) = (numbers(found), numbers(&expected));
             let largest = expected.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
             let off = found.iter().zip(&expected).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-            assert!(found.len() == expected.len() && off < 5e-7 * largest, "{name} {place}: {off:e} {largest:e}");
+            assert!(
+                found.len() == expected.len() && off < 5e-7 * largest,
+                "{name} {place}: {off:e} {largest:e}"
+            );
         };
         for &place in places.values() {
             same(&factor.column(place).unwrap(), place);

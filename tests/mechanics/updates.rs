@@ -3,8 +3,8 @@
 use greenstage::base::columns::Storage;
 use greenstage::green::update::{Change, Changed, Updated, Updates};
 use greenstage::green::{
-    self, COMPLIANCE, FIELDS, Family, GreenFile, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, Precomputed, REACTION,
-    Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
+    self, COMPLIANCE, FIELDS, Family, GreenFile, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS,
+    Precomputed, REACTION, Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
 };
 use greenstage::mesh::{Block, Loaded, block};
 use greenstage::scene::Scene;

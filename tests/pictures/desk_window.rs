@@ -65,9 +65,8 @@ fn keys_save_what_is_seen_and_open_the_panel() {
     let shows_body = |image: &RgbImage| image.pixels().filter(|p| p.0[0] > 80).count() > 500;
     // A window learns with the focus where the cursor is: before that its green ray starts from the middle.
     let near_cursor = |x: u32, y: u32| {
-        let is_near = |pixel: u32, origin: i32, cursor: i16| {
-            (pixel as i32 + origin).abs_diff(i32::from(cursor)) < 8
-        };
+        let is_near =
+            |pixel: u32, origin: i32, cursor: i16| (pixel as i32 + origin).abs_diff(i32::from(cursor)) < 8;
         is_near(x, window.at[0], CURSOR[0]) && is_near(y, window.at[1], CURSOR[1])
     };
     let aims = |image: &RgbImage| {

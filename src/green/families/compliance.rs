@@ -47,9 +47,9 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 const ORDER: &str = "compliance/order";
 /// blake3 of every tile.
 const HASHES: &str = "compliance/hashes";
-const HASH: usize = blake3::OUT_LEN;
+pub(super) const HASH: usize = blake3::OUT_LEN;
 /// Nodes of a block of rows, and of a tile's side.
-const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 
 /// Where the numbers of m nodes stand, of which the first n take forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -374,33 +374,55 @@ impl<'a> Tiles<'a> {
 
 impl Tiles<'_> {
     /// The tensors after a change by which the nodes `freed` of the surface are held no more.
-    pub(super) fn changed(&self, freed: &[u32], change: &Changed<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
-        let n = self.order.n;
-        let order = [self.order.nodes, freed].concat();
-        let layout = Layout { n, m: order.len() };
-        let mut values = vec![0; 4 * layout.len()];
-        for first in (0..n).step_by(BLOCK) {
-            let own = first..(first + BLOCK).min(n);
-            let more = change.compliance(&order[own.clone()]);
-            let strip = self.strip(first / BLOCK)?;
-            for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
-                let old = &strip[3 * self.layout.m * row..][..3 * self.layout.m];
-                for (j, &node) in order.iter().enumerate().skip(first) {
-                    for other in 0..3 {
-                        // Both halves of the matrix are the same: the force is at node i.
-                        let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
-                        let new = (old + more[(3 * node as usize + other, row)]) as f32;
-                        let at = 4 * (layout.at(i, axis, j) + other);
-                        values[at..at + 4].copy_from_slice(&new.to_le_bytes());
-                    }
+    pub(super) fn changed(
+        &self,
+        freed: &[u32],
+        change: &Changed<'_>,
+    ) -> Result<Vec<(String, Tensor)>, GreenError> {
+        changed(self.order, freed, change, &|first| self.strip(first / BLOCK))
+    }
+}
+
+/// All numbers of the nodes from one on, up to the next multiple of [`BLOCK`]: a row for each of their components.
+pub(super) type Rows<'a> = &'a dyn Fn(usize) -> Result<Arc<Vec<f32>>, GreenError>;
+
+/// The tensors of the tiles after a change by which the nodes `freed` are held no more, from the numbers before it.
+pub(super) fn changed(
+    before: Order<'_>,
+    freed: &[u32],
+    change: &Changed<'_>,
+    rows: Rows<'_>,
+) -> Result<Vec<(String, Tensor)>, GreenError> {
+    let (n, m) = (before.n, before.nodes.len());
+    let order = [before.nodes, freed].concat();
+    let layout = Layout { n, m: order.len() };
+    let mut values = vec![0; 4 * layout.len()];
+    for first in (0..n).step_by(BLOCK) {
+        let own = first..(first + BLOCK).min(n);
+        let more = change.compliance(&order[own.clone()]);
+        let strip = rows(first)?;
+        for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
+            let old = &strip[3 * m * row..][..3 * m];
+            for (j, &node) in order.iter().enumerate().skip(first) {
+                for other in 0..3 {
+                    // Both halves of the matrix are the same: the force is at node i.
+                    let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
+                    let new = (old + more[(3 * node as usize + other, row)]) as f32;
+                    let at = 4 * (layout.at(i, axis, j) + other);
+                    values[at..at + 4].copy_from_slice(&new.to_le_bytes());
                 }
             }
         }
-        let order = Tensor::new(&[order.len()], order);
-        let hashes = layout.hashes(&values);
-        let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
-        Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
     }
+    let order = Tensor::new(&[order.len()], order);
+    let hashes = layout.hashes(&values);
+    let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
+    Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
+}
+
+/// Bytes of the numbers of n nodes that take forces among m.
+pub(super) fn tile_bytes(n: usize, m: usize) -> usize {
+    4 * Layout { n, m }.len()
 }
 
 #[cfg(test)]

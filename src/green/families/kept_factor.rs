@@ -17,7 +17,7 @@ use super::super::solution::{Precomputed, Solution, SurfaceFactor};
 use super::super::tensor::Tensor;
 use super::super::update::{COLUMNS, Changed};
 use super::affine::AFFINE;
-use super::compliance::{Order, check_order, unknowns};
+use super::compliance::{Order, check_order, tile_bytes, unknowns};
 use crate::base::machine;
 use crate::base::table::bytes;
 use crate::solve::{KeptFactor, LoadedFactor, NUMBER, Progress, SolveError};
@@ -48,11 +48,6 @@ const BETWEEN: &str = "kept_factor/between";
 /// Bytes that are read and hashed at once.
 const PIECE: usize = 1 << 20;
 
-/// Bytes of the whole inverse of n nodes that take forces among m.
-pub fn inverse_bytes(n: usize, m: usize) -> f64 {
-    18.0 * n as f64 * (2.0 * m as f64 - n as f64)
-}
-
 fn compute(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
@@ -72,7 +67,7 @@ fn compute(
     progress.tell(&format!(
         "the kept factor takes {} in the file; the inverse at the surface would take {}",
         bytes(size),
-        bytes(inverse_bytes(nodes, order.len()))
+        bytes(tile_bytes(nodes, order.len()) as f64)
     ));
     solution.kept_factor = Some(SurfaceFactor { nodes, order, kept });
     Ok(())
@@ -84,7 +79,8 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let KeptFactor { supernodes, rows, places, numbers } = kept;
     let list = |list: &[u32]| Tensor::new(&[list.len()], list.iter().copied());
     let sizes = Tensor::new(&[supernodes.len(), 2], supernodes.iter().flatten().copied());
-    let values = Tensor { dtype: Dtype::U8, shape: vec![numbers.len() / NUMBER, NUMBER], bytes: numbers.clone() };
+    let values =
+        Tensor { dtype: Dtype::U8, shape: vec![numbers.len() / NUMBER, NUMBER], bytes: numbers.clone() };
     [(ORDER, list(order)), (SUPERNODES, sizes), (ROWS, list(rows)), (PLACES, list(places)), (VALUES, values)]
         .map(|(name, tensor)| (name.to_owned(), tensor))
         .into()
@@ -149,7 +145,9 @@ impl Change<'_> {
                 added.iter_mut().zip(weights).for_each(|(added, weight)| *added += w * weight);
             }
         }
-        for (moved, added) in column.as_flattened_mut().as_flattened_mut().iter_mut().zip(added.as_flattened()) {
+        for (moved, added) in
+            column.as_flattened_mut().as_flattened_mut().iter_mut().zip(added.as_flattened())
+        {
             *moved = (f64::from(*moved) + added) as f32;
         }
     }

@@ -3,6 +3,7 @@
 mod affine;
 mod columns;
 mod compliance;
+mod compressed;
 mod cubic;
 mod dense_fields;
 mod kept_factor;
@@ -20,9 +21,10 @@ mod yielding;
 pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
 pub use compliance::{COMPLIANCE, compliance_size};
+pub use compressed::COMPRESSED;
 pub use cubic::CUBIC;
+pub use kept_factor::KEPT_FACTOR;
 pub(super) use loads::load_tensors;
-pub use kept_factor::{KEPT_FACTOR, inverse_bytes};
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
@@ -49,6 +51,7 @@ pub const FAMILIES: &[FamilyEntry] = &[
     loads::ENTRY,
     compliance::ENTRY,
     kept_factor::ENTRY,
+    compressed::ENTRY,
     updates::ENTRY,
 ];
 

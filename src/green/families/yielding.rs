@@ -1,6 +1,6 @@
 //! How the surface of a body yields to forces at its single nodes, in the way in which its file has that.
 //!
-//! In: a .green file with one of the families `compliance` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
+//! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
 
 use super::super::error::GreenError;
 use super::super::file::GreenFile;
@@ -8,6 +8,7 @@ use super::super::on_demand::Yield;
 use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::compliance::{COMPLIANCE, Order, Tiles};
+use super::compressed::{COMPRESSED, CompressedColumns};
 use super::kept_factor::{KEPT_FACTOR, KeptColumns};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,6 +18,7 @@ use std::time::Duration;
 pub enum Compliance<'a> {
     Tiles(Tiles<'a>),
     Factor(KeptColumns<'a>),
+    Compressed(CompressedColumns<'a>),
 }
 
 impl Compliance<'_> {
@@ -24,6 +26,7 @@ impl Compliance<'_> {
         match self {
             Compliance::Tiles(tiles) => tiles.order,
             Compliance::Factor(kept) => kept.order,
+            Compliance::Compressed(compressed) => compressed.order,
         }
     }
 
@@ -37,7 +40,10 @@ impl Compliance<'_> {
     pub fn column(&self, place: usize) -> Result<Yield, GreenError> {
         match self {
             Compliance::Tiles(tiles) => tiles.column(place),
-            Compliance::Factor(kept) => Ok(kept.columns(&[place])?.iter().flat_map(|column| column.iter().copied()).collect()),
+            Compliance::Factor(kept) => {
+                Ok(kept.columns(&[place])?.iter().flat_map(|column| column.iter().copied()).collect())
+            }
+            Compliance::Compressed(compressed) => compressed.column(place),
         }
     }
 
@@ -46,6 +52,7 @@ impl Compliance<'_> {
         match self {
             Compliance::Tiles(tiles) => tiles.verify(),
             Compliance::Factor(kept) => kept.load().map(drop),
+            Compliance::Compressed(compressed) => compressed.verify(),
         }
     }
 
@@ -54,6 +61,7 @@ impl Compliance<'_> {
         match self {
             Compliance::Tiles(tiles) => tiles.changed(freed, change),
             Compliance::Factor(kept) => kept.changed(change),
+            Compliance::Compressed(compressed) => compressed.changed(freed, change),
         }
     }
 }
@@ -64,6 +72,9 @@ impl GreenFile {
         let (body, meta) = self.meta.bodies.get_key_value(body)?;
         if meta.requirements.has(KEPT_FACTOR) {
             return KeptColumns::of(self, body, meta).map(Compliance::Factor);
+        }
+        if meta.requirements.has(COMPRESSED) {
+            return CompressedColumns::of(self, body, meta).map(Compliance::Compressed);
         }
         let meta = Some(meta).filter(|meta| meta.requirements.has(COMPLIANCE))?;
         Tiles::of(self, body, meta).map(Compliance::Tiles)
@@ -81,9 +92,11 @@ impl GreenFile {
             None => Ok(None),
             Some(Compliance::Factor(_)) if patience < Duration::MAX => {
                 let (file, name) = (self.clone(), body.to_owned());
-                self.on_demand.of(body).columns_within(places, patience, move |places| match file.compliance(&name) {
-                    Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
-                    _ => Ok(()),
+                self.on_demand.of(body).columns_within(places, patience, move |places| {
+                    match file.compliance(&name) {
+                        Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
+                        _ => Ok(()),
+                    }
                 })
             }
             Some(Compliance::Factor(kept)) => kept.columns(places).map(Some),

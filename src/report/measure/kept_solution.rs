@@ -123,6 +123,7 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
         loads: Vec::new(),
         compliance: None,
         kept_factor: None,
+        compressed: None,
         asymmetry: head.asymmetry,
         rigid: head.rigid,
         stats,
