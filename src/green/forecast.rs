@@ -168,7 +168,10 @@ mod tests {
             let [thin, compact] = [0, 1].map(|i| NUMBER as f64 * KEPT[i] * forecast.factor_entries[i]);
             assert!(thin <= kept && kept <= compact, "{cells:?}: {kept} in {thin}..{compact}");
             let told = forecast.kept_factor_told([10, 20, 5_000_000]);
-            assert!(told.starts_with("10 of 20 free") && told.contains("\"inverse\" takes 5.00 MB"), "{told}");
+            assert!(
+                told.starts_with("10 of 20 free") && told.contains("\"inverse\" takes 5.00 MB"),
+                "{told}"
+            );
         }
     }
 
