@@ -10,11 +10,11 @@ use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_r
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
-    self, AFFINE, COMPLIANCE, GreenError, GreenFile, Journal, KEPT_AFTER, LOADS, Precomputed, Requirements,
-    STIFFNESS, UPDATES,
+    self, AFFINE, COMPLIANCE, COMPRESSED, GreenError, GreenFile, Journal, KEPT_AFTER, KEPT_FACTOR, LOADS,
+    Precomputed, Requirements, STIFFNESS, UPDATES,
 };
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Method, Scene};
+use crate::scene::{Body, Kept, Method, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -73,7 +73,7 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
         return Err(wrong(scene, name, "updates.modulus", message));
     }
     let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
-    if changes_modulus && (required.has(LOADS) || required.has(COMPLIANCE)) {
+    if changes_modulus && (required.has(LOADS) || body.surface_compliance.is_some()) {
         let message = "a region's modulus is changed from its border, which does not know of forces inside: leave out modulus, \
                        or the body's loads and surface_compliance; release goes with both";
         return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
@@ -118,11 +118,12 @@ fn loads_required(
     if !carries_loads(model) {
         return Err(wrong(scene, name, "model", load_refusal(model)));
     }
-    let families: Vec<_> = [(loads, LOADS), (compliance, COMPLIANCE)]
-        .into_iter()
-        .filter(|(is, _)| *is)
-        .map(|(_, of)| of)
-        .collect();
+    let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
+        Kept::Inverse => COMPLIANCE,
+        Kept::Compressed(_) => COMPRESSED,
+        Kept::Factor => KEPT_FACTOR,
+    });
+    let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
     Ok(Requirements::of(&families))
 }
 

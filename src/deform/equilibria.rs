@@ -22,6 +22,7 @@ use crate::green::{FIELDS, Volume};
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A body whose turns were set anew goes there from rest in so many legs, of 90° at most.
 const LEGS: usize = 4;
@@ -163,8 +164,9 @@ impl DeformationModel for Equilibria {
         }
     }
 
-    fn wait_for_background(&mut self) {
-        self.waits = true;
+    /// It waits for all or for nothing.
+    fn be_patient(&mut self, patience: Duration) {
+        self.waits = patience == Duration::MAX;
     }
 
     fn feel(&mut self) {

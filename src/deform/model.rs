@@ -6,6 +6,7 @@ use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
 use crate::green::{Family, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
+use std::time::Duration;
 
 /// How a body's control poses become its state. Exactly one per body.
 pub trait DeformationModel: Send {
@@ -39,8 +40,9 @@ pub trait DeformationModel: Send {
         None
     }
 
-    /// From now on every state is that of its own poses, however long it takes: for pictures and recordings.
-    fn wait_for_background(&mut self) {}
+    /// From now on a state waits at most so long for what is computed in the background. With [`Duration::MAX`] every state is
+    /// that of its own poses: for pictures and recordings.
+    fn be_patient(&mut self, _patience: Duration) {}
 
     /// A second model of the same body for a force loop, where it shares what is computed in the background; `None` of a
     /// model that can be made twice.

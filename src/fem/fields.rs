@@ -17,6 +17,13 @@ impl NodeFields {
         NodeFields { nodes, columns, data: vec![0.0; 3 * nodes * columns] }
     }
 
+    /// At each node, three columns of its own: 1 along x, y and z.
+    pub fn unit(nodes: usize) -> NodeFields {
+        let mut unit = NodeFields::zeros(nodes, 3 * nodes);
+        (0..3 * nodes).for_each(|i| unit.row_mut(i)[i] = 1.0);
+        unit
+    }
+
     /// The `columns` values of unknown `row` = 3·node + axis.
     pub fn row(&self, row: usize) -> &[f64] {
         &self.data[row * self.columns..][..self.columns]

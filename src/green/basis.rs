@@ -4,7 +4,7 @@ use super::acting::acting;
 use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
-use super::families::{AFFINE, FAMILIES};
+use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
 use super::family::Assembled;
 use super::journal::Journal;
 use super::judge;
@@ -17,7 +17,7 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{self, Scene};
-use crate::solve::{Factor, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveStats, Solver};
+use crate::solve::{Factor, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveError, SolveStats, Solver};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -144,6 +144,9 @@ fn solve_kept(
             let settings = Solver { method: method.unwrap_or(body.solver.method), ..body.solver };
             let analysed = settings.analyse(a, progress)?;
             analysed.fits(a, columns)?;
+            if requirements.has(KEPT_FACTOR) && !analysed.keeps(a, columns) {
+                return Err(SolveError::NoFactor(settings.method.name));
+            }
             machine::plan(analysed.memory(a, columns));
             solver.get_or_init(|| analysed).factor(a, progress)
         };
@@ -170,6 +173,8 @@ fn solve_kept(
         tables: BTreeMap::new(),
         loads: Vec::new(),
         compliance: None,
+        kept_factor: None,
+        compressed: None,
         asymmetry: None,
         rigid: RigidMotion::default(),
         stats,

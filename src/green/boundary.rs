@@ -72,6 +72,8 @@ pub fn solve(
         tables: tables.into_iter().collect::<BTreeMap<_, _>>(),
         loads: Vec::new(),
         compliance: None,
+        kept_factor: None,
+        compressed: None,
         asymmetry: needs_stiffness.then_some(solved.asymmetry),
         rigid,
         stats: solved.stats,

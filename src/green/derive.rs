@@ -6,10 +6,11 @@
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{
-    AFFINE, COMPLIANCE, FAMILIES, LOAD_COMPLIANCE, LOADS, MOMENTS, REACTION, STIFFNESS, TORQUES, UPDATES,
-    affine_tensors, load_tensors,
+    AFFINE, COMPLIANCE, COMPRESSED, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOADS, MOMENTS, REACTION,
+    STIFFNESS, TORQUES, UPDATES, affine_tensors, load_tensors,
 };
 use super::file::{BodyMeta, GreenFile};
+use super::requirements::Requirements;
 use super::tensor::Tensor;
 use super::update::{Change, Updated};
 use crate::base::columns::{ColumnGroup, StoredColumns};
@@ -23,7 +24,8 @@ pub type Sections<'a> = &'a dyn Fn(&GreenFile, &str) -> Vec<(String, Tensor)>;
 
 /// The families that are found again after a change.
 pub fn is_derived(family: &str) -> bool {
-    [AFFINE, STIFFNESS, UPDATES, LOADS, COMPLIANCE].iter().any(|known| known.name == family)
+    let known = [AFFINE, STIFFNESS, UPDATES, LOADS, COMPLIANCE, COMPRESSED, KEPT_FACTOR];
+    known.iter().any(|known| known.name == family)
 }
 
 /// The file of `scene` as it is now, from that of [`Scene::as_prepared`]. Errors where nothing holds a body any more.
@@ -49,12 +51,17 @@ pub fn derive(base: Arc<GreenFile>, scene: &Scene, sections: Sections<'_>) -> Re
             scene.invalid(&format!("body.{name}.updates"), message)
         })?;
         let hessian = hessian(&base, name, stiffness);
-        let (own, mut tensors) = derived(&base, name, meta, changed_body.body(&hessian));
+        let (mut own, mut tensors) = derived(&base, name, meta, changed_body.body(&hessian));
+        if own.requirements.has(COMPRESSED) {
+            // It is changed number by number.
+            own.requirements = own.requirements.without(COMPRESSED).and(Requirements::of(&[COMPLIANCE]));
+            own.compressed = None;
+        }
         if let Some(compliance) = base.compliance(name) {
             let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
             let freed: Vec<u32> =
                 loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
-            tensors.extend(compliance.changed(&freed, &|nodes| changed_body.compliance(nodes))?);
+            tensors.extend(compliance.changed(&freed, &changed_body)?);
         }
         tensors.extend(sections(&base, name));
         changed.insert(name.clone(), (own, tensors));

@@ -9,6 +9,7 @@ use crate::fem::AssemblyError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 #[derive(Debug, thiserror::Error)]
 pub enum GreenError {
@@ -29,8 +30,15 @@ pub enum GreenError {
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
+    #[error(
+        "{body}: compressed, the compliance of the surface errs by {found:.1e} of a pressed node's displacement, where \
+         surface_compliance asks for kept = {{ error = {asked:e} }}; write a larger error, or kept = \"inverse\""
+    )]
+    Compression { body: String, asked: f64, found: f64 },
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    #[error("{0}")]
+    InBackground(Arc<GreenError>),
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
@@ -51,7 +59,8 @@ impl GreenError {
             GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
-            GreenError::Solve { .. } | GreenError::Memory { .. } => false,
+            GreenError::Solve { .. } | GreenError::Memory { .. } | GreenError::Compression { .. } => false,
+            GreenError::InBackground(error) => error.is_request(),
             GreenError::Output(error) => error.is_request(),
             GreenError::Io { source, .. } => {
                 use std::io::ErrorKind::{

@@ -6,7 +6,9 @@
 //! NumPy's safetensors opens the file as it is.
 
 use super::bytes::Bytes;
+use super::compressed::Shapes;
 use super::error::GreenError;
+use super::on_demand::OnDemand;
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
 use super::tensor::Number;
@@ -60,6 +62,9 @@ pub struct BodyMeta {
     /// Nodes of the surface that take forces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compliance_nodes: Option<usize>,
+    /// Of a compressed compliance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compressed: Option<CompressedMeta>,
 }
 
 impl BodyMeta {
@@ -67,6 +72,15 @@ impl BodyMeta {
     pub fn load_columns(&self) -> usize {
         self.loads.iter().fold(0, |sum, load| sum.saturating_add(load.columns))
     }
+}
+
+/// How exact a compressed compliance is, in parts of the displacement of a pressed node.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompressedMeta {
+    pub asked: f64,
+    /// The largest error of displacements anywhere for forces at so many nodes, against columns solved anew.
+    pub measured: f64,
+    pub nodes: usize,
 }
 
 /// One load of a body.
@@ -143,6 +157,8 @@ pub(super) struct Sealed<'a> {
 
 /// Ends of the names of tensors that stay on the disk.
 pub(super) const COMPLIANCE_VALUES: &str = "compliance/values";
+pub(super) const FACTOR_VALUES: &str = "kept_factor/values";
+pub(super) const COMPRESSED_VALUES: &str = "compressed/values";
 
 /// A .green file in memory; its tensors are read where they lie. What becomes of the file on the disk afterwards changes
 /// nothing here, but for a compliance: that of a file which is replaced stays as it was, what is damaged is an error.
@@ -154,6 +170,8 @@ pub struct GreenFile {
     pub(super) tensors: Tensors,
     pub(super) on_disk: Option<OnDisk>,
     pub(super) recent: Recent,
+    pub(super) on_demand: OnDemand,
+    pub(super) shapes: Shapes,
     /// The file that this one was derived from, where a control element was released or a modulus changed.
     pub base: Option<Arc<GreenFile>>,
 }
@@ -180,8 +198,10 @@ impl GreenFile {
         let on_disk = OnDisk::new(file, places);
         let bytes = Bytes::read(&mut on_disk.others(), length - left).map_err(unread)?;
         let on_disk = (left > 0).then_some(on_disk);
-        let recent = Recent::default();
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (recent, shapes, on_demand) = (Recent::default(), Shapes::default(), OnDemand::default());
+        let path_of = path.to_owned();
+        let file =
+            GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, on_demand, base: None };
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -190,8 +210,11 @@ impl GreenFile {
     pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
         let length = bytes.as_slice().len() as u64;
         let (meta, tensors) = read_container(bytes.as_slice(), length)?;
-        let (on_disk, recent) = (None, Recent::default());
-        let file = GreenFile { path: path.to_owned(), meta, bytes, tensors, on_disk, recent, base: None };
+        let (on_disk, recent, shapes, on_demand) =
+            (None, Recent::default(), Shapes::default(), OnDemand::default());
+        let path_of = path.to_owned();
+        let file =
+            GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, on_demand, base: None };
         file.check()?;
         Ok(file)
     }
@@ -333,7 +356,8 @@ fn read_container(bytes: &[u8], length: u64) -> Result<(Meta, Tensors), String> 
 /// Takes tensors that stay on the disk out of what is read; returns their places and their bytes together. They are of numbers
 /// of 4 bytes, and those of 8 stand before them: what is behind stays aligned.
 fn leave(meta: &Meta, tensors: &mut Tensors) -> (BTreeMap<String, Range<u64>>, u64) {
-    let names = meta.bodies.keys().map(|body| format!("{body}/{COMPLIANCE_VALUES}"));
+    let left = [COMPLIANCE_VALUES, COMPRESSED_VALUES, FACTOR_VALUES];
+    let names = meta.bodies.keys().flat_map(|body| left.map(|values| format!("{body}/{values}")));
     let mut places = BTreeMap::new();
     for name in names {
         let Some((.., range)) = tensors.get_mut(&name) else { continue };

@@ -4,7 +4,9 @@ use super::error::GreenError;
 use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Centrifugal, Load, LoadEntry, LoadSource, Material, Method, Scene};
+use crate::scene::{
+    Body, Centrifugal, Kept, Load, LoadEntry, LoadSource, Material, Method, Scene, SurfaceCompliance,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -68,7 +70,11 @@ fn loads(body: &Body) -> String {
             format!("{:?} {nodes:?} {kind:?} {axis:?}{}\n", load.name, direction.unwrap_or_default())
         }
     };
-    let compliance = body.surface_compliance.iter().map(|of| format!("{:?}\n", of.nodes));
+    let kept = |of: &SurfaceCompliance| match of.kept {
+        Kept::Inverse => String::new(),
+        other => format!(" {other:?}"),
+    };
+    let compliance = body.surface_compliance.iter().map(|of| format!("{:?}{}\n", of.nodes, kept(of)));
     body.loads().iter().map(told).chain(compliance).collect()
 }
 

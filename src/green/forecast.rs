@@ -11,6 +11,7 @@ use super::control::ControlElement;
 use crate::base::table::bytes;
 use crate::bem;
 use crate::mesh::TetMesh;
+use crate::solve::NUMBER;
 
 /// Numbers of the factor over n^{4/3}: of a thin body, and of a compact one.
 const FILL: [f64; 2] = [6.0, 15.0];
@@ -22,6 +23,8 @@ const SPREAD: f64 = 2.0;
 const COLUMN: f64 = 7e-10;
 const JUDGEMENT: f64 = 30.0;
 const SURFACE_COLUMN: f64 = 1.5e-10;
+/// Numbers of a kept factor over those of the whole, at least and at most: 0.69 of a cube, 0.80 of a tube, 0.85 of a thin plate.
+const KEPT: [f64; 2] = [0.6, 0.85];
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
@@ -73,6 +76,20 @@ impl Forecast {
         format!(
             "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file, {peak} of memory while it is \
              made, little when it is used; by an estimate {soon} to {late} more"
+        )
+    }
+
+    /// The same with kept = "factor": the numbers on the ways from the surface to the root of the elimination tree.
+    pub fn kept_factor_told(&self, [nodes, all, size]: [usize; 3]) -> String {
+        let [least, most] = [0, 1].map(|i| KEPT[i] * self.factor_entries[i]);
+        let [file, memory] = [NUMBER as f64, 8.0].map(|number| {
+            let [least, most] = [least, most].map(|entries| bytes(number * entries));
+            format!("{least} (thin or long) to {most} (compact)")
+        });
+        format!(
+            "{nodes} of {all} free nodes of the surface take forces: by an estimate {file} in the .green file, {memory} of \
+             memory once a node was touched, where kept = \"inverse\" takes {} in the file and little memory",
+            bytes(size as f64)
         )
     }
 
@@ -138,6 +155,23 @@ mod tests {
             let [thin, compact] = forecast.factor_entries;
             assert!(thin <= entries && entries <= compact, "{cells:?}: {entries} in {thin}..{compact}");
             assert_eq!(forecast.told().is_some(), forecast.unknowns > SMALL);
+        }
+    }
+
+    /// As `greenstage precompute` told it of these bodies.
+    #[test]
+    fn kept_factors_that_were_measured_lie_in_the_forecast() {
+        for (size, cells, kept) in
+            [([1.0, 1.0, 0.005], [60, 60, 2], 23.2e6), ([1.0; 3], [21, 21, 20], 39.1e6)]
+        {
+            let forecast = Forecast::of(&block(&Block { size, cells }).unwrap(), 2);
+            let [thin, compact] = [0, 1].map(|i| NUMBER as f64 * KEPT[i] * forecast.factor_entries[i]);
+            assert!(thin <= kept && kept <= compact, "{cells:?}: {kept} in {thin}..{compact}");
+            let told = forecast.kept_factor_told([10, 20, 5_000_000]);
+            assert!(
+                told.starts_with("10 of 20 free") && told.contains("\"inverse\" takes 5.00 MB"),
+                "{told}"
+            );
         }
     }
 

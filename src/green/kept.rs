@@ -6,7 +6,7 @@
 use super::journal::{Journal, Key};
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
-use crate::solve::{Factor, InverseStrip, Method, SolveError, SolveResult, SolveStats};
+use crate::solve::{Factor, InverseStrip, KeptFactor, Method, SolveError, SolveResult, SolveStats};
 use serde::de::DeserializeOwned;
 use std::cell::{Cell, OnceCell};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -214,6 +214,14 @@ impl Factor for Kept<'_> {
             self.keep(of.get_or_insert_with(key), 0, &(), &x.data);
         }
         Ok(x)
+    }
+
+    fn kept(&self, nodes: &[u32], progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
+        self.factor(progress)?.kept(nodes, progress)
+    }
+
+    fn unkept(&self, progress: &dyn Progress) -> Result<Option<&dyn Factor>, SolveError> {
+        self.factor(progress).map(Some)
     }
 
     fn inverse_block_from(

@@ -11,6 +11,7 @@ mod boundary;
 mod bytes;
 mod check;
 mod column_names;
+mod compressed;
 mod control;
 mod derive;
 mod error;
@@ -28,6 +29,7 @@ mod kept;
 mod kind;
 mod lift;
 mod numbers;
+mod on_demand;
 mod on_disk;
 mod pack;
 mod pieces;
@@ -49,9 +51,9 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, COMPLIANCE, CUBIC, Compliance, FAMILIES, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS,
-    PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS, SUBSTRUCTURES,
-    TORQUES, UPDATES, VOLUME, Volume, Yield, compliance_size, nodal_forces,
+    AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,
+    LOADS, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
+    SUBSTRUCTURES, TORQUES, UPDATES, VOLUME, Volume, compliance_size, nodal_forces,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
@@ -61,6 +63,7 @@ pub use journal::{Journal, KEPT_AFTER, drop_journal, path_of as journal_path};
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
+pub use on_demand::Yield;
 pub use pack::{pack, packed, packed_path, unpack};
 pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh};
 pub use requirements::{Family, Requirements};

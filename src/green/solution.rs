@@ -1,5 +1,6 @@
 //! What was computed of one body: its f64 solution, and what of it goes into the .green file.
 
+use super::compressed::{Block, Compressed};
 use super::control::ControlElement;
 use super::file::LoadMeta;
 use super::requirements::{Family, Requirements};
@@ -10,7 +11,7 @@ use crate::base::diagnostic::Diagnostic;
 use crate::fem::{Element, NodeFields};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::Method;
-use crate::solve::SolveStats;
+use crate::solve::{KeptFactor, SolveStats};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
@@ -47,6 +48,8 @@ pub struct Solution {
     pub loads: Vec<LoadMeta>,
     /// How the surface yields, where it was required.
     pub compliance: Option<SurfaceInverse>,
+    pub kept_factor: Option<SurfaceFactor>,
+    pub compressed: Option<SurfaceCompressed>,
     /// max |R - Rᵀ| / max |R| of the reactions' work R = Φᵀ f_b: Betti's reciprocity as the solver kept it.
     pub asymmetry: Option<f64>,
     pub rigid: RigidMotion,
@@ -91,6 +94,29 @@ pub struct SurfaceInverse {
     pub order: Vec<u32>,
     /// f32, little-endian.
     pub bytes: Vec<u8>,
+}
+
+/// The factor that tells how the surface yields, as the family `kept_factor` has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceFactor {
+    /// How many nodes take forces.
+    pub nodes: usize,
+    /// Indices into the surface's nodes.
+    pub order: Vec<u32>,
+    pub kept: KeptFactor,
+}
+
+/// The same within an error, as the family `compressed` has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceCompressed {
+    /// How many nodes take forces.
+    pub nodes: usize,
+    /// Indices into the surface's nodes.
+    pub order: Vec<u32>,
+    pub blocks: Vec<Block>,
+    /// The error that was asked for.
+    pub asked: f64,
+    pub compressed: Compressed,
 }
 
 /// What goes into the .green file for one body.

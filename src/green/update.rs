@@ -32,7 +32,7 @@ const REGIONS: &str = "updates/regions";
 const STIFFNESSES: &str = "updates/stiffnesses";
 const VALUES: &str = "updates/values";
 const REACTIONS: &str = "updates/reactions";
-const COLUMNS: &str = "updates/columns";
+pub(super) const COLUMNS: &str = "updates/columns";
 const TORQUES: &str = "updates/torques";
 
 /// The tables of the family: the mesh's node of every port; element and port of every node that may be released; the ports
@@ -401,6 +401,17 @@ impl Changed<'_> {
         }
         let reactions = -at.rows(0, updates.reactions.nrows());
         owned((&self.columns * seen(&self.answer(&values, &reactions))).as_ref())
+    }
+}
+
+impl Changed<'_> {
+    /// What [`Changed::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
+    /// were changed.
+    pub fn added_yield(&self) -> Option<(Vec<u32>, DMatrix<f64>)> {
+        let k = self.released.len();
+        let fields = self.fields.iter().map(|&field| field as u32).collect();
+        let unit = DMatrix::identity(k, k) / self.unit;
+        (k == self.fields.len()).then(|| (fields, owned(self.system.solve(seen(&unit)).as_ref())))
     }
 }
 

@@ -165,6 +165,7 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
         plan: body.plan.clone(),
         loads: Vec::new(),
         compliance_nodes: None,
+        compressed: None,
         accuracy: Accuracy {
             solver: solution.stats.method.name.into(),
             residual: solution.stats.worst_residual(),

@@ -4,7 +4,8 @@
 //! with a key.
 
 use super::loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL, Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL,
+    Thermal,
 };
 use super::{Body, Nodes};
 use std::path::Path;
@@ -151,6 +152,18 @@ fn check(body: &Body) -> Result<(), (String, String)> {
     if let Some(spring) = spring.filter(|spring| !(*spring > 0.0 && spring.is_finite())) {
         return wrong("surface_compliance", format!("spring is {spring} N/m: a positive number is needed"));
     }
+    if let Some(asked) = &body.surface_compliance {
+        asked.kept.check().map_err(|message| ("surface_compliance".to_owned(), message))?;
+        let method = body.solver.method;
+        if asked.kept == Kept::Factor && !method.keeps_factor {
+            let message = format!(
+                "kept = \"factor\" needs one in f64, which solver = {{ method = \"{}\" }} does not make: write \
+                 solver = {{ method = \"cholesky\" }}, or kept = \"inverse\"",
+                method.name
+            );
+            return wrong("surface_compliance", message);
+        }
+    }
     if let Some(nodes) = body.surface_compliance.as_ref().and_then(|of| of.nodes.selection()) {
         nodes.check().map_err(|message| ("surface_compliance".to_owned(), message))?;
     }
@@ -218,6 +231,18 @@ mod tests {
             (
                 "surface_compliance = { nodes = \"inside\" }".to_owned(),
                 "expected \"surface\", or a selection",
+            ),
+            (
+                "surface_compliance = { nodes = \"surface\", kept = { error = 1.0 } }".to_owned(),
+                "body.a.surface_compliance: kept = { error = 1e0 } is not between 1e-6 and 1e-2",
+            ),
+            (
+                "surface_compliance = { nodes = \"surface\", kept = \"factor\" }\nsolver = { method = \"pcg\" }".to_owned(),
+                "body.a.surface_compliance: kept = \"factor\" needs one in f64, which solver = { method = \"pcg\" } does not",
+            ),
+            (
+                "surface_compliance = { nodes = \"surface\", kept = \"half\" }".to_owned(),
+                "unknown variant `half`",
             ),
         ] {
             let error = scene(&keys).unwrap_err();

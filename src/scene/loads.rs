@@ -6,6 +6,7 @@
 use super::direction::DirectionFile;
 use super::select::Nodes;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Standard gravity, m/s².
 pub const STANDARD_GRAVITY: f64 = 9.80665;
@@ -138,6 +139,45 @@ pub struct SurfaceCompliance {
     /// Of the spring by which a hand pulls a point, N/m in the body's own metres; as stiff as the point itself without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spring: Option<f64>,
+    /// How its numbers are kept in the .green file.
+    #[serde(default, skip_serializing_if = "Kept::is_usual")]
+    pub kept: Kept,
+}
+
+/// `kept = "inverse"`, `kept = { error = 1e-4 }` or `kept = "factor"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kept {
+    /// All numbers.
+    #[default]
+    Inverse,
+    /// Compressed within this error, a part of how far the node itself yields.
+    #[serde(rename = "error")]
+    Compressed(f64),
+    /// The factor, from which columns are solved when they are needed.
+    Factor,
+}
+
+impl Kept {
+    /// The errors that can be asked for: the least is what single precision holds.
+    pub const ERRORS: RangeInclusive<f64> = 1e-6..=1e-2;
+
+    fn is_usual(&self) -> bool {
+        *self == Kept::default()
+    }
+
+    /// The error says what cannot be kept so.
+    pub(super) fn check(self) -> Result<(), String> {
+        match self {
+            Kept::Compressed(error) if !Kept::ERRORS.contains(&error) => Err(format!(
+                "kept = {{ error = {error:e} }} is not between {:e} and {:e}, parts of how far a pressed node yields: single \
+                 precision holds nothing finer (kept = \"inverse\" has all of it), and more would be seen",
+                Kept::ERRORS.start(),
+                Kept::ERRORS.end()
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// What a hand takes that points at the surface.

@@ -5,6 +5,7 @@
 
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
+use super::kept_factor::KeptFactor;
 use super::ordering::ordering_memory;
 use super::pcg::PCG;
 use super::solver::{Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, Solver};
@@ -17,6 +18,7 @@ use std::sync::{Mutex, PoisonError};
 pub const AUTO: Method = Method {
     name: "auto",
     is_direct: false,
+    keeps_factor: true,
     bounds_error: false,
     remedy: "write solver.method = \"cholesky\", and look for slivers, for thin parts and for large contrasts of stiffness \
              (`greenstage check`)",
@@ -98,6 +100,10 @@ impl LinearSolver for Auto {
         self.choose(a, columns).0.fits(a, columns)
     }
 
+    fn keeps(&self, a: &StiffnessMatrix, columns: usize) -> bool {
+        self.choose(a, columns).0.keeps(a, columns)
+    }
+
     fn factor<'a>(
         &'a self,
         a: &'a StiffnessMatrix,
@@ -131,6 +137,10 @@ impl Factor for Chosen<'_> {
 
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
         self.factor.solve_at(loaded, b, asked)
+    }
+
+    fn kept(&self, nodes: &[u32], progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
+        self.factor.kept(nodes, progress)
     }
 
     fn inverse_block_from(

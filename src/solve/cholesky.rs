@@ -1,6 +1,7 @@
 //! Sparse Cholesky A = P L Lᵀ Pᵀ with a nested dissection ordering, refinement, and a judgement of its solutions.
 
 use super::error::SolveError;
+use super::kept_factor::KeptFactor;
 use super::llt::{Analysis, Llt};
 use super::refinement::{conditioning, refined};
 use super::solver::{Conditioning, Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats};
@@ -11,6 +12,7 @@ use std::time::Instant;
 pub const CHOLESKY: Method = Method {
     name: "cholesky",
     is_direct: true,
+    keeps_factor: true,
     bounds_error: true,
     remedy: "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
              as thick, and for a Poisson's ratio next to 0.5",
@@ -33,6 +35,10 @@ impl LinearSolver for Direct {
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
         self.analysis.fits::<f64>(a, columns)
+    }
+
+    fn keeps(&self, _: &StiffnessMatrix, _: usize) -> bool {
+        true
     }
 
     fn factor<'a>(
@@ -108,6 +114,13 @@ impl Factor for Cholesky<'_> {
 
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
         self.llt.between(loaded, b, asked, &Silent)
+    }
+
+    fn kept(&self, nodes: &[u32], progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
+        progress.begin("factor as it is kept", 0);
+        let kept = self.llt.kept(nodes);
+        progress.end();
+        kept.map(Some)
     }
 
     fn inverse_block_from(

@@ -286,6 +286,7 @@ fn mirror(matrix: &mut [f64], size: usize) {
 pub const DENSE: Method = Method {
     name: "dense cholesky",
     is_direct: true,
+    keeps_factor: false,
     bounds_error: true,
     remedy: "look for slivers and for parts of the surface that nearly touch (`greenstage check`)",
     analyse: super::cholesky::CHOLESKY.analyse,

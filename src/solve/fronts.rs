@@ -6,37 +6,34 @@
 //! Literature: Liu, SIAM J. Matrix Anal. Appl. 11 (1990), 134-172 (elimination trees); Duff and Reid, ACM Trans. Math.
 //! Softw. 9 (1983), 302-325 (fronts); Ashcraft and Grimes, ibid. 15 (1989), 291-309 (relaxed supernodes).
 
+use super::supernodes::{NONE, Supernodes};
 use crate::fem::StiffnessMatrix;
 use std::cmp::Reverse;
-use std::ops::Range;
-
-const NONE: u32 = u32::MAX;
+use std::ops::{Deref, Range};
 
 /// A supernode joins its parent while both have at most so many nodes and at most this share of their numbers would be
 /// zeros: small fronts waste time between the products, zeros waste it in them.
 const RELAXED: [(usize, f64); 4] = [(4, 0.8), (16, 0.3), (48, 0.1), (usize::MAX, 0.05)];
 
-/// The supernodes of L, in nodes of three unknowns.
+/// The [`Supernodes`] of L, and what its making needs of them.
 pub(super) struct Fronts {
+    supernodes: Supernodes,
     /// Node `forward[p]` of A is the p-th to be eliminated; `inverse[forward[p]] = p`.
     pub(super) forward: Vec<u32>,
-    pub(super) inverse: Vec<u32>,
-    /// Supernode s has the nodes `begin[s]..begin[s + 1]` of this order, …
-    begin: Vec<u32>,
-    /// … below them the `rows[row_start[s]..row_start[s + 1]]`, ascending, …
-    rows: Vec<u32>,
-    row_start: Vec<usize>,
-    /// … and the numbers `value_start[s]..value_start[s + 1]` of L: (n + m) × n, column after column.
-    value_start: Vec<usize>,
-    parent: Vec<u32>,
     children: Vec<u32>,
     child_start: Vec<usize>,
     /// The first supernode of its subtree, which is `first[s]..=s`.
     first: Vec<u32>,
     /// Multiplications in its subtree.
     work: Vec<f64>,
-    /// The supernode of each node of the order.
-    of_node: Vec<u32>,
+}
+
+impl Deref for Fronts {
+    type Target = Supernodes;
+
+    fn deref(&self) -> &Supernodes {
+        &self.supernodes
+    }
 }
 
 /// How the fronts are shared among threads: whole subtrees, one thread each, then the fronts above them, one after the
@@ -62,14 +59,9 @@ impl Fronts {
         let forward: Vec<u32> = groups.nodes.iter().flatten().map(|&p| order[p as usize]).collect();
         let inverse = inverted(&forward);
         let mut begin = vec![0];
-        let mut of_node = vec![0; forward.len()];
-        for (s, nodes) in groups.nodes.iter().enumerate() {
-            let end = begin[s] + nodes.len() as u32;
-            of_node[begin[s] as usize..end as usize].fill(s as u32);
-            begin.push(end);
-        }
+        groups.nodes.iter().enumerate().for_each(|(s, nodes)| begin.push(begin[s] + nodes.len() as u32));
         let (children, child_start) = lists(&groups.parent);
-        let (mut rows, mut row_start, mut value_start) = (Vec::new(), vec![0], vec![0]);
+        let (mut rows, mut row_start, mut sizes) = (Vec::new(), vec![0], Vec::with_capacity(count));
         let mut first: Vec<u32> = (0..count as u32).collect();
         let mut work = vec![0.0; count];
         let mut seen = vec![NONE; forward.len()];
@@ -99,56 +91,15 @@ impl Fronts {
             let (n, m) = (own.len(), rows.len() - from);
             work[s] += front_work(3 * n, 3 * m);
             row_start.push(rows.len());
-            value_start.push(value_start[s] + 9 * n * (n + m));
+            sizes.push([n as u32, m as u32]);
         }
-        let parent = groups.parent.clone();
-        Fronts {
-            forward,
-            inverse,
-            begin,
-            rows,
-            row_start,
-            value_start,
-            parent,
-            children,
-            child_start,
-            first,
-            work,
-            of_node,
-        }
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.parent.len()
-    }
-
-    pub(super) fn nodes(&self) -> usize {
-        self.forward.len()
+        let supernodes = Supernodes::laid_out(inverse, &sizes, rows, groups.parent.clone());
+        Fronts { supernodes, forward, children, child_start, first, work }
     }
 
     /// Multiplications that make L.
     pub(super) fn work(&self) -> f64 {
         self.roots().map(|s| self.work[s as usize]).sum()
-    }
-
-    /// Numbers in L, with the zeros of its supernodes.
-    pub(super) fn entries(&self) -> usize {
-        self.value_start[self.count()]
-    }
-
-    /// The nodes of a supernode.
-    pub(super) fn own(&self, s: usize) -> Range<usize> {
-        self.begin[s] as usize..self.begin[s + 1] as usize
-    }
-
-    /// The rows of L below them.
-    pub(super) fn below(&self, s: usize) -> &[u32] {
-        &self.rows[self.row_start[s]..self.row_start[s + 1]]
-    }
-
-    /// Where its numbers stand in L.
-    pub(super) fn values(&self, s: usize) -> Range<usize> {
-        self.value_start[s]..self.value_start[s + 1]
     }
 
     pub(super) fn children(&self, s: usize) -> &[u32] {
@@ -159,34 +110,13 @@ impl Fronts {
         self.first[root] as usize..root + 1
     }
 
-    pub(super) fn of_node(&self, position: usize) -> usize {
-        self.of_node[position] as usize
-    }
-
     /// Numbers in what a front hands up: a square over the unknowns below it, of which the lower half counts.
     pub(super) fn update(&self, s: usize) -> usize {
         9 * self.below(s).len().pow(2)
     }
 
-    /// The most nodes below a supernode.
-    pub(super) fn widest(&self) -> usize {
-        (0..self.count()).map(|s| self.below(s).len()).max().unwrap_or(0)
-    }
-
     fn roots(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..self.count() as u32).filter(|&s| self.parent[s as usize] == NONE)
-    }
-
-    /// The supernodes of these nodes of A and all above them, ascending.
-    pub(super) fn with_ancestors(&self, nodes: &[u32]) -> Vec<usize> {
-        let mut taken = vec![false; self.count()];
-        for &node in nodes {
-            let mut s = self.of_node[self.inverse[node as usize] as usize];
-            while s != NONE && !std::mem::replace(&mut taken[s as usize], true) {
-                s = self.parent[s as usize];
-            }
-        }
-        (0..self.count()).filter(|&s| taken[s]).collect()
+        (0..self.count() as u32).filter(|&s| self.parent(s as usize) == NONE)
     }
 
     /// Subtrees for so many threads. The largest is cut until they can be dealt out evenly.
@@ -238,7 +168,7 @@ impl Fronts {
         let subtree = self.subtree(root);
         let mut stack = vec![0; subtree.len()];
         for s in subtree.clone().rev().skip(1) {
-            stack[s - subtree.start] = 1 - stack[self.parent[s] as usize - subtree.start];
+            stack[s - subtree.start] = 1 - stack[self.parent(s) as usize - subtree.start];
         }
         subtree.clone().for_each(|s| visit(s, stack[s - subtree.start]));
     }

@@ -5,11 +5,12 @@
 use super::dense::{Real, SCRATCH};
 use super::error::SolveError;
 use super::fronts::Fronts;
+use super::kept_factor::KeptFactor;
 use super::multifrontal::{self, Failure, zeros};
 use super::ordering::{nested_dissection, ordering_memory};
 use super::pcg;
 use super::solver::InverseStrip;
-use super::substitution::{Triangle, scratch};
+use super::substitution::{Triangle, block_width, scratch};
 use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -17,9 +18,6 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
-/// Columns that one thread solves together: fewer read the factor more often, more leave threads idle. The width depends
-/// on the number of columns alone, so that the bits do not depend on the number of threads.
-const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 24..=128;
 /// Nodes whose columns of an inverse are solved together, and the bytes that these columns should not exceed.
 const STRIP_NODES: std::ops::RangeInclusive<usize> = 8..=64;
 const STRIP_BYTES: usize = 64 << 20;
@@ -110,10 +108,6 @@ impl Analysis {
     }
 }
 
-fn block_width(columns: usize) -> usize {
-    (columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end())
-}
-
 /// The numbers of L.
 pub(super) struct Llt<'a, T> {
     analysis: &'a Analysis,
@@ -173,43 +167,16 @@ impl<'a, T: Real> Llt<'a, T> {
         asked: &[u32],
         progress: &dyn Progress,
     ) -> Result<NodeFields, SolveError> {
-        let fronts = &self.analysis.fronts;
-        let triangle = Triangle { fronts, values: &self.values };
-        let up = fronts.with_ancestors(loaded);
-        let down = fronts.with_ancestors(asked);
-        let width = block_width(b.columns);
-        let blocks = (0..b.columns.div_ceil(width))
-            .into_par_iter()
-            .map(|block| {
-                let first = block * width;
-                let count = width.min(b.columns - first);
-                let (mut x, mut scratch) = self.block(count)?;
-                for (i, &node) in loaded.iter().enumerate() {
-                    let at = 3 * fronts.inverse[node as usize] as usize;
-                    for axis in 0..3 {
-                        let from = &b.row(3 * i + axis)[first..][..count];
-                        let to = &mut x[(at + axis) * count..][..count];
-                        to.iter_mut().zip(from).for_each(|(to, from)| *to = T::of(*from));
-                    }
-                }
-                triangle.forward(&mut x, count, &mut scratch, up.iter().copied());
-                triangle.backward(&mut x, count, &mut scratch, down.iter().rev().copied());
-                progress.advance(count as u64);
-                Ok(x)
-            })
-            .collect::<Result<Vec<Vec<T>>, SolveError>>()?;
-        let mut x = NodeFields::zeros(asked.len(), b.columns);
-        let row = 3 * b.columns.max(1);
-        x.data.par_chunks_mut(row).zip(asked).with_min_len(256).for_each(|(out, &node)| {
-            let at = 3 * fronts.inverse[node as usize] as usize;
-            for (k, out) in out.chunks_mut(b.columns).enumerate() {
-                for (block, out) in blocks.iter().zip(out.chunks_mut(width)) {
-                    let from = &block[(at + k) * out.len()..][..out.len()];
-                    out.iter_mut().zip(from).for_each(|(out, from)| *out = from.to_f64());
-                }
-            }
-        });
-        Ok(x)
+        self.triangle().between(loaded, b, asked, progress)
+    }
+
+    fn triangle(&self) -> Triangle<'_, T> {
+        Triangle { supernodes: &self.analysis.fronts, values: &self.values }
+    }
+
+    /// What of it solves between these nodes.
+    pub(super) fn kept(&self, nodes: &[u32]) -> Result<KeptFactor, SolveError> {
+        KeptFactor::of(&self.triangle(), nodes)
     }
 
     /// See [`super::Factor::inverse_block_from`]. Columns in the order of elimination need, of the symmetric matrix, only rows
@@ -222,7 +189,7 @@ impl<'a, T: Real> Llt<'a, T> {
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
         let fronts = &self.analysis.fronts;
-        let triangle = Triangle { fronts, values: &self.values };
+        let triangle = self.triangle();
         let position = |place: u32| fronts.inverse[nodes[place as usize] as usize] as usize;
         let mut places: Vec<u32> = (0..nodes.len() as u32).collect();
         places.sort_unstable_by_key(|&place| position(place));
@@ -232,7 +199,7 @@ impl<'a, T: Real> Llt<'a, T> {
         let strip = |first: usize| {
             let (rows, columns) = (&places[first..], &places[first..places.len().min(first + width)]);
             let count = 3 * columns.len();
-            let (mut x, mut scratch) = self.block(count)?;
+            let (mut x, mut scratch) = triangle.block(count)?;
             for (i, &place) in columns.iter().enumerate() {
                 for axis in 0..3 {
                     x[(3 * position(place) + axis) * count + 3 * i + axis] = T::of(1.0);
@@ -266,21 +233,6 @@ impl<'a, T: Real> Llt<'a, T> {
         }
         progress.end();
         Ok(())
-    }
-
-    /// A block of so many columns, zero, and its scratch.
-    fn block(&self, columns: usize) -> Result<(Vec<T>, Vec<T>), SolveError> {
-        let fronts = &self.analysis.fronts;
-        let zeros = |count: usize| {
-            let mut numbers = Vec::new();
-            numbers.try_reserve_exact(count).map_err(|_full| {
-                let what = format!("a block of {columns} columns");
-                SolveError::Memory(machine::refused(what, (size_of::<T>() * count) as f64))
-            })?;
-            numbers.resize(count, T::of(0.0));
-            Ok::<_, SolveError>(numbers)
-        };
-        Ok((zeros(3 * fronts.nodes() * columns)?, zeros(scratch(fronts, columns))?))
     }
 }
 

@@ -17,6 +17,7 @@ use std::time::Instant;
 pub const MIXED: Method = Method {
     name: "mixed",
     is_direct: true,
+    keeps_factor: false,
     bounds_error: true,
     remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
              check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",

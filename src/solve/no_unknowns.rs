@@ -8,6 +8,7 @@ use crate::fem::{NodeFields, StiffnessMatrix};
 pub const NO_UNKNOWNS: Method = Method {
     name: "none",
     is_direct: true,
+    keeps_factor: false,
     bounds_error: true,
     remedy: "release a node",
     analyse: |_, _, _| Ok(Box::new(NoUnknowns)),

@@ -17,6 +17,7 @@ use std::time::Instant;
 pub const PCG: Method = Method {
     name: "pcg",
     is_direct: false,
+    keeps_factor: false,
     bounds_error: false,
     remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
              large contrasts of stiffness (`greenstage check`)",

@@ -8,6 +8,7 @@
 //! on those numbers; the third takes any number of right-hand sides.
 
 use super::error::SolveError;
+use super::kept_factor::KeptFactor;
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use serde::{Deserialize, Serialize};
@@ -80,6 +81,8 @@ pub struct Method {
     pub name: &'static str,
     /// Whether it factorises A, so that no tolerance says when it ends.
     pub is_direct: bool,
+    /// Whether its factor can be kept ([`Factor::kept`]), or may be one that can.
+    pub keeps_factor: bool,
     /// Whether its forward error is a bound; an estimate otherwise.
     pub bounds_error: bool,
     /// What to do where the forward error is too large.
@@ -97,6 +100,11 @@ pub trait LinearSolver: Send + Sync {
 
     /// Errors where they take more memory than is left.
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError>;
+
+    /// Whether [`Factor::kept`] will give something, with `columns` right-hand sides solved before.
+    fn keeps(&self, _a: &StiffnessMatrix, _columns: usize) -> bool {
+        false
+    }
 
     /// Prepares the solves with the numbers of `a`. Errors where it is not positive definite.
     fn factor<'a>(
@@ -169,6 +177,16 @@ pub trait Factor {
         strips(&|own, b, asked| self.solve_at(own, b, asked), first, nodes, take, progress)
     }
 
+    /// What of it solves between these nodes, to be kept; `None` of a method that makes no factor, or none that is exact enough.
+    fn kept(&self, _nodes: &[u32], _progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
+        Ok(None)
+    }
+
+    /// The factor behind one that keeps its solves, for solves too large to be kept.
+    fn unkept(&self, _progress: &dyn Progress) -> Result<Option<&dyn Factor>, SolveError> {
+        Ok(None)
+    }
+
     /// [`Factor::solve`], and how exact the solution is: [`SolveStats::conditioning`].
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 }
@@ -197,12 +215,8 @@ pub(super) fn strips(
     let places: Vec<u32> = (0..nodes.len() as u32).collect();
     progress.begin("inverse at chosen nodes", nodes.len() as u64);
     for (columns, own) in places.chunks(STRIP_NODES).zip(nodes.chunks(STRIP_NODES)).skip(first) {
-        let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
-        for i in 0..3 * own.len() {
-            unit.row_mut(i)[i] = 1.0;
-        }
         let first = columns[0] as usize;
-        let x = solve_at(own, &unit, &nodes[first..])?;
+        let x = solve_at(own, &NodeFields::unit(own.len()), &nodes[first..])?;
         let values: Vec<f64> =
             (0..x.columns).flat_map(|c| x.data.iter().skip(c).step_by(x.columns)).copied().collect();
         take(&InverseStrip { rows: &places[first..], columns, values: &values });

@@ -15,9 +15,13 @@ use crate::stage::Stage;
 use nalgebra::{Matrix4, Point3, Similarity3, Translation3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
 const PASSING_BY: f64 = 0.05;
+
+/// So long a frame waits for columns that are solved for when a point is touched.
+const PATIENCE: Duration = Duration::from_millis(5);
 
 /// sRGB and mark of a body, and of one that is bent further than its model holds.
 const OUT_OF_RANGE: [u8; 4] = [190, 62, 74, 0];
@@ -97,6 +101,7 @@ pub fn place(
     let places = place::rooms_from_meshes(&standing, stage);
     let place = |(((mut deformer, body), points), room_from_mesh): (((Deformer, &Body), &Vec<_>), &_)| {
         deformer.keep_sharp(body.crease.to_radians());
+        deformer.be_patient(PATIENCE);
         let mesh_from_body = Translation3::from(deformer.centre);
         let wrong = place::fault(points, room_from_mesh, stage);
         let home = room_from_mesh * mesh_from_body;

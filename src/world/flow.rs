@@ -25,7 +25,7 @@ use crate::deform::{BodyState, ControlPose, Kind, find_model};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit, Taking};
-use crate::scene::{Body, Grab, Take};
+use crate::scene::{Body, Grab, Kept, Take};
 use crate::stage::Stage;
 use crate::track::{StylusState, usable};
 use indexmap::IndexMap;
@@ -209,7 +209,9 @@ fn body_fields(
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
     let is_background = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
-    let arrived = is_background.then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
+    let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == Kept::Factor);
+    let arrived =
+        (is_background || is_solved).then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
     let starting: Vec<f64> = body.loads().into_iter().flat_map(|load| load.start).collect();
     let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
     let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));

@@ -27,7 +27,7 @@ use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What is nearer to the eye than this is not drawn, m.
 const NEAR_M: f64 = 0.05;
@@ -151,7 +151,7 @@ impl World {
 
     /// From now on every frame shows the state of its own poses, however long it takes: for pictures and recordings.
     pub fn wait_for_background(&mut self) {
-        self.bodies.iter_mut().for_each(|body| body.deformer.wait_for_background());
+        self.bodies.iter_mut().for_each(|body| body.deformer.be_patient(Duration::MAX));
     }
 
     pub fn styli_count(&self) -> usize {

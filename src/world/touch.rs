@@ -5,6 +5,7 @@
 
 use super::body::PlacedBody;
 use super::ruler::SurfacePoint;
+use crate::base::notice::notice;
 use crate::deform::{AppliedLoads, PointLoad, Pull};
 use crate::field::{Value, value_types};
 use crate::interact::{Hands, PickRay, PickShape, Taking, pick};
@@ -26,6 +27,18 @@ pub struct Touches(Vec<Finger>);
 struct Finger {
     was_pressed: bool,
     touch: Option<Touch>,
+    /// What it will touch once the point's columns are there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    coming: Option<Coming>,
+}
+
+/// A point that cannot be pulled yet.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Coming {
+    touch: Touch,
+    /// How long it has been: every frame looks again.
+    frames: u64,
 }
 
 /// A point that is touched.
@@ -64,6 +77,11 @@ impl Touches {
         self.0.get(i)?.touch.as_ref()
     }
 
+    /// Points that cannot be pulled yet.
+    pub fn coming(&self) -> impl Iterator<Item = &Touch> {
+        self.0.iter().filter_map(|finger| finger.coming.as_ref()).map(|coming| &coming.touch)
+    }
+
     /// All of them, stylus after stylus.
     pub fn all(&self) -> impl Iterator<Item = &Touch> {
         self.0.iter().filter_map(|finger| finger.touch.as_ref())
@@ -84,12 +102,17 @@ impl Touches {
                 return Finger::default();
             };
             let is_free = hands.grip(i).is_none() && taking != Taking::Elements;
-            let touch = match last.was_pressed {
-                true => last.touch,
-                false => taken(stylus, &pose, taking, bodies),
+            let coming = match last.was_pressed {
+                true => last.coming,
+                false if is_free => taken(stylus, &pose, bodies).map(|touch| Coming { touch, frames: 0 }),
+                false => None,
             };
             let moved = |touch: Touch| Touch { place_in_room: pose * touch.place_in_stylus, ..touch };
-            Finger { was_pressed: true, touch: touch.filter(|_| is_free).map(moved) }
+            let (touch, coming) = match coming.filter(|_| is_free) {
+                None => (last.touch, None),
+                Some(coming) => arrived(coming, taking, bodies),
+            };
+            Finger { was_pressed: true, touch: touch.filter(|_| is_free).map(moved), coming }
         };
         Touches(styli.enumerate().map(step).collect())
     }
@@ -115,13 +138,26 @@ impl Touches {
     }
 }
 
-/// The point at which a ray meets a body that takes forces, of all bodies as they were last seen.
-fn taken(
-    stylus: &StylusState,
-    pose: &Isometry3<f64>,
-    taking: Taking,
-    bodies: &[PlacedBody],
-) -> Option<Touch> {
+/// The touch, once the columns of its point are there.
+fn arrived(coming: Coming, taking: Taking, bodies: &[PlacedBody]) -> (Option<Touch>, Option<Coming>) {
+    let touch = coming.touch;
+    let body = &bodies[touch.body];
+    match body.deformer.softness(&touch.nodes, &touch.weights) {
+        Ok(Some(softness)) => {
+            let spring = (taking == Taking::Force).then(|| body.spring.unwrap_or(1.0 / softness));
+            (Some(Touch { spring, full_n: FULL_AT * body.ball.1 / softness, ..touch }), None)
+        }
+        Ok(None) => (None, Some(Coming { frames: coming.frames + 1, ..coming })),
+        Err(error) => {
+            notice!("{error}; this point of the surface takes no force");
+            (None, None)
+        }
+    }
+}
+
+/// The point at which a ray meets a body that takes forces, of all bodies as they were last seen; how soft it is, is not known
+/// yet.
+fn taken(stylus: &StylusState, pose: &Isometry3<f64>, bodies: &[PlacedBody]) -> Option<Touch> {
     let ray = PickRay::from_stylus(stylus)?;
     let positions: Vec<_> = bodies.iter().map(|body| body.deformer.positions()).collect();
     let shapes: Vec<PickShape> = bodies.iter().map(PlacedBody::whole_shape).collect();
@@ -145,15 +181,13 @@ fn taken(
     }
     let point = SurfacePoint { weights: weights.map(|w| w / sum), ..point };
     let place_in_room = body.room_from_body * point.places(body)[0];
-    let softness = body.deformer.softness(&point.corners, &point.weights);
-    let spring = (taking == Taking::Force).then(|| body.spring.unwrap_or(1.0 / softness));
     Some(Touch {
         body: hit.target,
         nodes: point.corners,
         weights: point.weights,
         place_in_stylus: pose.inverse() * place_in_room,
         place_in_room,
-        spring,
-        full_n: FULL_AT * body.ball.1 / softness,
+        spring: None,
+        full_n: 0.0,
     })
 }

@@ -44,6 +44,10 @@ impl World {
         let Some(fields) = &self.fields.touch else { return };
         let touches = self.graph.get(fields.touches).clone();
         let radius_m = self.stage.workspace.radius_m;
+        for touch in touches.coming() {
+            let words = "solving for this point".to_owned();
+            self.plates.push(Plate::of(Anchor::Place(touch.place_in_room.into()), words));
+        }
         let mut shown = vec![0; self.bodies.len()];
         for touch in touches.all() {
             let body = &self.bodies[touch.body];

@@ -32,7 +32,7 @@ fn file_of(name: &str, scene: &Scene) -> Arc<GreenFile> {
 /// A body that waits for the equilibrium of each of its poses.
 fn waiting(name: &str, scene: &Scene, model: &str) -> Deformer {
     let mut deformer = Deformer::new(file_of(name, scene), scene.body.keys().next().unwrap(), model).unwrap();
-    deformer.wait_for_background();
+    deformer.be_patient(Duration::MAX);
     deformer
 }
 

@@ -3,8 +3,10 @@
 use greenstage::deform::{AppliedLoads, ControlPose, Deformer, PointLoad, Pull, find_model};
 use greenstage::effect;
 use greenstage::fem::{NodeFields, Partition};
-use greenstage::green::{self, COMPLIANCE, GreenFile, LOAD_FIELDS, LOADS, Requirements, STIFFNESS, Solution};
-use greenstage::scene::Scene;
+use greenstage::green::{
+    self, COMPLIANCE, GreenFile, KEPT_FACTOR, LOAD_FIELDS, LOADS, Requirements, STIFFNESS, Solution,
+};
+use greenstage::scene::{Kept, Scene};
 use greenstage::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
@@ -40,7 +42,9 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
         required = required.and(Requirements::of(&[LOADS]));
     }
     if body.surface_compliance.is_some() {
-        required = required.and(Requirements::of(&[COMPLIANCE]));
+        let kept = body.surface_compliance.as_ref().map(|of| of.kept);
+        let family = if kept == Some(Kept::Factor) { KEPT_FACTOR } else { COMPLIANCE };
+        required = required.and(Requirements::of(&[family]));
     }
     let made = green::precompute(scene, name, &required, &Silent).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -198,8 +202,14 @@ const ALL: &str = "gravity = true\nsurface_compliance = { nodes = \"surface\" }\
 /// A column of the compliance is a fresh solve with that force, and the same both ways.
 #[test]
 fn a_point_force_does_what_a_fresh_solve_says() {
-    let scene = bar("tet10", ALL, &["xmin", "xmax"]);
-    let prepared = green::prepare(&scene, "b").unwrap();
+    for kept in ["\"inverse\"", "\"factor\""] {
+        let all = ALL.replace("\"surface\"", &format!("\"surface\", kept = {kept}"));
+        point_force_as_by_a_fresh_solve(&bar("tet10", &all, &["xmin", "xmax"]));
+    }
+}
+
+fn point_force_as_by_a_fresh_solve(scene: &Scene) {
+    let prepared = green::prepare(scene, "b").unwrap();
     let element = scene.body["b"].element;
     let k = element.assemble(&prepared.mesh, &prepared.lame).unwrap();
     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
@@ -207,7 +217,7 @@ fn a_point_force_does_what_a_fresh_solve_says() {
     let a = partition.a(&k);
     let solver = Solver::default().analyse(&a, &Silent).unwrap();
     let factor = solver.factor(&a, &Silent).unwrap();
-    let mut body = deformer(&scene, "linear");
+    let mut body = deformer(scene, "linear");
     let takes: Vec<u32> = body.takes_forces().into_iter().collect();
     let (one, other) = (takes[3], takes[takes.len() - 2]);
     let force = V3::new(0.4, -1.0, 0.7);

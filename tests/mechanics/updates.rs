@@ -3,14 +3,16 @@
 use greenstage::base::columns::Storage;
 use greenstage::green::update::{Change, Changed, Updated, Updates};
 use greenstage::green::{
-    self, COMPLIANCE, FIELDS, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, Precomputed, REACTION,
-    Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
+    self, COMPLIANCE, FIELDS, Family, GreenFile, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS,
+    Precomputed, REACTION, Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
 };
 use greenstage::mesh::{Block, Loaded, block};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::DMatrix;
 use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// A bar along x in three regions, held at both ends, on a patch of its top and, inside the second region, on one of its
 /// bottom.
@@ -218,4 +220,45 @@ fn a_body_that_nothing_holds_any_more_is_no_body() {
     assert!(with([1, 2, 3]));
     // The nodes of `bottom` lie on a line, about which the body turns.
     assert!(!with([0, 1, 2]));
+}
+
+/// A released end: what a force does afterwards, from the inverse that is changed and from the factor as it was.
+#[test]
+fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
+    let text = SCENE.replace(", modulus = [\"2\", \"3\"]", "");
+    let columns = |kept: &str, family: Family| {
+        let text = text.replace("\"surface\"", &format!("\"surface\", kept = \"{kept}\""));
+        let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
+        let requirements = Requirements::of(&[STIFFNESS, UPDATES, LOADS, family]);
+        let solution = solved(&scene, &requirements);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.green");
+        let body = Precomputed {
+            name: "a".to_owned(),
+            storage: Storage::F32,
+            fingerprint: String::new(),
+            requirements,
+            plan: None,
+            solution,
+            sections: Default::default(),
+        };
+        green::write(&path, &[body]).unwrap();
+        let base = Arc::new(GreenFile::open(&path).unwrap());
+        assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
+        let file = Arc::new(green::derive(base, &scene, &|_, _| Vec::new()).unwrap());
+        let places = file.compliance("a").unwrap().places();
+        let asked: Vec<usize> = places.values().copied().step_by(11).collect();
+        let found = file.columns("a", &asked, Duration::from_secs(60)).unwrap().unwrap();
+        (places, found.iter().map(|column| column.to_vec()).collect::<Vec<_>>())
+    };
+    let (places, inverse) = columns("inverse", COMPLIANCE);
+    let (same, factor) = columns("factor", KEPT_FACTOR);
+    assert!(places == same && inverse.len() > 5);
+    for (expected, found) in inverse.iter().zip(&factor) {
+        let numbers = |of: &[[[f32; 3]; 3]]| of.as_flattened().as_flattened().to_vec();
+        let (expected, found) = (numbers(expected), numbers(found));
+        let largest = expected.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+        let off = expected.iter().zip(&found).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-6 * largest, "{off:e} of {largest:e}");
+    }
 }

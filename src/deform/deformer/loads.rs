@@ -3,7 +3,7 @@
 use super::Deformer;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
 use crate::deform::model::PointResult;
-use crate::green::{LoadMeta, Turning};
+use crate::green::{GreenError, LoadMeta, Turning};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
 
@@ -19,20 +19,22 @@ impl Deformer {
         compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
     }
 
-    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N.
-    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> f64 {
-        let Some(compliance) = self.file.compliance(&self.body) else { return f64::INFINITY };
-        let places = compliance.places();
+    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N; `None`
+    /// while its columns are on their way. The point's corners take forces.
+    pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> Result<Option<f64>, GreenError> {
+        let places = self.file.compliance(&self.body).map(|compliance| compliance.places());
         let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
+        let asked: Vec<usize> =
+            corners().filter_map(|(node, _)| places.as_ref()?.get(node).copied()).collect();
+        let Some(columns) = self.file.columns(&self.body, &asked, self.patience)? else { return Ok(None) };
         let mut sum = 0.0;
-        for (node, w) in corners() {
-            let Some(Ok(column)) = places.get(node).map(|place| compliance.column(*place)) else { continue };
+        for ((_, w), column) in corners().zip(&columns) {
             for (other, v) in corners() {
                 let block = &column[*other as usize];
                 sum += w * v * (0..3).map(|axis| f64::from(block[axis][axis])).sum::<f64>() / 3.0;
             }
         }
-        sum
+        Ok(Some(sum))
     }
 
     /// The next evaluation has these loads; false where they are as they were, or the body has none.

@@ -25,7 +25,7 @@ use crate::base::parts::{PartMotion, PartWeights};
 use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Time of the two steps of the last evaluation, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -75,6 +75,8 @@ pub struct Deformer {
     partial: Option<PartialSum>,
     surface_normals: SurfaceNormals,
     evaluated: bool,
+    /// How long columns of the compliance may take.
+    patience: Duration,
 }
 
 impl Deformer {
@@ -150,6 +152,7 @@ impl Deformer {
             partial: None,
             surface_normals: SurfaceNormals::new(file.triangles(body), nodes),
             evaluated: false,
+            patience: Duration::MAX,
             controls,
             file,
         };
@@ -228,9 +231,11 @@ impl Deformer {
         self.model.age()
     }
 
-    /// From now on every state is that of its own poses: for pictures and recordings.
-    pub fn wait_for_background(&mut self) {
-        self.model.wait_for_background();
+    /// From now on a state waits at most so long for what is computed in the background. With [`Duration::MAX`] every state is
+    /// that of its own poses: for pictures and recordings.
+    pub fn be_patient(&mut self, patience: Duration) {
+        self.patience = patience;
+        self.model.be_patient(patience);
     }
 
     /// The groups of columns that are summed, as they are stored.
@@ -362,7 +367,9 @@ impl Deformer {
             Some(model) => Ok(model),
             None => {
                 let loads = self.loads.as_ref().map(|loads| (loads, self.frame));
-                made(&self.file, &self.body, &self.controls, &self.kind, loads)
+                let mut model = made(&self.file, &self.body, &self.controls, &self.kind, loads)?;
+                model.be_patient(Duration::ZERO);
+                Ok(model)
             }
         }
     }

@@ -12,6 +12,7 @@ use crate::deform::pose::ControlPose;
 use crate::green::{AFFINE, FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use std::sync::Arc;
+use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
@@ -145,15 +146,16 @@ impl DeformationModel for Loaded {
     }
 
     fn has_news(&mut self) -> bool {
-        self.model.has_news()
+        self.points.has_news() || self.model.has_news()
     }
 
     fn age(&self) -> Option<StateAge> {
         self.model.age()
     }
 
-    fn wait_for_background(&mut self) {
-        self.model.wait_for_background();
+    fn be_patient(&mut self, patience: Duration) {
+        self.points.be_patient(patience);
+        self.model.be_patient(patience);
     }
 
     fn part_weights(&self, rest: &[[f32; 3]]) -> Option<PartWeights> {

@@ -7,10 +7,11 @@
 use super::applied::{PointLoad, Pull};
 use crate::base::columns::ColumnGroup;
 use crate::base::notice::notice;
-use crate::green::{GreenFile, Yield};
+use crate::green::{GreenError, GreenFile, Yield};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
@@ -37,10 +38,15 @@ pub struct PointForces {
     before: usize,
     /// Of nodes that take forces: where their columns stand, and those of nodes that are touched.
     places: BTreeMap<u32, usize>,
-    touched: BTreeMap<u32, Yield>,
+    touched: BTreeMap<u32, Arc<Yield>>,
+    /// Places of those whose columns are on their way, and how long a state waits for them.
+    awaited: Vec<usize>,
+    patience: Duration,
     /// What the forces do to the whole surface, where it takes any; and the forces at nodes of which this is.
     field: Option<Vec<[f32; 3]>>,
     field_of: Vec<(u32, V3)>,
+    /// Columns came since then.
+    is_new: bool,
 }
 
 impl PointForces {
@@ -54,7 +60,10 @@ impl PointForces {
             before: columns - loads,
             places: places.unwrap_or_default(),
             touched: BTreeMap::new(),
+            awaited: Vec::new(),
+            patience: Duration::MAX,
             field_of: Vec::new(),
+            is_new: false,
             body: body.to_owned(),
             file: file.clone(),
         }
@@ -70,21 +79,48 @@ impl PointForces {
         self.field.as_deref()
     }
 
-    /// Reads the columns of nodes that are touched now, and drops those of others.
+    /// From now on a state waits at most so long for columns.
+    pub fn be_patient(&mut self, patience: Duration) {
+        self.patience = patience;
+    }
+
+    /// Whether columns that were not there in time are there now.
+    pub fn has_news(&self) -> bool {
+        let found = || self.file.columns(&self.body, &self.awaited, Duration::ZERO);
+        !self.awaited.is_empty() && !matches!(found(), Ok(None))
+    }
+
+    /// Finds the columns of nodes that are touched now, and drops those of others.
     pub fn touch(&mut self, points: &[PointLoad]) {
-        let now: Vec<u32> = points.iter().flat_map(corners).map(|(node, _)| node).collect();
+        let now: BTreeSet<u32> = points.iter().flat_map(corners).map(|(node, _)| node).collect();
         self.touched.retain(|node, _| now.contains(node));
-        let Some(compliance) = self.file.compliance(&self.body) else { return };
-        for node in now.into_iter().filter(|node| !self.touched.contains_key(node)).collect::<BTreeSet<_>>() {
-            let Some(place) = self.places.get(&node) else { continue };
-            match compliance.column(*place) {
-                Ok(column) => drop(self.touched.insert(node, column)),
-                Err(error) => {
-                    notice!("{error}; node {node} of the surface takes no force");
-                    self.places.remove(&node);
-                }
+        self.awaited.clear();
+        let missing = now.into_iter().filter(|node| !self.touched.contains_key(node));
+        let missing: Vec<(u32, usize)> =
+            missing.filter_map(|node| Some((node, *self.places.get(&node)?))).collect();
+        // All together; one by one where one of them fails.
+        if missing.is_empty() || self.find(&missing).is_ok() {
+            return;
+        }
+        for (node, place) in missing {
+            if let Err(error) = self.find(&[(node, place)]) {
+                notice!("{error}; node {node} of the surface takes no force");
+                self.places.remove(&node);
             }
         }
+    }
+
+    /// Takes the columns of these nodes at their places, or notes that they are awaited.
+    fn find(&mut self, nodes: &[(u32, usize)]) -> Result<(), GreenError> {
+        let places: Vec<usize> = nodes.iter().map(|(_, place)| *place).collect();
+        match self.file.columns(&self.body, &places, self.patience)? {
+            Some(columns) => {
+                self.touched.extend(nodes.iter().map(|(node, _)| *node).zip(columns));
+                self.is_new = true;
+            }
+            None => self.awaited.extend(places),
+        }
+        Ok(())
     }
 
     /// A point with the columns there.
@@ -201,13 +237,14 @@ impl PointForces {
             }
         }
         let at_nodes: Vec<(u32, V3)> = at_nodes.into_iter().collect();
-        if at_nodes == self.field_of {
+        if at_nodes == self.field_of && !self.is_new {
             return;
         }
+        self.is_new = false;
         field.fill([0.0; 3]);
         for (node, force) in &at_nodes {
             let (Some(column), f) = (self.touched.get(node), force.cast::<f32>()) else { continue };
-            for (u, block) in field.iter_mut().zip(column) {
+            for (u, block) in field.iter_mut().zip(column.iter()) {
                 for (u, row) in u.iter_mut().zip(block) {
                     *u += row[0] * f.x + row[1] * f.y + row[2] * f.z;
                 }

@@ -14,16 +14,17 @@ use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, COMPLIANCE_VALUES as VALUES, GreenFile};
 use super::super::numbers::{LARGEST, numbers};
+use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceInverse};
 use super::super::tensor::Tensor;
+use super::super::update::Changed;
 use super::affine::AFFINE;
 use crate::base::machine;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::SurfaceCompliance;
 use crate::solve::{Factor, InverseStrip, Progress, SolveError};
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
@@ -46,9 +47,9 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 const ORDER: &str = "compliance/order";
 /// blake3 of every tile.
 const HASHES: &str = "compliance/hashes";
-const HASH: usize = blake3::OUT_LEN;
+pub(super) const HASH: usize = blake3::OUT_LEN;
 /// Nodes of a block of rows, and of a tile's side.
-const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 
 /// Where the numbers of m nodes stand, of which the first n take forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,7 +116,7 @@ impl Layout {
 }
 
 /// The free nodes of the surface, with those in front that are selected, and how many these are.
-fn order(
+pub(super) fn order(
     mesh: &TetMesh,
     surface: &Surface,
     free: &[u32],
@@ -154,25 +155,33 @@ fn compute(
     let (Some(asked), Some(factor)) = (&assembled.body.surface_compliance, assembled.factor) else {
         return Ok(());
     };
-    let Solution { mesh, surface, .. } = &*solution;
-    let free = &assembled.partition.free;
-    let (order, n) = order(mesh, surface, free, asked).map_err(|message| {
-        let key = format!("body.{}.surface_compliance.nodes", assembled.name);
-        assembled.scene.invalid(&key, message)
-    })?;
+    let (order, n, unknowns) = unknowns(assembled, solution, asked)?;
     let layout = Layout { n, m: order.len() };
     // The numbers, as they are made, as a tensor, and in the file's bytes.
     machine::expect("the compliance of the surface", 12.0 * layout.len() as f64)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-    let unknowns: Vec<u32> = order
-        .iter()
-        .map(|&i| free.partition_point(|&node| node < surface.nodes[i as usize]) as u32)
-        .collect();
     let mut bytes = vec![0; 4 * layout.len()];
     solve(factor, &unknowns, layout, &mut bytes, progress)
         .map_err(|source| GreenError::Solve { body: assembled.place.to_owned(), source })?;
     solution.compliance = Some(SurfaceInverse { nodes: n, order, bytes });
     Ok(())
+}
+
+/// [`order`], how many of these nodes take forces, and which nodes of A they are.
+pub(super) fn unknowns(
+    assembled: &Assembled<'_>,
+    solution: &Solution,
+    asked: &SurfaceCompliance,
+) -> Result<(Vec<u32>, usize, Vec<u32>), GreenError> {
+    let Solution { mesh, surface, .. } = solution;
+    let free = &assembled.partition.free;
+    let (order, n) = order(mesh, surface, free, asked).map_err(|message| {
+        let key = format!("body.{}.surface_compliance.nodes", assembled.name);
+        assembled.scene.invalid(&key, message)
+    })?;
+    let of_a = |&i: &u32| free.partition_point(|&node| node < surface.nodes[i as usize]) as u32;
+    let unknowns = order.iter().map(of_a).collect();
+    Ok((order, n, unknowns))
 }
 
 /// Fills the blocks with the inverse over these nodes of A.
@@ -208,8 +217,7 @@ fn solve(
     progress.begin("compliance of the surface", layout.n as u64);
     for first in (0..layout.n).step_by(BLOCK) {
         let own = first..(first + BLOCK).min(layout.n);
-        let mut unit = NodeFields::zeros(own.len(), 3 * own.len());
-        (0..3 * own.len()).for_each(|i| unit.row_mut(i)[i] = 1.0);
+        let unit = NodeFields::unit(own.len());
         let x = factor.solve_at(&nodes[own.clone()], &unit, &nodes[first..])?;
         let column = |c: usize| x.data.iter().skip(c).step_by(x.columns);
         let values: Vec<f64> = (0..x.columns).flat_map(column).copied().collect();
@@ -230,60 +238,91 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)]
 }
 
-fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
-    let (order, values) = (format!("{name}/{ORDER}"), format!("{name}/{VALUES}"));
-    let m = file.count(&order);
-    file.expect(&order, Dtype::U32, &[m])?;
-    let nodes: &[u32] = file.slice(&order);
-    let mut sorted = nodes.to_vec();
+/// How many nodes take forces, and how many the order names; the error says why they are none of the surface.
+pub(super) fn check_order(file: &GreenFile, order: &str, body: &BodyMeta) -> Result<[usize; 2], String> {
+    let m = file.count(order);
+    file.expect(order, Dtype::U32, &[m])?;
+    let mut sorted = file.slice::<u32>(order).to_vec();
     sorted.sort_unstable();
     sorted.dedup();
     let n = body.compliance_nodes.unwrap_or(0);
     let is_fit = sorted.len() == m && sorted.last().is_none_or(|&last| (last as usize) < body.surface_nodes);
-    if !is_fit || n == 0 || n > m {
-        return Err(format!("tensor {order} does not name nodes of the surface, {n} of which take forces"));
+    match is_fit && n > 0 && n <= m {
+        true => Ok([n, m]),
+        false => Err(format!("tensor {order} does not name nodes of the surface, {n} of which take forces")),
     }
+}
+
+fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
+    let values = format!("{name}/{VALUES}");
+    let [n, m] = check_order(file, &format!("{name}/{ORDER}"), body)?;
     let layout = Layout { n, m };
     // Its numbers are looked at when they are read.
     file.expect(&values, Dtype::F32, &[layout.len()])?;
     file.expect(&format!("{name}/{HASHES}"), Dtype::U8, &[layout.tiles().count(), HASH])
 }
 
-/// The compliance of a body, read where it lies.
-pub struct Compliance<'a> {
+/// The free nodes of a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Order<'a> {
+    /// Among all nodes of the surface, …
+    pub nodes: &'a [u32],
+    /// … so many of which, in front, take forces.
+    pub n: usize,
+    pub surface_nodes: usize,
+}
+
+impl<'a> Order<'a> {
+    /// As the tensor of a body has it.
+    pub fn of(file: &'a GreenFile, tensor: &str, body: &BodyMeta) -> Option<Order<'a>> {
+        let (nodes, surface_nodes) = (file.slice(tensor), body.surface_nodes);
+        Some(Order { nodes, n: body.compliance_nodes?, surface_nodes })
+    }
+
+    /// Where each node of the surface stands that takes forces.
+    pub fn places(&self) -> BTreeMap<u32, usize> {
+        self.nodes[..self.n].iter().copied().zip(0..).collect()
+    }
+
+    /// Over the whole surface, from the numbers of the j-th of these nodes along an axis for a force along another; nodes of
+    /// control elements stay.
+    pub fn spread(&self, number: impl Fn(usize, usize, usize) -> f32) -> Yield {
+        let mut all = vec![[[0.0; 3]; 3]; self.surface_nodes];
+        for (j, &node) in self.nodes.iter().enumerate() {
+            all[node as usize] = [0, 1, 2].map(|axis| [0, 1, 2].map(|force| number(j, axis, force)));
+        }
+        all
+    }
+}
+
+/// The tiles, read where they lie.
+pub struct Tiles<'a> {
     file: &'a GreenFile,
     /// Of the values.
     tensor: String,
     layout: Layout,
-    order: &'a [u32],
+    pub(super) order: Order<'a>,
     hashes: &'a [u8],
-    surface_nodes: usize,
 }
 
-/// Displacements of all nodes of the surface for a force of 1 N at one of them along x, y and z: m/N, `[node][axis][force]`.
-pub type Yield = Vec<[[f32; 3]; 3]>;
-
-impl Compliance<'_> {
-    /// Where each node of the surface stands that takes forces.
-    pub fn places(&self) -> BTreeMap<u32, usize> {
-        self.order[..self.layout.n].iter().copied().zip(0..).collect()
+impl<'a> Tiles<'a> {
+    /// Of a body with this family.
+    pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<Tiles<'a>> {
+        let order = Order::of(file, &format!("{body}/{ORDER}"), meta)?;
+        let layout = Layout { n: order.n, m: order.nodes.len() };
+        let (tensor, hashes) = (format!("{body}/{VALUES}"), file.slice(&format!("{body}/{HASHES}")));
+        Some(Tiles { file, tensor, layout, order, hashes })
     }
 
-    /// What a force at the node at `place` does to the whole surface; nodes of control elements stay. Errors where what is read
-    /// from the file is not what was written.
-    pub fn column(&self, place: usize) -> Result<Yield, GreenError> {
+    /// See [`super::Compliance::column`].
+    pub(super) fn column(&self, place: usize) -> Result<Yield, GreenError> {
         let strip = self.strip(place / BLOCK)?;
         let (width, row) = (3 * self.layout.m, 3 * (place % BLOCK));
-        let mut all = vec![[[0.0; 3]; 3]; self.surface_nodes];
-        for (j, &node) in self.order.iter().enumerate() {
-            let number = |axis: usize, force: usize| strip[(row + force) * width + 3 * j + axis];
-            all[node as usize] = [0, 1, 2].map(|axis| [0, 1, 2].map(|force| number(axis, force)));
-        }
-        Ok(all)
+        Ok(self.order.spread(|j, axis, force| strip[(row + force) * width + 3 * j + axis]))
     }
 
     /// Reads every tile; errors at the first that is not what was written.
-    pub fn verify(&self) -> Result<(), GreenError> {
+    pub(super) fn verify(&self) -> Result<(), GreenError> {
         let tiles: Vec<_> = self.layout.tiles().collect();
         tiles.par_iter().try_for_each(|&[block, other]| self.tile(block, other).map(drop))
     }
@@ -333,55 +372,57 @@ impl Compliance<'_> {
     }
 }
 
-/// What a change adds to the displacements of the whole surface for unit forces at these of its nodes: 3 rows a node of the
-/// surface, 3 columns a force.
-pub type Added<'a> = &'a dyn Fn(&[u32]) -> DMatrix<f64>;
-
-impl Compliance<'_> {
+impl Tiles<'_> {
     /// The tensors after a change by which the nodes `freed` of the surface are held no more.
-    pub fn changed(&self, freed: &[u32], added: Added<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
-        let n = self.layout.n;
-        let order = [self.order, freed].concat();
-        let layout = Layout { n, m: order.len() };
-        let mut values = vec![0; 4 * layout.len()];
-        for first in (0..n).step_by(BLOCK) {
-            let own = first..(first + BLOCK).min(n);
-            let more = added(&order[own.clone()]);
-            let strip = self.strip(first / BLOCK)?;
-            for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
-                let old = &strip[3 * self.layout.m * row..][..3 * self.layout.m];
-                for (j, &node) in order.iter().enumerate().skip(first) {
-                    for other in 0..3 {
-                        // Both halves of the matrix are the same: the force is at node i.
-                        let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
-                        let new = (old + more[(3 * node as usize + other, row)]) as f32;
-                        let at = 4 * (layout.at(i, axis, j) + other);
-                        values[at..at + 4].copy_from_slice(&new.to_le_bytes());
-                    }
-                }
-            }
-        }
-        let order = Tensor::new(&[order.len()], order);
-        let hashes = layout.hashes(&values);
-        let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
-        Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
+    pub(super) fn changed(
+        &self,
+        freed: &[u32],
+        change: &Changed<'_>,
+    ) -> Result<Vec<(String, Tensor)>, GreenError> {
+        changed(self.order, freed, change, &|first| self.strip(first / BLOCK))
     }
 }
 
-impl GreenFile {
-    /// How the surface of a body yields, where the scene asked for it.
-    pub fn compliance(&self, body: &str) -> Option<Compliance<'_>> {
-        let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(COMPLIANCE))?;
-        let order: &[u32] = self.slice(&format!("{body}/{ORDER}"));
-        let layout = Layout { n: meta.compliance_nodes?, m: order.len() };
-        let (tensor, hashes) = (format!("{body}/{VALUES}"), self.slice(&format!("{body}/{HASHES}")));
-        Some(Compliance { file: self, tensor, layout, order, hashes, surface_nodes: meta.surface_nodes })
-    }
+/// All numbers of the nodes from one on, up to the next multiple of [`BLOCK`]: a row for each of their components.
+pub(super) type Rows<'a> = &'a dyn Fn(usize) -> Result<Arc<Vec<f32>>, GreenError>;
 
-    /// Reads what stays on the disk, which opening the file does not look at; errors where it is damaged.
-    pub fn verify(&self) -> Result<(), GreenError> {
-        self.meta.bodies.keys().filter_map(|body| self.compliance(body)).try_for_each(|of| of.verify())
+/// The tensors of the tiles after a change by which the nodes `freed` are held no more, from the numbers before it.
+pub(super) fn changed(
+    before: Order<'_>,
+    freed: &[u32],
+    change: &Changed<'_>,
+    rows: Rows<'_>,
+) -> Result<Vec<(String, Tensor)>, GreenError> {
+    let (n, m) = (before.n, before.nodes.len());
+    let order = [before.nodes, freed].concat();
+    let layout = Layout { n, m: order.len() };
+    let mut values = vec![0; 4 * layout.len()];
+    for first in (0..n).step_by(BLOCK) {
+        let own = first..(first + BLOCK).min(n);
+        let more = change.compliance(&order[own.clone()]);
+        let strip = rows(first)?;
+        for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
+            let old = &strip[3 * m * row..][..3 * m];
+            for (j, &node) in order.iter().enumerate().skip(first) {
+                for other in 0..3 {
+                    // Both halves of the matrix are the same: the force is at node i.
+                    let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
+                    let new = (old + more[(3 * node as usize + other, row)]) as f32;
+                    let at = 4 * (layout.at(i, axis, j) + other);
+                    values[at..at + 4].copy_from_slice(&new.to_le_bytes());
+                }
+            }
+        }
     }
+    let order = Tensor::new(&[order.len()], order);
+    let hashes = layout.hashes(&values);
+    let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
+    Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
+}
+
+/// Bytes of the numbers of n nodes that take forces among m.
+pub(super) fn tile_bytes(n: usize, m: usize) -> usize {
+    4 * Layout { n, m }.len()
 }
 
 #[cfg(test)]

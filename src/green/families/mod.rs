@@ -3,8 +3,10 @@
 mod affine;
 mod columns;
 mod compliance;
+mod compressed;
 mod cubic;
 mod dense_fields;
+mod kept_factor;
 mod loads;
 mod perturbation;
 mod reduced;
@@ -14,11 +16,14 @@ mod substructures;
 mod table;
 mod updates;
 mod volume;
+mod yielding;
 
 pub use affine::AFFINE;
 pub(super) use affine::tensors_of as affine_tensors;
-pub use compliance::{COMPLIANCE, Compliance, Yield, compliance_size};
+pub use compliance::{COMPLIANCE, compliance_size};
+pub use compressed::COMPRESSED;
 pub use cubic::CUBIC;
+pub use kept_factor::KEPT_FACTOR;
 pub(super) use loads::load_tensors;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
@@ -27,6 +32,7 @@ pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use updates::UPDATES;
 pub use volume::{VOLUME, Volume};
+pub use yielding::Compliance;
 
 use super::family::FamilyEntry;
 use super::file::GreenFile;
@@ -44,6 +50,8 @@ pub const FAMILIES: &[FamilyEntry] = &[
     volume::ENTRY,
     loads::ENTRY,
     compliance::ENTRY,
+    kept_factor::ENTRY,
+    compressed::ENTRY,
     updates::ENTRY,
 ];
 

@@ -122,6 +122,8 @@ pub fn read(scene: &Scene, body: &str, models: &[&'static ModelEntry], bytes: &[
         tables,
         loads: Vec::new(),
         compliance: None,
+        kept_factor: None,
+        compressed: None,
         asymmetry: head.asymmetry,
         rigid: head.rigid,
         stats,

@@ -1,0 +1,131 @@
+//! What a force at one node does to all nodes, from the blocks that its clusters are in.
+//!
+//! In: [`Shape`], and blocks one by one. Out: displacements. A force at a node of the leaf t has the coefficients Q_tᵀ T_t f in
+//! its clusters, from the leaf to the root; each block turns them into coefficients of another cluster; and all these together
+//! become displacements on the way from the roots to the leaves. The cost is that of the blocks, and a few numbers times rank
+//! for every node.
+
+use super::basis::Bases;
+use super::tree::{Block, Tree};
+use faer::{Accum, Mat, MatRef, Par};
+use nalgebra::Matrix3;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// All but the numbers of the blocks.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    pub tree: Tree,
+    pub blocks: Vec<Block>,
+    /// The frame T of every leaf; of other clusters nothing.
+    pub frames: Vec<Matrix3<f64>>,
+    pub bases: Bases,
+}
+
+/// Those of the bodies of a file.
+#[derive(Debug, Default)]
+pub struct Shapes(Mutex<BTreeMap<String, Arc<Shape>>>);
+
+impl Shapes {
+    pub fn keep(&self, body: &str, shape: Shape) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(body.to_owned(), Arc::new(shape));
+    }
+
+    pub fn of(&self, body: &str) -> Option<Arc<Shape>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(body).cloned()
+    }
+}
+
+fn add(out: &mut Mat<f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+    faer::linalg::matmul::matmul(out.as_mut(), Accum::Add, a, b, 1.0, Par::Seq);
+}
+
+impl Shape {
+    /// Rows and columns of a block.
+    pub fn sides(&self, block: usize) -> [usize; 2] {
+        let Block { is_far, of } = self.blocks[block];
+        of.map(|cluster| self.bases.width(&self.tree, cluster, is_far))
+    }
+
+    /// The blocks of the clusters that hold a node.
+    pub fn touched(&self, place: usize) -> Vec<usize> {
+        let mut holds = vec![false; self.tree.clusters.len()];
+        self.tree.path(place).for_each(|cluster| holds[cluster] = true);
+        let is_touched = |index: &usize| self.blocks[*index].of.iter().any(|&cluster| holds[cluster]);
+        (0..self.blocks.len()).filter(is_touched).collect()
+    }
+
+    /// The displacements of all nodes for forces along x, y and z at the node at `place`, `[node][axis][force]`.
+    pub fn column<E>(
+        &self,
+        place: usize,
+        mut numbers: impl FnMut(usize) -> Result<Mat<f64>, E>,
+    ) -> Result<Vec<[[f64; 3]; 3]>, E> {
+        let Shape { tree, bases, .. } = self;
+        let count = tree.clusters.len();
+        let leaf = tree.leaf_of[place];
+        let own = place - tree.clusters[leaf].nodes.start;
+        let frame = self.frames[leaf];
+        let frame = Mat::from_fn(3, 3, |i, j| frame[(i, j)]);
+        // What the force is in each cluster that holds the node; of the leaf in all of its basis.
+        let mut forces: Vec<Option<Mat<f64>>> = vec![None; count];
+        let mut force = bases.of[leaf].as_ref().subrows(3 * own, 3).transpose() * &frame;
+        for cluster in tree.path(place) {
+            let up = bases
+                .of_part(tree, cluster)
+                .map(|basis| basis.transpose() * force.as_ref().subrows(0, bases.ranks[cluster]));
+            forces[cluster] = Some(std::mem::replace(&mut force, up.unwrap_or_else(Mat::new)));
+        }
+        let mut moved: Vec<Mat<f64>> = (0..count).map(|cluster| Mat::zeros(self.width(cluster), 3)).collect();
+        for (index, Block { of: [a, b], .. }) in self.blocks.iter().enumerate() {
+            let (at_a, at_b) = (&forces[*a], &forces[*b]);
+            if at_a.is_none() && at_b.is_none() {
+                continue;
+            }
+            let numbers = numbers(index)?;
+            let [rows, columns] = self.sides(index);
+            let mut spread = |to: usize, numbers: MatRef<'_, f64>, force: &Mat<f64>| {
+                let to = moved[to].as_mut().subrows_mut(0, numbers.nrows());
+                let force = force.as_ref().subrows(0, numbers.ncols());
+                faer::linalg::matmul::matmul(to, Accum::Add, numbers, force, 1.0, Par::Seq);
+            };
+            debug_assert_eq!((rows, columns), (numbers.nrows(), numbers.ncols()));
+            if let Some(force) = at_b {
+                spread(*a, numbers.as_ref(), force);
+            }
+            if let Some(force) = at_a.as_ref().filter(|_| a != b) {
+                spread(*b, numbers.transpose(), force);
+            }
+        }
+        let mut all = vec![[[0.0; 3]; 3]; tree.leaf_of.len()];
+        for cluster in 0..count {
+            let rank = bases.ranks[cluster];
+            if let (Some(basis), Some(parent)) = (bases.of_part(tree, cluster), tree.clusters[cluster].parent)
+            {
+                let down = basis * moved[parent].as_ref();
+                let mut into = moved[cluster].as_mut().subrows_mut(0, rank);
+                into += down.as_ref();
+            }
+            if tree.clusters[cluster].children.is_some() {
+                continue;
+            }
+            let mut displacements = Mat::zeros(tree.size(cluster), 3);
+            add(&mut displacements, bases.of[cluster].as_ref(), moved[cluster].as_ref());
+            let frame = self.frames[cluster];
+            for (i, node) in tree.clusters[cluster].nodes.clone().enumerate() {
+                let own = Matrix3::from_fn(|axis, force| displacements[(3 * i + axis, force)]);
+                let own = frame * own;
+                all[node] = [0, 1, 2].map(|axis| [0, 1, 2].map(|force| own[(axis, force)]));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Coefficients that a cluster may get: those of a leaf near by too.
+    fn width(&self, cluster: usize) -> usize {
+        match self.tree.clusters[cluster].children {
+            Some(_) => self.bases.ranks[cluster],
+            None => self.tree.size(cluster),
+        }
+    }
+}

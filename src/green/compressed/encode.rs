@@ -1,0 +1,348 @@
+//! Rounds the blocks as coarsely as the error allows that was asked for.
+//!
+//! In: a factor. Out: [`Compressed`], with the error that was measured against columns solved anew. It is
+//!
+//! ```text
+//! max ‖E_ij (K⁻¹)_jj⁻¹‖₂      over the nodes j that were solved for and all nodes i,
+//! ```
+//!
+//! the largest displacement that is wrong anywhere where a force, of any direction, moves the node under it by 1.
+
+use super::basis::Bases;
+use super::build::{BuildError, Built, Surface, build, some, unit_columns};
+use super::column::Shape;
+use super::packed::{pack, rounded, unpack};
+use super::tree::{Block, Tree};
+use crate::solve::Progress;
+use faer::{Mat, MatRef};
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+/// Nodes whose columns are solved for anew.
+const MEASURED: usize = 64;
+/// The part of the asked error that the measured one is to reach: other nodes may err by more.
+const AIM: f64 = 0.7;
+/// Steps of rounding, in parts of the error of a block: where the trial begins, and how often it is halved or doubled.
+const FIRST: f64 = 0.5;
+const TRIALS: i32 = 8;
+/// A basis is rounded by so much finer steps than blocks.
+const FINER: f64 = 0.1;
+/// How the bases are tightened where the error cannot be kept.
+const TIGHTNESS: [f64; 3] = [1.0, 6.0, 36.0];
+
+type M3 = Matrix3<f64>;
+
+/// A compressed compliance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compressed {
+    /// T of every leaf, row by row.
+    pub frames: Vec<f64>,
+    pub ranks: Vec<u32>,
+    /// The bases, one after the other, and where each ends.
+    pub bases: Vec<u8>,
+    pub basis_ends: Vec<u64>,
+    /// The blocks, one after the other, and where each ends.
+    pub values: Vec<u8>,
+    pub ends: Vec<u64>,
+    /// What was measured, at so many nodes.
+    pub error: f64,
+    pub measured: usize,
+}
+
+/// Why there is none.
+#[derive(Debug)]
+pub enum Trial {
+    Build(BuildError),
+    /// The least error that was found.
+    Error(f64),
+}
+
+/// Columns that were solved for.
+struct Exact {
+    places: Vec<usize>,
+    /// Of each: `[node][axis][force]`.
+    columns: Vec<Vec<[[f64; 3]; 3]>>,
+}
+
+/// Builds, measures and rounds.
+pub fn compress(of: &Surface<'_>, error: f64, progress: &dyn Progress) -> Result<Compressed, Trial> {
+    let exact = exact(of, progress).map_err(Trial::Build)?;
+    let mut least = f64::INFINITY;
+    for tightness in TIGHTNESS {
+        let built = build(of, error, tightness, progress).map_err(Trial::Build)?;
+        match round(of, &built, &exact, error, progress) {
+            Ok(compressed) => return Ok(compressed),
+            Err(found) => least = least.min(found),
+        }
+        progress.tell(&format!(
+            "compressed, a displacement is wrong by {least:.1e} of a pressed node's own: it is made again with larger bases"
+        ));
+    }
+    Err(Trial::Error(least))
+}
+
+fn exact(of: &Surface<'_>, progress: &dyn Progress) -> Result<Exact, BuildError> {
+    let places = some(of.n, MEASURED, 7);
+    let mut columns = Vec::new();
+    progress.begin("columns to compare with", places.len() as u64);
+    for chunk in places.chunks(8) {
+        let x = unit_columns(of, chunk, 0)?;
+        for column in 0..chunk.len() {
+            let value = |node: usize, axis: usize, force: usize| x.row(3 * node + axis)[3 * column + force];
+            let of_node = |node: usize| [0, 1, 2].map(|axis| [0, 1, 2].map(|force| value(node, axis, force)));
+            columns.push((0..of.nodes.len()).map(of_node).collect());
+        }
+        progress.advance(chunk.len() as u64);
+    }
+    progress.end();
+    Ok(Exact { places, columns })
+}
+
+/// Steps of everything.
+struct Steps {
+    /// In front of every basis' columns, powers of two.
+    exponents: Vec<Vec<i8>>,
+    bases: Vec<f64>,
+    blocks: Vec<f64>,
+}
+
+/// What was built, block by block.
+struct Numbers<'a> {
+    built: &'a Built,
+    tree: &'a Tree,
+    blocks: &'a [Block],
+    /// Where each block stands among those near or far.
+    at: Vec<usize>,
+}
+
+impl Numbers<'_> {
+    fn new<'a>(of: &Surface<'a>, built: &'a Built) -> Numbers<'a> {
+        let mut next = [0, 0];
+        let place = |block: &Block| {
+            let next = &mut next[usize::from(block.is_far)];
+            *next += 1;
+            *next - 1
+        };
+        let at = of.blocks.iter().map(place).collect();
+        Numbers { built, tree: of.tree, blocks: of.blocks, at }
+    }
+
+    fn of(&self, block: usize) -> Mat<f64> {
+        let at = self.at[block];
+        if self.blocks[block].is_far {
+            return self.built.far[at].clone();
+        }
+        let near = &self.built.near[at];
+        Mat::from_fn(near.nrows(), near.ncols(), |i, j| f64::from(near[(i, j)]))
+    }
+}
+
+/// The coarsest rounding with an error that is small enough; else the least error.
+fn round(
+    of: &Surface<'_>,
+    built: &Built,
+    exact: &Exact,
+    asked: f64,
+    progress: &dyn Progress,
+) -> Result<Compressed, f64> {
+    let numbers = Numbers::new(of, built);
+    let unit = steps(&numbers);
+    let mut shape = Shape {
+        tree: of.tree.clone(),
+        blocks: of.blocks.to_vec(),
+        frames: built.frames.iter().map(|frame| frame.own).collect(),
+        bases: built.bases.clone(),
+    };
+    progress.begin("rounding", 0);
+    let mut trial = |by: f64| {
+        shape.bases.of = (0..built.bases.of.len())
+            .map(|cluster| rounded_basis(&built.bases, &unit, cluster, by))
+            .collect();
+        let block = |block: usize| rounded(numbers.of(block).as_ref(), by * unit.blocks[block]);
+        measure(&shape, exact, &block)
+    };
+    let mut by = FIRST * asked;
+    let mut found = trial(by);
+    let grow = if found <= AIM * asked { std::f64::consts::SQRT_2 } else { 0.5 };
+    let mut best = (found <= AIM * asked).then_some((by, found));
+    for _ in 0..TRIALS {
+        if grow < 1.0 && best.is_some() {
+            break;
+        }
+        by *= grow;
+        let next = trial(by);
+        if next <= AIM * asked {
+            best = Some((by, next));
+        } else if grow > 1.0 || next > 0.98 * found {
+            found = found.min(next);
+            break;
+        }
+        found = next;
+    }
+    progress.end();
+    let Some((by, error)) = best else { return Err(found) };
+    Ok(encoded(&numbers, &unit, by, error, exact.places.len()))
+}
+
+fn encoded(numbers: &Numbers<'_>, unit: &Steps, by: f64, error: f64, measured: usize) -> Compressed {
+    let Numbers { built, tree, .. } = *numbers;
+    let join = |parts: Vec<Vec<u8>>| {
+        let mut end = 0;
+        let ends = parts.iter().map(|part| {
+            end += part.len() as u64;
+            end
+        });
+        (ends.collect::<Vec<u64>>(), parts.concat())
+    };
+    let clusters = 0..built.bases.of.len();
+    let bases: Vec<Vec<u8>> = clusters
+        .into_par_iter()
+        .map(|cluster| {
+            let exponents = &unit.exponents[cluster];
+            let scaled = scaled(built.bases.of[cluster].as_ref(), exponents, 1);
+            let mut bytes: Vec<u8> = exponents.iter().map(|e| e.to_le_bytes()[0]).collect();
+            bytes.extend(pack(scaled.as_ref(), by * unit.bases[cluster]));
+            bytes
+        })
+        .collect();
+    let blocks: Vec<Vec<u8>> = (0..numbers.blocks.len())
+        .into_par_iter()
+        .map(|block| pack(numbers.of(block).as_ref(), by * unit.blocks[block]))
+        .collect();
+    let ((basis_ends, bases), (ends, values)) = (join(bases), join(blocks));
+    let frames = tree.leaves().flat_map(|leaf| {
+        let own = built.frames[leaf].own;
+        (0..9).map(move |i| own[(i / 3, i % 3)])
+    });
+    Compressed {
+        frames: frames.collect(),
+        ranks: built.bases.ranks.iter().map(|&rank| rank as u32).collect(),
+        bases,
+        basis_ends,
+        values,
+        ends,
+        error,
+        measured,
+    }
+}
+
+/// Each column times a power of two.
+fn scaled(matrix: MatRef<'_, f64>, exponents: &[i8], sign: i32) -> Mat<f64> {
+    let factors: Vec<f64> = exponents.iter().map(|&e| 2f64.powi(sign * i32::from(e))).collect();
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, k| matrix[(i, k)] * factors[k])
+}
+
+fn rounded_basis(bases: &Bases, unit: &Steps, cluster: usize, by: f64) -> Mat<f64> {
+    let scaled_up = scaled(bases.of[cluster].as_ref(), &unit.exponents[cluster], 1);
+    let rounded = rounded(scaled_up.as_ref(), by * unit.bases[cluster]);
+    scaled(rounded.as_ref(), &unit.exponents[cluster], -1)
+}
+
+/// The frames of all clusters from those of the leaves.
+pub fn frames_of(tree: &Tree, numbers: &[f64]) -> Vec<M3> {
+    let mut frames = vec![M3::zeros(); tree.clusters.len()];
+    for (leaf, own) in tree.leaves().zip(numbers.chunks_exact(9)) {
+        frames[leaf] = M3::from_row_slice(own);
+    }
+    frames
+}
+
+/// The bases from their bytes; `None` where these are not theirs.
+pub fn unpack_bases(tree: &Tree, ranks: &[usize], bytes: &[u8], ends: &[u64]) -> Option<Bases> {
+    let mut bases = Bases { of: Vec::new(), ranks: ranks.to_vec() };
+    let mut start = 0;
+    for (cluster, &end) in ends.iter().enumerate() {
+        let end = usize::try_from(end).ok()?;
+        let rows = Bases::rows(tree, ranks, cluster);
+        let columns = if tree.clusters[cluster].children.is_some() { ranks[cluster] } else { rows };
+        let (exponents, rest) = bytes.get(start..end)?.split_at_checked(columns)?;
+        let exponents: Vec<i8> = exponents.iter().map(|&e| i8::from_le_bytes([e])).collect();
+        bases.of.push(scaled(unpack(rest, rows, columns)?.as_ref(), &exponents, -1));
+        start = end;
+    }
+    (start == bytes.len()).then_some(bases)
+}
+
+/// The steps for an error of 1: of a block by its tolerance and by how strongly a coefficient shows at one node; of a basis,
+/// column by column, by the numbers that it stands before.
+fn steps(all: &Numbers<'_>) -> Steps {
+    let Numbers { built, tree, .. } = *all;
+    let bases = &built.bases;
+    let shows = shows(tree, bases);
+    let step = |(block, tolerance): (&Block, &f64)| match (block.is_far, block.of) {
+        (true, [a, b]) => tolerance / (shows[a] * shows[b]),
+        (false, _) => *tolerance,
+    };
+    let blocks: Vec<f64> = all.blocks.iter().zip(&built.tolerances).map(step).collect();
+    let mut finest = vec![f64::INFINITY; tree.clusters.len()];
+    let mut before: Vec<Vec<f64>> = bases.of.iter().map(|basis| vec![0.0; basis.ncols()]).collect();
+    for (block, step) in blocks.iter().enumerate() {
+        let numbers = all.of(block);
+        let [a, b] = all.blocks[block].of;
+        for (cluster, numbers) in [(a, numbers.as_ref()), (b, numbers.transpose())] {
+            finest[cluster] = finest[cluster].min(*step);
+            for (i, before) in before[cluster].iter_mut().enumerate().take(numbers.nrows()) {
+                *before = before.max(numbers.row(i).norm_l2() / (numbers.ncols().max(1) as f64).sqrt());
+            }
+        }
+    }
+    for cluster in 0..tree.clusters.len() {
+        let Some(parent) = tree.clusters[cluster].parent else { continue };
+        finest[cluster] = finest[cluster].min(finest[parent]);
+        let Some(basis) = bases.of_part(tree, cluster) else { continue };
+        for i in 0..basis.nrows() {
+            let from: f64 = (0..basis.ncols()).map(|k| (basis[(i, k)] * before[parent][k]).powi(2)).sum();
+            before[cluster][i] = before[cluster][i].max(from.sqrt());
+        }
+    }
+    let exponent = |before: &f64| before.max(1e-30).log2().ceil().clamp(-100.0, 100.0) as i8;
+    Steps {
+        exponents: before.iter().map(|own| own.iter().map(exponent).collect()).collect(),
+        bases: finest.iter().map(|step| FINER * if step.is_finite() { *step } else { 1.0 }).collect(),
+        blocks,
+    }
+}
+
+/// The largest displacement of a node's component by coefficients of size 1 of each cluster.
+fn shows(tree: &Tree, bases: &Bases) -> Vec<f64> {
+    let of_node = |node: usize| {
+        let leaf = tree.leaf_of[node];
+        let first = 3 * (node - tree.clusters[leaf].nodes.start);
+        let mut rows = bases.of[leaf].as_ref().submatrix(first, 0, 3, bases.ranks[leaf]).to_owned();
+        let mut found = Vec::new();
+        for cluster in tree.path(node) {
+            found.push((cluster, (0..3).map(|i| rows.row(i).norm_l2()).fold(0.0, f64::max)));
+            if let Some(basis) = bases.of_part(tree, cluster) {
+                rows = &rows * basis;
+            }
+        }
+        found
+    };
+    let all: Vec<_> = (0..tree.leaf_of.len()).into_par_iter().map(of_node).collect();
+    let mut shows = vec![1e-3_f64; tree.clusters.len()];
+    for (cluster, of_node) in all.into_iter().flatten() {
+        shows[cluster] = shows[cluster].max(of_node);
+    }
+    shows
+}
+
+/// The largest error of these columns.
+fn measure(shape: &Shape, exact: &Exact, block: &(dyn Fn(usize) -> Mat<f64> + Sync)) -> f64 {
+    let of_column = |(&place, column): (&usize, &Vec<[[f64; 3]; 3]>)| {
+        let found = shape.column(place, |index| Ok::<_, std::convert::Infallible>(block(index)));
+        let found = found.unwrap_or_else(|never| match never {});
+        error(place, &found, column)
+    };
+    exact.places.par_iter().zip(&exact.columns).map(of_column).reduce(|| 0.0, f64::max)
+}
+
+/// ‖E_ij (K⁻¹)_jj⁻¹‖₂ of a column j, the largest of all nodes i.
+pub fn error(place: usize, found: &[[[f64; 3]; 3]], exact: &[[[f64; 3]; 3]]) -> f64 {
+    let matrix = |of: &[[f64; 3]; 3]| M3::from_fn(|axis, force| of[axis][force]);
+    let Some(inverse) = matrix(&exact[place]).try_inverse() else { return f64::INFINITY };
+    let of_node = |(found, exact): (&[[f64; 3]; 3], &[[f64; 3]; 3])| {
+        let relative = (matrix(found) - matrix(exact)) * inverse;
+        (relative.transpose() * relative).symmetric_eigenvalues().amax().sqrt()
+    };
+    found.iter().zip(exact).map(of_node).fold(0.0, f64::max)
+}

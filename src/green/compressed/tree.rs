@@ -1,0 +1,185 @@
+//! Clusters of nodes that lie together, and which pairs of clusters are far from each other.
+//!
+//! In: places of nodes, of which those in front take forces. Out: an order of them in which every cluster stands together, a
+//! binary [`Tree`] of clusters, and its [`Blocks`] (W. Hackbusch, Hierarchical Matrices, Springer 2015, chapter 5). Nodes that
+//! take forces and nodes that take none have a tree each.
+
+use nalgebra::Vector3;
+use std::ops::Range;
+
+/// Most nodes of a leaf.
+const LEAF: usize = 32;
+/// Two clusters are far from each other where the larger one's diameter is at most this many times their distance.
+const FAR: f64 = 2.0;
+
+type V3 = Vector3<f64>;
+
+/// Some nodes that stand together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cluster {
+    pub nodes: Range<usize>,
+    pub children: Option<[usize; 2]>,
+    pub parent: Option<usize>,
+}
+
+/// All clusters, each behind the one that it is a part of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tree {
+    pub clusters: Vec<Cluster>,
+    /// Of every node.
+    pub leaf_of: Vec<usize>,
+}
+
+/// Two clusters; one block of the matrix, and its transposed one, are all forces at the second and displacements of the first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    pub is_far: bool,
+    pub of: [usize; 2],
+}
+
+impl Tree {
+    /// Of m nodes of which the n in front take forces. It depends on these numbers alone.
+    pub fn new(n: usize, m: usize) -> Tree {
+        let mut tree = Tree { clusters: Vec::new(), leaf_of: vec![0; m] };
+        tree.add(0..n, None);
+        if n < m {
+            tree.add(n..m, None);
+        }
+        tree
+    }
+
+    fn add(&mut self, nodes: Range<usize>, parent: Option<usize>) -> usize {
+        let own = self.clusters.len();
+        self.clusters.push(Cluster { nodes: nodes.clone(), children: None, parent });
+        if nodes.len() <= LEAF {
+            self.leaf_of[nodes].fill(own);
+        } else {
+            let parts = halves(nodes).map(|part| self.add(part, Some(own)));
+            self.clusters[own].children = Some(parts);
+        }
+        own
+    }
+
+    /// The roots: that of the nodes that take forces, and the other one's.
+    pub fn roots(&self) -> impl Iterator<Item = usize> {
+        (0..self.clusters.len()).filter(|&cluster| self.clusters[cluster].parent.is_none())
+    }
+
+    pub fn leaves(&self) -> impl Iterator<Item = usize> {
+        (0..self.clusters.len()).filter(|&cluster| self.clusters[cluster].children.is_none())
+    }
+
+    /// The clusters that hold a node, from its leaf to the root.
+    pub fn path(&self, node: usize) -> impl Iterator<Item = usize> {
+        std::iter::successors(Some(self.leaf_of[node]), |&cluster| self.clusters[cluster].parent)
+    }
+
+    /// Components of all nodes of a cluster.
+    pub fn size(&self, cluster: usize) -> usize {
+        3 * self.clusters[cluster].nodes.len()
+    }
+}
+
+fn halves(nodes: Range<usize>) -> [Range<usize>; 2] {
+    let middle = nodes.start + nodes.len() / 2;
+    [nodes.start..middle, middle..nodes.end]
+}
+
+/// The order of nodes at these places in which the clusters of [`Tree::new`] are boxes, cut across their longest side.
+pub fn order(places: &[V3], n: usize) -> Vec<usize> {
+    let mut all: Vec<usize> = (0..places.len()).collect();
+    let (front, behind) = all.split_at_mut(n);
+    for part in [front, behind] {
+        sort(places, part);
+    }
+    all
+}
+
+fn sort(places: &[V3], nodes: &mut [usize]) {
+    if nodes.len() <= LEAF {
+        return;
+    }
+    let (low, high) = bounds(nodes.iter().map(|&node| &places[node]));
+    let axis = (high - low).imax();
+    nodes.sort_by(|&a, &b| places[a][axis].total_cmp(&places[b][axis]).then(a.cmp(&b)));
+    let (left, right) = nodes.split_at_mut(nodes.len() / 2);
+    sort(places, left);
+    sort(places, right);
+}
+
+fn bounds<'a>(places: impl Iterator<Item = &'a V3>) -> (V3, V3) {
+    let nothing = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
+    places.fold(nothing, |(low, high), place| (low.inf(place), high.sup(place)))
+}
+
+/// All blocks for nodes at these places, in the order of the tree: each pair of nodes of which one takes forces is in one.
+pub fn blocks(tree: &Tree, places: &[V3]) -> Vec<Block> {
+    let boxes: Vec<(V3, V3)> =
+        tree.clusters.iter().map(|cluster| bounds(places[cluster.nodes.clone()].iter())).collect();
+    let mut found = Vec::new();
+    for root in tree.roots() {
+        divide(tree, &boxes, [root, 0], &mut found);
+    }
+    found
+}
+
+fn divide(tree: &Tree, boxes: &[(V3, V3)], of: [usize; 2], found: &mut Vec<Block>) {
+    let [a, b] = of;
+    let [(low_a, high_a), (low_b, high_b)] = of.map(|cluster| boxes[cluster]);
+    let sizes = [high_a - low_a, high_b - low_b].map(|side| side.norm());
+    let gap = (low_a - high_b).sup(&(low_b - high_a)).map(|gap| gap.max(0.0)).norm();
+    if a != b && gap > 0.0 && sizes[0].max(sizes[1]) <= FAR * gap {
+        return found.push(Block { is_far: true, of });
+    }
+    match (tree.clusters[a].children, tree.clusters[b].children) {
+        (None, None) => found.push(Block { is_far: false, of }),
+        (Some([left, right]), _) if a == b => {
+            for part in [[left, left], [left, right], [right, right]] {
+                divide(tree, boxes, part, found);
+            }
+        }
+        (Some(parts), other) if other.is_none() || sizes[0] >= sizes[1] => {
+            parts.into_iter().for_each(|part| divide(tree, boxes, [part, b], found));
+        }
+        (_, Some(parts)) => parts.into_iter().for_each(|part| divide(tree, boxes, [a, part], found)),
+        (Some(parts), None) => parts.into_iter().for_each(|part| divide(tree, boxes, [part, b], found)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each pair of nodes of which one takes forces is in one block, and far blocks are as far apart as they must be.
+    #[test]
+    fn every_pair_is_in_one_block() {
+        for (n, m) in [(1, 1), (33, 33), (300, 300), (40, 300), (250, 300)] {
+            let place = |i: usize| V3::new((0.7 * i as f64).cos(), (0.7 * i as f64).sin(), 0.02 * i as f64);
+            let places: Vec<V3> = (0..m).map(place).collect();
+            let order = order(&places, n);
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert!(sorted.iter().copied().eq(0..m) && order[..n].iter().all(|&node| node < n));
+            let places: Vec<V3> = order.iter().map(|&node| places[node]).collect();
+            let tree = Tree::new(n, m);
+            let mut count = vec![0; m * m];
+            for Block { of: [a, b], is_far } in blocks(&tree, &places) {
+                let [rows, columns] = [a, b].map(|cluster| tree.clusters[cluster].nodes.clone());
+                for (i, j) in rows.flat_map(|i| columns.clone().map(move |j| (i, j))) {
+                    count[i * m + j] += 1;
+                    if a != b {
+                        count[j * m + i] += 1;
+                    }
+                    assert!(!is_far || (places[i] - places[j]).norm() > 0.0);
+                }
+            }
+            for (i, j) in (0..m).flat_map(|i| (0..m).map(move |j| (i, j))) {
+                assert_eq!(count[i * m + j], usize::from(i < n || j < n), "{i} {j} of {n} {m}");
+            }
+            for (node, &leaf) in tree.leaf_of.iter().enumerate() {
+                assert!(tree.path(node).all(|cluster| tree.clusters[cluster].nodes.contains(&node)));
+                assert!(tree.clusters[leaf].nodes.len() <= LEAF);
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! How the surface of a body yields to forces at its single nodes, in the way in which its file has that.
+//!
+//! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
+
+use super::super::error::GreenError;
+use super::super::file::GreenFile;
+use super::super::on_demand::Yield;
+use super::super::tensor::Tensor;
+use super::super::update::Changed;
+use super::compliance::{COMPLIANCE, Order, Tiles};
+use super::compressed::{COMPRESSED, CompressedColumns};
+use super::kept_factor::{KEPT_FACTOR, KeptColumns};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The compliance of a body, read where it lies.
+pub enum Compliance<'a> {
+    Tiles(Tiles<'a>),
+    Factor(KeptColumns<'a>),
+    Compressed(CompressedColumns<'a>),
+}
+
+impl Compliance<'_> {
+    fn order(&self) -> Order<'_> {
+        match self {
+            Compliance::Tiles(tiles) => tiles.order,
+            Compliance::Factor(kept) => kept.order,
+            Compliance::Compressed(compressed) => compressed.order,
+        }
+    }
+
+    /// Where each node of the surface stands that takes forces.
+    pub fn places(&self) -> BTreeMap<u32, usize> {
+        self.order().places()
+    }
+
+    /// What a force at the node at `place` does to the whole surface; nodes of control elements stay. Errors where what is read
+    /// from the file is not what was written.
+    pub fn column(&self, place: usize) -> Result<Yield, GreenError> {
+        match self {
+            Compliance::Tiles(tiles) => tiles.column(place),
+            Compliance::Factor(kept) => {
+                Ok(kept.columns(&[place])?.iter().flat_map(|column| column.iter().copied()).collect())
+            }
+            Compliance::Compressed(compressed) => compressed.column(place),
+        }
+    }
+
+    /// Reads all of it; errors at the first that is not what was written.
+    pub fn verify(&self) -> Result<(), GreenError> {
+        match self {
+            Compliance::Tiles(tiles) => tiles.verify(),
+            Compliance::Factor(kept) => kept.load().map(drop),
+            Compliance::Compressed(compressed) => compressed.verify(),
+        }
+    }
+
+    /// The tensors after a change by which the nodes `freed` of the surface are held no more.
+    pub fn changed(&self, freed: &[u32], change: &Changed<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
+        match self {
+            Compliance::Tiles(tiles) => tiles.changed(freed, change),
+            Compliance::Factor(kept) => kept.changed(change),
+            Compliance::Compressed(compressed) => compressed.changed(freed, change),
+        }
+    }
+}
+
+impl GreenFile {
+    /// How the surface of a body yields, where the scene asked for it.
+    pub fn compliance(&self, body: &str) -> Option<Compliance<'_>> {
+        let (body, meta) = self.meta.bodies.get_key_value(body)?;
+        if meta.requirements.has(KEPT_FACTOR) {
+            return KeptColumns::of(self, body, meta).map(Compliance::Factor);
+        }
+        if meta.requirements.has(COMPRESSED) {
+            return CompressedColumns::of(self, body, meta).map(Compliance::Compressed);
+        }
+        let meta = Some(meta).filter(|meta| meta.requirements.has(COMPLIANCE))?;
+        Tiles::of(self, body, meta).map(Compliance::Tiles)
+    }
+
+    /// The columns at these places of a body, as [`Compliance::column`] has them one by one. Those that are solved for may take
+    /// longer than `patience`: there are none then, and they are there when they are asked for later.
+    pub fn columns(
+        self: &Arc<Self>,
+        body: &str,
+        places: &[usize],
+        patience: Duration,
+    ) -> Result<Option<Vec<Arc<Yield>>>, GreenError> {
+        match self.compliance(body) {
+            None => Ok(None),
+            Some(Compliance::Factor(_)) if patience < Duration::MAX => {
+                let (file, name) = (self.clone(), body.to_owned());
+                self.on_demand.of(body).columns_within(places, patience, move |places| {
+                    match file.compliance(&name) {
+                        Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
+                        _ => Ok(()),
+                    }
+                })
+            }
+            Some(Compliance::Factor(kept)) => kept.columns(places).map(Some),
+            Some(compliance) => {
+                let column = |&place: &usize| compliance.column(place).map(Arc::new);
+                places.iter().map(column).collect::<Result<_, _>>().map(Some)
+            }
+        }
+    }
+
+    /// Reads what stays on the disk, which opening the file does not look at; errors where it is damaged.
+    pub fn verify(&self) -> Result<(), GreenError> {
+        self.meta.bodies.keys().filter_map(|body| self.compliance(body)).try_for_each(|of| of.verify())
+    }
+}
