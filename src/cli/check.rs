@@ -11,7 +11,7 @@ use crate::effect::{EFFECTS, EffectEntry, stress};
 use crate::green::{self, Forecast, GreenError};
 use crate::prepare;
 use crate::scene::file_kind::is_mesh_or_surface;
-use crate::scene::{Body, Limit, Material, Method, Scene};
+use crate::scene::{Body, Kept, Limit, Material, Method, Scene};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -68,8 +68,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
                     let place = format!("{entity}.surface_compliance");
                     let size = green::compliance_size(&prepared.mesh, held, asked).ok();
-                    let told = size
-                        .map(|size| Diagnostic::new(Severity::Note, &place, forecast.compliance_told(size)));
+                    let told = |size: [usize; 3]| match asked.kept {
+                        Kept::Compressed(error) => forecast.compressed_told(size, error),
+                        _ => forecast.compliance_told(size),
+                    };
+                    let told = size.map(|size| Diagnostic::new(Severity::Note, &place, told(size)));
                     findings.extend(told);
                 }
                 findings.extend(match body.method {

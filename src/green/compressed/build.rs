@@ -26,7 +26,7 @@ const SAMPLES_OF_LEAF: usize = 24;
 /// Columns that are solved for together.
 const TOGETHER: usize = 48;
 /// What the bases leave out, in parts of the error that is asked for.
-const LEFT_OUT: f64 = 0.1;
+const LEFT_OUT: f64 = 0.04;
 
 type M3 = Matrix3<f64>;
 
