@@ -68,9 +68,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
                     let place = format!("{entity}.surface_compliance");
                     let size = green::compliance_size(&prepared.mesh, held, asked).ok();
-                    let told = |size| match asked.kept {
+                    let told = |size: [usize; 3]| match asked.kept {
                         Kept::Factor => forecast.kept_factor_told(size),
-                        Kept::Inverse | Kept::Compressed(_) => forecast.compliance_told(size),
+                        Kept::Compressed(error) => forecast.compressed_told(size, error),
+                        Kept::Inverse => forecast.compliance_told(size),
                     };
                     let told = size.map(|size| Diagnostic::new(Severity::Note, &place, told(size)));
                     findings.extend(told);

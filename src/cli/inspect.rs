@@ -241,6 +241,9 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
             body.accuracy.stored(),
             body.fingerprint,
         ));
+        if let Some(compressed) = &body.compressed {
+            text.push_str(&format!("  {}\n", compressed.told()));
+        }
         for control in &body.controls {
             let zero = match control.vanishing.is_empty() {
                 true => String::new(),

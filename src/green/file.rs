@@ -83,6 +83,17 @@ pub struct CompressedMeta {
     pub nodes: usize,
 }
 
+impl CompressedMeta {
+    /// The errors in a sentence.
+    pub fn told(&self) -> String {
+        let CompressedMeta { asked, measured, nodes } = self;
+        format!(
+            "compressed compliance: a displacement is wrong by at most {measured:.1e} of that of the pressed node, as measured at \
+             {nodes} nodes; asked for {asked:e}"
+        )
+    }
+}
+
 /// One load of a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LoadMeta {

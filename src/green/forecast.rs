@@ -25,6 +25,8 @@ const JUDGEMENT: f64 = 30.0;
 const SURFACE_COLUMN: f64 = 1.5e-10;
 /// Numbers of a kept factor over those of the whole, at least and at most: 0.69 of a cube, 0.80 of a tube, 0.85 of a thin plate.
 const KEPT: [f64; 2] = [0.6, 0.85];
+/// Bytes of a node of a compressed compliance at an error of 1e-3, and what each further decade adds: of a tube of 3,240 nodes.
+const COMPRESSED_NODE: [f64; 2] = [1900.0, 1200.0];
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
@@ -90,6 +92,17 @@ impl Forecast {
             "{nodes} of {all} free nodes of the surface take forces: by an estimate {file} in the .green file, {memory} of \
              memory once a node was touched, where kept = \"inverse\" takes {} in the file and little memory",
             bytes(size as f64)
+        )
+    }
+
+    /// The same of one that is compressed within an error.
+    pub fn compressed_told(&self, [nodes, all, full]: [usize; 3], error: f64) -> String {
+        let own = COMPRESSED_NODE[0] - COMPRESSED_NODE[1] * (error.log10() + 3.0);
+        let [least, most] = [0.5, 2.0].map(|times| bytes((times * own * all as f64).min(full as f64)));
+        format!(
+            "{nodes} of {all} free nodes of the surface take forces: compressed within {error:e}, by an estimate from their number, \
+             {least} to {most} in the .green file, where all numbers take {}",
+            bytes(full as f64)
         )
     }
 

@@ -20,13 +20,13 @@ use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Samples of forces on one leaf, for each leaf, and the most samples of all.
-const SAMPLES: usize = 8;
-const MOST_SAMPLES: usize = 2048;
+/// Samples of random forces, of all and for each leaf at most.
+const SAMPLES: usize = 1536;
+const SAMPLES_OF_LEAF: usize = 24;
 /// Columns that are solved for together.
 const TOGETHER: usize = 48;
 /// What the bases leave out, in parts of the error that is asked for.
-const LEFT_OUT: f64 = 0.1;
+const LEFT_OUT: f64 = 0.04;
 
 type M3 = Matrix3<f64>;
 
@@ -107,7 +107,7 @@ fn memory(tree: &Tree, blocks: &[Block]) -> f64 {
 }
 
 fn samples_of(tree: &Tree) -> usize {
-    (SAMPLES * tree.leaves().count()).min(MOST_SAMPLES)
+    (SAMPLES_OF_LEAF * tree.leaves().count()).min(SAMPLES)
 }
 
 /// Builds all blocks; `tightness` divides what the bases leave out.
@@ -211,20 +211,19 @@ pub fn some(all: usize, count: usize, seed: u64) -> Vec<usize> {
     chosen
 }
 
-/// What random forces on leaves do to the whole surface. Where there are too many leaves for each to have samples of its own,
-/// half of the samples are on several ones.
+/// What random forces do to the whole surface. Every second sample has them on one leaf, for clusters that are far from few
+/// leaves; the others on 2, 4, 8 and so on, which tell the more, the more leaves are far.
 fn samples(of: &Surface<'_>, frames: &[Frame], progress: &dyn Progress) -> Result<Samples, SolveError> {
     let tree = of.tree;
     let leaves: Vec<usize> = tree.leaves().collect();
     let count = samples_of(tree);
-    let several = (2 * SAMPLES * leaves.len()).div_ceil(count).saturating_sub(1).max(1);
+    let classes = (leaves.len() / 8).checked_ilog2().unwrap_or(0) as usize;
     let on = |sample: usize| -> Vec<usize> {
-        let how_many = if sample % 2 == 0 || several == 1 { 1 } else { several.min(leaves.len()) };
-        let first = sample * leaves.len() / count;
-        match how_many {
-            1 => vec![leaves[first]],
-            _ => some(leaves.len(), how_many, sample as u64).into_iter().map(|i| leaves[i]).collect(),
+        if sample % 2 == 0 || classes == 0 {
+            return vec![leaves[sample * leaves.len() / count]];
         }
+        let how_many = 2 << (sample / 2 % classes);
+        some(leaves.len(), how_many, sample as u64).into_iter().map(|i| leaves[i]).collect()
     };
     let size = 3 * of.nodes.len();
     let mut samples = Samples { leaves: (0..count).map(on).collect(), values: vec![0.0; size * count] };
