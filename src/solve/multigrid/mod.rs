@@ -18,6 +18,7 @@ mod galerkin;
 mod prolong;
 mod rows;
 mod smooth;
+mod smoothed;
 #[cfg(test)]
 mod tests;
 mod transfer;
@@ -28,8 +29,9 @@ use cluster::Clusters;
 use coarsest::Dense;
 use prolong::{MODES, Prolongator, RigidModes};
 use rayon::prelude::*;
-use rows::{Rows, Scaled, Smoothed};
+use rows::{Rows, Scaled};
 use smooth::{Smoother, THICK, THIN, Vectors};
+use smoothed::Smoothed;
 
 /// Coupling of two nodes, in parts of their diagonal blocks, below which they are not gathered; on every coarser level half of
 /// it (Vaněk, Mandel and Brezina), but of thin bodies twice as much: plates and shells took up to twice the iterations with

@@ -12,7 +12,8 @@
 
 use super::aggregate::{ALONE, Aggregates};
 use super::cluster::{self, Clusters, MOST};
-use super::rows::{Block, PART, Rows};
+use super::rows::{Block, Rows};
+use super::smoothed::PART;
 use rayon::prelude::*;
 use std::ops::Range;
 
