@@ -18,62 +18,31 @@ fn square<const B: usize>(block: &Block<B>) -> f64 {
     block.iter().flatten().map(|value| value * value).sum()
 }
 
-/// The force on a cluster that is shifted; beside it, those on its neighbours, in the order of their first blocks.
-fn shifted<const B: usize>(
-    rows: &impl Rows<B>,
-    clusters: &Clusters,
-    cluster_of: &[u32],
-    cluster: usize,
-    beside: &mut Vec<(u32, Block<B>)>,
-) -> Block<B> {
-    beside.clear();
-    let mut own = [[0.0; B]; B];
-    for node in clusters.members(cluster) {
-        let mut add = |other: usize, block: &Block<B>| {
-            let there = cluster_of[other];
-            let sum = if there as usize == cluster {
-                &mut own
-            } else {
-                let known = beside.iter().position(|(known, _)| *known == there);
-                let at = known.unwrap_or_else(|| {
-                    beside.push((there, [[0.0; B]; B]));
-                    beside.len() - 1
-                });
-                &mut beside[at].1
-            };
-            sum.iter_mut().flatten().zip(block.iter().flatten()).for_each(|(sum, value)| *sum += value);
-        };
-        add(node, &rows.diagonal(node));
-        rows.each(node, &mut add);
-    }
-    own
-}
-
 impl Aggregates {
-    /// Two clusters are strongly coupled where ‖A_ij‖ ≥ `threshold` (‖A_ii‖ ‖A_jj‖)^½, A_ij being the force on cluster i as
-    /// cluster j is shifted: the sum of their nodes' blocks.
+    /// Two clusters are strongly coupled where two of their nodes are: ‖A_ij‖ ≥ `threshold` (‖A_ii‖ ‖A_jj‖)^½.
     ///
     /// A cluster none of whose neighbours belongs to an aggregate makes one of them all; what is left over joins the
     /// aggregate to which it is coupled most.
     pub fn new<const B: usize>(rows: &impl Rows<B>, clusters: &Clusters, threshold: f64) -> Aggregates {
-        let cluster_of = clusters.of_nodes();
-        let own =
-            |cluster: usize| square(&shifted(rows, clusters, &cluster_of, cluster, &mut Vec::new())).sqrt();
-        let size: Vec<f64> = (0..clusters.count()).into_par_iter().with_min_len(512).map(own).collect();
+        let size: Vec<f64> = (0..rows.nodes()).map(|node| square(&rows.diagonal(node)).sqrt()).collect();
         let limit = threshold * threshold;
-        // The clusters that each is strongly coupled to, and how much, in parts of their size.
-        let strong: Vec<Vec<(u32, f64)>> = (0..clusters.count())
+        let cluster_of = clusters.of_nodes();
+        let strong: Vec<Vec<u32>> = (0..clusters.count())
             .into_par_iter()
             .with_min_len(512)
-            .map_init(Vec::new, |beside, cluster| {
-                shifted(rows, clusters, &cluster_of, cluster, beside);
-                let strengths = beside.iter().map(|(other, block)| (*other, square(block)));
-                strengths
-                    .filter(|&(other, strength)| {
-                        strength > 0.0 && strength >= limit * size[cluster] * size[other as usize]
-                    })
-                    .map(|(other, strength)| (other, strength / size[other as usize]))
-                    .collect()
+            .map(|cluster| {
+                let mut strong = Vec::new();
+                for node in clusters.members(cluster) {
+                    rows.each(node, |other, block| {
+                        let strength = square(block);
+                        let is_strong = strength > 0.0 && strength >= limit * size[node] * size[other];
+                        let other = cluster_of[other];
+                        if is_strong && other as usize != cluster && !strong.contains(&other) {
+                            strong.push(other);
+                        }
+                    });
+                }
+                strong
             })
             .collect();
 
@@ -81,21 +50,25 @@ impl Aggregates {
         let mut count = 0;
         for (cluster, strong) in strong.iter().enumerate() {
             let is_free = of_cluster[cluster] == ALONE
-                && strong.iter().all(|&(other, _)| of_cluster[other as usize] == ALONE);
+                && strong.iter().all(|&other| of_cluster[other as usize] == ALONE);
             if is_free && (!strong.is_empty() || clusters.members(cluster).len() > 1) {
                 of_cluster[cluster] = count;
-                strong.iter().for_each(|&(other, _)| of_cluster[other as usize] = count);
+                strong.iter().for_each(|&other| of_cluster[other as usize] = count);
                 count += 1;
             }
         }
         let rooted = of_cluster.clone();
         for cluster in (0..clusters.count()).filter(|&c| rooted[c] == ALONE && !strong[c].is_empty()) {
             let mut best = (0.0, ALONE);
-            for &(other, strength) in &strong[cluster] {
-                let aggregate = rooted[other as usize];
-                if aggregate != ALONE && strength > best.0 {
-                    best = (strength, aggregate);
-                }
+            for node in clusters.members(cluster) {
+                rows.each(node, |other, block| {
+                    let strength = square(block) / size[other];
+                    let other = cluster_of[other];
+                    let aggregate = rooted[other as usize];
+                    if aggregate != ALONE && strength > best.0 && strong[cluster].contains(&other) {
+                        best = (strength, aggregate);
+                    }
+                });
             }
             of_cluster[cluster] = best.1;
         }
