@@ -21,7 +21,7 @@ use rayon::prelude::*;
 /// Nodes whose columns are solved for anew.
 const MEASURED: usize = 64;
 /// The part of the asked error that the measured one is to reach: other nodes may err by more.
-const AIM: f64 = 0.7;
+const AIM: f64 = 0.4;
 /// Steps of rounding, in parts of the error of a block: where the trial begins, and how often it is halved or doubled.
 const FIRST: f64 = 0.5;
 const TRIALS: i32 = 8;
