@@ -125,11 +125,11 @@ impl Body {
         {
             return wrong(&key, "one positive number or more is needed");
         }
-        if let AccuracyTarget::Accuracy(Accuracy { displacement, force, .. }) = target
-            && let Some(error) = displacement.into_iter().chain(force).find(|error| *error > 1.0)
+        if let AccuracyTarget::Accuracy(Accuracy { displacement: Some(error), .. }) = target
+            && error > 1.0
         {
             let message = format!(
-                "an error of {error} is {:.0} % of the whole: write {} for {error} %",
+                "displacement = {error} is {:.0} % of the whole: write {} for {error} %",
                 100.0 * error,
                 error / 100.0
             );
