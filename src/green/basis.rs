@@ -5,7 +5,7 @@ use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
-use super::family::Assembled;
+use super::family::{Assembled, FamilyEntry};
 use super::journal::Journal;
 use super::judge;
 use super::kept::{Keep, Kept};
@@ -89,6 +89,24 @@ pub fn solve_prepared(
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     solve_kept(scene, name, prepared, requirements, None, progress)
+}
+
+/// Computes what each family holds, and how long that takes.
+fn add_families(
+    families: &[&FamilyEntry],
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    progress: &dyn Progress,
+) -> Result<(), GreenError> {
+    for entry in families {
+        if let Some(compute) = entry.compute {
+            let started = Instant::now();
+            compute(assembled, solution, progress)?;
+            let took = started.elapsed().as_secs_f64();
+            solution.times.families_s.insert(entry.family.name.to_owned(), took);
+        }
+    }
+    Ok(())
 }
 
 fn solve_kept(
@@ -189,14 +207,7 @@ fn solve_kept(
     let (k, partition, factor) = (&k, &partition, factor.as_deref());
     let assembled =
         Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
-    for entry in families {
-        if let Some(compute) = entry.compute {
-            let started = Instant::now();
-            compute(&assembled, &mut solution, progress)?;
-            let took = started.elapsed().as_secs_f64();
-            solution.times.families_s.insert(entry.family.name.to_owned(), took);
-        }
-    }
+    add_families(&families, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
         solution.rigid = RigidMotion::of(mesh, controls, fields, solution.stiffness());

@@ -219,7 +219,7 @@ fn samples(of: &Surface<'_>, frames: &[Frame], progress: &dyn Progress) -> Resul
     let count = samples_of(tree);
     let classes = (leaves.len() / 8).checked_ilog2().unwrap_or(0) as usize;
     let on = |sample: usize| -> Vec<usize> {
-        if sample % 2 == 0 || classes == 0 {
+        if sample.is_multiple_of(2) || classes == 0 {
             return vec![leaves[sample * leaves.len() / count]];
         }
         let how_many = 2 << (sample / 2 % classes);
