@@ -19,7 +19,7 @@ pub type Point = [f64; 3];
 /// Points, axis by axis.
 pub type Points<const N: usize> = [[f64; N]; 3];
 
-/// Numbers of a [`Pull`]: g, and of H xx, xy, xz, yy, yz, zz.
+/// Numbers of a pull: g, and of H xx, xy, xz, yy, yz, zz.
 pub const PULL: usize = 7;
 
 #[inline(always)]

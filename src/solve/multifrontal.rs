@@ -45,7 +45,7 @@ struct Run {
     length: usize,
 }
 
-/// Fills `values`, as long as [`Fronts::entries`] and zero, with the numbers of L.
+/// Fills `values`, as long as [`Supernodes::entries`](super::supernodes::Supernodes::entries) and zero, with the numbers of L.
 pub(super) fn factorize<T: Real>(
     fronts: &Fronts,
     a: &StiffnessMatrix,

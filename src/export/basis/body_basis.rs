@@ -55,11 +55,12 @@ pub struct Column {
 pub struct Handle {
     pub rest: ControlRest,
     pub is_grabbed: bool,
-    /// Half of the largest extent of its surface nodes, m; of a single node this part of the body's size: [`SINGLE_NODE`].
+    /// Half of the largest extent of its surface nodes, m; of a single node a part of the body's size.
     pub radius: f64,
 }
 
-pub const SINGLE_NODE: f64 = 0.03;
+/// Radius of a control element of a single node, in parts of the body's size.
+const SINGLE_NODE: f64 = 0.03;
 
 /// What is wanted of a body.
 #[derive(Clone, Copy, Default)]

@@ -1,7 +1,7 @@
 //! Clusters of nodes that lie together, and which pairs of clusters are far from each other.
 //!
 //! In: places of nodes, of which those in front take forces. Out: an order of them in which every cluster stands together, a
-//! binary [`Tree`] of clusters, and its [`Blocks`] (W. Hackbusch, Hierarchical Matrices, Springer 2015, chapter 5). Nodes that
+//! binary [`Tree`] of clusters, and its [`blocks`] (W. Hackbusch, Hierarchical Matrices, Springer 2015, chapter 5). Nodes that
 //! take forces and nodes that take none have a tree each.
 
 use nalgebra::Vector3;
