@@ -88,7 +88,7 @@ pub fn fits(nodes: usize, held: usize) -> Result<f64, Error> {
     for _ in 0..20 {
         let part = 0.5 * (least + most);
         let [nodes, held] = scaled(part);
-        match machine::expect(what(nodes), memory(nodes, held)) {
+        match machine::fits(what(nodes), memory(nodes, held), 0.0) {
             Ok(()) => least = part,
             Err(_) => most = part,
         }

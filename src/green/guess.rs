@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 const RIDGE: f64 = 1e-3;
 /// The same for the squares of distances.
 const NEAR: f64 = 1e-3;
-/// So many neighbours of a node are looked at: a fan of a million triangles must not take a million squared steps.
+/// So many neighbours of a node are looked at, and so many nodes fitted: a fan of a million triangles must take neither a million
+/// squared steps nor the memory of as many weights.
 const MOST: usize = 64;
 
 /// In which order the nodes of a surface come, and what each is guessed from.
@@ -44,7 +45,9 @@ impl Guesses {
             for &near in neighbours[node as usize].iter().take(MOST) {
                 let of_near = neighbours[near as usize].iter().take(MOST);
                 for &known in of_near.chain([&near]).filter(|&&known| is_known[known as usize]) {
-                    found.entry(known).or_insert_with(|| place(rest, known));
+                    if found.len() < MOST {
+                        found.entry(known).or_insert_with(|| place(rest, known));
+                    }
                 }
             }
             guesses.terms.extend(fit(&place(rest, node), &found));

@@ -73,7 +73,7 @@ impl Read for Others<'_> {
     }
 }
 
-/// Numbers that were read and checked last, the oldest dropped first, by their tensor and their place in it.
+/// Numbers that were used last, those dropped first that were not used for longest, by their tensor and their place in it.
 #[derive(Debug, Default)]
 pub struct Recent(Mutex<VecDeque<Strip>>);
 
@@ -93,9 +93,14 @@ impl Recent {
         make: impl FnOnce() -> std::result::Result<Vec<f32>, E>,
     ) -> std::result::Result<Arc<Vec<f32>>, E> {
         let kept = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |strip: &&Strip| (strip.tensor.as_str(), strip.place) == (tensor, place);
-        if let Some(strip) = kept().iter().find(is_it) {
-            return Ok(strip.numbers.clone());
+        let take = |kept: &mut VecDeque<Strip>| {
+            let at = kept.iter().position(|strip| (strip.tensor.as_str(), strip.place) == (tensor, place))?;
+            let strip = kept.remove(at)?;
+            kept.push_front(strip);
+            kept.front().map(|strip| strip.numbers.clone())
+        };
+        if let Some(numbers) = take(&mut kept()) {
+            return Ok(numbers);
         }
         let numbers = Arc::new(make()?);
         let mut kept = kept();
@@ -127,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_read_last_is_not_read_again() {
+    fn what_was_used_last_is_not_read_again() {
         let recent = Recent::default();
         let get = |place: usize| {
             let mut made = false;
@@ -138,7 +143,7 @@ mod tests {
             assert_eq!(*numbers.unwrap(), [place as f32]);
             made
         };
-        let made: Vec<bool> = [0, 1, 0, 2, 3, 1, 4, 0].map(get).into();
-        assert_eq!(made, [true, true, false, true, true, false, true, true]);
+        let made: Vec<bool> = [0, 1, 2, 3, 0, 4, 0, 1].map(get).into();
+        assert_eq!(made, [true, true, true, true, false, true, false, true]);
     }
 }

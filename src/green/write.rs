@@ -94,21 +94,22 @@ impl GreenFile {
     /// A file in memory alone, in which some bodies of this one have other tensors and say something else of themselves.
     pub(super) fn with_bodies(
         self: Arc<Self>,
-        others: BTreeMap<String, (BodyMeta, BTreeMap<String, Tensor>)>,
+        mut others: BTreeMap<String, (BodyMeta, BTreeMap<String, Tensor>)>,
     ) -> Result<GreenFile, GreenError> {
         let mut meta = Meta::empty();
         let mut tensors = BTreeMap::new();
         for (name, own) in &self.meta.bodies {
-            let Some((changed, content)) = others.get(name) else {
+            let Some((changed, content)) = others.remove(name) else {
                 meta.bodies.insert(name.clone(), own.clone());
                 tensors.extend(self.tensors_of(name)?);
                 continue;
             };
-            meta.bodies.insert(name.clone(), changed.clone());
-            tensors.extend(content.iter().map(|(tensor, of)| (format!("{name}/{tensor}"), of.clone())));
+            meta.bodies.insert(name.clone(), changed);
+            tensors.extend(content.into_iter().map(|(tensor, of)| (format!("{name}/{tensor}"), of)));
         }
         let damaged = |reason: String| GreenError::Damaged { path: self.path.clone(), reason };
         let bytes = sealed(meta, &tensors).map_err(|error| damaged(error.to_string()))?;
+        drop(tensors);
         let bytes = Bytes::read(&mut bytes.as_slice(), bytes.len() as u64)
             .map_err(|source| GreenError::Io { path: self.path.clone(), source })?;
         let file = GreenFile::of(&self.path, bytes).map_err(damaged)?;

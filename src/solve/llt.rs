@@ -56,8 +56,8 @@ impl Analysis {
     }
 
     /// Bytes of the factor, and of what needs more: making it (the updates of the fronts that are at work at once), the
-    /// solves (at most five fields of all columns at once, a block of columns for each thread), or the estimate of
-    /// conditioning (|A|, and some 70 fields of one column).
+    /// solves (at most five fields of all columns at once, or eight of an iteration, and a block of columns for each thread), or
+    /// the estimate of conditioning (|A|, and some 70 fields of one column).
     pub(super) fn memory<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         let number = size_of::<T>() as f64;
         let threads = rayon::current_num_threads();
@@ -66,7 +66,8 @@ impl Analysis {
         let blocks = columns.div_ceil(width.max(1)).min(threads);
         let block = number * (3 * a.nodes() * width + scratch(&self.fronts, width)) as f64;
         let field = 24.0 * a.nodes() as f64;
-        let solves = 5.0 * field * columns as f64 + blocks as f64 * block;
+        let fields = if size_of::<T>() < size_of::<f64>() { 8.0 } else { 5.0 };
+        let solves = fields * field * columns as f64 + blocks as f64 * block;
         let conditioning = 100.0 * a.edges.len() as f64 + 70.0 * field + 2.0 * block;
         number * self.fronts.entries() as f64 + making.max(solves).max(conditioning)
     }

@@ -379,15 +379,17 @@ impl Tiles<'_> {
         freed: &[u32],
         change: &Changed<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
-        changed(self.order, freed, change, &|first| self.strip(first / BLOCK))
+        changed(&self.tensor, self.order, freed, change, &|first| self.strip(first / BLOCK))
     }
 }
 
 /// All numbers of the nodes from one on, up to the next multiple of [`BLOCK`]: a row for each of their components.
 pub(super) type Rows<'a> = &'a dyn Fn(usize) -> Result<Arc<Vec<f32>>, GreenError>;
 
-/// The tensors of the tiles after a change by which the nodes `freed` are held no more, from the numbers before it.
+/// The tensors of the tiles after a change by which the nodes `freed` are held no more, from the numbers before it, those of
+/// `tensor`. Errors where the new file and its tensors do not fit into memory together.
 pub(super) fn changed(
+    tensor: &str,
     before: Order<'_>,
     freed: &[u32],
     change: &Changed<'_>,
@@ -396,7 +398,11 @@ pub(super) fn changed(
     let (n, m) = (before.n, before.nodes.len());
     let order = [before.nodes, freed].concat();
     let layout = Layout { n, m: order.len() };
-    let mut values = vec![0; 4 * layout.len()];
+    let size = 4 * layout.len();
+    machine::expect("the compliance of the surface after the change", 2.0 * size as f64).map_err(
+        |source| GreenError::Memory { body: tensor.split('/').next().unwrap_or_default().to_owned(), source },
+    )?;
+    let mut values = vec![0; size];
     for first in (0..n).step_by(BLOCK) {
         let own = first..(first + BLOCK).min(n);
         let more = change.compliance(&order[own.clone()]);

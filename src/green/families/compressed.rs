@@ -248,13 +248,8 @@ impl<'a> CompressedColumns<'a> {
         freed: &[u32],
         change: &Changed<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
-        let (n, m) = (self.order.n, self.order.nodes.len());
-        let need = 3.0 * tile_bytes(n, m + freed.len()) as f64;
-        machine::expect("the compliance of the surface after the change", need).map_err(|source| {
-            GreenError::Memory { body: self.tensor.split('/').next().unwrap_or_default().to_owned(), source }
-        })?;
-        changed(self.order, freed, change, &|first| {
-            let nodes: Vec<usize> = (first..n.min(first + BLOCK)).collect();
+        changed(&self.tensor, self.order, freed, change, &|first| {
+            let nodes: Vec<usize> = (first..self.order.n.min(first + BLOCK)).collect();
             let columns: Result<Vec<_>, GreenError> =
                 nodes.par_iter().map(|&place| self.numbers(place)).collect();
             let row = |(column, force): (&Vec<f32>, usize)| -> Vec<f32> {

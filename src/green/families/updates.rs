@@ -188,6 +188,9 @@ fn ports(assembled: &Assembled<'_>, solution: &Solution) -> Result<Ports, GreenE
             ..TetMesh::default()
         };
         let own_lame: Vec<Lame> = inside.iter().map(|&tet| lame[tet]).collect();
+        let numbers = 18 * shared.len() * shared.len() + BATCH * 9 * mesh.nodes.len();
+        machine::expect("the condensed stiffness of a region", 8.0 * numbers as f64)
+            .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
         let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
         let k = element.assemble(&part, &own_lame).map_err(unfit)?;
         let failed = |source| GreenError::Solve { body: assembled.place.to_owned(), source };
