@@ -91,12 +91,22 @@ pub enum Command {
     Man(completions::ManArgs),
 }
 
+impl Command {
+    /// Whether frames are drawn one after the other in the thread that runs it.
+    fn draws_frames(&self) -> bool {
+        matches!(self, Command::View(_) | Command::Render(_) | Command::Bench(_) | Command::Demo(_))
+    }
+}
+
 /// Runs the command that was asked for; without one, the demo.
 pub fn run(cli: Cli) -> Result<(), Failure> {
     machine::start_threads().map_err(|error| match error {
         ThreadsError::TooMany { .. } => Failure::request(error),
         ThreadsError::Start { .. } => Failure::work(error),
     })?;
+    if cli.command.as_ref().is_none_or(Command::draws_frames) {
+        machine::work_along();
+    }
     match cli.command {
         Some(Command::New(args)) => new::run(&args),
         Some(Command::Demo(args)) => demo::run(&args),
