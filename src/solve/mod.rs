@@ -10,6 +10,7 @@
 mod auto;
 mod cholesky;
 mod condition;
+mod conjugate_gradients;
 mod dense;
 mod dense_system;
 mod error;

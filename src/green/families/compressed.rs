@@ -18,7 +18,6 @@ use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::affine::AFFINE;
 use super::compliance::{BLOCK, HASH, Order, changed, check_order, tile_bytes, unknowns};
-use crate::base::machine;
 use crate::base::table::bytes;
 use crate::scene::Kept;
 use crate::solve::Progress;

@@ -1,0 +1,340 @@
+//! Conjugate gradients on the 3×3-block matrix, preconditioned by multigrid ([`super::multigrid`]). Several columns are
+//! iterated together, so that one pass over the matrix multiplies all of them.
+//!
+//! In: A, its levels, and columns of b. Out: columns of x with their true residuals, or the first that stays above the
+//! tolerance; and a bound of their error in the norm of the energy.
+
+use super::error::SolveError;
+use super::multigrid::{Multigrid, Workspace};
+use super::residual::Column;
+use super::spectrum::Spectrum;
+use crate::base::lanes::padded;
+use crate::base::progress::Progress;
+use crate::fem::{NodeFields, StiffnessMatrix};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
+/// residual at most this often, and while that helps, before it is called stagnant.
+const RESTARTS: usize = 8;
+
+/// Residual in parts of ‖|A| |x| + |b|‖₂ that rounding leaves where no iteration can lower it: some units of roundoff.
+const ROUNDING: f64 = 2e-15;
+
+/// Relative residual to which the error of a solution is solved for.
+const PROBE: f64 = 1e-2;
+
+/// A with its multigrid levels, and when an iteration ends.
+#[derive(Clone, Copy)]
+pub struct System<'a> {
+    pub a: &'a StiffnessMatrix,
+    pub multigrid: &'a Multigrid,
+    /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
+    pub tolerance: f64,
+    pub max_iterations: usize,
+}
+
+/// Columns that are iterated together, in all their vectors, with columns of zeros behind them up to a multiple of four.
+pub struct Batch<'a> {
+    system: System<'a>,
+    b: &'a NodeFields,
+    /// Which of b.
+    columns: Range<usize>,
+    x: NodeFields,
+    r: NodeFields,
+    p: NodeFields,
+    /// A p.
+    q: NodeFields,
+    workspace: Workspace,
+    spectrum: Spectrum,
+    iterations: usize,
+    /// True residuals ‖b - A x‖₂ / ‖b‖₂.
+    relative: Vec<f64>,
+}
+
+/// Where an iteration starts and ends.
+struct Run<'a> {
+    /// Norms that residuals are compared with.
+    norms: &'a [f64],
+    tolerance: f64,
+    most: usize,
+    /// The column whose spectrum is taken; that with the most to do, if none is named.
+    watched: Option<usize>,
+}
+
+impl<'a> Batch<'a> {
+    /// x = 0.
+    pub fn new(system: System<'a>, b: &'a NodeFields, columns: Range<usize>) -> Batch<'a> {
+        let zeros = || NodeFields::zeros(b.nodes, padded(columns.len()));
+        let mut r = zeros();
+        take(b, &columns, &mut r);
+        Batch {
+            system,
+            b,
+            x: zeros(),
+            r,
+            p: zeros(),
+            q: zeros(),
+            workspace: system.multigrid.workspace(padded(columns.len())),
+            spectrum: Spectrum::default(),
+            iterations: 0,
+            relative: Vec::new(),
+            columns,
+        }
+    }
+
+    /// All iterations so far.
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// True residuals ‖b - A x‖₂ / ‖b‖₂ of its columns.
+    pub fn relative_residuals(&self) -> &[f64] {
+        &self.relative[..self.columns.len()]
+    }
+
+    /// x, with the columns of zeros.
+    pub fn solution(&self) -> &NodeFields {
+        &self.x
+    }
+
+    /// Iterates to the tolerance. Errors where a column's true residual stays above it.
+    pub fn converge(&mut self, progress: &dyn Progress) -> Result<(), SolveError> {
+        let System { tolerance, max_iterations, .. } = self.system;
+        let mut done = 0;
+        let norms = self.r.norms();
+        let mut before = f64::INFINITY;
+        for _ in 0..=RESTARTS {
+            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None };
+            self.iterations += self.iterate(&run, &mut |worst| {
+                let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
+                progress.advance(way.saturating_sub(done));
+                done = done.max(way);
+            });
+            self.system.a.multiply(&self.x, &mut self.q);
+            take(self.b, &self.columns, &mut self.r);
+            self.r.data.par_iter_mut().zip(&self.q.data).with_min_len(4096).for_each(|(r, q)| *r -= q);
+            let left = self.r.norms();
+            self.relative =
+                left.iter().zip(&norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            let worst = self.relative.iter().copied().fold(0.0, f64::max);
+            if worst <= tolerance || worst > 0.5 * before || self.iterations >= max_iterations {
+                break;
+            }
+            before = worst;
+        }
+        let is_above = |residual: &f64| *residual > tolerance || residual.is_nan();
+        if !self.relative.iter().any(is_above) {
+            return Ok(());
+        }
+        // Where a stiff part floats, rounding alone leaves a large residual on it, which moves it by nothing; the forward
+        // error is judged afterwards.
+        let errors = self.estimated_errors();
+        take(self.b, &self.columns, &mut self.p);
+        let is_refused = |&c: &usize| {
+            is_above(&self.relative[c])
+                && is_above(&errors[c])
+                && Column::of(self.system.a, &self.x, &self.p, &self.r, c).normwise_error() > ROUNDING
+        };
+        let refused = (0..self.columns.len()).find(is_refused);
+        refused.map_or(Ok(()), |number| {
+            let (column, residual) = (self.columns.start + number, self.relative[number]);
+            Err(SolveError::Residual { column, residual, limit: tolerance, iterations: self.iterations })
+        })
+    }
+
+    /// About ‖x̂ - x‖_A / ‖x̂‖_A of every column, from rᵀM⁻¹r.
+    fn estimated_errors(&mut self) -> Vec<f64> {
+        let norms = self.r.norms();
+        let squares = self.preconditioned_squares(&norms);
+        let least = self.least();
+        let error =
+            |(square, energy): (f64, f64)| if square == 0.0 { 0.0 } else { (square / least / energy).sqrt() };
+        squares.into_iter().zip(self.energies()).map(error).collect()
+    }
+
+    /// The least eigenvalue of M⁻¹A, as far as it was seen.
+    fn least(&self) -> f64 {
+        self.spectrum.ends.map_or(1.0, |[low, _]| low.min(1.0))
+    }
+
+    /// The largest ‖x̂ - x‖_A / ‖x̂‖_A of all columns. The residual r = b - A x̂ is no measure where A is ill-conditioned,
+    /// and the least eigenvalue λ of M⁻¹A, with M the multigrid preconditioner, is seen only once the iteration has
+    /// converged; so the errors d are solved for, A d = r, to a part of [`PROBE`], and what is left, ρ = r - A d, is
+    /// bounded:
+    ///
+    /// ```text
+    /// ‖x̂ - x‖_A ≤ ‖d‖_A + (ρᵀM⁻¹ρ / λ)^½
+    /// ```
+    ///
+    /// (Axelsson and Kaporin, Numer. Linear Algebra Appl. 8, 2001, 265-286: ρᵀA⁻¹ρ ≤ ρᵀM⁻¹ρ / λ.) λ is an estimate from
+    /// above, which these iterations improve. The batch is of no use afterwards: x is the error then.
+    pub fn energy_error(&mut self) -> f64 {
+        let norms = self.r.norms();
+        if norms.iter().all(|norm| *norm == 0.0) {
+            return 0.0;
+        }
+        let energies = self.energies();
+        let parts = self.preconditioned_squares(&norms).into_iter().zip(&energies);
+        let parts = parts.map(|(rz, energy)| rz / energy).enumerate();
+        let (watched, _) =
+            parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
+        self.x.data.fill(0.0);
+        let most = self.system.max_iterations;
+        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched) }, &mut |_| {});
+        let known = self.energies();
+        let left = self.r.norms();
+        let unknown = self.preconditioned_squares(&left);
+        let least = self.least();
+        let mut worst = 0.0;
+        for c in (0..norms.len()).filter(|&c| norms[c] > 0.0) {
+            let error = (known[c].sqrt() + (unknown[c] / least).sqrt()) / energies[c].sqrt();
+            if error > worst || error.is_nan() {
+                worst = error;
+            }
+        }
+        worst
+    }
+
+    /// xᵀA x of every column.
+    fn energies(&mut self) -> Vec<f64> {
+        self.system.a.multiply(&self.x, &mut self.q);
+        self.x.dots(&self.q)
+    }
+
+    /// rᵀM⁻¹r of every column, whose norms of r are these.
+    fn preconditioned_squares(&mut self, norms: &[f64]) -> Vec<f64> {
+        self.precondition(norms);
+        self.dots_with_z(norms).0
+    }
+
+    /// z = M⁻¹ r, in parts of the norms of r, left in the workspace.
+    fn precondition(&mut self, norms: &[f64]) {
+        let m = self.r.columns;
+        let parts: Vec<f64> = norms.iter().map(|norm| if *norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
+        let rows = self.workspace.fine.b.par_chunks_exact_mut(m).zip(self.r.data.par_chunks_exact(m));
+        rows.with_min_len(1024).for_each(|(b, r)| {
+            for ((b, r), part) in b.iter_mut().zip(r).zip(&parts) {
+                *b = (r * part) as f32;
+            }
+        });
+        self.system.multigrid.apply(&mut self.workspace);
+    }
+
+    /// rᵀz and qᵀz of every column.
+    fn dots_with_z(&self, norms: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        const ROWS: usize = 4096;
+        let m = self.r.columns;
+        let sums: Vec<[Vec<f64>; 2]> = self
+            .r
+            .data
+            .par_chunks(ROWS * m)
+            .zip(self.q.data.par_chunks(ROWS * m))
+            .zip(self.workspace.fine.x.par_chunks(ROWS * m))
+            .map(|((r, q), z)| {
+                let mut sums = [vec![0.0; m], vec![0.0; m]];
+                for ((r, q), z) in r.chunks_exact(m).zip(q.chunks_exact(m)).zip(z.chunks_exact(m)) {
+                    let [rz, qz] = &mut sums;
+                    for c in 0..m {
+                        let z = f64::from(z[c]);
+                        rz[c] += r[c] * z;
+                        qz[c] += q[c] * z;
+                    }
+                }
+                sums
+            })
+            .collect();
+        let total = |which: usize| -> Vec<f64> {
+            let scale = self.system.multigrid.scale();
+            (0..m).map(|c| scale * norms[c] * sums.iter().map(|sums| sums[which][c]).sum::<f64>()).collect()
+        };
+        (total(0), total(1))
+    }
+
+    /// Iterates until the recurrence's residual of every column is below half the tolerance, and returns the number of
+    /// iterations. A column that has converged is no longer changed. β is that of Polak and Ribière, since the
+    /// preconditioner is rounded to f32 (Notay, SIAM J. Sci. Comput. 22, 2000, 1444-1460).
+    fn iterate(&mut self, run: &Run<'_>, told: &mut dyn FnMut(f64)) -> usize {
+        let m = self.r.columns;
+        let scale = self.system.multigrid.scale();
+        let mut before: Option<(Vec<f64>, Vec<f64>)> = None;
+        let mut coefficients: Vec<[f64; 2]> = Vec::new();
+        let mut watched = run.watched;
+        let mut norms = self.r.norms();
+        let mut iteration = 0;
+        loop {
+            let relative: Vec<f64> =
+                norms.iter().zip(run.norms).map(|(r, b)| if *b == 0.0 { 0.0 } else { r / b }).collect();
+            let active: Vec<bool> = relative.iter().map(|r| *r > 0.5 * run.tolerance).collect();
+            told(relative.iter().copied().fold(0.0, f64::max));
+            if !active.contains(&true) || iteration == run.most {
+                break;
+            }
+            self.precondition(&norms);
+            let (rz, qz) = self.dots_with_z(&norms);
+            let slowest = *watched
+                .get_or_insert_with(|| (0..m).fold(0, |most, c| if rz[c] > rz[most] { c } else { most }));
+            let beta: Vec<f64> = match &before {
+                // pᵀr = 0, so that zᵀ(r - r_before) = -α zᵀq.
+                Some((rz, alpha)) => (0..m)
+                    .map(|c| if rz[c] > 0.0 { (-alpha[c] * qz[c] / rz[c]).max(0.0) } else { 0.0 })
+                    .collect(),
+                None => vec![0.0; m],
+            };
+            if let (Some(last), true) = (coefficients.last_mut(), active[slowest]) {
+                last[1] = beta[slowest];
+            }
+            let parts: Vec<f64> = norms.iter().map(|norm| scale * norm).collect();
+            let rows = self.p.data.par_chunks_exact_mut(m).zip(self.workspace.fine.x.par_chunks_exact(m));
+            rows.with_min_len(1024).for_each(|(p, z)| {
+                for c in 0..m {
+                    p[c] = parts[c] * f64::from(z[c]) + beta[c] * p[c];
+                }
+            });
+            self.system.a.multiply(&self.p, &mut self.q);
+            let pq = self.p.dots(&self.q);
+            let alpha: Vec<f64> =
+                (0..m).map(|c| if active[c] && pq[c] > 0.0 { rz[c] / pq[c] } else { 0.0 }).collect();
+            norms = self.advance(&alpha);
+            // Once the column is left as it is, it tells nothing more.
+            if alpha[slowest] > 0.0 && coefficients.len() == iteration {
+                coefficients.push([alpha[slowest], 0.0]);
+            }
+            before = Some((rz, alpha));
+            iteration += 1;
+        }
+        self.spectrum.widen(&coefficients);
+        iteration
+    }
+
+    /// x += α p, r -= α q; the norms of r.
+    fn advance(&mut self, alpha: &[f64]) -> Vec<f64> {
+        const ROWS: usize = 4096;
+        let m = alpha.len();
+        let length = ROWS * m;
+        let squares: Vec<Vec<f64>> =
+            (self.x.data.par_chunks_mut(length).zip(self.r.data.par_chunks_mut(length)))
+                .zip(self.p.data.par_chunks(length).zip(self.q.data.par_chunks(length)))
+                .map(|((x, r), (p, q))| {
+                    let mut squares = vec![0.0; m];
+                    let rows = x.chunks_exact_mut(m).zip(r.chunks_exact_mut(m));
+                    for ((x, r), (p, q)) in rows.zip(p.chunks_exact(m).zip(q.chunks_exact(m))) {
+                        for c in 0..m {
+                            x[c] += alpha[c] * p[c];
+                            r[c] -= alpha[c] * q[c];
+                            squares[c] += r[c] * r[c];
+                        }
+                    }
+                    squares
+                })
+                .collect();
+        (0..m).map(|c| squares.iter().map(|squares| squares[c]).sum::<f64>().sqrt()).collect()
+    }
+}
+
+/// Takes some columns of `fields`.
+fn take(fields: &NodeFields, columns: &Range<usize>, part: &mut NodeFields) {
+    let rows = part.data.par_chunks_exact_mut(part.columns).zip(fields.data.par_chunks_exact(fields.columns));
+    rows.with_min_len(1024)
+        .for_each(|(to, from)| to[..columns.len()].copy_from_slice(&from[columns.clone()]));
+}
