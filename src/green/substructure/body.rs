@@ -6,8 +6,9 @@
 
 use super::super::control::ControlElement;
 use super::cut::Cut;
-use super::part::{Domain, End, PartError, PartSolution, StrainPoint, coordinates};
+use super::part::{Domain, End, PartError, PartSolution, coordinates};
 use super::series::FrameFit;
+use super::strain_point::StrainPoint;
 use crate::fem::{AssemblyError, Element, Lame, NodeFields, TET4, tet4};
 use crate::mesh::geodesic::edges;
 use crate::mesh::{Surface, TetMesh, quality};
@@ -391,7 +392,7 @@ pub fn shape(solution: &PartSolution, screws: usize, row: usize) -> Vec<Vector3<
     let of =
         |fields: &NodeFields, column: usize| Vector3::from_fn(|axis, _| fields.row(3 * row + axis)[column]);
     let first = (0..solution.first.columns).map(|column| of(&solution.first, column));
-    let pairs = super::part::pairs(solution.first.columns);
+    let pairs = super::second_order::pairs(solution.first.columns);
     let by_screws = pairs.iter().enumerate().filter(|(_, (_, j))| *j < 6 * screws);
     first.chain(by_screws.map(|(column, _)| of(&solution.second, column))).collect()
 }

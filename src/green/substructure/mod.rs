@@ -7,10 +7,13 @@
 mod body;
 mod cut;
 mod part;
+mod second_order;
 mod series;
 mod stored;
+mod strain_point;
 
 pub use body::{Body, BodyError, Joint, SolvedBody, SolvedPart, solve, suits};
 pub use cut::{Cut, Interface, cut};
-pub use part::{PartError, PartSolution, coordinates, pairs, symmetric};
+pub use part::{PartError, PartSolution, coordinates, symmetric};
+pub use second_order::pairs;
 pub use stored::{StoredPart, StoredParts, TABLES, tables};

@@ -19,22 +19,12 @@
 //! part moves rigidly (oversampling: Hou and Wu, J. Comput. Phys. 134, 1997, 169-189). By St. Venant's principle the
 //! interface then warps as it does in the body; held flat, it would stiffen a tube of eight parts by a tenth.
 
+use super::second_order::{get, pairs, polarised, set, sum_at, times, unit};
 use super::series::{FrameFit, FrameSeries, Orders};
-use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
+use super::strain_point::{QuarticRows, StrainPoint, gradients, stress};
+use crate::fem::{NodeFields, Partition, StiffnessMatrix};
 use crate::solve::{Progress, SolveError, Solver};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
-/// A point of an element at which strains are taken: a tetrahedron's centre, or a point of its quadrature.
-pub struct StrainPoint {
-    pub nodes: Vec<u32>,
-    /// ∇N of these nodes, 1/m.
-    pub gradients: Vec<Vector3<f64>>,
-    /// m³.
-    pub volume: f64,
-    pub lame: Lame,
-    /// Of the part itself, not of what surrounds it.
-    pub is_own: bool,
-}
 
 /// What holds one end of a part.
 pub struct End {
@@ -85,11 +75,6 @@ pub enum PartError {
          nodes, or lies along a thin sheet; ask for fewer parts"
     )]
     Fit { condition: f64 },
-}
-
-/// The pairs i ≤ j below `m`.
-pub fn pairs(m: usize) -> Vec<(usize, usize)> {
-    (0..m).flat_map(|i| (i..m).map(move |j| (i, j))).collect()
 }
 
 /// Coordinates of a part: ω and d of the screw from the first end to each other one, six of the stretch of each control
@@ -430,113 +415,4 @@ impl Domain<'_> {
         quartic = (&quartic + quartic.transpose()) * 0.5;
         [stiffness, quadratic, quartic]
     }
-}
-
-/// Of one point: stresses and strains of second order, a column for each pair, then H_iσ_j + H_jσ_i and ∇w.
-struct QuarticRows {
-    left: DMatrix<f64>,
-    right: DMatrix<f64>,
-}
-
-impl QuarticRows {
-    fn new(pairs: usize) -> QuarticRows {
-        QuarticRows { left: DMatrix::zeros(18, pairs), right: DMatrix::zeros(18, pairs) }
-    }
-
-    fn set(
-        &mut self,
-        pair: usize,
-        stress: &Matrix3<f64>,
-        strain: &Matrix3<f64>,
-        turned: &Matrix3<f64>,
-        w: &Matrix3<f64>,
-    ) {
-        let strain = (strain + strain.transpose()) * 0.5;
-        let put = |to: &mut DMatrix<f64>, first: &Matrix3<f64>, last: &Matrix3<f64>| {
-            let values = first.iter().chain(last.iter());
-            to.column_mut(pair).iter_mut().zip(values).for_each(|(to, value)| *to = *value);
-        };
-        put(&mut self.left, stress, turned);
-        put(&mut self.right, &strain, w);
-    }
-
-    fn add_to(&self, sum: &mut DMatrix<f64>) {
-        sum.gemm_tr(1.0, &self.left, &self.right, 1.0);
-    }
-}
-
-/// λ tr ε I + 2 μ ε of ε = sym H.
-fn stress(lame: Lame, h: &Matrix3<f64>) -> Matrix3<f64> {
-    Matrix3::identity() * (lame.lambda * h.trace()) + (h + h.transpose()) * lame.mu
-}
-
-/// H = Σ (u_a - u_0) ⊗ G_a of every field at a point.
-fn gradients(point: &StrainPoint, fields: &NodeFields) -> Vec<Matrix3<f64>> {
-    let mut h = vec![Matrix3::zeros(); fields.columns];
-    let Some((&base, others)) = point.nodes.split_first() else { return h };
-    for (&node, gradient) in others.iter().zip(&point.gradients[1..]) {
-        for axis in 0..3 {
-            let (u, u0) = (fields.row(3 * node as usize + axis), fields.row(3 * base as usize + axis));
-            for (h, (u, u0)) in h.iter_mut().zip(u.iter().zip(u0)) {
-                for j in 0..3 {
-                    h[(axis, j)] += (u - u0) * gradient[j];
-                }
-            }
-        }
-    }
-    h
-}
-
-fn unit(m: usize, ones: &[usize]) -> Vec<f64> {
-    let mut y = vec![0.0; m];
-    ones.iter().for_each(|&k| y[k] += 1.0);
-    y
-}
-
-fn get(fields: &NodeFields, node: u32, column: usize) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| fields.row(3 * node as usize + axis)[column])
-}
-
-fn set(fields: &mut NodeFields, node: u32, column: usize, u: &Vector3<f64>) {
-    for axis in 0..3 {
-        fields.row_mut(3 * node as usize + axis)[column] = u[axis];
-    }
-}
-
-/// u₁ and u₂ of a node at y.
-fn sum_at(first: &NodeFields, second: &NodeFields, node: u32, y: &[f64]) -> Orders {
-    let row =
-        |fields: &NodeFields, axis: usize| -> Vec<f64> { fields.row(3 * node as usize + axis).to_vec() };
-    let linear = |axis: usize, _| row(first, axis).iter().zip(y).map(|(u, y)| u * y).sum();
-    let square = |axis: usize, _| {
-        let mut at = second.row(3 * node as usize + axis).iter();
-        let mut sum = 0.0;
-        for i in 0..y.len() {
-            for j in i..y.len() {
-                let product = y[i] * y[j] * if i == j { 0.5 } else { 1.0 };
-                sum += at.next().map_or(0.0, |w| w * product);
-            }
-        }
-        sum
-    };
-    [Vector3::from_fn(linear), Vector3::from_fn(square)]
-}
-
-/// Every row of the fields times a matrix.
-fn times(fields: &NodeFields, matrix: &DMatrix<f64>) -> NodeFields {
-    let rows = nalgebra::DMatrixView::from_slice(&fields.data, fields.columns, 3 * fields.nodes);
-    let product = matrix.transpose() * rows;
-    NodeFields { nodes: fields.nodes, columns: matrix.ncols(), data: product.as_slice().to_vec() }
-}
-
-/// ∂²q/∂y_i∂y_j of values q that are quadratic in y, a column for each pair: by polarisation.
-fn polarised(m: usize, q: impl Fn(&DVector<f64>) -> Vec<f64>) -> DMatrix<f64> {
-    let at = |ones: &[usize]| DVector::from_vec(q(&DVector::from_vec(unit(m, ones))));
-    let alone: Vec<DVector<f64>> = (0..m).map(|k| at(&[k])).collect();
-    let rows = alone.first().map_or(0, DVector::len);
-    let columns: Vec<DVector<f64>> = pairs(m)
-        .into_iter()
-        .map(|(i, j)| if i == j { &alone[i] * 2.0 } else { at(&[i, j]) - &alone[i] - &alone[j] })
-        .collect();
-    if columns.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&columns) }
 }
