@@ -5,9 +5,11 @@ mod accuracy;
 mod background;
 #[path = "../common/mod.rs"]
 mod common;
+mod compliance_file;
 mod conditioning;
 mod deform_models;
 mod fem;
+mod forged_files;
 mod green_file;
 mod hard_cases;
 mod loads;
