@@ -59,8 +59,8 @@ pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
 pub use model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, PointResult,
-    Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Fits, Frame, Kind, MakeModel, ModelEntry, ModelInput,
+    PointResult, Response, StateAge,
 };
 pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;
