@@ -3,10 +3,8 @@
 //! Every configuration struct of the program carries `#[serde(deny_unknown_fields)]`; an unknown key is
 //! answered with the nearest known one. An array with an element too many is refused, too.
 
-mod every;
+pub mod every;
 mod strict;
-
-pub use every::{Every, parse_every};
 
 use crate::base::failure::Failure;
 use serde::de::DeserializeOwned;

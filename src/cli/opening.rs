@@ -6,9 +6,10 @@ use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
+use crate::scene::Scene;
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
-use crate::scene::{Scene, Survey};
+use crate::scene::survey::Survey;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 

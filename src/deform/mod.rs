@@ -50,7 +50,7 @@ mod turn;
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
-pub use expected::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors, percent};
+pub use expected::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, percent};
 pub use followed::FollowedTurn;
 pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};

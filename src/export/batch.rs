@@ -235,7 +235,8 @@ fn surface_results(
         });
         let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
         let known = expected.as_ref().zip(wrenches.as_ref());
-        let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
+        let error =
+            known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
         let mut told =
             Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();

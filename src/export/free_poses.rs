@@ -201,23 +201,29 @@ pub(super) fn first_yield(
             Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
             None => way(share),
         };
-        deformer.evaluate(&poses);
+        // The search may have taken them already.
+        deformer.take(&poses);
+        deformer.deform();
         let [inside, all] = parts(&stressed.reached(&stressed.of(deformer)))?;
         at_edges = all;
         Some((poses, inside))
     })?;
     let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
     let known = expected.zip(wrenches.as_ref());
-    let error = known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches));
+    let error =
+        known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches, &asked.freedom));
     Some(FirstYield { share, at_edges, control, wrenches, error })
 }
+
+/// The [`parts`] of a limit that displacements of all nodes reach.
+pub(super) type Parts<'a> = dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]> + 'a;
 
 /// The same of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its nodes.
 pub(super) fn first_yield_of(
     asked: &Asked<'_>,
     body: &Body,
     statics: &mut Statics,
-    parts: &dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]>,
+    parts: &Parts<'_>,
 ) -> Option<FirstYield> {
     if asked.after.is_some() {
         return None;

@@ -22,7 +22,7 @@ mod method;
 mod parts;
 pub mod proposal;
 mod select;
-mod survey;
+pub mod survey;
 #[cfg(test)]
 mod tests;
 mod updates;
@@ -44,7 +44,6 @@ pub use material::Material;
 pub use method::Method;
 pub use parts::Parts;
 pub use select::Nodes;
-pub use survey::{State, Survey};
 pub use updates::Updates;
 
 use crate::config::{self, ConfigError};

@@ -5,7 +5,7 @@
 
 use super::{Body, Scene, SceneError, of_a_body};
 use crate::base::diagnostic::{Diagnostic, Severity};
-use crate::config;
+use crate::config::every::parse_every;
 use std::path::Path;
 
 /// A scene file as far as it can be read.
@@ -56,7 +56,7 @@ impl Scene {
     /// Reads the scene file at `path`, or the built-in scene of this name, with all of its faults. Errors where there is none.
     pub fn survey(path: &Path) -> Result<Survey, SceneError> {
         let (text, path) = Scene::text(path)?;
-        let parsed = config::parse_every::<Scene>(&text, &path);
+        let parsed = parse_every::<Scene>(&text, &path);
         let mut faults: Vec<SceneError> =
             parsed.faults.into_iter().map(|fault| of_a_body(fault).into()).collect();
         let taken = parsed.taken;
