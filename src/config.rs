@@ -3,6 +3,7 @@
 //! Every configuration struct of the program carries `#[serde(deny_unknown_fields)]`; an unknown key is
 //! answered with the nearest known one. An array with an element too many is refused, too.
 
+pub mod every;
 mod strict;
 
 use crate::base::failure::Failure;
@@ -46,14 +47,17 @@ pub fn read(path: &Path) -> Result<String, ConfigError> {
 /// Parses TOML `text`; `path` is only named in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
     let parsed = toml::Deserializer::parse(text).and_then(|document| T::deserialize(Strict(document)));
-    parsed.map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start);
-        let (line, column) = line_and_column(text, at);
-        let advice =
-            if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
-        let message = explain(error.message()) + advice;
-        ConfigError::Parse { path: path.to_owned(), line, column, message }
-    })
+    parsed.map_err(|error| told(&error, text, path))
+}
+
+/// An error of toml's with its place in the text.
+fn told(error: &toml::de::Error, text: &str, path: &Path) -> ConfigError {
+    let at = error.span().map_or(0, |span| span.start);
+    let (line, column) = line_and_column(text, at);
+    let advice =
+        if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
+    let message = explain(error.message()) + advice;
+    ConfigError::Parse { path: path.to_owned(), line, column, message }
 }
 
 /// A value of a table that was parsed before; an error has no place of its own.

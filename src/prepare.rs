@@ -14,7 +14,7 @@ use crate::green::{
     Precomputed, Requirements, STIFFNESS, UPDATES,
 };
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Kept, Method, Scene};
+use crate::scene::{Body, Kept, Method, Scene, SceneError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,9 +22,10 @@ use std::time::{Duration, Instant};
 /// The law under which a body is in static equilibrium, found anew for every pose; `None` for a model that is summed from
 /// the .green file. Errors name an unknown model or effect.
 pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
-    for effect in &body.effects {
-        find_effect(effect).map_err(|message| wrong(scene, name, "effects", message))?;
-    }
+    unknown_names(scene, name, body)
+        .into_iter()
+        .next()
+        .map_or(Ok(()), |unknown| Err(Failure::request(unknown)))?;
     let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
     match model.kind {
         Kind::Background(law) if body.method == Method::Bem => {
@@ -39,6 +40,14 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
         Kind::Background(law) => Ok(Some(law)),
         Kind::Online(_) => loads_required(scene, name, body, model).map(|_| None),
     }
+}
+
+/// The effects and the model that a body names and that there are not.
+pub fn unknown_names(scene: &Scene, name: &str, body: &Body) -> Vec<SceneError> {
+    let effects = body.effects.iter().filter_map(|effect| Some(("effects", find_effect(effect).err()?)));
+    let model = find_model(&body.model).err().map(|message| ("model", message));
+    let unknown = |(key, message): (&str, String)| scene.invalid(&format!("body.{name}.{key}"), message);
+    effects.chain(model).map(unknown).collect()
 }
 
 /// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and what a model of

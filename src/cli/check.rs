@@ -6,12 +6,13 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, Statics, find_model};
+use crate::deform::{ExpectedErrors, find_model};
 use crate::effect::{EFFECTS, EffectEntry, stress};
-use crate::green::{self, Forecast, GreenError};
-use crate::prepare;
+use crate::green::{self, Forecast, GreenError, Prepared};
+use crate::prepare::{self, unknown_names};
 use crate::scene::file_kind::is_mesh_or_surface;
-use crate::scene::{Body, Kept, Limit, Material, Method, Scene};
+use crate::scene::survey::State;
+use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -21,7 +22,7 @@ use std::path::PathBuf;
 
 /// List everything wrong with a scene, without solving it, or with a stage
 ///
-/// Prints one line for each finding, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
+/// Prints one line for each finding, all that can be told in one run, the most severe first: errors (it is refused), warnings (it is solved or shown, but may
 /// not be what you meant), notes (what was repaired, what is worth knowing). The exit status is 2 if there is an error. `precompute`
 /// runs a scene's checks first. For a scene it then lists what the effects add, and the errors of force and shape to expect if the
 /// .green file beside the scene has them, else how to have them measured. For a stage it checks how the screens meet, their shapes
@@ -41,66 +42,43 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if !is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
         return check_stage::run(&args.scene, args.json);
     }
-    let scene = opening::scene(&args.scene, &args.guess)?;
-    let mut findings = Vec::new();
-    let mut meshes = Vec::new();
-    for (name, body) in &scene.body {
-        let entity = format!("body.{name}");
-        let error = |message: String| Diagnostic::new(Severity::Error, &entity, message);
-        match prepare::law(&scene, name, body) {
-            Err(failure) => findings.push(error(failure.to_string())),
-            Ok(Some(law)) => {
-                if let Err(unfit) = Statics::suits(&scene, name, law) {
-                    findings.push(error(unfit.to_string()));
-                }
+    let survey = opening::survey(&args.scene, &args.guess)?;
+    let mut findings: Vec<Diagnostic> = survey.faults.iter().map(SceneError::finding).collect();
+    let (mut effects, mut known) = (Vec::new(), Vec::new());
+    if let Some(scene) = &survey.scene {
+        let mut meshes = Vec::new();
+        for ((name, body), state) in scene.body.iter().zip(&survey.states) {
+            if *state != State::Faulty {
+                findings.extend(unknown_names(scene, name, body).iter().map(SceneError::finding));
             }
-            Ok(None) => {}
-        }
-        findings.extend(unwatched_limit(name, body));
-        match green::prepare(&scene, name) {
-            Ok(prepared) => {
-                let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
-                match green::acting(&scene, name, &prepared.mesh, &prepared.controls) {
-                    Ok(found) => findings.extend(found),
-                    Err(wrong) => findings.push(error(wrong.to_string())),
+            match state {
+                State::Sound => findings.extend(of_body(scene, name, body, &mut meshes)?),
+                // Of what is faulty already no more is told.
+                State::HasMesh => {
+                    let all = green::unjudged(scene, name);
+                    let is_told = |place: &str, known: &str| !known.is_empty() && place.starts_with(known);
+                    let known = |place: &str| findings.iter().any(|known| is_told(place, &known.place));
+                    let new: Vec<Diagnostic> =
+                        all.iter().map(SceneError::finding).filter(|found| !known(&found.place)).collect();
+                    findings.extend(new);
                 }
-                if let Some(asked) = &body.surface_compliance {
-                    let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
-                    let place = format!("{entity}.surface_compliance");
-                    let size = green::compliance_size(&prepared.mesh, held, asked).ok();
-                    let told = |size: [usize; 3]| match asked.kept {
-                        Kept::Factor => forecast.kept_factor_told(size),
-                        Kept::Compressed(error) => forecast.compressed_told(size, error),
-                        Kept::Inverse => forecast.compliance_told(size),
-                    };
-                    let told = size.map(|size| Diagnostic::new(Severity::Note, &place, told(size)));
-                    findings.extend(told);
-                }
-                findings.extend(match body.method {
-                    Method::Fem => forecast.told().map(|told| Diagnostic::new(Severity::Note, &entity, told)),
-                    Method::Bem => Some(match green::boundary_told(&prepared.mesh, &prepared.controls) {
-                        Ok(told) => Diagnostic::new(Severity::Note, &entity, told),
-                        Err(refused) => Diagnostic::new(Severity::Error, &entity, refused),
-                    }),
-                });
-                findings.extend(prepared.findings);
-                meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
+                State::Faulty => {}
             }
-            Err(failed @ GreenError::Scene(_)) => findings.push(error(failed.to_string())),
-            Err(other) => return Err(other.into()),
         }
-    }
-    if let Ok(stage) = open::stage(&scene, None) {
-        findings.extend(places(&meshes, &stage));
-    }
-    findings.extend(scene.body.iter().filter_map(|(name, body)| holds(name, body)));
-    for problem in [open::stage(&scene, None).err(), open::script(&scene, None).err()].into_iter().flatten() {
-        findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
+        if let Ok(stage) = open::stage(scene, None) {
+            findings.extend(places(&meshes, &stage));
+        }
+        for problem in [open::stage(scene, None).err(), open::script(scene, None).err()].into_iter().flatten()
+        {
+            findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
+        }
+        let sound = scene.body.iter().zip(&survey.states).filter(|(_, state)| **state == State::Sound);
+        for ((name, body), _) in sound {
+            effects.extend(effects_of(name, body));
+            known.push((name, expected::known(scene, name, body)));
+        }
     }
     findings.sort_by_key(|finding| finding.severity);
-    let effects = effects(&scene);
-    let known: Vec<(&String, Result<ExpectedErrors, String>)> =
-        scene.body.iter().map(|(name, body)| (name, expected::known(&scene, name, body))).collect();
     if args.json {
         let errors: BTreeMap<&str, Option<&ExpectedErrors>> =
             known.iter().map(|(name, errors)| (name.as_str(), errors.as_ref().ok())).collect();
@@ -116,16 +94,98 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let own = if cost.has_section { ", and its section" } else { "" };
             table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
         }
-        print(&format!("{lines}{}\n\n{}\n{}", tally(&findings), table.text(), errors_text(&known)))?;
+        let more = if effects.is_empty() {
+            String::new()
+        } else {
+            format!("\n{}\n{}", table.text(), errors_text(&known))
+        };
+        print(&format!("{lines}{}\n{more}", tally(&findings)))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }
 
+/// A body with the corners of its mesh, where it would be seen.
+type Standing<'a> = (&'a String, &'a Body, Vec<Point3<f64>>);
+
+/// What is found wrong with a body whose keys are sound.
+fn of_body<'a>(
+    scene: &Scene,
+    name: &'a String,
+    body: &'a Body,
+    meshes: &mut Vec<Standing<'a>>,
+) -> Result<Vec<Diagnostic>, Failure> {
+    let entity = format!("body.{name}");
+    let mut findings = Vec::new();
+    if unknown_names(scene, name, body).is_empty()
+        && let Err(failure) = prepare::requirements(scene, name, body)
+    {
+        let (Failure::Request(error) | Failure::Work(error)) = &failure;
+        let found = error.downcast_ref().map(SceneError::finding);
+        findings
+            .push(found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string())));
+    }
+    findings.extend(unwatched_limit(name, body));
+    findings.extend(holds(name, body));
+    let prepared = match green::prepare(scene, name) {
+        Ok(prepared) => prepared,
+        Err(GreenError::Scene(first)) => {
+            let all = green::unjudged(scene, name);
+            let all = if all.is_empty() { vec![first] } else { all };
+            findings.extend(all.iter().map(SceneError::finding));
+            return Ok(findings);
+        }
+        Err(other) => return Err(other.into()),
+    };
+    match green::acting(scene, name, &prepared.mesh, &prepared.controls) {
+        Ok(found) => findings.extend(found),
+        Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
+        Err(wrong) => findings.push(Diagnostic::new(Severity::Error, &entity, wrong.to_string())),
+    }
+    findings.extend(forecast(name, body, &prepared));
+    // A mesh that is refused tells nothing of the shape that is meant.
+    let is_refused = prepared.findings.iter().any(|finding| finding.severity == Severity::Error);
+    let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+    if let Some(fits) = fits.filter(|_| !is_refused)
+        && let Err((severity, why)) = fits(&prepared)
+    {
+        findings.push(Diagnostic::new(severity, format!("{entity}.model"), why));
+    }
+    findings.extend(prepared.findings);
+    meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
+    Ok(findings)
+}
+
+/// What precomputing the body will take.
+fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
+    let entity = format!("body.{name}");
+    let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
+    let mut findings = Vec::new();
+    if let Some(asked) = &body.surface_compliance {
+        let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
+        let place = format!("{entity}.surface_compliance");
+        let size = green::compliance_size(&prepared.mesh, held, asked).ok();
+        let told = |size: [usize; 3]| match asked.kept {
+            Kept::Factor => forecast.kept_factor_told(size),
+            Kept::Compressed(error) => forecast.compressed_told(size, error),
+            Kept::Inverse => forecast.compliance_told(size),
+        };
+        findings.extend(size.map(|size| Diagnostic::new(Severity::Note, &place, told(size))));
+    }
+    findings.extend(match body.method {
+        Method::Fem => forecast.told().map(|told| Diagnostic::new(Severity::Note, &entity, told)),
+        Method::Bem => Some(match green::boundary_told(&prepared.mesh, &prepared.controls) {
+            Ok(told) => Diagnostic::new(Severity::Note, &entity, told),
+            Err(refused) => Diagnostic::new(Severity::Error, &entity, refused),
+        }),
+    });
+    findings
+}
+
 /// Which bodies are not where the viewer of the stage sees them.
-fn places(meshes: &[(&String, &Body, Vec<Point3<f64>>)], stage: &Stage) -> Vec<Diagnostic> {
+fn places(meshes: &[Standing<'_>], stage: &Stage) -> Vec<Diagnostic> {
     let standing: Vec<_> = meshes.iter().map(|(_, body, points)| (*body, &points[..])).collect();
     let found = place::rooms_from_meshes(&standing, stage);
-    let fault = |((name, _, points), at): (&(&String, &Body, Vec<Point3<f64>>), _)| {
+    let fault = |((name, _, points), at): (&Standing<'_>, _)| {
         let message = format!("on stage {}, {}", stage.name, place::fault(points, &at, stage)?);
         Some(Diagnostic::new(Severity::Warning, format!("body.{name}.place"), message))
     };
@@ -187,19 +247,16 @@ struct Cost {
     has_section: bool,
 }
 
-/// Every effect of every body: one that is not listed adds nothing.
-fn effects(scene: &Scene) -> Vec<Cost> {
-    let of_body = |(name, body): (&String, &Body)| -> Vec<Cost> {
-        let cost = |effect: &EffectEntry| {
-            let listed = body.effects.iter().any(|known| known == effect.name);
-            let bytes = match find_model(&body.model) {
-                Ok(model) if listed => effect.bytes(model, body.control.len()),
-                _ => 0,
-            };
-            let has_section = listed && effect.precompute.is_some();
-            Cost { body: name.clone(), effect: effect.name, listed, bytes, has_section }
+/// Every effect of a body: one that is not listed adds nothing.
+fn effects_of(name: &str, body: &Body) -> Vec<Cost> {
+    let cost = |effect: &EffectEntry| {
+        let listed = body.effects.iter().any(|known| known == effect.name);
+        let bytes = match find_model(&body.model) {
+            Ok(model) if listed => effect.bytes(model, body.control.len()),
+            _ => 0,
         };
-        EFFECTS.iter().map(cost).collect()
+        let has_section = listed && effect.precompute.is_some();
+        Cost { body: name.to_owned(), effect: effect.name, listed, bytes, has_section }
     };
-    scene.body.iter().flat_map(of_body).collect()
+    EFFECTS.iter().map(cost).collect()
 }

@@ -13,8 +13,11 @@ const NAMED: [f64; 2] = [30.0, 90.0];
 type Of = fn(&MovedErrors) -> &[ErrorsAt];
 
 /// What is done to a control element, as the table says it, and what of its errors that is.
-const MOTIONS: [(&str, Of); 2] =
-    [("bent, twisted", |moved| &moved.bent), ("turned in place, shifted", |moved| &moved.shifted)];
+const MOTIONS: [(&str, Of); 3] = [
+    ("bent, twisted", |moved| &moved.bent),
+    ("turned in place, shifted", |moved| &moved.shifted),
+    ("pushed, free to turn,", |moved| moved.hung.as_ref().map_or(&[], |hung| &hung.at)),
+];
 
 /// A row for each angle of each control element that was moved, and one for what the mesh adds.
 pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>) -> Table {

@@ -9,6 +9,7 @@ use crate::mesh::length_unit::{LengthUnit, find_unit};
 use crate::scene::Scene;
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
+use crate::scene::survey::Survey;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
@@ -50,11 +51,21 @@ fn is_a_person_there() -> bool {
 /// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
 /// and .green file then go to a folder of their own ([`cache::folder`]), so that nothing appears beside the mesh.
 pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
+    Ok(Scene::load(&scene_path(path, guess)?)?)
+}
+
+/// The same with all of its faults.
+pub fn survey(path: &Path, guess: &Guess) -> Result<Survey, Failure> {
+    Ok(Scene::survey(&scene_path(path, guess)?)?)
+}
+
+/// Where the scene stands, written there for a mesh or a surface file.
+fn scene_path(path: &Path, guess: &Guess) -> Result<PathBuf, Failure> {
     if !is_mesh_or_surface(path) {
         let is_guessed = guess.unit.is_some() || guess.material.is_some();
         let told =
             "--unit and --material are for a mesh or surface file; a scene has the keys unit and material";
-        return if is_guessed { Err(Failure::wrong(told)) } else { Ok(Scene::load(path)?) };
+        return if is_guessed { Err(Failure::wrong(told)) } else { Ok(path.to_owned()) };
     }
     let place = place_of(path)?;
     let proposal = propose(path, &place, guess.wishes())?;
@@ -71,7 +82,7 @@ pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
         place.display(),
         quoted(&path.display().to_string())
     );
-    Ok(Scene::load(&place)?)
+    Ok(place)
 }
 
 /// The scene file for a mesh that has none: named after it, and after the folder that it is in.

@@ -3,6 +3,7 @@
 //! In: [`Trial`](super::Trial)s of a body with their [`Deviation`]s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
 //! at a reach, between the measured ones, and nothing beyond them.
 
+use super::freedom::Freedom;
 use super::trial::Deviation;
 use super::turn::Reach;
 use serde::{Deserialize, Serialize};
@@ -28,8 +29,32 @@ pub struct MovedErrors {
     pub bent: Vec<ErrorsAt>,
     /// … and turned in place or shifted, so that it is stretched.
     pub shifted: Vec<ErrorsAt>,
+    /// Pushed along one axis of the body, free in all else.
+    #[serde(default)]
+    pub hung: Option<Hung>,
     /// What mesh and element add, relative, where it could be told.
     pub mesh: Option<MeshErrors>,
+}
+
+/// Of a control element that is free but for one shift: its pose is found, by the model and by the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hung {
+    /// The axis of the body along which it is pushed, 0 to 2.
+    pub along: usize,
+    /// Each as far as the one before and farther.
+    pub at: Vec<ErrorsAt>,
+    /// What the mesh adds to the force in this motion, relative.
+    pub mesh: Option<f64>,
+}
+
+impl Hung {
+    /// Whether an element with this freedom is such a one: held along the axis alone, or pushed along it by a force.
+    fn is_of(&self, of: &Freedom) -> bool {
+        let is_free = (0..6).all(|k| of.free[k] || k == self.along);
+        let is_pushed = || (0..6).all(|k| of.load[k] == 0.0 || k == self.along) && of.load[self.along] != 0.0;
+        is_free && if of.free[self.along] { is_pushed() } else { of.load == [0.0; 6] }
+    }
 }
 
 /// The largest errors of all motions up to a reach.
@@ -109,6 +134,13 @@ pub fn percent(part: f64) -> String {
     }
 }
 
+impl Hung {
+    /// The errors at a reach; `None` beyond what was measured.
+    pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        between(&self.at, Reach { off: 0.0, ..reach })
+    }
+}
+
 /// The errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
 fn between(measured: &[ErrorsAt], reach: Reach) -> Option<ErrorsAt> {
     let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
@@ -151,6 +183,14 @@ impl ExpectedErrors {
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
+    /// Those of a body of whose control elements `names` one alone is moved, and so free as one that was measured; `None` of others.
+    pub fn hung(&self, names: &[&str], freedom: &[Freedom]) -> Option<&Hung> {
+        let mut moved = names.iter().zip(freedom).filter(|(_, freedom)| freedom.is_any());
+        let ((name, freedom), None) = (moved.next()?, moved.next()) else { return None };
+        let measured = self.moved.iter().find(|moved| moved.control == **name)?;
+        measured.hung.as_ref().filter(|hung| hung.is_of(freedom))
+    }
+
     /// The largest that the mesh adds; `None` where it could not be told of one of the control elements.
     pub fn mesh(&self) -> Option<MeshErrors> {
         let found = self.moved.iter().map(|moved| moved.mesh).collect::<Option<Vec<_>>>()?;
@@ -162,8 +202,9 @@ impl ExpectedErrors {
     /// Errors at the first number that no measurement gives.
     pub fn check(&self) -> Result<(), String> {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
-        for MovedErrors { control, bent, shifted, mesh } in &self.moved {
-            for at in bent.iter().chain(shifted) {
+        for MovedErrors { control, bent, shifted, hung, mesh } in &self.moved {
+            let pushed = hung.as_ref().map_or(&[][..], |hung| &hung.at);
+            for at in bent.iter().chain(shifted).chain(pushed) {
                 let numbers = [
                     at.off,
                     at.angle,
@@ -180,11 +221,14 @@ impl ExpectedErrors {
             let falls = |two: &[ErrorsAt]| {
                 two[1].turn < two[0].turn || two[1].stretch < two[0].stretch || two[1].off < two[0].off
             };
-            if [bent, shifted].into_iter().any(|all| all.windows(2).any(falls)) {
+            if [bent, shifted, pushed].into_iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
-            if let Some(wrong) =
-                mesh.iter().flat_map(|mesh| [mesh.wrench, mesh.shape]).find(|x| !is_error(*x))
+            if let Some(wrong) = mesh
+                .iter()
+                .flat_map(|mesh| [mesh.wrench, mesh.shape])
+                .chain(hung.iter().filter_map(|hung| hung.mesh))
+                .find(|x| !is_error(*x))
             {
                 return Err(format!("{control}: {wrong} is no error of the mesh"));
             }
@@ -206,7 +250,7 @@ mod tests {
         let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01 });
-        let moved = vec![MovedErrors { control: "right".into(), bent, shifted, mesh }];
+        let moved = vec![MovedErrors { control: "right".into(), bent, shifted, hung: None, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
 

@@ -22,6 +22,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
         let fields = DVector::zeros(FIELDS * input.controls.len());
         Ok(Box::new(Linear { stiffness, coefficients: fields.clone(), forces: fields }))
     }),
+    fits: None,
 };
 
 struct Linear {

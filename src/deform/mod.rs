@@ -50,7 +50,7 @@ mod turn;
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
-pub use expected::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors, percent};
+pub use expected::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, percent};
 pub use followed::FollowedTurn;
 pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
@@ -59,8 +59,8 @@ pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
 pub use model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, PointResult,
-    Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Fits, Frame, Kind, MakeModel, ModelEntry, ModelInput,
+    PointResult, Response, StateAge,
 };
 pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;

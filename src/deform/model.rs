@@ -2,9 +2,10 @@
 
 use super::frames::PoseSlope;
 use super::pose::ControlPose;
+use crate::base::diagnostic::Severity;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{Family, REDUCED};
+use crate::green::{AFFINE, Family, Prepared, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::time::Duration;
 
@@ -80,12 +81,19 @@ pub struct ModelEntry {
     /// degrees, up to which it is good and up to which it is fair: off by about 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
     pub kind: Kind,
+    /// Whether a body's shape is one for it, where that can be told without solving.
+    pub fits: Option<Fits>,
 }
 
+/// Judges a body that is not solved yet: an error that the model refuses it, or a warning that it may.
+pub type Fits = fn(&Prepared) -> Result<(), (Severity, String)>;
+
 impl ModelEntry {
-    /// Whether its columns are summed as in the theory of small strain, in a frame that may turn along.
+    /// Whether the columns of control elements are summed as in the theory of small strain, in a frame that may turn along; a model
+    /// without them has a shape of its own.
     pub fn is_of_small_strain(&self) -> bool {
-        matches!(self.kind, Kind::Online(_)) && !self.is_quartic()
+        let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
+        matches!(self.kind, Kind::Online(_)) && has_columns && !self.is_quartic()
     }
 
     fn is_quartic(&self) -> bool {

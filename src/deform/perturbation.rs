@@ -29,6 +29,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Beyond the radius of convergence it is `rotation`.
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Perturbation::new(input)?))),
+    fits: None,
 };
 
 /// Up to this part of the radius of convergence the series stands alone.

@@ -15,6 +15,9 @@ use toml::Spanned;
 /// Two control elements turned against each other by more, rad, may have been meant to be turned the other way.
 const DOUBTFUL: f64 = 150.0 * std::f64::consts::PI / 180.0;
 
+/// A matrix is flat up to this determinant, beside the cube of its size.
+const FLAT: f64 = 1e-12;
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PoseFile {
@@ -44,13 +47,12 @@ pub struct Pose {
 }
 
 /// x ↦ o + translation + matrix · (x - o).
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Affine {
     #[serde(default)]
     pub translation: [f64; 3],
-    #[serde(default = "identity")]
-    pub matrix: [[f64; 3]; 3],
+    matrix: Option<Spanned<[[f64; 3]; 3]>>,
     /// Shifts and turns that are found, not given.
     free: Option<Free>,
     /// What pushes it where it is free, N and N·m, along the body's axes; alone they free it in every direction.
@@ -92,6 +94,34 @@ impl TryFrom<Vec<String>> for Free {
 }
 
 impl Affine {
+    /// M, its rows.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        self.matrix.as_ref().map_or_else(identity, |matrix| *matrix.get_ref())
+    }
+
+    /// Where M stands in the file and what is wrong with it: with det M ≤ 0 it mirrors or flattens what it moves, which no motion
+    /// of a body does.
+    fn improper(&self) -> Option<(usize, String)> {
+        let matrix = self.matrix.as_ref()?;
+        let rows = matrix.get_ref();
+        let m = Matrix3::from_fn(|i, j| rows[i][j]);
+        let determinant = m.determinant();
+        // What is not finite is refused with all numbers.
+        let rounding = FLAT * m.norm().powi(3);
+        if !determinant.is_finite() || determinant > rounding {
+            return None;
+        }
+        let (value, does) = match determinant < -rounding {
+            true => (format!("{determinant:.3}"), "turns the body inside out, as a mirror does"),
+            false => ("0".to_owned(), "flattens the body"),
+        };
+        let message = format!(
+            "its matrix has the determinant {value} and {does}: no motion does that; a turn has the determinant 1, look at the \
+             signs"
+        );
+        Some((matrix.span().start, message))
+    }
+
     /// In what the element is free; the error says what is given and free at once, or pushed and held.
     fn freedom(&self) -> Result<Freedom, String> {
         let pushed = self.force.is_some() || self.moment.is_some();
@@ -115,7 +145,7 @@ impl Affine {
         if !load.iter().all(|value| value.abs() <= LARGEST) {
             return Err(format!("a force is not finite, or above {LARGEST:e}"));
         }
-        if free[3..] == [true; 3] && self.matrix != identity() {
+        if free[3..] == [true; 3] && self.matrix() != identity() {
             return Err("its rotation is free, and found: leave the matrix out".to_owned());
         }
         Ok(Freedom { free, load })
@@ -146,10 +176,16 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
         }
     }
     for place in 0..poses.len() {
-        poses[place].goes_on_from = goes_on_from(&poses, place).map_err(|(offset, message)| {
+        let at = |(offset, message): (usize, String)| {
             let (line, column) = config::line_and_column(text, offset);
             Failure::wrong(format!("{}:{line}:{column}: {message}", path.display()))
-        })?;
+        };
+        poses[place].goes_on_from = goes_on_from(&poses, place).map_err(at)?;
+        let improper = |(name, affine): (&String, &Affine)| {
+            let (offset, why) = affine.improper()?;
+            Some(at((offset, format!("pose \"{}\": control {name}: {why}", poses[place].name))))
+        };
+        poses[place].control.iter().find_map(improper).map_or(Ok(()), Err)?;
     }
     Ok(poses)
 }
@@ -192,7 +228,7 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
         .keys()
         .map(|control| {
             let Some(affine) = pose.control.get(control) else { return Ok(ControlPose::REST) };
-            let m = affine.matrix;
+            let m = affine.matrix();
             let pose = ControlPose {
                 translation: Vector3::from(affine.translation),
                 matrix: Matrix3::from_fn(|i, j| m[i][j]),
@@ -262,7 +298,7 @@ mod tests {
     #[test]
     fn what_is_absent_is_at_rest() {
         let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
-        assert_eq!(poses[0].control["c"].matrix, identity());
+        assert_eq!(poses[0].control["c"].matrix(), identity());
         assert!(poses[1].control.is_empty());
     }
 
@@ -300,6 +336,30 @@ mod tests {
             "{}",
             told(&two("", "after = 3"))
         );
+    }
+
+    /// A reflection has the determinant -1, a half turn about z 1; diag(1, 1, 0) leaves nothing along z.
+    #[test]
+    fn a_matrix_that_mirrors_or_flattens_is_refused_with_its_line() {
+        let of = |rows: &str| told(&format!("[[pose]]\nname = \"a\"\ncontrol.c = {{ matrix = {rows} }}\n"));
+        for proper in [
+            "[[-1, 0, 0], [0, -1, 0], [0, 0, 1]]",
+            "[[0, 1, 0], [0, 0, 1], [1, 0, 0]]",
+            "[[1e-3, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        ] {
+            assert_eq!(of(proper), "");
+        }
+        let mirrored = of("[[1, 0, 0], [0, 1, 0], [0, 0, -1]]");
+        assert!(
+            mirrored.starts_with(
+                "poses.toml:3:24: pose \"a\": control c: its matrix has the determinant -1.000 and turns"
+            ),
+            "{mirrored}"
+        );
+        for flat in ["[[1, 0, 0], [0, 1, 0], [0, 0, 0]]", "[[0.1, 0.2, 0.3], [0.2, 0.4, 0.6], [0, 0, 1]]"] {
+            assert!(of(flat).contains("flattens the body"), "{}", of(flat));
+        }
+        assert_eq!(of("[[nan, 0, 0], [0, 1, 0], [0, 0, 1]]"), "", "refused where all numbers are looked at");
     }
 
     proptest! {

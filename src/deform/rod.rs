@@ -7,6 +7,7 @@
 //! says, and resists linearly.
 
 mod chain;
+mod fits;
 mod screws;
 mod section;
 mod skin;
@@ -34,6 +35,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Measured against St. Venant-Kirchhoff statics up to 180°.
     turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Rod::new(input)?))),
+    fits: Some(fits::fits),
 };
 
 /// Segments between the clamps.

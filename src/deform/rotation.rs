@@ -23,6 +23,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // As for `linear`; the mean of both ends' turns is taken out, and half of it is left either way.
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Rotation::new(input)?))),
+    fits: None,
 };
 
 pub struct Rotation {

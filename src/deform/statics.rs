@@ -36,6 +36,7 @@ pub(super) const fn entry(law: &'static Law) -> ModelEntry {
         energy: Some(&[]),
         turn_limits_deg,
         kind,
+        fits: None,
     }
 }
 

@@ -411,6 +411,7 @@ mod tests {
             shape: 0.0,
         };
         let moved = MovedErrors {
+            hung: None,
             control: "right".into(),
             bent: vec![at(1.0, 0.02)],
             shifted: vec![at(1.0, 0.02)],

@@ -235,13 +235,12 @@ fn surface_results(
         });
         let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
         let known = expected.as_ref().zip(wrenches.as_ref());
-        let error = known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found));
+        let error =
+            known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
         let mut told =
             Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
-        if let Some(stressed) =
-            stressed.as_ref().filter(|_| stress.as_ref().is_some_and(|s| s.reached.is_beyond()))
-        {
+        if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield =
                 free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
@@ -319,14 +318,14 @@ fn volume_results(
         let stretch = asked.loads.free_stretch(body);
         let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement, stretch));
         let places = solution.controls.iter().map(|control| control.origin).collect();
-        let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
+        let yields = free_poses::yields(stress.as_ref());
         let first_yield =
-            stressed.as_ref().filter(|_| is_beyond && asked.after.is_none()).and_then(|stressed| {
+            stressed.as_ref().filter(|_| yields && asked.after.is_none()).and_then(|stressed| {
                 free_poses::first_yield_linear(&asked, |asked| {
                     let at = volume_result(asked, name, body, &solution);
                     let wrenches =
                         at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
-                    Some((wrenches, stressed.result(&at.displacement, stretch).reached.limit?.0))
+                    Some((wrenches, free_poses::parts(&stressed.result(&at.displacement, stretch).reached)?))
                 })
             });
         let told = Told { control: asked.control, places, first_yield, ..Told::default() };
@@ -416,11 +415,10 @@ fn static_results(
                 let stretch = asked.loads.free_stretch(body);
                 let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement, stretch));
                 let mut told = told;
-                let is_beyond = stress.as_ref().is_some_and(|stress| stress.reached.is_beyond());
-                if let Some(stressed) = stressed.as_ref().filter(|_| is_beyond) {
-                    let part = |u: &[Vector3<f64>]| Some(stressed.result(u, stretch).reached.limit?.0);
+                if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
+                    let parts = |u: &[Vector3<f64>]| free_poses::parts(&stressed.result(u, stretch).reached);
                     statics::apply(asked, &name, &mut solved.statics)?;
-                    told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &part);
+                    told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &parts);
                 }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }

@@ -84,7 +84,7 @@ mod tests {
     fn what_was_found_can_be_asked_for_again() {
         let pose = ControlPose {
             translation: Vector3::new(1e-7, -0.25, 3.0),
-            matrix: Matrix3::from_fn(|i, j| 0.1 * (i + 3 * j) as f64),
+            matrix: Matrix3::from_fn(|i, j| 0.1 * (i + 3 * j) as f64) + Matrix3::identity(),
         };
         let told = Told {
             names: vec!["a \"b\"".into(), "c".into()],
@@ -105,6 +105,6 @@ mod tests {
         let back = &read[0].control["a \"b\""];
         assert_eq!((read[0].name.as_str(), read[0].control.len()), ("push 5 \"mm\"", 1));
         assert_eq!(Vector3::from(back.translation), pose.translation);
-        assert_eq!(Matrix3::from_fn(|i, j| back.matrix[i][j]), pose.matrix);
+        assert_eq!(Matrix3::from_fn(|i, j| back.matrix()[i][j]), pose.matrix);
     }
 }

@@ -1,14 +1,14 @@
 //! Poses of `deform` on their way from rest: those whose free control elements are found, and where a material first yields.
 
 use super::asked::{Asked, lead};
-use super::result_set::Missed;
+use super::result_set::{Missed, StressResult};
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
     ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench,
     Wrenches, find_model,
 };
-use crate::effect::stress::StressedBody;
+use crate::effect::stress::{Reached, StressedBody};
 use crate::green::GreenFile;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
@@ -135,8 +135,18 @@ pub(super) fn found<'a>(
 const NEAR: [f64; 2] = [2e-3, 1e-2];
 const TRIALS: usize = 12;
 
-/// A state on the way: the poses, and what part of a limit it reaches.
+/// A state on the way: the poses, and what part of a limit it reaches away from the edges of control elements.
 type At = (ControlPoses, f64);
+
+/// What part of a limit a body reaches away from the edges of its control elements, and with them.
+pub(super) fn parts(reached: &Reached) -> Option<[f64; 2]> {
+    Some([reached.inside.limit?.0, reached.limit?.0])
+}
+
+/// Whether it is asked where a body first yields: the limit is passed by more than peaks at the edges of control elements.
+pub(super) fn yields(stress: Option<&StressResult>) -> bool {
+    stress.and_then(|stress| parts(&stress.reached)).is_some_and(|[inside, _]| inside > 1.0)
+}
 
 /// The first share of the way at which a limit is reached, 0 where the loads alone, which act from the beginning, pass it: near
 /// rest stress grows as the way does, and from there the limit is approached, between shares on either side of it.
@@ -184,27 +194,36 @@ pub(super) fn first_yield(
     let (linear, length) = (is_linear(body), size_of(deformer));
     let way = |share: f64| way(&asked.given, None, linear, share);
     let mut search = (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
+    let mut at_edges = 0.0;
     let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         deformer.forget();
         let poses = match &mut search {
             Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
             None => way(share),
         };
-        deformer.evaluate(&poses);
-        Some((poses, stressed.reached(&stressed.of(deformer)).limit?.0))
+        // The search may have taken them already.
+        deformer.take(&poses);
+        deformer.deform();
+        let [inside, all] = parts(&stressed.reached(&stressed.of(deformer)))?;
+        at_edges = all;
+        Some((poses, inside))
     })?;
     let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
     let known = expected.zip(wrenches.as_ref());
-    let error = known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches));
-    Some(FirstYield { share, control, wrenches, error })
+    let error =
+        known.and_then(|(expected, wrenches)| wrench_error_of(expected, deformer, wrenches, &asked.freedom));
+    Some(FirstYield { share, at_edges, control, wrenches, error })
 }
 
-/// The same of a body that is solved anew for each pose; `part` of a limit is reached by displacements of all its nodes.
+/// The [`parts`] of a limit that displacements of all nodes reach.
+pub(super) type Parts<'a> = dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]> + 'a;
+
+/// The same of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its nodes.
 pub(super) fn first_yield_of(
     asked: &Asked<'_>,
     body: &Body,
     statics: &mut Statics,
-    part: &dyn Fn(&[Vector3<f64>]) -> Option<f64>,
+    parts: &Parts<'_>,
 ) -> Option<FirstYield> {
     if asked.after.is_some() {
         return None;
@@ -213,7 +232,7 @@ pub(super) fn first_yield_of(
     let way = |share: f64| way(&asked.given, None, is_linear(body), share);
     let mut search =
         (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, is_linear(body), &way));
-    let mut wrenches = None;
+    let (mut wrenches, mut at_edges) = (None, 0.0);
     let (share, control) = approach(NEAR[1], !asked.loads.is_none(), |share| {
         let poses = match &mut search {
             Some(search) => {
@@ -226,24 +245,24 @@ pub(super) fn first_yield_of(
             None => way(share),
         };
         let found = statics.solve(&poses, &Silent).ok()?;
-        let reached = part(&found.displacement)?;
-        wrenches = Some(found.wrenches);
-        Some((poses, reached))
+        let [inside, all] = parts(&found.displacement)?;
+        (wrenches, at_edges) = (Some(found.wrenches), all);
+        Some((poses, inside))
     })?;
-    Some(FirstYield { share, control, wrenches, error: None })
+    Some(FirstYield { share, at_edges, control, wrenches, error: None })
 }
 
 /// The same of the linear theory, in which a pose that was found is found at every share of its way.
 pub(super) fn first_yield_linear(
     asked: &Asked<'_>,
-    of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, f64)>,
+    of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, [f64; 2])>,
 ) -> Option<FirstYield> {
-    let mut wrenches = None;
+    let (mut wrenches, mut at_edges) = (None, 0.0);
     let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         let control = way(&asked.control, None, true, share);
-        let (found, part) = of(&Asked { control: control.clone(), ..asked.clone() })?;
-        wrenches = found;
-        Some((control, part))
+        let (found, [inside, all]) = of(&Asked { control: control.clone(), ..asked.clone() })?;
+        (wrenches, at_edges) = (found, all);
+        Some((control, inside))
     })?;
-    Some(FirstYield { share, control, wrenches, error: None })
+    Some(FirstYield { share, at_edges, control, wrenches, error: None })
 }

@@ -208,6 +208,16 @@ fn stress(result: &PoseResult) -> Vec<String> {
     let mut lines = vec![reached.sentence()];
     match (&result.told.first_yield, reached.limit) {
         (Some(first), _) => lines.push(yielding(result, first)),
+        (None, Some(_))
+            if reached.is_beyond() && reached.inside.limit.is_some_and(|(part, _)| part <= 1.0) =>
+        {
+            let elsewhere = reached.inside.limit.map_or(0.0, |(part, _)| part);
+            lines.push(format!(
+                "the limit is passed at the edges of control elements alone, by peaks that may grow with a finer mesh; elsewhere {} \
+                 of it is reached",
+                percent(elsewhere)
+            ));
+        }
         (None, Some((part, _))) if part > 1.0 => {
             lines.push(
                 "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
@@ -248,7 +258,18 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
         format!(", with {}{along}", format!("{} {by}", quantity(size, "N")).trim_end())
     });
     let share = percent(first.share);
-    format!("elastic only: first yield at {way}{force}: {share} of this pose; what is beyond is not real")
+    // Near rest stress grows as the way does.
+    let edges = match first.at_edges {
+        part if part > 1.02 => format!(
+            ". The edges of control elements are left out: peaks of stress there, which may grow with a finer mesh, reach the limit at \
+             about {}",
+            percent(first.share / part)
+        ),
+        _ => String::new(),
+    };
+    format!(
+        "elastic only: first yield at {way}{force}: {share} of this pose; what is beyond is not real{edges}"
+    )
 }
 
 fn size_of(pose: &ControlPose) -> f64 {

@@ -172,3 +172,34 @@ fn first_yield_counts_the_loads_and_found_poses_keep_them() {
         assert!(right.force.norm() < 1e-6, "{model}: nothing holds the free end: {right:?}");
     }
 }
+
+/// A cantilever whose end is pushed and free to turn, E I = 1e9 · 0.1 · 0.1³/12: at the clamp σ = 6 F L/(b t²) with F = 3 E I w/L³
+/// (Gere and Timoshenko, Mechanics of Materials, appendix G), which by small-strain theory is half a limit of twice that at half the
+/// way. The nodes at the clamp are no place where it first yields.
+#[test]
+fn a_pushed_end_yields_where_linear_theory_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[body.bar]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [20, 2, 2] } }\nelement = \"tet10\"\n\
+                material = { young = 1e9, poisson = 0.0, limit = { stress = 7.5e5 } }\neffects = [\"haptics\", \"stress\"]\n\
+                control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+    let poses = "[[pose]]\nname = \"push\"\ncontrol.right = { translation = [0, 0, 0.01], free = [\"rotation\", \"x\", \"y\"] }\n";
+    let scene = Scene::parse(text, &folder.path().join("bar.toml")).unwrap();
+    let path = Path::new("poses.toml");
+    let poses = pose_file::parse(poses, path).unwrap();
+    let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+    let result = solve(&scene, &asked, None, false).unwrap().0.results.remove(0);
+    let reached = result.stress.as_ref().unwrap().reached;
+    // 3 E t w / (2 L²), less what is left out at the clamp: half an element's length of twenty, and the next.
+    let clamp = 1.5 * 1e9 * 0.1 * 0.01;
+    let (inside, most) = (reached.inside.von_mises / clamp, reached.von_mises.0 / clamp);
+    assert!((0.9..1.0).contains(&inside) && (0.95..1.3).contains(&most), "{inside} {most}");
+    let first = result.told.first_yield.as_ref().unwrap();
+    let (share, at_edges) =
+        (7.5e5 / reached.inside.von_mises, reached.von_mises.0 / reached.inside.von_mises);
+    assert!((first.share / share - 1.0).abs() < 4e-3, "{} {share}", first.share);
+    assert!((first.at_edges / at_edges - 1.0).abs() < 4e-3, "{} {at_edges}", first.at_edges);
+    let force = first.wrenches.as_ref().unwrap()[1].force.z;
+    let beam = 3.0 * 1e9 * 0.1_f64.powi(4) / 12.0 * 0.01 * share;
+    assert!((force / beam - 1.0).abs() < 0.03, "{force} {beam}");
+}

@@ -53,11 +53,14 @@ impl Sureness {
     }
 }
 
-/// The first state on the way from rest in which a limit of the material is reached.
+/// The first state on the way from rest in which a limit of the material is reached away from the edges of control elements,
+/// where stress is a peak that grows with a finer mesh.
 #[derive(Clone, Debug)]
 pub struct FirstYield {
     /// Of the way.
     pub share: f64,
+    /// What part of a limit is reached at the edges there.
+    pub at_edges: f64,
     pub control: ControlPoses,
     pub wrenches: Option<Vec<Wrench>>,
     pub error: Option<WrenchError>,

@@ -65,7 +65,7 @@ pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
 pub use on_demand::Yield;
 pub use pack::{pack, packed, packed_path, unpack};
-pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh};
+pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh, unjudged};
 pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};

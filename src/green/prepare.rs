@@ -6,7 +6,7 @@ use super::error::GreenError;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
 use crate::mesh::{Loaded, TetMesh, quality};
-use crate::scene::{Body, Material, Method, Scene};
+use crate::scene::{Body, Material, Method, Nodes, Scene, SceneError};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a body is, before anything is assembled.
@@ -68,6 +68,21 @@ fn materials(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Result<V
     Ok(materials_of_tets(scene, name, body, mesh)?.into_iter().map(|number| all[number]).collect())
 }
 
+/// All that keeps body `name` from being judged at all: its mesh, or else every selection and region that is not there.
+pub fn unjudged(scene: &Scene, name: &str) -> Vec<SceneError> {
+    let body = &scene.body[name];
+    let mesh = match scene.load_mesh(name, body) {
+        Ok(loaded) => loaded.mesh,
+        Err(error) => return vec![error],
+    };
+    let empty = |(key, nodes): (String, &Nodes)| {
+        Some(scene.invalid(&format!("body.{name}.{key}"), nodes.select(&mesh).err()?))
+    };
+    let mut found: Vec<SceneError> = body.selections().into_iter().filter_map(empty).collect();
+    found.extend(regions(scene, name, body, &mesh).into_iter().filter_map(Result::err));
+    found
+}
+
 /// Of each tetrahedron, which of [`Body::materials`] it is made of.
 pub fn materials_of_tets(
     scene: &Scene,
@@ -75,38 +90,41 @@ pub fn materials_of_tets(
     body: &Body,
     mesh: &TetMesh,
 ) -> Result<Vec<usize>, GreenError> {
+    let regions = regions(scene, name, body, mesh).into_iter().collect::<Result<Vec<u32>, SceneError>>()?;
+    let by_region: BTreeMap<u32, usize> = regions.into_iter().zip(1..).collect();
+    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&0)).collect())
+}
+
+/// For each region of the body that of the mesh which is meant, or why there is none.
+fn regions(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Vec<Result<u32, SceneError>> {
     let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();
     let called = |id: u32| mesh.region_names.get(&id);
-    let mut by_region = BTreeMap::new();
-    for (number, key) in (1..).zip(body.region.keys()) {
+    let listed = |regions: &mut dyn Iterator<Item = u32>| -> String {
+        let told = |id: u32| called(id).map_or(id.to_string(), |name| format!("{id} ({name})"));
+        regions.map(told).collect::<Vec<_>>().join(", ")
+    };
+    let mut taken = BTreeSet::new();
+    let of_key = |key: &String| {
+        let wrong = |message: String| Err(scene.invalid(&format!("body.{name}.region.{key}"), message));
         let meant: Vec<u32> =
             regions.iter().copied().filter(|id| called(*id) == Some(key) || key.parse() == Ok(*id)).collect();
-        let listed = |regions: &mut dyn Iterator<Item = u32>| -> String {
-            let told = |id: u32| called(id).map_or(id.to_string(), |name| format!("{id} ({name})"));
-            regions.map(told).collect::<Vec<_>>().join(", ")
-        };
-        let region = match meant[..] {
-            [region] => region,
+        match meant[..] {
+            [region] if taken.insert(region) => Ok(region),
+            [region] => {
+                wrong(format!("region {region} is given a material twice, by its number and by its name"))
+            }
             [] => {
                 let known = listed(&mut regions.iter().copied());
-                let message = format!("no tetrahedron lies in this region; the mesh has regions {known}");
-                return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+                wrong(format!("no tetrahedron lies in this region; the mesh has regions {known}"))
             }
-            [..] => {
-                let message = format!(
-                    "several regions of the mesh have this name or number: {}; name each by what it alone has, or rename \
-                     one in the mesh",
-                    listed(&mut meant.into_iter())
-                );
-                return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
-            }
-        };
-        if by_region.insert(region, number).is_some() {
-            let message = format!("region {region} is given a material twice, by its number and by its name");
-            return Err(scene.invalid(&format!("body.{name}.region.{key}"), message).into());
+            [..] => wrong(format!(
+                "several regions of the mesh have this name or number: {}; name each by what it alone has, or rename \
+                 one in the mesh",
+                listed(&mut meant.into_iter())
+            )),
         }
-    }
-    Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&0)).collect())
+    };
+    body.region.keys().map(of_key).collect()
 }
 
 #[cfg(test)]

@@ -60,6 +60,7 @@ impl std::str::FromStr for AccuracyTarget {
             *place = Some(number.ok_or(format!("{key}: \"{value}\" is no positive number"))?);
         }
         let ([displacement, force], [frame_ms, file_mb, offline_s]) = (accuracy, budget);
+        displacement.map_or(Ok(()), no_more_than_all)?;
         match (accuracy.iter().flatten().count(), budget.iter().flatten().count()) {
             (_, 0) => Ok(AccuracyTarget::Accuracy(Accuracy { displacement, force, largest: None })),
             (0, _) => Ok(AccuracyTarget::Budget(Budget { frame_ms, file_mb, offline_s, largest: None })),
@@ -69,6 +70,18 @@ impl std::str::FromStr for AccuracyTarget {
             ),
         }
     }
+}
+
+/// Refuses an error of displacement of more than the displacement itself.
+pub(super) fn no_more_than_all(displacement: f64) -> Result<(), String> {
+    if displacement <= 1.0 {
+        return Ok(());
+    }
+    Err(format!(
+        "displacement = {displacement} is {:.0} % of the whole: write {} for {displacement} %",
+        100.0 * displacement,
+        displacement / 100.0
+    ))
 }
 
 impl AccuracyTarget {
@@ -130,6 +143,8 @@ mod tests {
             why("force = -1").contains("no positive number") && why("force = inf").contains("no positive")
         );
         assert!(why("force = 1, file_mb = 2").contains("not both"));
+        assert_eq!(why("displacement = 5"), "displacement = 5 is 500 % of the whole: write 0.05 for 5 %");
+        assert!("displacement = 100 %".parse::<AccuracyTarget>().is_ok(), "all of it may be wrong");
     }
 
     proptest! {

@@ -1,10 +1,12 @@
 //! What cannot be meant by the keys of a scene.
 //!
-//! In: a scene as it was read. Out: the first thing that is wrong, with its key and the remedy. What needs the mesh (empty
-//! selections, unknown regions) is found where the mesh is loaded.
+//! In: a scene as it was read. Out: what is wrong, with its key and the remedy: of each section of a body the first fault. What
+//! needs the mesh (empty selections, unknown regions) is found where the mesh is loaded.
 
+use super::accuracy_target::no_more_than_all;
 use super::{
-    Accuracy, AccuracyTarget, Body, Budget, Place, Scene, SceneError, Storage, TOLERANCE, Tetrahedralise,
+    Accuracy, AccuracyTarget, Body, Budget, Control, Material, Place, Scene, SceneError, Storage, TOLERANCE,
+    Tetrahedralise,
 };
 use super::{linear, look};
 use crate::fem::Element;
@@ -20,41 +22,58 @@ fn wrong<T>(key: &str, message: impl Into<String>) -> Result<T, Wrong> {
 
 impl Scene {
     pub(super) fn check(&self) -> Result<(), SceneError> {
+        self.faults().into_iter().next().map_or(Ok(()), Err)
+    }
+
+    /// All that is wrong with it, in the order of the file.
+    pub(super) fn faults(&self) -> Vec<SceneError> {
         if self.body.is_empty() {
-            return Err(self.invalid("body", "the scene has no body; add a [body.NAME] table"));
+            return vec![self.invalid("body", "the scene has no body; add a [body.NAME] table")];
         }
+        let mut found = Vec::new();
         for (name, body) in &self.body {
             if name.contains('/') {
-                return Err(self.invalid(&format!("body.{name}"), "a body's name must not contain '/'"));
+                found.push(self.invalid(&format!("body.{name}"), "a body's name must not contain '/'"));
             }
-            body.check().map_err(|(key, message)| self.invalid(&format!("body.{name}{key}"), message))?;
+            let of_body = |(key, message): Wrong| self.invalid(&format!("body.{name}{key}"), message);
+            found.extend(body.faults().into_iter().map(of_body));
         }
-        self.legend.map_or(Ok(()), |legend| legend.check()).map_err(|message| self.invalid("legend", message))
+        let legend = self.legend.and_then(|legend| legend.check().err());
+        found.extend(legend.map(|message| self.invalid("legend", message)));
+        found
     }
 }
 
 impl Body {
-    fn check(&self) -> Result<(), Wrong> {
-        self.check_mesh()?;
-        self.check_method().map_err(|(key, message)| (format!(".{key}"), message))?;
-        let below =
-            |key: String| move |(more, message): (&'static str, String)| (format!("{key}{more}"), message);
-        self.material.check().map_err(below(".material".to_owned()))?;
-        for (region, material) in &self.region {
-            material.check().map_err(below(format!(".region.{region}")))?;
-        }
-        self.check_solver()?;
-        look::check(self.lines, self.texture.as_ref(), self.crease)
-            .map_err(|(key, message)| (format!(".{key}"), message))?;
-        self.check_updates().map_err(|(key, message)| (format!(".updates{key}"), message))?;
-        if let Some(parts) = self.parts {
-            parts.check().map_err(|message| (".parts".to_owned(), message))?;
-        }
-        self.storage.check().map_err(|why| (".storage".to_owned(), why))?;
-        self.check_target()?;
-        self.check_loads().map_err(|(key, message)| (format!(".{key}"), message))?;
-        self.check_controls()?;
-        self.place.map_or(Ok(()), check_place)
+    fn faults(&self) -> Vec<Wrong> {
+        let dotted = |(key, message): (&'static str, String)| (format!(".{key}"), message);
+        let of_material = |key: String, material: &Material| {
+            let below = move |(more, message): (&'static str, String)| (format!("{key}{more}"), message);
+            material.check().map_err(below)
+        };
+        let mut sections = vec![
+            self.check_mesh(),
+            self.check_method().map_err(dotted),
+            of_material(".material".to_owned(), &self.material),
+        ];
+        let of_region =
+            |(region, material): (&String, &Material)| of_material(format!(".region.{region}"), material);
+        sections.extend(self.region.iter().map(of_region));
+        sections.extend([
+            self.check_solver(),
+            look::check(self.lines, self.texture.as_ref(), self.crease).map_err(dotted),
+            self.check_updates().map_err(|(key, message)| (format!(".updates{key}"), message)),
+            self.parts
+                .map_or(Ok(()), |parts| parts.check())
+                .map_err(|message| (".parts".to_owned(), message)),
+            self.storage.check().map_err(|why| (".storage".to_owned(), why)),
+            self.check_target(),
+            self.check_loads().map_err(|(key, message)| (format!(".{key}"), message)),
+            self.check_any_control(),
+        ]);
+        sections.extend(self.control.iter().map(check_control));
+        sections.push(self.place.map_or(Ok(()), check_place));
+        sections.into_iter().filter_map(Result::err).collect()
     }
 
     fn check_mesh(&self) -> Result<(), Wrong> {
@@ -125,15 +144,8 @@ impl Body {
         {
             return wrong(&key, "one positive number or more is needed");
         }
-        if let AccuracyTarget::Accuracy(Accuracy { displacement: Some(error), .. }) = target
-            && error > 1.0
-        {
-            let message = format!(
-                "displacement = {error} is {:.0} % of the whole: write {} for {error} %",
-                100.0 * error,
-                error / 100.0
-            );
-            return wrong(&key, message);
+        if let AccuracyTarget::Accuracy(Accuracy { displacement: Some(error), .. }) = target {
+            no_more_than_all(error).map_err(|message| (key.clone(), message))?;
         }
         let is_free = self.element == <&Element>::default()
             && self.storage == Storage::default()
@@ -146,21 +158,20 @@ impl Body {
         wrong(&key, "element, refine, storage, solver and model are chosen by it: leave them out")
     }
 
-    fn check_controls(&self) -> Result<(), Wrong> {
-        if self.control.is_empty() {
-            let message =
-                "no control element: nothing would hold the body; add a [body.NAME.control.NAME] table";
-            return wrong("", message);
+    fn check_any_control(&self) -> Result<(), Wrong> {
+        if !self.control.is_empty() {
+            return Ok(());
         }
-        for (name, control) in &self.control {
-            let key = format!(".control.{name}");
-            if name.contains('/') {
-                return wrong(&key, "a control element's name must not contain '/'");
-            }
-            control.nodes.check().map_err(|message| (key, message))?;
-        }
-        Ok(())
+        wrong("", "no control element: nothing would hold the body; add a [body.NAME.control.NAME] table")
     }
+}
+
+fn check_control((name, control): (&String, &Control)) -> Result<(), Wrong> {
+    let key = format!(".control.{name}");
+    if name.contains('/') {
+        return wrong(&key, "a control element's name must not contain '/'");
+    }
+    control.nodes.check().map_err(|message| (key, message))
 }
 
 fn check_place(place: Place) -> Result<(), Wrong> {

@@ -22,6 +22,7 @@ mod method;
 mod parts;
 pub mod proposal;
 mod select;
+pub mod survey;
 #[cfg(test)]
 mod tests;
 mod updates;
@@ -53,6 +54,7 @@ use crate::solve::Solver;
 use file_kind::is_mesh_or_surface;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -223,8 +225,14 @@ pub struct Place {
 impl Scene {
     /// Reads and checks the scene file at `path`, or the built-in scene of this name.
     pub fn load(path: &Path) -> Result<Scene, SceneError> {
+        let (text, path) = Scene::text(path)?;
+        Scene::parse(&text, &path)
+    }
+
+    /// The text of a scene file, or of the built-in scene of this name, and where it stands.
+    fn text(path: &Path) -> Result<(Cow<'static, str>, PathBuf), SceneError> {
         match built_in::named(path) {
-            Some(Ok((text, path))) => return Scene::parse(text, &path),
+            Some(Ok((text, path))) => return Ok((text.into(), path)),
             Some(Err(message)) => {
                 let path = path.to_owned();
                 return Err(SceneError::Unknown { path, message });
@@ -234,7 +242,7 @@ impl Scene {
         if is_mesh_or_surface(path) {
             return Err(SceneError::IsMesh { path: path.to_owned() });
         }
-        Scene::parse(&config::read(path)?, path)
+        Ok((config::read(path)?.into(), path.to_owned()))
     }
 
     /// Parses a scene from text; `path` is where its relative paths start and what errors name.

@@ -3,7 +3,7 @@
 //! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
 
 use super::body::PlacedBody;
-use crate::deform::{Deformer, ExpectedErrors, Moved, Wrench, reach};
+use crate::deform::{ControlPose, Deformer, ExpectedErrors, Freedom, Moved, Wrench, reach};
 use nalgebra::Vector3;
 
 /// What may be wrong with every force and torque of a body.
@@ -23,24 +23,35 @@ pub struct WrenchError {
 ///
 /// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
 pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchError> {
-    wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches)
+    wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches, &[])
 }
 
-/// The same of a body that is in no world.
+/// The same of a body that is in no world, whose control elements have this freedom: none of them where it is empty. Of an end that
+/// is free but for one shift, or pushed by a force, and found, the errors are those of such ends.
 pub fn wrench_error_of(
     expected: &ExpectedErrors,
     deformer: &Deformer,
     wrenches: &[Wrench],
+    freedom: &[Freedom],
 ) -> Option<WrenchError> {
+    let names: Vec<&str> = deformer.controls.iter().map(|control| control.name.as_str()).collect();
+    let is_alone = || {
+        let others = deformer.poses.iter().zip(freedom).filter(|(_, freedom)| !freedom.is_any());
+        others.into_iter().all(|(pose, _)| *pose == ControlPose::REST)
+    };
+    let hung = expected.hung(&names, freedom).filter(|hung| is_alone() && !hung.at.is_empty());
     let of_model = expected.moved.iter().any(|moved| !moved.bent.is_empty() || !moved.shifted.is_empty());
     let (force, moment) = match of_model {
         true => {
-            let at = expected.at(reach(deformer))?;
+            let at = match hung {
+                Some(hung) => hung.at(reach(deformer))?,
+                None => expected.at(reach(deformer))?,
+            };
             (at.force?, at.torque?)
         }
         false => (0.0, 0.0),
     };
-    let mesh = expected.mesh();
+    let mesh = hung.and_then(|hung| hung.mesh).or(expected.mesh().map(|mesh| mesh.wrench));
     if mesh.is_none() && !of_model {
         return None;
     }
@@ -52,7 +63,7 @@ pub fn wrench_error_of(
     let length = expected.moved.iter().filter_map(|moved| length(&moved.control)).reduce(f64::max)?;
     let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
     let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
-    let of_mesh = mesh.map_or(0.0, |mesh| mesh.wrench);
+    let of_mesh = mesh.unwrap_or(0.0);
     // An equilibrium has no error of a model.
     let is_whole = mesh.is_some();
     Some(WrenchError {

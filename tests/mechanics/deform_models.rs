@@ -66,6 +66,7 @@ const TWO_PARTS: ModelEntry = ModelEntry {
     energy: None,
     turn_limits_deg: [0.0; 2],
     kind: Kind::Online(|_| Ok(Box::new(TwoParts))),
+    fits: None,
 };
 
 impl DeformationModel for TwoParts {

@@ -24,7 +24,9 @@ use super::frames::{ControlFrame, PoseSlope};
 use super::helicoidal::Helicoidal;
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use crate::green::{CUBIC, FIELDS, STIFFNESS};
+use crate::base::diagnostic::Severity;
+use crate::green::{CUBIC, FIELDS, Prepared, STIFFNESS};
+use crate::mesh::Surface;
 use grips::grips_of;
 use middle::{Middle, Part};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
@@ -41,6 +43,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Measured against St. Venant-Kirchhoff statics up to 180°.
     turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
+    fits: Some(fits),
 };
 
 /// So far its answers to small motions may be from those of the body, as the root mean square of relative errors.
@@ -75,15 +78,10 @@ impl Plate {
             .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
         let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
         let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
-        let refused = |why: String| {
-            format!(
-                "model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\""
-            )
-        };
-        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(refused)?;
+        let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(unsuited)?;
         let (moduli, off) = constants::fit(&mut sheet, &origins, &stiffness);
         if off.is_nan() || off > UNFIT {
-            return Err(refused(format!(
+            return Err(unsuited(format!(
                 "its shell would answer small motions of the control elements off by {:.0} % (at most {:.0} %): \
                  hold it at edges or on bands along its sides; tet4 needs six cells or more across its width, or write \
                  element = \"tet10\"",
@@ -230,6 +228,20 @@ fn unfitted(
     let grips = held.iter().enumerate().flat_map(|(e, nodes)| grips_of(&middle, e, &origins[e], nodes));
     let sheet = Sheet::new(&middle.grid, middle.rest.clone(), points, grips.collect());
     Ok((middle, sheet))
+}
+
+/// Refuses a body that is not thin, by its surface alone.
+fn fits(body: &Prepared) -> Result<(), (Severity, String)> {
+    let surface = Surface::of(&body.mesh);
+    let nodes: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| body.mesh.nodes[node as usize]).collect();
+    let place = |node: &u32| surface.nodes.binary_search(node).ok().map(|place| nodes[place]);
+    let held: Vec<Vec<Vector3<f64>>> =
+        body.controls.iter().map(|control| control.nodes.iter().filter_map(place).collect()).collect();
+    Middle::of(&nodes, &surface.triangles, &held).map(drop).map_err(|why| (Severity::Error, unsuited(why)))
+}
+
+fn unsuited(why: String) -> String {
+    format!("model \"plate\" does not suit this body: {why}; write model = \"rotation\" or \"substructured\"")
 }
 
 impl DeformationModel for Plate {

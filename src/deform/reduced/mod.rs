@@ -30,6 +30,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Two elements at 90° turn the pieces at their ends by 45° against the mean frame.
     turn_limits_deg: [40.0, 75.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Reduced::new(input)?))),
+    fits: None,
 };
 
 pub struct Reduced {

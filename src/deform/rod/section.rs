@@ -32,7 +32,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, SMatrix, SVector, Translati
 pub type Stretch = SVector<f64, 9>;
 
 /// A body must be so many radii of gyration long. A cube has 3.5, a solid round rod four for each diameter.
-const SLENDER: f64 = 8.0;
+pub const SLENDER: f64 = 8.0;
 /// Numbers of an element's twelve in S.
 const FIELDS: usize = 12;
 

@@ -34,6 +34,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Of two ends against each other, with eight parts.
     turn_limits_deg: [60.0, 100.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Substructured::new(input)?))),
+    fits: None,
 };
 
 /// A body in parts.

@@ -92,6 +92,20 @@ impl BetterBody {
         Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)? })
     }
 
+    /// The same of the force with which control element `e` is pushed along each axis while it is free in all else: 1/(K⁻¹)ₖₖ.
+    pub fn pushed(&self, solution: &Solution, e: usize) -> Option<[f64; 3]> {
+        let about = solution.controls[e].origin;
+        let [yields, better] =
+            [solution, &self.solution].map(|solution| rigid_stiffness(solution, e, &about)?.try_inverse());
+        let (yields, better) = (yields?, better?);
+        let mut of_axes = [0.0; 3];
+        for (k, of_axis) in of_axes.iter_mut().enumerate() {
+            let difference = (better[(k, k)] / yields[(k, k)] - 1.0).abs();
+            *of_axis = self.error(Some(difference).filter(|x| x.is_finite())?)?;
+        }
+        Some(of_axes)
+    }
+
     /// By how much the two solutions differ in what the scene's loads do while all control elements rest: in the wrench on
     /// control element `e`, weighed by what it would move, and in the shape. `None` without loads.
     fn loads_apart(&self, solution: &Solution, e: usize, nodes: &[usize]) -> Option<[f64; 2]> {

@@ -4,6 +4,7 @@
 //! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). The effect `haptics` has it of bodies of up to
 //! [`HAPTIC_ENTRIES`], `expected_errors` of all. It is shown by `check`, `precompute` and `inspect`, and in the overlay.
 
+mod hung;
 pub mod mesh;
 pub mod model;
 #[cfg(test)]
@@ -12,13 +13,13 @@ mod tests;
 use super::entry::{EffectEntry, Listed};
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
-use crate::deform::{ErrorsAt, ExpectedErrors, Kind, MeshErrors, MovedErrors, find_model};
+use crate::deform::{ErrorsAt, ExpectedErrors, Hung, Kind, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Method, Scene};
 use crate::solve::Progress;
 use crate::world::World;
 use mesh::BetterBody;
-use model::{Measured, motions};
+use model::{Measured, ModelErrors, motions};
 
 /// Entries of K up to which `haptics` measures, within some ten to twenty seconds on one thread: of about 4000 nodes of tet4, 1600 of
 /// tet10, and 700 of tet4_anp.
@@ -53,7 +54,7 @@ fn section(
     body: &mut Precomputed,
     progress: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
-    Ok(vec![(TENSOR.into(), written(&measure(scene, body, progress)))])
+    Ok(vec![(TENSOR.into(), written(&measure(scene, body, Kinds::All, progress)))])
 }
 
 /// The section of `haptics`: the same of small bodies, and nothing where the body lists `expected_errors` too.
@@ -75,7 +76,7 @@ pub(super) fn haptic_section(
              the effect \"{NAME}\" too, which takes its time, or measure the same body on a coarser mesh"
         ));
     } else {
-        errors = measure(scene, body, progress);
+        errors = measure(scene, body, Kinds::Held, progress);
     }
     Ok(vec![(TENSOR.into(), written(&errors))])
 }
@@ -143,8 +144,22 @@ fn of(body: &Body) -> ExpectedErrors {
     ExpectedErrors { model, element, ..ExpectedErrors::default() }
 }
 
+/// What is measured of an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kinds {
+    /// It is held in its pose, as a hand holds it.
+    Held,
+    /// The same, and pushed while it is free in all else ([`hung`]), which takes several times as long.
+    All,
+}
+
 /// Measures the body. What cannot be measured is left out with the reason; nothing of it keeps the body from being written.
-pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
+pub fn measure(
+    scene: &Scene,
+    body: &mut Precomputed,
+    kinds: Kinds,
+    progress: &dyn Progress,
+) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
     let mut errors = of(asked);
     let grabbed: Vec<usize> =
@@ -163,11 +178,12 @@ pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -
         errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
-    let model = model_errors(scene, body, moved, progress, &mut errors.left_out);
-    let of_one = |((e, [bent, shifted]), mesh): ((&usize, [Vec<ErrorsAt>; 2]), _)| MovedErrors {
+    let model = model_errors(scene, body, (moved, kinds), progress, &mut errors.left_out);
+    let of_one = |((e, model), (mesh, better)): ((&usize, ModelErrors), (_, Option<[f64; 3]>))| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
-        bent,
-        shifted,
+        bent: model.bent,
+        shifted: model.shifted,
+        hung: model.hung.map(|hung| Hung { mesh: better.map(|of_axes| of_axes[hung.along]), ..hung }),
         mesh,
     };
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
@@ -178,14 +194,14 @@ pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -
     errors
 }
 
-/// Of each moved control element.
+/// Of each moved control element; and what the mesh adds to its force where it is pushed along each axis, free in all else.
 fn mesh_errors(
     scene: &Scene,
     body: &Precomputed,
     moved: &[usize],
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
-) -> Vec<Option<MeshErrors>> {
+) -> Vec<(Option<MeshErrors>, Option<[f64; 3]>)> {
     progress.begin("errors of the mesh", 0);
     let better = BetterBody::new(scene, &body.name);
     progress.end();
@@ -197,14 +213,17 @@ fn mesh_errors(
                 "{control}: what the mesh adds: the mesh is too coarse to measure it, or nothing resists"
             ));
         }
-        found
-            .map(|MeshErrors { wrench, shape }| MeshErrors { wrench: rounded(wrench), shape: rounded(shape) })
+        let found = found.map(|MeshErrors { wrench, shape }| MeshErrors {
+            wrench: rounded(wrench),
+            shape: rounded(shape),
+        });
+        (found, better.pushed(&body.solution, e).map(|of_axes| of_axes.map(rounded)))
     };
     match better {
         Ok(better) => moved.iter().map(|&e| of_one(&better, e, left_out)).collect(),
         Err(error) => {
             left_out.push(format!("what the mesh adds: {error}"));
-            vec![None; moved.len()]
+            vec![(None, None); moved.len()]
         }
     }
 }
@@ -213,15 +232,14 @@ fn mesh_errors(
 fn model_errors(
     scene: &Scene,
     body: &mut Precomputed,
-    moved: &[usize],
+    (moved, kinds): (&[usize], Kinds),
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
-) -> Vec<[Vec<ErrorsAt>; 2]> {
-    let nothing = || [Vec::new(), Vec::new()];
+) -> Vec<ModelErrors> {
     let model = &scene.body[&body.name].model;
     if find_model(model).is_ok_and(|entry| matches!(entry.kind, Kind::Background(_))) {
         left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
-        return moved.iter().map(|_| nothing()).collect();
+        return moved.iter().map(|_| ModelErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (motions() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
@@ -230,16 +248,19 @@ fn model_errors(
         let control = body.solution.controls[e].name.clone();
         let mut told = |why: String| left_out.push(format!("{control}: {why}"));
         let found = match &mut measured {
-            Ok(measured) => {
-                measured.errors(&body.solution, e, progress, &mut told).map_err(|error| error.to_string())
-            }
+            Ok(measured) => measured
+                .errors(&body.solution, (e, kinds == Kinds::All), progress, &mut told)
+                .map_err(|error| error.to_string()),
             Err(error) => Err(error.to_string()),
         };
         let found = found.unwrap_or_else(|why| {
             told(why);
-            nothing()
+            ModelErrors::default()
         });
-        all.push(found.map(|kind| kind.iter().map(three_digits).collect()));
+        let digits = |all: Vec<ErrorsAt>| all.iter().map(three_digits).collect();
+        let ModelErrors { bent, shifted, hung } = found;
+        let hung = hung.map(|hung| Hung { at: digits(hung.at), ..hung });
+        all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), hung });
     }
     progress.end();
     all

@@ -4,10 +4,13 @@
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads that
 //! the scene has. It is bent in the plane in which that is easiest, where hands bend it.
 
+use super::hung::hung;
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{Deformer, ErrorsAt, Motion, Moved, Statics, Trial, reach, trials};
+use crate::deform::{
+    Deformer, ErrorsAt, Frame, Hung, Motion, Moved, Statics, Trial, find_model, reach, trials,
+};
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed, Solution};
 use crate::scene::Scene;
@@ -47,11 +50,20 @@ pub fn motions() -> usize {
     LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
 }
 
+/// What was measured of a control element.
+#[derive(Default)]
+pub struct ModelErrors {
+    pub bent: Vec<ErrorsAt>,
+    pub shifted: Vec<ErrorsAt>,
+    pub hung: Option<Hung>,
+}
+
 /// A body in its equilibria, and as its model has it.
 pub struct Measured {
     statics: Statics,
     deformer: Deformer,
     nodes: Vec<usize>,
+    is_linear: bool,
 }
 
 impl Measured {
@@ -77,22 +89,23 @@ impl Measured {
         let forces = loads.on_mesh(&statics).map_err(Failure::wrong)?;
         statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
-        Ok(Measured { statics, deformer, nodes })
+        let is_linear = find_model(model).is_ok_and(|model| model.frame == Frame::Rest);
+        Ok(Measured { statics, deformer, nodes, is_linear })
     }
 
-    /// Measures `bent` and `shifted` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
-    /// solved as `solution`; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
+    /// Measures `bent`, `shifted` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
+    /// solved as `solution`, `hung` where that is asked for; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
         solution: &Solution,
-        e: usize,
+        (e, is_pushed): (usize, bool),
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-    ) -> Result<[Vec<ErrorsAt>; 2], Failure> {
+    ) -> Result<ModelErrors, Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
         let Some(mut moved) = Moved::new(&origins, e) else {
             left_out("no axis leads from the other control elements to it".into());
-            return Ok([Vec::new(), Vec::new()]);
+            return Ok(ModelErrors::default());
         };
         if let Some(across) = softest_turn(solution, e, &moved.axis) {
             moved = moved.about(across);
@@ -104,7 +117,10 @@ impl Measured {
         for kind in [bends, twists, both, shifts] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
-        Ok([Level::bends, Level::shifts].map(|motions| by_level(&found, motions)))
+        let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
+        let model = (&mut self.deformer, self.is_linear);
+        let hung = is_pushed.then(|| hung(&mut self.statics, model, &self.nodes, &moved, left_out));
+        Ok(ModelErrors { bent, shifted, hung })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.

@@ -6,6 +6,9 @@ use crate::deform::{Deformer, NodeStress, Strain};
 use crate::scene::{Limit, Quantity};
 use nalgebra::Vector3;
 
+/// From this part of the largest stress on, what is reached elsewhere is not told beside it.
+const ALIKE: f64 = 0.9;
+
 /// Of one body in one shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reached {
@@ -16,6 +19,17 @@ pub struct Reached {
     pub limit: Option<(f64, Limit)>,
     /// Part of the surface, control elements left out, in which a limit is passed.
     pub passed: f64,
+    /// The same as the first and the third, of what is no edge of a control element ([`StressedBody::is_edge`]).
+    pub inside: Inside,
+}
+
+/// What a body has reached away from the edges of control elements, where stress is a peak of the mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Inside {
+    /// Pa.
+    pub von_mises: f64,
+    /// As of the whole body.
+    pub limit: Option<(f64, Limit)>,
 }
 
 /// Of its limit, by the limits of all materials.
@@ -55,6 +69,9 @@ impl StressedBody {
     pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {
         let mut reached = Reached::default();
         let (mut passed, mut whole) = (0.0, 0.0);
+        let larger = |of: Option<(f64, Limit)>, than: Option<(f64, Limit)>| {
+            of.is_some_and(|(part, _)| than.is_none_or(|(most, _)| part > most))
+        };
         for ((i, at), area) in nodes.iter().enumerate().zip(&self.surface.areas) {
             let Some(at) = at else { continue };
             if at.von_mises > reached.von_mises.0 {
@@ -64,11 +81,22 @@ impl StressedBody {
                 reached.strain = (at.strain, i);
             }
             let of_limit = part(at, &self.limits);
-            if of_limit.is_some_and(|(part, _)| reached.limit.is_none_or(|(most, _)| part > most)) {
+            if larger(of_limit, reached.limit) {
                 reached.limit = of_limit;
+            }
+            if !self.is_edge[i] {
+                let inside = &mut reached.inside;
+                inside.von_mises = inside.von_mises.max(at.von_mises);
+                if larger(of_limit, inside.limit) {
+                    inside.limit = of_limit;
+                }
             }
             whole += area;
             passed += if of_limit.is_some_and(|(part, _)| part > 1.0) { *area } else { 0.0 };
+        }
+        // Of a body without any other node, what there is.
+        if reached.inside.von_mises == 0.0 {
+            reached.inside = Inside { von_mises: reached.von_mises.0, limit: reached.limit };
         }
         reached.passed = if whole > 0.0 { passed / whole } else { 0.0 };
         reached
@@ -84,7 +112,7 @@ impl Reached {
     pub fn sentence(&self) -> String {
         let stress = quantity(self.von_mises.0, Quantity::VonMises.unit());
         let strain = quantity(self.strain.0, Quantity::Strain.unit());
-        let most = format!("von Mises stress at most {stress}, largest strain {strain}");
+        let most = format!("von Mises stress at most {stress}{}, largest strain {strain}", self.peak());
         match self.limit {
             Some((part, limit)) if part > 1.0 => format!("{most}; {}", self.passing(limit)),
             Some((part, limit)) => {
@@ -92,6 +120,17 @@ impl Reached {
             }
             None => most,
         }
+    }
+
+    /// Where the largest stress is a peak at the edge of a control element, what is reached elsewhere.
+    fn peak(&self) -> String {
+        if self.inside.von_mises >= ALIKE * self.von_mises.0 {
+            return String::new();
+        }
+        let elsewhere = quantity(self.inside.von_mises, Quantity::VonMises.unit());
+        format!(
+            " at the edge of a control element, where it may grow with a finer mesh, and {elsewhere} elsewhere"
+        )
     }
 
     /// The largest value of what has this limit, and in which part of the surface it is passed.

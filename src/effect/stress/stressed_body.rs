@@ -44,6 +44,9 @@ pub struct StressedBody {
     pub surface: SurfaceStress,
     /// By material.
     pub limits: Vec<Option<Limit>>,
+    /// Of each node, whether it is held or within an element of one that is. There the body is held by a sharp edge, at which the
+    /// stress of an elastic body has no bound, so that it grows with a finer mesh.
+    pub is_edge: Vec<bool>,
     /// Its model moves the surface as the theory of small strain does.
     pub is_of_small_strain: bool,
 }
@@ -101,6 +104,20 @@ impl StressedBody {
         let is_of_small_strain = model.is_some_and(ModelEntry::is_of_small_strain);
         let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
         let limits = body.materials().map(|material| material.limit).collect();
-        StressedBody { surface: SurfaceStress::new(&parts), limits, is_of_small_strain }
+        let is_edge = edges(rest.len(), triangles, held, body.element.order);
+        StressedBody { surface: SurfaceStress::new(&parts), limits, is_edge, is_of_small_strain }
     }
+}
+
+/// The nodes that are held, and those so many triangles away: elements have as many along an edge.
+fn edges(nodes: usize, triangles: &[[u32; 3]], held: &[Vec<u32>], rings: u32) -> Vec<bool> {
+    let mut is_edge = vec![false; nodes];
+    held.iter().flatten().for_each(|&node| is_edge[node as usize] = true);
+    for _ in 0..rings {
+        let before = is_edge.clone();
+        for triangle in triangles.iter().filter(|corners| corners.iter().any(|&node| before[node as usize])) {
+            triangle.iter().for_each(|&node| is_edge[node as usize] = true);
+        }
+    }
+    is_edge
 }
