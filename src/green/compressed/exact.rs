@@ -14,6 +14,10 @@ use rayon::prelude::*;
 pub const MEASURED: usize = 64;
 
 type M3 = Matrix3<f64>;
+/// Of one column: `[node][axis][force]`.
+type Column = [[[f64; 3]; 3]];
+/// A column for a place, beside the exact one.
+type Found<'a> = &'a (dyn Fn(usize, &Column) -> Vec<[[f64; 3]; 3]> + Sync);
 
 /// Columns that were solved for.
 pub struct Exact {
@@ -53,7 +57,7 @@ impl Exact {
         self.largest(&|place, exact| shape.seen(place, exact))
     }
 
-    fn largest(&self, found: &(dyn Fn(usize, &[[[f64; 3]; 3]]) -> Vec<[[f64; 3]; 3]> + Sync)) -> f64 {
+    fn largest(&self, found: Found<'_>) -> f64 {
         let of_column =
             |(&place, exact): (&usize, &Vec<[[f64; 3]; 3]>)| error(place, &found(place, exact), exact);
         self.places.par_iter().zip(&self.columns).map(of_column).reduce(|| 0.0, f64::max)
