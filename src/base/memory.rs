@@ -59,6 +59,15 @@ pub fn end_in_order() {
     unsafe { libc::signal(SIGABRT, handler as libc::sighandler_t) };
 }
 
+/// Gives what was freed, and what the C library keeps for later, back to the system: [`super::machine`] then sees what is used.
+pub fn give_back() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: the call takes no memory that is in use.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 /// Any other abort goes on when this returns.
 extern "C" fn on_abort(_signal: c_int) {
     conclude();

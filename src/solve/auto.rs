@@ -153,6 +153,18 @@ impl Factor for Chosen<'_> {
         self.factor.inverse_block_from(first, nodes, take, progress)
     }
 
+    fn solve_memory(&self, columns: usize, asked: usize) -> f64 {
+        self.factor.solve_memory(columns, asked)
+    }
+
+    fn strip_nodes(&self) -> usize {
+        self.factor.strip_nodes()
+    }
+
+    fn strip_memory(&self, nodes: usize) -> f64 {
+        self.factor.strip_memory(nodes)
+    }
+
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.factor.solve(b, progress).map(|solved| self.told(solved))
     }

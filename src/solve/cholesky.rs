@@ -133,6 +133,18 @@ impl Factor for Cholesky<'_> {
         self.llt.inverse_block_from(first, nodes, take, progress)
     }
 
+    fn solve_memory(&self, columns: usize, asked: usize) -> f64 {
+        self.llt.solve_memory(columns, asked)
+    }
+
+    fn strip_nodes(&self) -> usize {
+        self.llt.strip_nodes()
+    }
+
+    fn strip_memory(&self, nodes: usize) -> f64 {
+        self.llt.strip_memory(nodes)
+    }
+
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         let (x, mut stats) = self.solve(b, progress)?;
         stats.conditioning = Some(self.judge(&x, b, progress)?);

@@ -109,6 +109,13 @@ impl Analysis {
     }
 }
 
+/// Where a thread solves one strip of an inverse after the other.
+struct Room<T> {
+    block: Vec<T>,
+    scratch: Vec<T>,
+    values: Vec<f64>,
+}
+
 /// The numbers of L.
 pub(super) struct Llt<'a, T> {
     analysis: &'a Analysis,
@@ -180,6 +187,28 @@ impl<'a, T: Real> Llt<'a, T> {
         KeptFactor::of(&self.triangle(), nodes)
     }
 
+    /// See [`super::Factor::solve_memory`]: all columns at all nodes, and at those asked.
+    pub(super) fn solve_memory(&self, columns: usize, asked: usize) -> f64 {
+        let fronts = &self.analysis.fronts;
+        let width = block_width(columns).min(columns);
+        let scratch =
+            columns.div_ceil(width.max(1)).min(rayon::current_num_threads()) * scratch(fronts, width);
+        (size_of::<T>() * (3 * fronts.nodes() * columns + scratch) + 24 * asked * columns) as f64
+    }
+
+    /// Nodes whose columns of an inverse are solved together.
+    pub(super) fn strip_nodes(&self) -> usize {
+        let width = STRIP_BYTES / (9 * size_of::<T>() * self.analysis.fronts.nodes().max(1));
+        width.clamp(*STRIP_NODES.start(), *STRIP_NODES.end())
+    }
+
+    /// See [`super::Factor::strip_memory`]: a block for each thread, and a strip.
+    pub(super) fn strip_memory(&self, nodes: usize) -> f64 {
+        let (fronts, columns) = (&self.analysis.fronts, 3 * self.strip_nodes().min(nodes));
+        let block = size_of::<T>() * (3 * fronts.nodes() * columns + scratch(fronts, columns));
+        (rayon::current_num_threads() * (block + 24 * nodes * columns)) as f64
+    }
+
     /// See [`super::Factor::inverse_block_from`]. Columns in the order of elimination need, of the symmetric matrix, only rows
     /// that are eliminated later: the solves stop there.
     pub(super) fn inverse_block_from(
@@ -195,23 +224,24 @@ impl<'a, T: Real> Llt<'a, T> {
         let mut places: Vec<u32> = (0..nodes.len() as u32).collect();
         places.sort_unstable_by_key(|&place| position(place));
         let all = fronts.with_ancestors(nodes);
-        let width = STRIP_BYTES / (9 * size_of::<T>() * fronts.nodes().max(1));
-        let width = width.clamp(*STRIP_NODES.start(), *STRIP_NODES.end());
-        let strip = |first: usize| {
+        let width = self.strip_nodes();
+        let strip = |first: usize, Room { block, scratch, values }: &mut Room<T>| {
             let (rows, columns) = (&places[first..], &places[first..places.len().min(first + width)]);
             let count = 3 * columns.len();
-            let (mut x, mut scratch) = triangle.block(count)?;
+            // Nothing that is eliminated before the supernode of the first column is read.
+            let x = &mut block[..3 * fronts.nodes() * count];
+            let lowest = fronts.of_node(position(columns[0]));
+            x[3 * fronts.own(lowest).start * count..].fill(T::of(0.0));
             for (i, &place) in columns.iter().enumerate() {
                 for axis in 0..3 {
                     x[(3 * position(place) + axis) * count + 3 * i + axis] = T::of(1.0);
                 }
             }
             let own: Vec<u32> = columns.iter().map(|&place| nodes[place as usize]).collect();
-            let lowest = fronts.of_node(position(columns[0]));
             let down = all.iter().rev().copied().take_while(|&s| s >= lowest);
-            triangle.forward(&mut x, count, &mut scratch, fronts.with_ancestors(&own).into_iter());
-            triangle.backward(&mut x, count, &mut scratch, down);
-            let mut values = vec![0.0; 3 * rows.len() * count];
+            triangle.forward(x, count, scratch, fronts.with_ancestors(&own).into_iter());
+            triangle.backward(x, count, scratch, down);
+            values.resize(3 * rows.len() * count, 0.0);
             for (i, &place) in rows.iter().enumerate() {
                 let node = &x[3 * position(place) * count..][..3 * count];
                 for (axis, row) in node.chunks_exact(count).enumerate() {
@@ -220,15 +250,21 @@ impl<'a, T: Real> Llt<'a, T> {
                     }
                 }
             }
-            Ok::<_, SolveError>((rows, columns, values))
+            (rows, columns)
         };
         progress.begin("inverse at chosen nodes", nodes.len() as u64);
         let firsts: Vec<usize> = (0..nodes.len()).step_by(width).skip(first).collect();
-        for group in firsts.chunks(rayon::current_num_threads()) {
-            let strips: Result<Vec<_>, SolveError> =
-                group.par_iter().with_max_len(1).map(|&first| strip(first)).collect();
-            for (rows, columns, values) in strips? {
-                take(&InverseStrip { rows, columns, values: &values });
+        let count = rayon::current_num_threads().min(firsts.len());
+        let rooms = (0..count).map(|_| {
+            let (block, scratch) = triangle.block(3 * width.min(nodes.len()))?;
+            Ok(Room { block, scratch, values: Vec::new() })
+        });
+        let mut rooms = rooms.collect::<Result<Vec<Room<T>>, SolveError>>()?;
+        for group in firsts.chunks(count.max(1)) {
+            let each = group.par_iter().zip(&mut rooms).with_max_len(1);
+            let strips: Vec<_> = each.map(|(&first, room)| strip(first, room)).collect();
+            for ((rows, columns), room) in strips.into_iter().zip(&rooms) {
+                take(&InverseStrip { rows, columns, values: &room.values });
                 progress.advance(columns.len() as u64);
             }
         }

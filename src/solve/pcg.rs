@@ -108,6 +108,12 @@ impl Factor for Pcg<'_> {
         batch_width(self.a)
     }
 
+    /// Right-hand sides, solutions, and a batch.
+    fn solve_memory(&self, columns: usize, asked: usize) -> f64 {
+        let fields = 24.0 * ((2 * self.a.nodes() + asked) * columns) as f64;
+        fields + batch_memory(self.a, batch_width(self.a).min(columns))
+    }
+
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.solve_batches(b, false, progress)
     }

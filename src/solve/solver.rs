@@ -128,6 +128,8 @@ pub struct InverseStrip<'a> {
 
 /// Nodes whose columns [`Factor::inverse_block`] solves together by default.
 const STRIP_NODES: usize = 32;
+/// Fields of all columns that an iteration in f64 with a factor in f32 holds at once.
+const FIELDS: f64 = 9.0;
 
 /// A matrix that is ready to be solved with.
 pub trait Factor {
@@ -175,6 +177,21 @@ pub trait Factor {
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
         strips(&|own, b, asked| self.solve_at(own, b, asked), first, nodes, take, progress)
+    }
+
+    /// Bytes that [`Factor::solve_at`] takes for so many columns, with its result at no more than so many nodes.
+    fn solve_memory(&self, columns: usize, _asked: usize) -> f64 {
+        FIELDS * 24.0 * (self.nodes() * columns) as f64
+    }
+
+    /// The most columns of nodes in a strip.
+    fn strip_nodes(&self) -> usize {
+        STRIP_NODES
+    }
+
+    /// Bytes that [`Factor::inverse_block`] over so many nodes takes beside what its caller makes of the strips.
+    fn strip_memory(&self, nodes: usize) -> f64 {
+        self.solve_memory(3 * STRIP_NODES, nodes) + 2.0 * 72.0 * (STRIP_NODES * nodes) as f64
     }
 
     /// What of it solves between these nodes, to be kept; `None` of a method that makes no factor, or none that is exact enough.

@@ -6,6 +6,7 @@
 //! random samples: J. Levitt and P.-G. Martinsson, J. Comput. Appl. Math. 2024).
 
 use super::tree::{Block, Tree};
+use crate::base::machine::{self, TooLarge};
 use faer::{Mat, MatRef, Side};
 use rayon::prelude::*;
 
@@ -14,8 +15,14 @@ const COLUMNS: f64 = 400.0;
 /// A basis of more fields than this part of its samples is not trusted.
 const TRUSTED: f64 = 0.6;
 
+/// What needs the memory, as a refusal names it.
+pub const WHAT: &str = "the compressed compliance of the surface";
+
+/// What the heap takes for each byte in matrices of many sizes, measured as 1.05 to 1.1.
+pub const HEAP: f64 = 1.2;
+
 /// Of every cluster.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Bases {
     /// Of a leaf, over all components of its nodes, square; of another cluster, over the fields of its parts.
     pub of: Vec<Mat<f64>>,
@@ -66,7 +73,7 @@ pub struct Samples {
 }
 
 /// The bases that leave out what is below `tolerance`, which every cluster has its own.
-pub fn bases(tree: &Tree, blocks: &[Block], samples: &Samples, tolerance: &[f64]) -> Bases {
+pub fn bases(tree: &Tree, blocks: &[Block], samples: &Samples, tolerance: &[f64]) -> Result<Bases, TooLarge> {
     let partners = partners(tree, blocks);
     let count = tree.clusters.len();
     let mut is_far = vec![Vec::new(); count];
@@ -82,10 +89,19 @@ pub fn bases(tree: &Tree, blocks: &[Block], samples: &Samples, tolerance: &[f64]
     }
     let size = 3 * tree.leaf_of.len();
     let mut bases = Bases { of: vec![Mat::new(); count], ranks: vec![0; count] };
-    let mut projected: Vec<Mat<f64>> = vec![Mat::new(); count];
+    let mut projected: Vec<Mat<f32>> = vec![Mat::new(); count];
     for level in levels(tree).into_iter().rev() {
-        let of_cluster = |&cluster: &usize| {
-            let rows = match tree.clusters[cluster].children {
+        machine::expect(WHAT, level_memory(tree, &bases.ranks, &level, samples))?;
+        let mut of_parts = |cluster: usize| {
+            tree.clusters[cluster]
+                .children
+                .map(|parts| parts.map(|part| std::mem::replace(&mut projected[part], Mat::new())))
+        };
+        let parts: Vec<(usize, Option<[Mat<f32>; 2]>)> =
+            level.into_iter().map(|cluster| (cluster, of_parts(cluster))).collect();
+        let of_cluster = |(cluster, parts): (usize, Option<[Mat<f32>; 2]>)| {
+            let is_leaf = parts.is_none();
+            let rows = match parts {
                 None => {
                     let nodes = &tree.clusters[cluster].nodes;
                     let value =
@@ -93,28 +109,35 @@ pub fn bases(tree: &Tree, blocks: &[Block], samples: &Samples, tolerance: &[f64]
                     Mat::from_fn(3 * nodes.len(), samples.leaves.len(), value)
                 }
                 Some([left, right]) => {
-                    let split = projected[left].nrows();
-                    Mat::from_fn(split + projected[right].nrows(), samples.leaves.len(), |i, s| {
-                        if i < split { projected[left][(i, s)] } else { projected[right][(i - split, s)] }
+                    let split = left.nrows();
+                    Mat::from_fn(split + right.nrows(), samples.leaves.len(), |i, s| {
+                        f64::from(if i < split { left[(i, s)] } else { right[(i - split, s)] })
                     })
                 }
             };
             let (basis, rank) = basis(&rows, samples, &is_far[cluster], tolerance[cluster]);
             let fields = basis.as_ref().subcols(0, rank);
             let kept = fields.transpose() * &rows;
-            let is_leaf = tree.clusters[cluster].children.is_none();
+            let kept = Mat::from_fn(rank, kept.ncols(), |i, s| kept[(i, s)] as f32);
             let basis = if is_leaf { basis } else { fields.to_owned() };
-            (basis, rank, kept)
+            (cluster, basis, rank, kept)
         };
-        let made: Vec<_> = level.par_iter().map(of_cluster).collect();
-        for (cluster, (basis, rank, kept)) in level.into_iter().zip(made) {
+        let made: Vec<_> = parts.into_par_iter().map(of_cluster).collect();
+        for (cluster, basis, rank, kept) in made {
             (bases.of[cluster], bases.ranks[cluster], projected[cluster]) = (basis, rank, kept);
-            for part in tree.clusters[cluster].children.into_iter().flatten() {
-                projected[part] = Mat::new();
-            }
         }
     }
-    bases
+    Ok(bases)
+}
+
+/// Bytes of the bases of a level, where each has as many fields as rows, of what they see, and of making them.
+fn level_memory(tree: &Tree, ranks: &[usize], level: &[usize], samples: &Samples) -> f64 {
+    let rows = level.iter().map(|&cluster| Bases::rows(tree, ranks, cluster) as f64);
+    let [all, squares, most] = rows
+        .fold([0.0; 3], |[all, squares, most], own| [all + own, squares + own * own, f64::max(most, own)]);
+    let count = samples.leaves.len() as f64;
+    let making = rayon::current_num_threads() as f64 * 8.0 * most * (3.0 * most + 2.0 * count);
+    HEAP * (8.0 * squares + 4.0 * all * count + making)
 }
 
 /// The clusters by their distance from a root.

@@ -97,8 +97,14 @@ impl Shape {
                 spread(*b, numbers.transpose(), force);
             }
         }
+        Ok(self.displacements(moved))
+    }
+
+    /// Of all nodes, from the coefficients of every cluster.
+    pub fn displacements(&self, mut moved: Vec<Mat<f64>>) -> Vec<[[f64; 3]; 3]> {
+        let Shape { tree, bases, .. } = self;
         let mut all = vec![[[0.0; 3]; 3]; tree.leaf_of.len()];
-        for cluster in 0..count {
+        for cluster in 0..tree.clusters.len() {
             let rank = bases.ranks[cluster];
             if let (Some(basis), Some(parent)) = (bases.of_part(tree, cluster), tree.clusters[cluster].parent)
             {
@@ -118,7 +124,57 @@ impl Shape {
                 all[node] = [0, 1, 2].map(|axis| [0, 1, 2].map(|force| own[(axis, force)]));
             }
         }
-        Ok(all)
+        all
+    }
+
+    /// A column as the bases see it: what is far from its node has nothing but their fields.
+    pub fn seen(&self, place: usize, column: &[[[f64; 3]; 3]]) -> Vec<[[f64; 3]; 3]> {
+        let Shape { tree, bases, .. } = self;
+        let count = tree.clusters.len();
+        let mut holds = vec![false; count];
+        tree.path(place).for_each(|cluster| holds[cluster] = true);
+        let mut is_far = vec![false; count];
+        for Block { of: [a, b], .. } in self.blocks.iter().filter(|block| block.is_far) {
+            is_far[*a] |= holds[*b];
+            is_far[*b] |= holds[*a];
+        }
+        let mut own: Vec<Mat<f64>> = vec![Mat::new(); count];
+        for cluster in (0..count).rev() {
+            let rank = bases.ranks[cluster];
+            own[cluster] = if let Some(parts) = tree.clusters[cluster].children {
+                let mut sum = Mat::zeros(rank, 3);
+                for part in parts {
+                    bases
+                        .of_part(tree, part)
+                        .iter()
+                        .for_each(|basis| add(&mut sum, basis.transpose(), own[part].as_ref()));
+                }
+                sum
+            } else {
+                let nodes = &tree.clusters[cluster].nodes;
+                let frame = self.frames[cluster].try_inverse().unwrap_or_else(Matrix3::zeros);
+                let mut moved = Mat::zeros(3 * nodes.len(), 3);
+                for (i, of_node) in column[nodes.clone()].iter().enumerate() {
+                    let of_node = frame * Matrix3::from_fn(|axis, force| of_node[axis][force]);
+                    (0..9).for_each(|k| moved[(3 * i + k / 3, k % 3)] = of_node[(k / 3, k % 3)]);
+                }
+                bases.of[cluster].as_ref().subcols(0, rank).transpose() * moved
+            };
+        }
+        let coefficients = |cluster: usize| {
+            let mut all = Mat::zeros(self.width(cluster), 3);
+            if is_far[cluster] {
+                all.as_mut().subrows_mut(0, bases.ranks[cluster]).copy_from(own[cluster].as_ref());
+            }
+            all
+        };
+        let mut seen = self.displacements((0..count).map(coefficients).collect());
+        for cluster in 0..count {
+            is_far[cluster] |= tree.clusters[cluster].parent.is_some_and(|parent| is_far[parent]);
+        }
+        let near = (0..seen.len()).filter(|&node| !is_far[tree.leaf_of[node]]);
+        near.for_each(|node| seen[node] = column[node]);
+        seen
     }
 
     /// Coefficients that a cluster may get: those of a leaf near by too.

@@ -8,18 +8,22 @@
 //!
 //! the largest displacement that is wrong anywhere where a force, of any direction, moves the node under it by 1.
 
-use super::basis::Bases;
-use super::build::{BuildError, Built, Surface, build, some, unit_columns};
+use super::basis::{Bases, WHAT, bases};
+use super::build::{BuildError, Built, build, tolerances};
 use super::column::Shape;
+use super::exact::{Exact, exact};
+use super::memory;
 use super::packed::{pack, rounded, unpack};
+use super::samples::samples;
+use super::surface::{Frame, Surface, frames};
 use super::tree::{Block, Tree};
+use crate::base::machine;
+use crate::base::memory::give_back;
 use crate::solve::Progress;
 use faer::{Mat, MatRef};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-/// Nodes whose columns are solved for anew.
-const MEASURED: usize = 64;
 /// The part of the asked error that the measured one is to reach: other nodes may err by more.
 const AIM: f64 = 0.4;
 /// Steps of rounding, in parts of the error of a block: where the trial begins, and how often it is halved or doubled.
@@ -27,8 +31,12 @@ const FIRST: f64 = 0.5;
 const TRIALS: i32 = 8;
 /// A basis is rounded by so much finer steps than blocks.
 const FINER: f64 = 0.1;
-/// How the bases are tightened where the error cannot be kept.
-const TIGHTNESS: [f64; 3] = [1.0, 6.0, 36.0];
+/// What the bases leave out, in parts of the error that is asked for, of a cluster's samples.
+const LEFT_OUT: f64 = 0.04;
+/// How the bases are tightened where they leave out too much.
+const TIGHTNESS: [f64; 5] = [1.0, 2.5, 6.0, 15.0, 36.0];
+/// What they may leave out of the columns that were solved for, in parts of the error.
+const SEEN: f64 = 0.15;
 
 type M3 = Matrix3<f64>;
 
@@ -57,45 +65,76 @@ pub enum Trial {
     Error(f64),
 }
 
-/// Columns that were solved for.
-struct Exact {
-    places: Vec<usize>,
-    /// Of each: `[node][axis][force]`.
-    columns: Vec<Vec<[[f64; 3]; 3]>>,
-}
-
 /// Builds, measures and rounds.
 pub fn compress(of: &Surface<'_>, error: f64, progress: &dyn Progress) -> Result<Compressed, Trial> {
-    let exact = exact(of, progress).map_err(Trial::Build)?;
-    let mut least = f64::INFINITY;
-    for tightness in TIGHTNESS {
-        let built = build(of, error, tightness, progress).map_err(Trial::Build)?;
+    let failed = |failed| Trial::Build(failed);
+    give_back();
+    let expected = machine::expect(WHAT, memory::of_bases(of));
+    expected.map_err(|refused| failed(refused.into()))?;
+    let exact = exact(of, progress).map_err(|solve| failed(solve.into()))?;
+    let frames = frames(of, progress).map_err(|solve| failed(solve.into()))?;
+    let (mut least, mut tried) = (f64::INFINITY, 0);
+    while tried < TIGHTNESS.len() {
+        let (at, bases) = fine_enough(of, &frames, &exact, error, tried, progress).map_err(failed)?;
+        tried = at + 1;
+        let built = build(of, frames.clone(), bases, progress).map_err(failed)?;
         match round(of, &built, &exact, error, progress) {
             Ok(compressed) => return Ok(compressed),
             Err(found) => least = least.min(found),
         }
-        progress.tell(&format!(
-            "compressed, a displacement is wrong by {least:.1e} of a pressed node's own: it is made again with larger bases"
-        ));
+        if tried < TIGHTNESS.len() {
+            progress.tell(&format!(
+                "compressed, a displacement is wrong by {least:.1e} of a pressed node's own: it is made again with larger bases"
+            ));
+        }
     }
     Err(Trial::Error(least))
 }
 
-fn exact(of: &Surface<'_>, progress: &dyn Progress) -> Result<Exact, BuildError> {
-    let places = some(of.n, MEASURED, 7);
-    let mut columns = Vec::new();
-    progress.begin("columns to compare with", places.len() as u64);
-    for chunk in places.chunks(8) {
-        let x = unit_columns(of, chunk, 0)?;
-        for column in 0..chunk.len() {
-            let value = |node: usize, axis: usize, force: usize| x.row(3 * node + axis)[3 * column + force];
-            let of_node = |node: usize| [0, 1, 2].map(|axis| [0, 1, 2].map(|force| value(node, axis, force)));
-            columns.push((0..of.nodes.len()).map(of_node).collect());
+/// The first bases, from `first` of [`TIGHTNESS`] on, that leave out little enough of the columns that were solved for: else the
+/// last ones. Which they are is told too.
+fn fine_enough(
+    of: &Surface<'_>,
+    frames: &[Frame],
+    exact: &Exact,
+    error: f64,
+    first: usize,
+    progress: &dyn Progress,
+) -> Result<(usize, Bases), BuildError> {
+    let Surface { tree, blocks, .. } = *of;
+    let samples = samples(of, frames, progress)?;
+    let tolerances = tolerances(tree, blocks, frames);
+    let mut shape = Shape {
+        tree: tree.clone(),
+        blocks: blocks.to_vec(),
+        frames: frames.iter().map(|frame| frame.own).collect(),
+        bases: Bases::default(),
+    };
+    let mut at = first;
+    loop {
+        let tolerance = of_clusters(of, &tolerances, LEFT_OUT * error / TIGHTNESS[at]);
+        // Those before are not needed beside these.
+        shape.bases = Bases::default();
+        shape.bases = bases(tree, blocks, &samples, &tolerance)?;
+        if at + 1 == TIGHTNESS.len() || exact.left_out(&shape) <= SEEN * error {
+            return Ok((at, shape.bases));
         }
-        progress.advance(chunk.len() as u64);
+        at += 1;
     }
-    progress.end();
-    Ok(Exact { places, columns })
+}
+
+/// What the bases of each cluster may leave out: the least of what all blocks with it, or with what it is a part of, allow.
+fn of_clusters(of: &Surface<'_>, of_blocks: &[f64], by: f64) -> Vec<f64> {
+    let Surface { tree, blocks, .. } = *of;
+    let mut tolerance = vec![f64::INFINITY; tree.clusters.len()];
+    for (block, own) in blocks.iter().zip(of_blocks).filter(|(block, _)| block.is_far) {
+        block.of.into_iter().for_each(|cluster| tolerance[cluster] = tolerance[cluster].min(by * own));
+    }
+    for cluster in 0..tolerance.len() {
+        let above = tree.clusters[cluster].parent.map_or(f64::INFINITY, |parent| tolerance[parent]);
+        tolerance[cluster] = tolerance[cluster].min(above);
+    }
+    tolerance
 }
 
 /// Steps of everything.
@@ -159,7 +198,7 @@ fn round(
             .map(|cluster| rounded_basis(&built.bases, &unit, cluster, by))
             .collect();
         let block = |block: usize| rounded(numbers.of(block).as_ref(), by * unit.blocks[block]);
-        measure(&shape, exact, &block)
+        exact.error(&shape, &block)
     };
     let mut by = FIRST * asked;
     let mut found = trial(by);
@@ -324,25 +363,4 @@ fn shows(tree: &Tree, bases: &Bases) -> Vec<f64> {
         shows[cluster] = shows[cluster].max(of_node);
     }
     shows
-}
-
-/// The largest error of these columns.
-fn measure(shape: &Shape, exact: &Exact, block: &(dyn Fn(usize) -> Mat<f64> + Sync)) -> f64 {
-    let of_column = |(&place, column): (&usize, &Vec<[[f64; 3]; 3]>)| {
-        let found = shape.column(place, |index| Ok::<_, std::convert::Infallible>(block(index)));
-        let found = found.unwrap_or_else(|never| match never {});
-        error(place, &found, column)
-    };
-    exact.places.par_iter().zip(&exact.columns).map(of_column).reduce(|| 0.0, f64::max)
-}
-
-/// ‖E_ij (K⁻¹)_jj⁻¹‖₂ of a column j, the largest of all nodes i.
-pub fn error(place: usize, found: &[[[f64; 3]; 3]], exact: &[[[f64; 3]; 3]]) -> f64 {
-    let matrix = |of: &[[f64; 3]; 3]| M3::from_fn(|axis, force| of[axis][force]);
-    let Some(inverse) = matrix(&exact[place]).try_inverse() else { return f64::INFINITY };
-    let of_node = |(found, exact): (&[[f64; 3]; 3], &[[f64; 3]; 3])| {
-        let relative = (matrix(found) - matrix(exact)) * inverse;
-        (relative.transpose() * relative).symmetric_eigenvalues().amax().sqrt()
-    };
-    found.iter().zip(exact).map(of_node).fold(0.0, f64::max)
 }

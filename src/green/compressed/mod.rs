@@ -10,11 +10,17 @@ mod basis;
 mod build;
 mod column;
 mod encode;
+mod exact;
+mod memory;
 mod packed;
+mod samples;
+mod strip;
+mod surface;
 mod tree;
 
-pub use build::{BuildError, Surface};
+pub use build::BuildError;
 pub use column::{Shape, Shapes};
 pub use encode::{Compressed, Trial, compress, frames_of, unpack_bases};
 pub use packed::unpack;
+pub use surface::Surface;
 pub use tree::{Block, Tree, blocks, order};

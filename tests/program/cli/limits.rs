@@ -180,6 +180,18 @@ fn memory_is_planned_as_it_is_used() {
 }
 
 #[test]
+fn a_compressed_compliance_takes_no_more_memory_than_planned() {
+    for error in ["1e-2", "1e-4"] {
+        let folder = folder(&format!("cli-planned-{error}"));
+        let extra = format!("surface_compliance = {{ nodes = \"surface\", kept = {{ error = {error} }} }}");
+        std::fs::write(folder.join("scene.toml"), block_text([14; 3], &extra)).unwrap();
+        let [real, plan] = planned(&folder);
+        println!("{error}: {real} MB, planned {plan}");
+        assert!((1.0..1.5).contains(&(plan / real)), "{error}: {real} MB, planned {plan}");
+    }
+}
+
+#[test]
 fn files_without_end_are_no_meshes() {
     let folder = project("cli-endless");
     let pipe = folder.join("pipe.msh");
