@@ -75,6 +75,6 @@ pub use static_loads::StaticForces;
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
 pub use superposition::{BYTES_PER_THREAD, Places, SumStats, Superposition, displacement};
 pub use surface_point::{NearestPoint, nearest_point};
-pub use surface_stress::{NodeStress, Strain, SurfaceParts, SurfaceStress};
+pub use surface_stress::{FaceLoads, NodeStress, Strain, SurfaceParts, SurfaceStress};
 pub use trial::{Deviation, Motion, Moved, Trial, trials};
 pub use turn::{Reach, local_turn, reach};

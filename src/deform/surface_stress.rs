@@ -10,8 +10,14 @@
 //! so that a rotation, however large, is no strain. The displacements of small-strain theory are no such shape: a slender part that
 //! they turn by θ seems longer by θ²/2, which its forces know nothing of. Of them the strain is linear, 2 E_ab = e_a·D_b + D_a·e_b
 //! and λ_i = 1 + E_i ([`Strain`]). A body that warmth makes longer by s where it is free has the gradient
-//! I + D over s there: what it expands by itself is no strain and no stress; and where no force acts on the surface, which is everywhere but at control
-//! elements, this is the whole stress. Both tensors are turned back into the body at rest, where a node takes the mean of the
+//! I + D over s there: what it expands by itself is no strain and no stress. Where loads act on a triangle by known tractions t, what
+//! they do while the triangle keeps its shape is added, by Hooke's law,
+//!
+//! ```text
+//! σ₃₃ = t₃   σ₃₁ = t₁   σ₃₂ = t₂   σ₁₁, σ₂₂ + t₃ λ/(λ + 2μ)   ε₃₃ + t₃/(λ + 2μ)   ε₃₁ + t₁/2μ   ε₃₂ + t₂/2μ
+//! ```
+//!
+//! which is all of it for small strain, and for laws of large strain but for parts of the order of (t/μ)². Both tensors are turned back into the body at rest, where a node takes the mean of the
 //! triangles around it, weighed by area at rest. The nodes lie on the surface itself, so a bent body has the stress of its
 //! outermost fibre, which a mean over the tetrahedra below would miss. Triangles inside control elements are left out: forces
 //! of unknown share act there. Where materials meet, a node has that of its materials which is nearest to its limit.
@@ -56,6 +62,15 @@ pub enum Strain {
     Finite,
 }
 
+/// Tractions on the triangles of a surface, Pa on the area at rest; either list may be empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FaceLoads {
+    /// Those that turn with their triangle, on the axes of the body at rest, …
+    pub follows: Vec<Vector3<f64>>,
+    /// … and those that keep their direction.
+    pub fixed: Vec<Vector3<f64>>,
+}
+
 /// What is known at one node.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NodeStress {
@@ -67,8 +82,10 @@ pub struct NodeStress {
     pub material: u8,
 }
 
-/// A triangle that bears no force.
+/// A triangle that no control element holds.
 struct Face {
+    /// Among all of the surface.
+    number: usize,
     nodes: [u32; 3],
     /// e₁, e₂ and the normal e₁ × e₂.
     axes: [Vector3<f64>; 3],
@@ -102,7 +119,7 @@ impl SurfaceStress {
             let material = parts.material.get(t).copied().unwrap_or(0);
             let is_held = owners[a] & owners[b] & owners[c] != 0;
             let corners = [a, b, c].map(|node| Vector3::from(parts.rest[node]).cast::<f64>());
-            faces.extend(Face::new(*triangle, corners, material).filter(|_| !is_held));
+            faces.extend(Face::new(t, *triangle, corners, material).filter(|_| !is_held));
         }
         let mut areas = vec![0.0; nodes];
         let mut corners = Vec::with_capacity(3 * faces.len());
@@ -124,19 +141,20 @@ impl SurfaceStress {
         SurfaceStress { faces, rows, around, lame: parts.lame.to_vec(), law: parts.law, nodes, areas }
     }
 
-    /// At every node, of the displacements u of all, by this strain, where warmth lengthens what is free by `stretch`; `None` where no triangle is
-    /// free of forces. `share` is how much of its limit a node of a material has reached, or anything else by which the larger
+    /// At every node, of the displacements u of all, by this strain, where warmth lengthens what is free by `stretch` and `loads` act;
+    /// `None` amid control elements. `share` is how much of its limit a node of a material has reached, or anything else by which the larger
     /// is shown.
     pub fn at_nodes(
         &self,
         u: &[Vector3<f64>],
         stretch: f64,
         of: Strain,
+        loads: &FaceLoads,
         share: impl Fn(&NodeStress) -> f64 + Sync,
     ) -> Vec<Option<NodeStress>> {
         let of_face = |face: &Face| {
             let lame = self.lame.get(usize::from(face.material)).copied();
-            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors((u, stretch, of), self.law, lame))
+            lame.map_or(([0.0; 6], [0.0; 6]), |lame| face.tensors((u, stretch, of), loads, self.law, lame))
         };
         let tensors: Vec<(Tensor, Tensor)> = self.faces.par_iter().with_min_len(1024).map(of_face).collect();
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
@@ -170,7 +188,7 @@ impl SurfaceStress {
 
 impl Face {
     /// `None` of a triangle without area.
-    fn new(nodes: [u32; 3], [a, b, c]: [Vector3<f64>; 3], material: u8) -> Option<Face> {
+    fn new(number: usize, nodes: [u32; 3], [a, b, c]: [Vector3<f64>; 3], material: u8) -> Option<Face> {
         let (ab, ac) = (b - a, c - a);
         let length = ab.norm();
         let first = ab.try_normalize(0.0)?;
@@ -181,7 +199,8 @@ impl Face {
             return None;
         }
         let second = across / width;
-        Some(Face { nodes, axes: [first, second, first.cross(&second)], length, along, width, material })
+        let axes = [first, second, first.cross(&second)];
+        Some(Face { number, nodes, axes, length, along, width, material })
     }
 
     fn area(&self) -> f64 {
@@ -192,6 +211,7 @@ impl Face {
     fn tensors(
         &self,
         (u, stretch, of): (&[Vector3<f64>], f64, Strain),
+        loads: &FaceLoads,
         law: fn([f64; 2], Lame) -> FreeFace,
         lame: Lame,
     ) -> (Tensor, Tensor) {
@@ -201,6 +221,7 @@ impl Face {
         let d2 = ((c - a) - d1 * self.along) / self.width;
         // F = I + D is s times what strains the body.
         let [d1, d2] = [(d1, first), (d2, second)].map(|(d, axis)| (d - axis * (stretch - 1.0)) / stretch);
+        let [t1, t2, t3] = self.traction(loads, of, [d1, d2]);
         let squares = match of {
             Strain::Small => [0.0; 3],
             Strain::Finite => [d1.norm_squared(), d2.norm_squared(), d1.dot(&d2)],
@@ -223,16 +244,41 @@ impl Face {
             let part = if radius > 0.0 { part / radius } else { 0.0 };
             [mean + part * half, mean - part * half, part * xy]
         };
-        let tensor = |[xx, yy, xy]: [f64; 3], zz: f64| {
+        let tensor = |[xx, yy, xy]: [f64; 3], [zx, yz, zz]: [f64; 3]| {
             let entry = |i: usize, j: usize| {
                 first[i] * first[j] * xx
                     + second[i] * second[j] * yy
                     + (first[i] * second[j] + second[i] * first[j]) * xy
+                    + (first[i] * normal[j] + normal[i] * first[j]) * zx
+                    + (second[i] * normal[j] + normal[i] * second[j]) * yz
                     + normal[i] * normal[j] * zz
             };
             [entry(0, 0), entry(1, 1), entry(2, 2), entry(1, 2), entry(2, 0), entry(0, 1)]
         };
-        (tensor(turned(stress), 0.0), tensor(turned(stretches), across))
+        let stiffness = lame.lambda + 2.0 * lame.mu;
+        let own = stress.map(|stress| stress + t3 * lame.lambda / stiffness);
+        let [shear1, shear2] = [t1, t2].map(|t| 0.5 * t / lame.mu);
+        (
+            tensor(turned(own), [t1, t2, t3]),
+            tensor(turned(stretches), [shear1, shear2, across + t3 / stiffness]),
+        )
+    }
+
+    /// The traction on its own axes, Pa on the area that the strain means, where its edges move by these gradients.
+    fn traction(&self, loads: &FaceLoads, of: Strain, [d1, d2]: [Vector3<f64>; 2]) -> [f64; 3] {
+        let of_loads = |all: &[Vector3<f64>]| all.get(self.number).copied().unwrap_or_default();
+        let on = |axes: &[Vector3<f64>; 3], t: Vector3<f64>| axes.map(|axis| axis.dot(&t));
+        let (follows, fixed) = (of_loads(&loads.follows), of_loads(&loads.fixed));
+        let [first, second, _] = self.axes;
+        if of == Strain::Small {
+            return on(&self.axes, follows + fixed);
+        }
+        let across = (first + d1).cross(&(second + d2));
+        let area = across.norm();
+        let Some(one) = (first + d1).try_normalize(0.0).filter(|_| area > 0.0) else { return [0.0; 3] };
+        let normal = across / area;
+        let (own, turned) = (on(&self.axes, follows), on(&[one, normal.cross(&one), normal], fixed));
+        [0, 1, 2].map(|k| (own[k] + turned[k]) / area)
     }
 }
 

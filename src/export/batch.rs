@@ -14,7 +14,7 @@ use crate::deform::{
     find_model, model_of,
 };
 use crate::effect::expected::{self, NAME as EXPECTED};
-use crate::effect::stress::{NAME as STRESS, StressedBody};
+use crate::effect::stress::{NAME as STRESS, StressedBody, SurfaceLoads};
 use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
@@ -156,11 +156,20 @@ fn solved_stress(
 }
 
 impl SolvedStress {
-    /// Of the displacements of all nodes.
-    fn result(&self, displacement: &[Vector3<f64>], stretch: f64) -> StressResult {
+    /// Of the displacements of all nodes, under loads, of which `points` are the nodes of the mesh that bear forces of their own.
+    fn result(
+        &self,
+        displacement: &[Vector3<f64>],
+        stretch: f64,
+        coefficients: &[f64],
+        points: &[u32],
+    ) -> StressResult {
         let SolvedStress { surface, body } = self;
+        let on_surface = |node: &u32| Some(surface.nodes.binary_search(node).ok()? as u32);
+        let points: Vec<u32> = points.iter().filter_map(on_surface).collect();
+        let loads = SurfaceLoads { coefficients, points: &points };
         let u: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| displacement[node as usize]).collect();
-        let at = body.at_nodes(&u, stretch, Strain::Finite);
+        let at = body.at_nodes(&u, stretch, Strain::Finite, &loads);
         let mut reached = body.reached(&at);
         for node in [&mut reached.von_mises.1, &mut reached.strain.1] {
             *node = surface.nodes.get(*node).map_or(0, |&node| node as usize);
@@ -316,7 +325,10 @@ fn volume_results(
         };
         let result = volume_result(&asked, name, body, &solution);
         let stretch = asked.loads.free_stretch(body);
-        let stress = stressed.as_ref().map(|stressed| stressed.result(&result.displacement, stretch));
+        let stress_of = |stressed: &SolvedStress, u: &[Vector3<f64>]| {
+            stressed.result(u, stretch, &asked.loads.coefficients, &[])
+        };
+        let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &result.displacement));
         let places = solution.controls.iter().map(|control| control.origin).collect();
         let yields = free_poses::yields(stress.as_ref());
         let first_yield =
@@ -325,7 +337,7 @@ fn volume_results(
                     let at = volume_result(asked, name, body, &solution);
                     let wrenches =
                         at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
-                    Some((wrenches, free_poses::parts(&stressed.result(&at.displacement, stretch).reached)?))
+                    Some((wrenches, free_poses::parts(&stress_of(stressed, &at.displacement).reached)?))
                 })
             });
         let told = Told { control: asked.control, places, first_yield, ..Told::default() };
@@ -413,10 +425,15 @@ fn static_results(
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
                 let stretch = asked.loads.free_stretch(body);
-                let stress = stressed.as_ref().map(|stressed| stressed.result(&displacement, stretch));
+                let forces = asked.loads.on_mesh(&solved.statics).map_err(Failure::wrong)?;
+                let points: Vec<u32> = forces.at_nodes.iter().map(|(node, _)| *node).collect();
+                let stress_of = |stressed: &SolvedStress, u: &[Vector3<f64>]| {
+                    stressed.result(u, stretch, &asked.loads.coefficients, &points)
+                };
+                let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &displacement));
                 let mut told = told;
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
-                    let parts = |u: &[Vector3<f64>]| free_poses::parts(&stressed.result(u, stretch).reached);
+                    let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
                     statics::apply(asked, &name, &mut solved.statics)?;
                     told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &parts);
                 }

@@ -10,6 +10,9 @@ use crate::scene::{
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Raised where the program makes something else of the same scene than before, within one of its versions.
+const STATE: u32 = 2;
+
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]), its scale and the
 /// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, parts, control
 /// elements and loads with the bytes of their tag files, what its model and effects require, and the program's version.
@@ -20,7 +23,7 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     let regions: BTreeMap<_, _> = body.region.iter().map(|(name, region)| (name, bare(region))).collect();
     let selections: Vec<_> = body.control.iter().map(|(control, c)| (control, &c.nodes)).collect();
     let asked = serde_json::json!({
-        "program": env!("CARGO_PKG_VERSION"),
+        "program": (env!("CARGO_PKG_VERSION"), STATE),
         "generate": body.generate,
         "scale": body.mesh_scale().0,
         "tetrahedralise": body.tetrahedralise,

@@ -3,7 +3,7 @@
 use super::Deformer;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
 use crate::deform::model::PointResult;
-use crate::green::{GreenError, LoadMeta, Turning};
+use crate::green::{FIELDS, GreenError, LoadMeta, Turning};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
 
@@ -61,6 +61,20 @@ impl Deformer {
         let found = points.into_iter().zip(self.point_results());
         let points = found.map(|(point, found)| PointLoad { pull: Pull::Force(found.force), ..point });
         AppliedLoads { points: points.collect(), coefficients }
+    }
+
+    /// The coefficients of all load columns as they were summed last, in the frame of the columns.
+    pub fn load_coefficients(&self) -> &[f64] {
+        let count: usize = self.load_metas().iter().map(|meta| meta.columns).sum();
+        let first = FIELDS * self.controls.len();
+        self.state.coefficients.get(first..first + count).unwrap_or(&[])
+    }
+
+    /// The nodes of the surface at which points are pulled.
+    pub fn loaded_nodes(&self) -> Vec<u32> {
+        let points = self.applied().points;
+        let corners = points.iter().flat_map(|point| point.nodes.into_iter().zip(point.weights));
+        corners.filter(|(_, weight)| *weight != 0.0).map(|(node, _)| node).collect()
     }
 
     /// By how much warmth makes the body longer where it is free.

@@ -59,7 +59,7 @@ impl Shape {
             law: hooke_at_free_face,
         };
         let u: Vec<Vector3<f64>> = all.map(|i| u(&self.place(i))).collect();
-        SurfaceStress::new(&parts).at_nodes(&u, 1.0, of, |at| at.von_mises)
+        SurfaceStress::new(&parts).at_nodes(&u, 1.0, of, &FaceLoads::default(), |at| at.von_mises)
     }
 }
 
@@ -239,8 +239,10 @@ fn large_strain_has_the_stress_of_its_law() {
         // P is the force on the area at rest; σ on that which is left.
         let nominal = (law.stress)(&gradient, lame)[(0, 0)];
         let expected = nominal / (1.0 + across).powi(2);
-        for at in
-            SurfaceStress::new(&parts).at_nodes(&u, 1.0, Strain::Finite, |at| at.strain).into_iter().flatten()
+        for at in SurfaceStress::new(&parts)
+            .at_nodes(&u, 1.0, Strain::Finite, &FaceLoads::default(), |at| at.strain)
+            .into_iter()
+            .flatten()
         {
             assert!((at.von_mises / expected - 1.0).abs() < 1e-3, "{}: {at:?}, {expected}", law.name);
             assert!((at.strain - 0.2).abs() < 1e-6, "{}: {at:?}", law.name);
@@ -262,4 +264,56 @@ proptest::proptest! {
         let expected = (0.5 * (a * a + b * b + c * c)).sqrt();
         proptest::prop_assert!((von_mises(&parts) - expected).abs() < 1e-9 * size);
     }
+}
+
+/// A block in a uniform state σ, whose strain it has: every face bears σ n, which makes the stress whole there. Without it
+/// the faces would seem to have plane stress.
+#[test]
+fn tractions_make_the_stress_of_a_loaded_face_whole() {
+    let shape = bar(2);
+    let (young, lame) = (1e9, lame(1e9));
+    let stress = Matrix3::new(3.0, 1.0, -0.5, 1.0, -2.0, 0.7, -0.5, 0.7, 0.4) * 1e3;
+    let strain = (stress * (1.0 + POISSON) - Matrix3::identity() * (POISSON * stress.trace())) / young;
+    let deviator = stress - Matrix3::from_diagonal_element(stress.trace() / 3.0);
+    let expected = [(1.5 * deviator.norm_squared()).sqrt(), SymmetricEigen::new(strain).eigenvalues.max()];
+    let triangles = &shape.surface.triangles;
+    let parts = SurfaceParts {
+        rest: &shape.rest,
+        triangles,
+        material: &[],
+        lame: &[lame],
+        held: &[],
+        law: hooke_at_free_face,
+    };
+    let tractions: Vec<Vector3<f64>> = triangles
+        .iter()
+        .map(|triangle| {
+            let [a, b, c] = triangle.map(|node| shape.place(node as usize));
+            stress * (b - a).cross(&(c - a)).normalize()
+        })
+        .collect();
+    let surface = SurfaceStress::new(&parts);
+    let inner = |i: usize| {
+        [2.0, 0.5, 0.5].iter().zip(shape.place(i).iter()).filter(|(s, x)| **s == x.abs()).count() == 1
+    };
+    let stress_of = |turn: &Rotation3<f64>, of: Strain, loads: &FaceLoads| -> Vec<NodeStress> {
+        let gradient = turn.matrix() * (Matrix3::identity() + strain) - Matrix3::identity();
+        let u: Vec<Vector3<f64>> = (0..shape.rest.len()).map(|i| gradient * shape.place(i)).collect();
+        let found = surface.at_nodes(&u, 1.0, of, loads, |at| at.von_mises);
+        found.into_iter().enumerate().filter(|(i, _)| inner(*i)).filter_map(|(_, at)| at).collect()
+    };
+    let turn = Rotation3::from_scaled_axis(Vector3::new(0.6, -0.64, 0.48) * 2.0);
+    let turned = tractions.iter().map(|t| turn * t).collect();
+    for (turn, of, loads) in [
+        (Rotation3::identity(), Strain::Small, FaceLoads { follows: tractions.clone(), fixed: Vec::new() }),
+        (turn, Strain::Finite, FaceLoads { follows: tractions, fixed: Vec::new() }),
+        (turn, Strain::Finite, FaceLoads { follows: Vec::new(), fixed: turned }),
+    ] {
+        for at in stress_of(&turn, of, &loads) {
+            let off = [at.von_mises / expected[0] - 1.0, at.strain / expected[1] - 1.0];
+            assert!(off.iter().all(|off| off.abs() < 2e-5), "{off:?}");
+        }
+    }
+    let free = stress_of(&Rotation3::identity(), Strain::Small, &FaceLoads::default());
+    assert!(free.iter().any(|at| (at.von_mises / expected[0] - 1.0).abs() > 0.1));
 }

@@ -5,13 +5,14 @@
 //! of the scene is passed, and closing words. Stress and strain are those of [`SurfaceStress`](crate::deform::SurfaceStress); the CPU computes them, once for
 //! every deformation.
 
+mod loaded_faces;
 mod reached;
 mod shown;
 mod stressed_body;
 #[cfg(test)]
 mod tests;
 
-pub use reached::{Reached, share};
+pub use reached::{Reached, SurfaceLoads, share};
 pub use stressed_body::{NAME, StressedBody};
 
 use super::entry::EffectEntry;

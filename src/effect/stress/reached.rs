@@ -9,6 +9,15 @@ use nalgebra::Vector3;
 /// From this part of the largest stress on, what is reached elsewhere is not told beside it.
 const ALIKE: f64 = 0.9;
 
+/// What acts on a surface beside control elements.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SurfaceLoads<'a> {
+    /// Of all load columns of the body, in the frame of its displacements.
+    pub coefficients: &'a [f64],
+    /// Nodes of the surface that bear forces of their own.
+    pub points: &'a [u32],
+}
+
 /// Of one body in one shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reached {
@@ -48,12 +57,23 @@ pub fn share(at: &NodeStress, limits: &[Option<Limit>]) -> f64 {
 }
 
 impl StressedBody {
-    /// At every node of the surface, of its displacements where warmth lengthens what is free by `stretch`; `None` inside control
-    /// elements.
-    pub fn at_nodes(&self, u: &[Vector3<f64>], stretch: f64, of: Strain) -> Vec<Option<NodeStress>> {
+    /// At every node of the surface, of its displacements where warmth lengthens what is free by `stretch`, under loads; `None` inside
+    /// control elements, and at nodes that bear a force of their own, whose stress has no bound.
+    pub fn at_nodes(
+        &self,
+        u: &[Vector3<f64>],
+        stretch: f64,
+        of: Strain,
+        loads: &SurfaceLoads<'_>,
+    ) -> Vec<Option<NodeStress>> {
         // Where no limit tells, the larger stress does.
         let order = |at: &NodeStress| part(at, &self.limits).map_or(at.von_mises * 1e-100, |(part, _)| part);
-        self.surface.at_nodes(u, stretch, of, order)
+        let faces = self.loads.at(loads.coefficients);
+        let mut found = self.surface.at_nodes(u, stretch, of, &faces, order);
+        for &node in loads.points {
+            found.get_mut(node as usize).into_iter().for_each(|at| *at = None);
+        }
+        found
     }
 
     /// At every node of the surface of a deformed body.
@@ -63,7 +83,9 @@ impl StressedBody {
             true => Strain::Small,
             false => Strain::Finite,
         };
-        self.at_nodes(&u, body.free_stretch(), of)
+        let points = body.loaded_nodes();
+        let loads = SurfaceLoads { coefficients: body.load_coefficients(), points: &points };
+        self.at_nodes(&u, body.free_stretch(), of, &loads)
     }
 
     pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {

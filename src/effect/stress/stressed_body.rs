@@ -1,5 +1,6 @@
 //! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
 
+use super::loaded_faces::LoadedFaces;
 use crate::deform::{ModelEntry, SurfaceParts, SurfaceStress, find_model};
 use crate::fem::Lame;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Tensor};
@@ -10,7 +11,7 @@ use crate::solve::Progress;
 /// As a scene lists it.
 pub const NAME: &str = "stress";
 
-/// The one tensor of the section: of each triangle its material, as [`Body::materials`] counts them; empty where there is one.
+/// A tensor of the section: of each triangle its material, as [`Body::materials`] counts them; empty where there is one.
 const TENSOR: &str = "material";
 
 /// Materials of a body that the section can number.
@@ -22,7 +23,9 @@ pub(super) fn section(
     _: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
     let numbers = of_triangles(scene, &body.name, &body.solution.mesh)?;
-    Ok(vec![(TENSOR.into(), Tensor::new(&[numbers.len()], numbers))])
+    let mut tensors = vec![(TENSOR.to_owned(), Tensor::new(&[numbers.len()], numbers))];
+    tensors.extend(LoadedFaces::of_mesh(scene, &body.name, &body.solution.mesh)?.tensors());
+    Ok(tensors)
 }
 
 /// The material behind each triangle of the mesh's surface; empty where the body has one.
@@ -49,6 +52,8 @@ pub struct StressedBody {
     pub is_edge: Vec<bool>,
     /// Its model moves the surface as the theory of small strain does.
     pub is_of_small_strain: bool,
+    /// What its loads do to its surface.
+    pub loads: LoadedFaces,
 }
 
 impl StressedBody {
@@ -65,7 +70,8 @@ impl StressedBody {
         }
         let held: Vec<Vec<u32>> =
             body.control.keys().map(|control| file.control(name, control).to_vec()).collect();
-        Ok(StressedBody::new(body, file.rest(name), triangles, material, &held))
+        let loads = LoadedFaces::of_file(scene, file, name)?;
+        Ok(StressedBody::new(body, file.rest(name), triangles, material, &held, loads))
     }
 
     /// Of a mesh that is solved anew; its surface is [`Surface::of`] it, `held` are nodes of the mesh.
@@ -82,11 +88,13 @@ impl StressedBody {
         };
         let held: Vec<Vec<u32>> = held.iter().map(on_surface).collect();
         let Some(first) = surface.nodes.first().map(|&node| mesh.nodes[node as usize]) else {
-            return Ok((surface, StressedBody::new(&scene.body[name], &[], &[], &[], &[])));
+            let none = StressedBody::new(&scene.body[name], &[], &[], &[], &[], LoadedFaces::default());
+            return Ok((surface, none));
         };
         let about = |&node: &u32| (mesh.nodes[node as usize] - first).cast::<f32>().into();
         let rest: Vec<[f32; 3]> = surface.nodes.iter().map(about).collect();
-        let body = StressedBody::new(&scene.body[name], &rest, &surface.triangles, &material, &held);
+        let loads = LoadedFaces::of_mesh(scene, name, mesh)?;
+        let body = StressedBody::new(&scene.body[name], &rest, &surface.triangles, &material, &held, loads);
         Ok((surface, body))
     }
 
@@ -96,6 +104,7 @@ impl StressedBody {
         triangles: &[[u32; 3]],
         material: &[u8],
         held: &[Vec<u32>],
+        loads: LoadedFaces,
     ) -> StressedBody {
         let lame: Vec<Lame> = body.materials().map(Material::lame).collect();
         // A model that is not known was refused before.
@@ -105,7 +114,7 @@ impl StressedBody {
         let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
         let limits = body.materials().map(|material| material.limit).collect();
         let is_edge = edges(rest.len(), triangles, held, body.element.order);
-        StressedBody { surface: SurfaceStress::new(&parts), limits, is_edge, is_of_small_strain }
+        StressedBody { surface: SurfaceStress::new(&parts), limits, is_edge, is_of_small_strain, loads }
     }
 }
 

@@ -3,10 +3,10 @@
 use super::reached::written;
 use super::stressed_body::StressedBody;
 use crate::base::legend::Legend;
-use crate::deform::{ControlPose, Deformer, find_model};
+use crate::deform::{AppliedLoads, ControlPose, Deformer, find_model};
 use crate::effect::{EFFECTS, add_sections, attach, find_effect, requirements};
 use crate::fem::NodeFields;
-use crate::green::{self, GreenFile, Precomputed, Tensor};
+use crate::green::{self, GreenFile, LOADS, Precomputed, Requirements, Tensor};
 use crate::scene::{Limit, Scene};
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -40,7 +40,10 @@ fn tube(size: u32, element: &str, poisson: f64) -> Scene {
 fn written_file(scene: &Scene, folder: &Path) -> (Precomputed, Arc<GreenFile>) {
     let body = &scene.body["b"];
     let effects = || body.effects.iter().map(|name| find_effect(name).unwrap());
-    let required = requirements(find_model(&body.model).unwrap(), effects());
+    let mut required = requirements(find_model(&body.model).unwrap(), effects());
+    if !body.loads().is_empty() {
+        required = required.and(Requirements::of(&[LOADS]));
+    }
     let mut made = green::precompute(scene, "b", &required, &Silent).unwrap();
     add_sections(scene, effects(), &mut made, &Silent).unwrap();
     let path = folder.join("b.green");
@@ -115,6 +118,70 @@ fn a_pressed_tube_that_was_solved_has_the_stress_of_lame() {
         println!("{element}, ν = 0.499: {found:.4}");
         assert!(found < most, "{element}: {found}");
     }
+}
+
+/// Of the deformed body under these loads, at every node of the surface that `is_meant`: the largest and least von Mises stress.
+fn extremes(
+    scene: &Scene,
+    coefficients: &[f64],
+    folder: &Path,
+    is_meant: impl Fn(&Vector3<f64>) -> bool,
+) -> [f64; 2] {
+    let (made, file) = written_file(scene, folder);
+    let mut deformer = Deformer::new(file.clone(), "b", "linear").unwrap();
+    deformer.apply(&AppliedLoads { coefficients: coefficients.to_vec(), points: Vec::new() });
+    deformer.evaluate(&[ControlPose::REST]);
+    let found = StressedBody::of_file(scene, &file, "b").unwrap().of(&deformer);
+    let solution = &made.solution;
+    let meant = solution.surface.nodes.iter().zip(&found);
+    let meant = meant.filter(|(node, _)| is_meant(&solution.mesh.nodes[**node as usize]));
+    meant.fold([f64::INFINITY, 0.0], |[least, most], (_, at)| {
+        let value = at.unwrap().von_mises;
+        [least.min(value), most.max(value)]
+    })
+}
+
+/// The wall on which the pressure acts: σ_r = -p, σ_θ = p (b² + a²)/(b² - a²) inside; pressed on both walls all over, -p in
+/// the plane and nothing along the axis (Timoshenko and Goodier, article 28). Far from the end that is held: what it does fades
+/// within √(radius · wall) of some 0.6 m.
+#[test]
+fn pressure_is_stress_in_the_wall_on_which_it_acts() {
+    let scene = scene(&format!(
+        "[body.b]\ngenerate = {{ tube = {{ inner_radius = {INNER}, outer_radius = {OUTER}, length = 4.0, radial = 2, around = 32, \
+         along = 16, control_length = 0.0 }} }}\nelement = \"tet10\"\nmaterial = {{ young = {YOUNG}, poisson = 0.3 }}\neffects = [\"stress\"]\n\
+         load.inside = {{ nodes = {{ group = \"inner\" }}, kind = \"pressure\" }}\n\
+         load.outside = {{ nodes = {{ group = \"outer\" }}, kind = \"pressure\" }}\n\
+         control.left = {{ nodes = {{ group = \"left\" }}, grab = \"fixed\" }}\n"
+    ));
+    let folder = tempfile::tempdir().unwrap();
+    let (a2, b2) = (INNER * INNER, OUTER * OUTER);
+    let hoop = (b2 + a2) / (b2 - a2);
+    let inner = (0.5 * ((hoop + 1.0).powi(2) + hoop * hoop + 1.0)).sqrt();
+    let is_inside = |x: &Vector3<f64>| (0.5..1.9).contains(&x.x) && x.y.hypot(x.z) < INNER + 1e-6;
+    let is_amid = |x: &Vector3<f64>| (0.5..1.9).contains(&x.x);
+    for (pressures, expected, is_meant) in [
+        ([PRESSURE, 0.0], inner, &is_inside as &dyn Fn(&Vector3<f64>) -> bool),
+        ([PRESSURE, PRESSURE], 1.0, &is_amid),
+    ] {
+        let found =
+            extremes(&scene, &pressures, folder.path(), is_meant).map(|value| value / PRESSURE / expected);
+        println!("{pressures:?}: {found:?} of Lamé's");
+        assert!(found[0] > 0.97 && found[1] < 1.03, "{found:?}");
+    }
+}
+
+/// A column that stands on its foot, pulled at its head: σ = F/A up to the face that is pulled.
+#[test]
+fn a_pulled_face_has_the_stress_of_its_pull() {
+    let scene = scene(
+        "[body.b]\ngenerate = { block = { size = [3.0, 1.0, 1.0], cells = [12, 4, 4] } }\nelement = \"tet10\"\n\
+         material = { young = 1.0e9, poisson = 0.3 }\neffects = [\"stress\"]\n\
+         load.pull = { nodes = { group = \"xmax\" }, kind = \"stretch\" }\n\
+         control.foot = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n",
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let found = extremes(&scene, &[1e3], folder.path(), |x| x.x > 1.0);
+    assert!(found.iter().all(|value| (value / 1e3 - 1.0).abs() < 0.01), "{found:?}");
 }
 
 const BAR: &str = "[body.b]\n\

@@ -22,13 +22,13 @@ use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::table;
+use super::tractions::Tractions;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
-use crate::fem::{Area, NodeFields, body_force, expansion, traction};
-use crate::mesh::{TetMesh, outer_faces, quality};
-use crate::scene::{Centrifugal, DirectionField, Load, LoadEntry, LoadKind, LoadSource, Scene};
+use crate::fem::{NodeFields, body_force, expansion};
+use crate::mesh::{TetMesh, quality};
+use crate::scene::{Centrifugal, LoadEntry, LoadKind, LoadSource, Scene};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
-use std::cell::RefCell;
 
 pub const LOADS: Family = Family { name: "loads", from: &[AFFINE] };
 
@@ -150,71 +150,10 @@ pub fn nodal_forces(
             vec![body_force(mesh, &outward)]
         }
         LoadSource::Thermal => Vec::new(),
-        LoadSource::Pattern(pattern) => of_pattern(scene, mesh, pattern)
-            .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?,
+        LoadSource::Pattern(pattern) => Tractions::of(scene, mesh, pattern)
+            .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?
+            .nodal_forces(mesh),
     })
-}
-
-/// The nodal forces of a pattern of 1 N, 1 N·m or 1 Pa.
-fn of_pattern(scene: &Scene, mesh: &TetMesh, pattern: &Load) -> Result<Vec<Vec<V3>>, String> {
-    let chosen = pattern.nodes.select(mesh)?;
-    let is_chosen = |node: &u32| chosen.binary_search(node).is_ok();
-    let faces: Vec<Vec<u32>> =
-        outer_faces(mesh).into_iter().filter(|face| face.iter().all(is_chosen)).collect();
-    if faces.is_empty() {
-        return Err(format!(
-            "no face of the surface has all its nodes among the {} that are selected, and a pattern acts on faces: select more \
-             of the surface, or use surface_compliance for forces on single nodes",
-            chosen.len()
-        ));
-    }
-    if let Some(direction) = &pattern.direction {
-        let field = direction.load(&scene.resolve(&direction.file), mesh)?;
-        return along_field(mesh, &faces, &field);
-    }
-    let area = Area::of(mesh, &faces);
-    let axis = match pattern.axis {
-        Some(axis) => V3::from(axis).normalize(),
-        None => area.normal / area.normal.norm(),
-    };
-    let needs_axis = !matches!(pattern.kind, LoadKind::Shift | LoadKind::Pressure);
-    if needs_axis && pattern.axis.is_none() && area.normal.norm() < 1e-3 * area.size {
-        return Err(
-            "the normals of its faces cancel, so that they have no mean: give axis = [x, y, z]".to_owned()
-        );
-    }
-    let spread = |direction: V3| traction(mesh, &faces, &|_, _| direction / area.size);
-    Ok(match pattern.kind {
-        LoadKind::Stretch | LoadKind::Direction => vec![spread(axis)],
-        LoadKind::Shift => (0..3).map(|along| spread(V3::ith(along, 1.0))).collect(),
-        LoadKind::Pressure => vec![traction(mesh, &faces, &|_, normal| -normal)],
-        LoadKind::Twist => {
-            let around = traction(mesh, &faces, &|x, _| axis.cross(&(x - area.middle)));
-            let arms = around.iter().zip(&mesh.nodes);
-            let torque: f64 = arms.map(|(force, x)| (x - area.middle).cross(force).dot(&axis)).sum();
-            vec![around.into_iter().map(|force| force / torque).collect()]
-        }
-    })
-}
-
-/// Tractions along a field and as large as it is, scaled so that their sizes come to 1 N.
-fn along_field(mesh: &TetMesh, faces: &[Vec<u32>], field: &DirectionField) -> Result<Vec<Vec<V3>>, String> {
-    let wrong = RefCell::new(None);
-    let forces = traction(mesh, faces, &|x, _| {
-        field.at(x).unwrap_or_else(|message| {
-            wrong.borrow_mut().get_or_insert(message);
-            V3::zeros()
-        })
-    });
-    let sizes = traction(mesh, faces, &|x, _| V3::x() * field.at(x).map_or(0.0, |vector| vector.norm()));
-    let size: f64 = sizes.iter().map(|force| force.x).sum();
-    if let Some(message) = wrong.into_inner() {
-        return Err(message);
-    }
-    if size <= f64::MIN_POSITIVE {
-        return Err("the direction field is zero on all its faces".to_owned());
-    }
-    Ok(vec![forces.into_iter().map(|force| force / size).collect()])
 }
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
