@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct ExpectedErrors {
     pub model: String,
     pub element: String,
+    /// Whether the model has the forces of the stiffness matrix near rest, so that its errors begin there with nothing.
+    #[serde(default)]
+    pub begin_at_zero: bool,
     pub moved: Vec<MovedErrors>,
     /// What could not be measured, and why, in sentences.
     pub left_out: Vec<String>,
@@ -137,16 +140,47 @@ pub fn percent(part: f64) -> String {
 impl Hung {
     /// The errors at a reach; `None` beyond what was measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        between(&self.at, Reach { off: 0.0, ..reach })
+        between(&self.at, Reach { off: 0.0, ..reach }, false)
     }
 }
 
-/// The errors at a reach: between the measured ones, those of the first up to it, `None` beyond the last.
-fn between(measured: &[ErrorsAt], reach: Reach) -> Option<ErrorsAt> {
+/// The part of an equilibrium's force that a model is taken to have at least, where less is not told from nothing.
+const LEAST: f64 = 0.01;
+
+/// An error that is nothing at rest, at a share of the way to where it is `e`: not larger than the forces that the model has too
+/// much, which grow as the way does, nor than those that it misses. Of forces f (1 + q) it has f, with q growing so, and misses
+/// q/(1 + q) of them.
+fn begun(e: f64, share: f64) -> f64 {
+    let missing = e.min(1.0 - LEAST);
+    let q = share * missing / (1.0 - missing);
+    (share * e).max(q / (1.0 + q)).min(e)
+}
+
+impl ErrorsAt {
+    /// At the share of the way from rest at which the reach stands, of errors that begin there with nothing.
+    fn begun(&self, reach: Reach) -> ErrorsAt {
+        let share = |x: f64, whole: f64| if x > 0.0 { x / whole } else { 0.0 };
+        let shares =
+            [share(reach.turn, self.turn), share(reach.stretch, self.stretch), share(reach.off, self.off)];
+        let share = shares.into_iter().fold(0.0, f64::max).min(1.0);
+        let of = |error: f64| begun(error, share);
+        ErrorsAt {
+            force: self.force.map(of),
+            torque: self.torque.map(of),
+            shape: share * self.shape,
+            ..*self
+        }
+    }
+}
+
+/// The errors at a reach: between the measured ones, up to the first its own or, where they begin with nothing at rest, what they
+/// can have grown to; `None` beyond the last.
+fn between(measured: &[ErrorsAt], reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
     let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
     let next = measured.iter().position(covers)?;
     let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
-        return Some(measured[next]);
+        let first = measured[next];
+        return Some(if begin_at_zero { first.begun(reach) } else { first });
     };
     let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
     let shares = [
@@ -162,15 +196,20 @@ const ARC: f64 = 0.01;
 
 impl MovedErrors {
     /// On an arc those of bends; off it at least those of the first shifts, and on the way to those of the shifts that go as far.
-    fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+    fn at(&self, reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
         let Reach { turn, stretch, off } = reach;
+        let first = *self.shifted.first().or(self.bent.first())?;
+        let near = begin_at_zero && turn <= first.turn && stretch <= first.stretch && off <= first.off;
         let on_arc = self.bent.last()?.off + ARC;
-        if off <= on_arc {
-            return between(&self.bent, Reach { turn, stretch, off: 0.0 });
+        if off <= on_arc && !near {
+            return between(&self.bent, Reach { turn, stretch, off: 0.0 }, begin_at_zero);
         }
-        let bent = between(&self.bent, Reach { turn, ..Reach::default() })?;
-        let shifted = between(&self.shifted, reach)?;
-        let least = bent.and(self.shifted.first()?);
+        let bent = between(&self.bent, Reach { turn, ..Reach::default() }, begin_at_zero)?;
+        let shifted = between(&self.shifted, reach, begin_at_zero)?;
+        if near {
+            return Some(bent.and(&shifted));
+        }
+        let least = bent.and(&first);
         Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
     }
 }
@@ -179,7 +218,8 @@ impl ExpectedErrors {
     /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where
     /// that was not measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        let found = self.moved.iter().map(|moved| moved.at(reach)).collect::<Option<Vec<_>>>()?;
+        let found =
+            self.moved.iter().map(|moved| moved.at(reach, self.begin_at_zero)).collect::<Option<Vec<_>>>()?;
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
@@ -288,6 +328,34 @@ mod tests {
         }
         assert_eq!(ExpectedErrors::default().at(Reach::default()), None, "nothing was measured");
         assert_eq!(ExpectedErrors::default().mesh(), None);
+    }
+
+    /// Where a body of forces x + a x² is shown as x, or one of x as x + a x², the error at a part of the way is no larger than told.
+    #[test]
+    fn errors_that_begin_at_zero_are_no_smaller_than_those_of_forces_of_second_order() {
+        for a in [1e-3, 0.2, 3.0, 80.0_f64] {
+            for share in [1e-6, 1e-3, 0.1, 0.7, 1.0] {
+                let missing = |x: f64| a * x / (1.0 + a * x);
+                let too_much = |x: f64| a * x;
+                for error in [&missing as &dyn Fn(f64) -> f64, &too_much] {
+                    let told = begun(error(1.0), share);
+                    assert!(
+                        told >= error(share) * (1.0 - 1e-12) && told <= error(1.0),
+                        "{a} {share}: {told}"
+                    );
+                }
+                assert!((begun(missing(1.0), share) - missing(share)).abs() < 1e-12 || missing(1.0) > 0.5);
+            }
+        }
+        let measured = ExpectedErrors { begin_at_zero: true, ..measured() };
+        let force = |degrees: f64, stretch: f64, off: f64| {
+            measured.at(Reach { turn: f64::to_radians(degrees), stretch, off })?.wrench()
+        };
+        assert_eq!(force(0.0, 0.0, 0.0), Some(0.0));
+        let [near, far] = [force(0.1, 0.0, 0.0), force(5.0, 0.0, 0.0)].map(Option::unwrap);
+        assert!(near < 1e-3 && far > 0.02 && far <= 0.04, "{near} {far}");
+        assert_eq!(force(20.0, 0.0, 0.0), Some(0.07), "beyond the first as without");
+        assert_eq!(force(61.0, 0.0, 0.0), None);
     }
 
     #[test]

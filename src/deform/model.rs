@@ -5,7 +5,7 @@ use super::pose::ControlPose;
 use crate::base::diagnostic::Severity;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{AFFINE, Family, Prepared, REDUCED};
+use crate::green::{AFFINE, CUBIC, Family, Prepared, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::time::Duration;
 
@@ -94,6 +94,12 @@ impl ModelEntry {
     pub fn is_of_small_strain(&self) -> bool {
         let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
         matches!(self.kind, Kind::Online(_)) && has_columns && !self.is_quartic()
+    }
+
+    /// Whether its forces near rest are those of the stiffness matrix: sums of columns in one frame.
+    pub fn is_exact_near_rest(&self) -> bool {
+        let has = |wanted: Family| self.requirements.iter().any(|family| family.name == wanted.name);
+        matches!(self.kind, Kind::Online(_)) && has(AFFINE) && !has(CUBIC)
     }
 
     fn is_quartic(&self) -> bool {
