@@ -223,8 +223,8 @@ fn stress(result: &PoseResult) -> Vec<String> {
                 "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
             );
         }
-        (None, Some((part, _))) if !result.told.loads.is_none() => {
-            lines.push(format!("no yield: {} of the limit is reached", percent(part)));
+        (None, Some((part, _))) if part > 0.5 || !result.told.loads.is_none() => {
+            lines.push(format!("no yield: {} of the limit is reached", quantity(part, "")));
         }
         (None, Some((part, _))) if part > 0.0 => {
             lines.push(format!("no yield: the limit lies at about {:.1} times this pose", 1.0 / part));
