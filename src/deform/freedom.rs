@@ -61,6 +61,8 @@ pub struct Search<'a> {
     pub tolerance: f64,
     /// The poses as they are asked for, at a share of the way to them.
     pub way: &'a dyn Fn(f64) -> ControlPoses,
+    /// What holds the free directions where the way begins: nothing at rest.
+    start: Vec<[f64; 6]>,
     jacobian: Option<DMatrix<f64>>,
     /// The last that was found, as a start for others: its share and q.
     last: (f64, DVector<f64>),
@@ -82,7 +84,18 @@ impl<'a> Search<'a> {
     ) -> Search<'a> {
         let count = freedom.iter().flat_map(|of| of.free).filter(|free| *free).count();
         let last = (0.0, DVector::zeros(count));
-        Search { freedom, length, is_linear, tolerance: TOLERANCE, way, jacobian: None, last }
+        let start = vec![[0.0; 6]; freedom.len()];
+        Search { freedom, length, is_linear, tolerance: TOLERANCE, way, start, jacobian: None, last }
+    }
+
+    /// The same from another pose than rest: loads grow from what holds the body there.
+    pub fn going_on(mut self, of: &mut Wrenches<'_>) -> Result<Search<'a>, String> {
+        let poses = (self.way)(0.0);
+        let wrenches = of(&poses)?;
+        let placed = wrenches.iter().zip(&poses).map(|(wrench, pose)| wrench.about_the_place(pose));
+        let of_six = |w: Wrench| [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
+        self.start = placed.map(of_six).collect();
+        Ok(self)
     }
 
     /// Element and component of each unknown.
@@ -119,7 +132,7 @@ impl<'a> Search<'a> {
             if k < 3 { wrench.force[k] * self.length } else { wrench.moment[k - 3] }
         };
         let load = |e: usize, k: usize| {
-            let load = share * self.freedom[e].load[k];
+            let load = self.start[e][k] + share * (self.freedom[e].load[k] - self.start[e][k]);
             if k < 3 { load * self.length } else { load }
         };
         let r: Vec<f64> = self.unknowns().map(|(e, k)| value(e, k) - load(e, k)).collect();
@@ -203,7 +216,7 @@ impl<'a> Search<'a> {
             return Ok(poses);
         }
         self.jacobian = None;
-        Err("no pose of the free directions holds these forces".to_owned())
+        Err("no pose of the free directions was found that these forces hold".to_owned())
     }
 
     /// The poses at the end of the way, found from rest on.
@@ -226,7 +239,11 @@ impl<'a> Search<'a> {
                 Ok(_) => (share, part) = (to, 2.0 * part),
                 Err(why) if share == 0.0 && self.jacobian.is_none() && part < least => return Err(why),
                 Err(why) if part < least => {
-                    return Err(format!("{why} beyond {:.0} % of the way from rest", 100.0 * share));
+                    return Err(format!(
+                        "{why}, beyond {:.0} % of the way; if there is one, ask for a pose on the way, and go on from it by \
+                         after = \"NAME\"",
+                        100.0 * share
+                    ));
                 }
                 Err(_) => part *= 0.5,
             }
@@ -319,6 +336,31 @@ mod tests {
         };
         let found = Search::new(&slides, 1.0, false, &way).follow(&mut strip).unwrap();
         assert!((found[0].translation.x + 0.6 * 0.09).abs() < 1e-9, "x = -0.6 w²: {found:?}");
+    }
+
+    /// x³ - x has three places that 0.1 N holds; from that of 0.9 N one comes to the nearest.
+    #[test]
+    fn a_pose_after_another_goes_on_from_its_forces() {
+        let mut snap = |poses: &[ControlPose]| {
+            let x = poses[0].translation.x;
+            Ok(vec![Wrench { force: Vector3::new(x.powi(3) - x, 0.0, 0.0), moment: Vector3::zeros() }])
+        };
+        let slides = |load| {
+            [Freedom {
+                free: [true, false, false, false, false, false],
+                load: [load, 0.0, 0.0, 0.0, 0.0, 0.0],
+            }]
+        };
+        let before = 1.301_f64;
+        let way = |share: f64| {
+            vec![ControlPose { translation: Vector3::x() * before * (1.0 - share), ..ControlPose::REST }]
+        };
+        for load in [0.1, 1.5] {
+            let freedom = slides(load);
+            let search = Search::new(&freedom, 1.0, false, &way).going_on(&mut snap);
+            let x = search.unwrap().follow(&mut snap).unwrap()[0].translation.x;
+            assert!((x.powi(3) - x - load).abs() < 1e-6 && x > 1.0, "{load} N: {x}");
+        }
     }
 
     #[test]

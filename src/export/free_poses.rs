@@ -60,7 +60,11 @@ pub(super) fn find(
     wrenches: &mut Wrenches<'_>,
 ) -> Result<ControlPoses, String> {
     let way = |share: f64| way(&asked.given, before, is_linear(body), share);
-    Search::new(&asked.freedom, length, is_linear(body), &way).follow(wrenches)
+    let mut search = Search::new(&asked.freedom, length, is_linear(body), &way);
+    match before {
+        Some(_) => search.going_on(wrenches)?.follow(wrenches),
+        None => search.follow(wrenches),
+    }
 }
 
 /// Wrenches of a body that is shown from a .green file.
