@@ -125,7 +125,7 @@ fn unknown_body(scene: &Scene, name: &str, what: &str) -> String {
 fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
     let told = scene.body[name].cannot_change(name, region);
     let body = &mut scene.body[name];
-    let material = body.material.clone();
+    let material = body.material;
     body.region.entry(region.to_owned()).or_insert(material);
     let place = format!("body.{name}.region.{region}");
     let of_region =
