@@ -128,9 +128,15 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     candidates
         .into_iter()
         .map(|candidate| (strsim::jaro_winkler(word, candidate), candidate))
-        .filter(|(score, _)| *score > 0.7)
+        .filter(|(score, candidate)| *score > 0.7 || is_one_letter_off(word, candidate))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, candidate)| candidate)
+}
+
+/// Of words of three letters and more, whose likeness such a slip may hide: "tp" for "top".
+fn is_one_letter_off(word: &str, candidate: &str) -> bool {
+    let longer = word.chars().count().max(candidate.chars().count());
+    longer > 2 && strsim::damerau_levenshtein(word, candidate) == 1
 }
 
 /// What to say of a name that is in no list: what is known, and the nearest of it.

@@ -16,7 +16,7 @@ use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -126,6 +126,7 @@ fn of_body<'a>(
     }
     findings.extend(unwatched_limit(name, body));
     findings.extend(holds(name, body));
+    findings.extend(in_degrees(name, body));
     let prepared = match green::prepare(scene, name) {
         Ok(prepared) => prepared,
         Err(GreenError::Scene(first)) => {
@@ -169,7 +170,16 @@ fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
             Kept::Compressed(error) => forecast.compressed_told(size, error),
             Kept::Inverse => forecast.compliance_told(size),
         };
-        findings.extend(size.map(|size| Diagnostic::new(Severity::Note, &place, told(size))));
+        if let Some(size) = size {
+            findings.push(Diagnostic::new(Severity::Note, &place, told(size)));
+            let fits = if asked.kept == Kept::Inverse { green::compliance_fits(size[2]) } else { Ok(()) };
+            findings.extend(fits.err().map(|told| Diagnostic::new(Severity::Warning, &place, told)));
+        }
+    }
+    if body.method == Method::Fem
+        && let Err(told) = forecast.fits(&body.solver)
+    {
+        findings.push(Diagnostic::new(Severity::Warning, &entity, told));
     }
     findings.extend(match body.method {
         Method::Fem => forecast.told().map(|told| Diagnostic::new(Severity::Note, &entity, told)),
@@ -190,6 +200,17 @@ fn places(meshes: &[Standing<'_>], stage: &Stage) -> Vec<Diagnostic> {
         Some(Diagnostic::new(Severity::Warning, format!("body.{name}.place"), message))
     };
     meshes.iter().zip(found).filter_map(fault).collect()
+}
+
+/// A word about a turn by more than once around, which degrees would make.
+fn in_degrees(name: &str, body: &Body) -> Option<Diagnostic> {
+    let angle = Vector3::from(body.place?.rotation?).norm();
+    let message = format!(
+        "a turn by {angle:.4} rad is more than once around: if degrees are meant, write {:.4} rad in all (π/180 for each)",
+        angle.to_radians()
+    );
+    (angle > 1.001 * std::f64::consts::TAU)
+        .then(|| Diagnostic::new(Severity::Warning, format!("body.{name}.place.rotation"), message))
 }
 
 /// What it means that nothing is fixed, or that nothing can be grabbed.

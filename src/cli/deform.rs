@@ -7,8 +7,9 @@ use crate::config::unknown_name;
 use crate::deform::pose_file::{self, Pose};
 use crate::export::batch::Outlook;
 use crate::export::{Asked, Files, ResultSet, ask, batch, pose_text};
+use crate::green;
 use crate::prepare;
-use crate::scene::{Scene, Updates};
+use crate::scene::{Scene, SceneError, Updates};
 use crate::tuning;
 use std::path::PathBuf;
 
@@ -48,10 +49,10 @@ pub struct Args {
     /// mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,
-    /// A control element that holds nothing, BODY.CONTROL, found without factoring again (scenes with updates); again for more
+    /// A control element that holds nothing, as hose.right, found without factoring again (scenes with updates); again for more
     #[arg(long, value_name = "BODY.CONTROL", value_parser = parsers::of_body)]
     pub release: Vec<(String, String)>,
-    /// Young's modulus of a region, BODY.REGION=PA, in the same way
+    /// Young's modulus of a region, as liver.tumour=2e4, in the same way
     #[arg(long, value_name = "BODY.REGION=PA", value_parser = parsers::modulus)]
     pub young: Vec<(String, String, f64)>,
     /// Draw every pose, into OUT.POSE.png: over its rest shape, with axes, a scale bar, the force and what holds it
@@ -85,11 +86,13 @@ fn updated(mut scene: Scene, args: &Args) -> Result<Scene, Failure> {
     let named = args.release.iter().map(|(body, what)| (body, what, None));
     let named = named.chain(args.young.iter().map(|(body, what, young)| (body, what, Some(*young))));
     for (name, what, young) in named {
-        let known = scene.body.keys().map(String::as_str);
-        let unknown = unknown_name("body", name, known);
-        let path = scene.path.clone();
-        let wrong = |message: String| Failure::wrong(format!("{}: {message}", path.display()));
-        let body = scene.body.get_mut(name).ok_or_else(|| wrong(unknown))?;
+        let option = if young.is_some() { "--young" } else { "--release" };
+        let path = scene.path.display().to_string();
+        let wrong = |message: String| Failure::wrong(format!("{path}: {option}: {message}"));
+        if !scene.body.contains_key(name) {
+            return Err(wrong(unknown_body(&scene, name, what)));
+        }
+        let body = &mut scene.body[name];
         let listed = |names: fn(&Updates) -> &Vec<String>| {
             body.updates.as_ref().is_some_and(|updates| names(updates).iter().any(|listed| listed == what))
         };
@@ -100,17 +103,34 @@ fn updated(mut scene: Scene, args: &Args) -> Result<Scene, Failure> {
             Some(young) if listed(|updates| &updates.modulus) => {
                 body.region.get_mut(what).into_iter().for_each(|region| region.young = young);
             }
-            _ => {
-                let (key, option) =
-                    if young.is_some() { ("modulus", "--young") } else { ("release", "--release") };
-                return Err(wrong(format!(
-                    "{option}: {name}.{what} was not prepared for it: write updates = {{ {key} = [\"{what}\"] }} into \
-                     [body.{name}]"
-                )));
-            }
+            None => return Err(wrong(body.cannot_release(name, what))),
+            Some(_) => return Err(wrong(cannot_change(&mut scene, name, what))),
         }
     }
     Ok(scene.checked()?)
+}
+
+/// Of a name that may have been written as a key of the scene, body.NAME.CONTROL.
+fn unknown_body(scene: &Scene, name: &str, what: &str) -> String {
+    let meant = what.split_once('.').filter(|(body, _)| name == "body" && scene.body.contains_key(*body));
+    match meant {
+        Some((body, part)) => {
+            format!("the body is called \"{body}\": write {body}.{part}, without \"body.\" in front")
+        }
+        None => unknown_name("body", name, scene.body.keys().map(String::as_str)),
+    }
+}
+
+/// Why a modulus cannot be changed: the mesh has no such region, or it was not prepared.
+fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
+    let told = scene.body[name].cannot_change(name, region);
+    let body = &mut scene.body[name];
+    let material = body.material;
+    body.region.entry(region.to_owned()).or_insert(material);
+    let place = format!("body.{name}.region.{region}");
+    let of_region =
+        green::unjudged(scene, name).iter().map(SceneError::finding).find(|found| found.place == place);
+    of_region.map_or(told, |found| format!("{place}: {}", found.message))
 }
 
 /// Whether everything can be written, before anything is solved.

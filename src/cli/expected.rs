@@ -90,6 +90,9 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     if body.method == Method::Bem {
         return Err("solve once more with refine = 1, or half the longest_edge, and compare".into());
     }
+    if let Some(why) = expected::unmeasurable(body) {
+        return Err(format!("{why}, and they are measured where one is moved against another"));
+    }
     if requirements.sections().next().is_none() {
         let name = expected::NAME;
         return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));

@@ -48,7 +48,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
 /// BODY.NAME
 pub fn of_body(text: &str) -> Result<(String, String), String> {
     let parts = text.split_once('.').filter(|(body, name)| !body.is_empty() && !name.is_empty());
-    let (body, name) = parts.ok_or("a body and one of its parts, as in tube.right")?;
+    let (body, name) = parts.ok_or("a body and one of its parts, as in hose.right")?;
     Ok((body.to_owned(), name.to_owned()))
 }
 

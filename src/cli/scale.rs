@@ -57,6 +57,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.tolerance > 1e-3 {
         return Err(Failure::wrong(format!("--tolerance {}: at most 1e-3", args.tolerance)));
     }
+    if args.up_to < scale::LEAST {
+        return Err(Failure::wrong(format!(
+            "--up-to {}: the smallest box has {} nodes: name as many or more",
+            args.up_to,
+            scale::LEAST
+        )));
+    }
     let request = Request { up_to: args.up_to, tolerance: args.tolerance, limit_s: args.limit };
     let (rows, left) = scale::measure(&request, &Bars::new("box", args.quiet));
     let mut text = format!("{}\n\n{}", machine::description(), scale::table(&rows).text());

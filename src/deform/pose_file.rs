@@ -5,7 +5,7 @@ pub use super::pose_loads::{PointForce, PoseLoads};
 use crate::base::failure::Failure;
 use crate::config;
 use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, Screw};
-use crate::scene::{Body, LoadValue};
+use crate::scene::{Body, LoadValue, Updates};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -43,7 +43,10 @@ pub struct Pose {
     load: BTreeMap<String, LoadValue>,
     /// Forces at single points, with the body's `surface_compliance`.
     #[serde(default)]
-    force: Vec<PointForce>,
+    force: Vec<Spanned<PointForce>>,
+    /// Line and column of each of them.
+    #[serde(skip)]
+    force_places: Vec<(usize, usize)>,
 }
 
 /// x ↦ o + translation + matrix · (x - o).
@@ -180,6 +183,8 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
             let (line, column) = config::line_and_column(text, offset);
             Failure::wrong(format!("{}:{line}:{column}: {message}", path.display()))
         };
+        let line = |force: &Spanned<PointForce>| config::line_and_column(text, force.span().start);
+        poses[place].force_places = poses[place].force.iter().map(line).collect();
         poses[place].goes_on_from = goes_on_from(&poses, place).map_err(at)?;
         let improper = |(name, affine): (&String, &Affine)| {
             let (offset, why) = affine.improper()?;
@@ -219,6 +224,11 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
         Failure::wrong(format!("{}: pose \"{}\": body.{}: {message}", path.display(), pose.name, name))
     };
     for control in pose.control.keys() {
+        if body.updates.iter().flat_map(Updates::loose).any(|loose| loose == control) {
+            let message =
+                format!("control {control} is released and holds nothing: leave it out of the pose");
+            return Err(entity(message));
+        }
         if !body.control.contains_key(control) {
             let known = body.control.keys().map(String::as_str);
             return Err(entity(config::unknown_name("control element", control, known)));
@@ -248,7 +258,9 @@ pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLo
     let wrong = |message: String| {
         Failure::wrong(format!("{}: pose \"{}\": body.{name}: {message}", path.display(), pose.name))
     };
-    PoseLoads::of_pose(&pose.load, &pose.force, name, body).map_err(wrong)
+    let place = |&(line, column): &(usize, usize)| format!("{}:{line}:{column}", path.display());
+    let forces = pose.force.iter().map(|force| *force.get_ref()).zip(pose.force_places.iter().map(place));
+    PoseLoads::of_pose(&pose.load, forces.collect(), name, body).map_err(wrong)
 }
 
 /// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.
@@ -360,6 +372,31 @@ mod tests {
             assert!(of(flat).contains("flattens the body"), "{}", of(flat));
         }
         assert_eq!(of("[[nan, 0, 0], [0, 1, 0], [0, 0, 1]]"), "", "refused where all numbers are looked at");
+    }
+
+    #[test]
+    fn every_force_knows_its_line() {
+        let lines = |text: &str| -> Vec<usize> {
+            let poses = parse(text, Path::new("poses.toml")).unwrap();
+            poses[0].force_places.iter().map(|(line, _)| *line).collect()
+        };
+        let one = "{ node = 1, force = [0, 0, 1] }";
+        assert_eq!(lines(&format!("[[pose]]\nname = \"a\"\nforce = [\n  {one},\n  {one},\n]\n")), [4, 5]);
+        let table = "[[pose.force]]\nnode = 1\nforce = [0, 0, 1]\n";
+        assert_eq!(lines(&format!("[[pose]]\nname = \"a\"\n{table}{table}")), [3, 6]);
+    }
+
+    #[test]
+    fn a_released_element_is_not_called_unknown() {
+        let scene = "[body.a]\ngenerate = { block = { size = [1, 1, 1], cells = [2, 2, 2] } }\n\
+                     material = { young = 1.0, poisson = 0.0 }\n\
+                     updates = { release = [\"c\"], released = [\"c\"] }\n\
+                     control.b = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                     control.c = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let scene = crate::scene::Scene::parse(scene, Path::new("scene.toml")).unwrap();
+        let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
+        let error = control_poses(&poses[0], "a", &scene.body["a"], Path::new("poses.toml")).unwrap_err();
+        assert!(error.to_string().contains("control c is released"), "{error}");
     }
 
     proptest! {

@@ -12,6 +12,7 @@ use super::statics::Statics;
 use super::surface_point::nearest_point;
 use crate::config::unknown_name;
 use crate::mesh::Surface;
+use crate::mesh::diagnostics::digits;
 use crate::scene::{Body, LoadEntry, LoadSource, LoadValue};
 use nalgebra::{Rotation3, Vector3};
 use serde::Deserialize;
@@ -45,6 +46,8 @@ pub struct PoseLoads {
     /// For each column of the body's loads, along the mesh's axes.
     pub coefficients: Vec<f64>,
     pub forces: Vec<PointForce>,
+    /// Of each of them, where it stands: file, line and column.
+    places: Vec<String>,
 }
 
 /// What a load of the scene is in a pose that does not name it, as a pose file would.
@@ -65,13 +68,13 @@ fn as_in_scene(load: &LoadEntry<'_>, body: &Body) -> LoadValue {
 impl PoseLoads {
     /// All of a body as they are in the scene.
     pub fn of_scene(body: &Body) -> PoseLoads {
-        PoseLoads::of_pose(&BTreeMap::new(), &[], "", body).unwrap_or_default()
+        PoseLoads::of_pose(&BTreeMap::new(), Vec::new(), "", body).unwrap_or_default()
     }
 
-    /// Those of the scene, but for what the pose says of `load` and `force`. The error says which is wrong, of the body `name`.
+    /// Those of the scene, but for what the pose says of `load` and `force`, each of these with its place in the file. The error says which is wrong, of the body `name`.
     pub(super) fn of_pose(
         load: &BTreeMap<String, LoadValue>,
-        force: &[PointForce],
+        forces: Vec<(PointForce, String)>,
         name: &str,
         body: &Body,
     ) -> Result<PoseLoads, String> {
@@ -102,8 +105,9 @@ impl PoseLoads {
             written.push((entry.name.to_owned(), value));
         }
         let is_solved = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
-        for (number, force) in force.iter().enumerate() {
-            let place = format!("force {}", number + 1);
+        let (forces, places): (Vec<PointForce>, Vec<String>) = forces.into_iter().unzip();
+        for (number, force) in forces.iter().enumerate() {
+            let place = called(number, &places);
             if body.surface_compliance.is_none() && !is_solved {
                 return Err(format!(
                     "{place}: forces at points need surface_compliance = {{ nodes = \"surface\" }} in the scene"
@@ -117,7 +121,7 @@ impl PoseLoads {
                 return Err(format!("{place}: a number is not finite, or above {LARGEST:e}"));
             }
         }
-        Ok(PoseLoads { written, coefficients, forces: force.to_vec() })
+        Ok(PoseLoads { written, coefficients, forces, places })
     }
 
     /// Whether nothing acts on the body but its control elements.
@@ -170,13 +174,20 @@ impl PoseLoads {
     }
 
     fn on(&self, surface: &Taking<'_>) -> Result<AppliedLoads, String> {
-        let wrong = |number: usize, message: String| format!("force {}: {message}", number + 1);
+        let wrong = |number: usize, message: String| format!("{}: {message}", called(number, &self.places));
         let point = |(number, asked): (usize, &PointForce)| {
             surface.point(asked).map_err(|message| wrong(number, message))
         };
         let points = self.forces.iter().enumerate().map(point).collect::<Result<_, _>>()?;
         Ok(AppliedLoads { coefficients: self.coefficients.clone(), points })
     }
+}
+
+/// A force of a pose file, for an error.
+fn called(number: usize, places: &[String]) -> String {
+    places
+        .get(number)
+        .map_or_else(|| format!("force {}", number + 1), |place| format!("force {} ({place})", number + 1))
 }
 
 /// A surface that takes forces, in the mesh's coordinates.
@@ -196,11 +207,19 @@ impl Taking<'_> {
                 let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
                 let (low, high) = self.rest.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
                 let reach = FARTHEST * 0.5 * (high - low).norm();
-                let nearest = nearest_point(self.triangles, &|node| self.rest[node as usize], &V3::from(at))
-                    .filter(|nearest| nearest.away <= reach);
-                let nearest = nearest.ok_or_else(|| {
-                    format!("at = {at:?} is farther from the surface than a fiftieth of the body")
-                })?;
+                let rest = |node: u32| self.rest[node as usize];
+                let nearest = nearest_point(self.triangles, &rest, &V3::from(at))
+                    .ok_or_else(|| "the surface has no area".to_owned())?;
+                if nearest.away.is_nan() || nearest.away > reach {
+                    let on: V3 = nearest.corners.iter().zip(nearest.weights).map(|(&n, w)| rest(n) * w).sum();
+                    let [x, y, z] = <[f64; 3]>::from(on).map(digits);
+                    return Err(format!(
+                        "at = {at:?} is {} m from the surface, where at most {} are taken, a fiftieth of the body's \
+                         radius; the nearest point of the surface is [{x}, {y}, {z}] m, in the coordinates of the mesh at rest",
+                        digits(nearest.away),
+                        digits(reach)
+                    ));
+                }
                 (nearest.corners, nearest.weights)
             }
             (None, node) => {
@@ -214,5 +233,36 @@ impl Taking<'_> {
             return Err(format!("its place {}", self.otherwise));
         }
         Ok(PointLoad { nodes, weights, pull: Pull::Force(V3::from(asked.force)) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_off_the_surface_is_told_with_its_line_and_its_distance() {
+        let rest = [V3::zeros(), V3::x(), V3::y()];
+        let surface = Taking {
+            triangles: &[[0, 1, 2]],
+            rest: &rest,
+            tags: &[1, 2, 3],
+            takes: &|_| true,
+            otherwise: "",
+        };
+        let at = |z: f64| PoseLoads {
+            forces: vec![PointForce { at: Some([0.25, 0.25, z]), node: None, force: [1.0, 0.0, 0.0] }],
+            places: vec!["poses.toml:4:9".to_owned()],
+            ..PoseLoads::default()
+        };
+        // The body's radius is √½ m.
+        assert!(at(0.014).on(&surface).is_ok());
+        let told = at(0.125).on(&surface).unwrap_err();
+        assert!(
+            told.starts_with(
+                "force 1 (poses.toml:4:9): at = [0.25, 0.25, 0.125] is 0.1250 m from the surface, where at most 0.01414"
+            ) && told.contains("is [0.2500, 0.2500, 0] m"),
+            "{told}"
+        );
     }
 }

@@ -6,19 +6,20 @@ use super::free_poses;
 use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
 use super::told::{Sureness, Told};
+use super::unsure;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file;
 use crate::deform::{
-    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, Kind, PoseSlope, Strain, Wrench,
-    find_model, model_of,
+    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, PoseSlope, Strain, Wrench, find_model,
+    model_of,
 };
-use crate::effect::expected::{self, NAME as EXPECTED};
+use crate::effect::expected;
 use crate::effect::stress::{NAME as STRESS, StressedBody, SurfaceLoads};
 use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
-use crate::scene::{Body, Method, Scene};
+use crate::scene::{Body, Scene};
 use crate::solve::Silent;
 use crate::world::wrench_error_of;
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -102,24 +103,9 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
-        told.error = Sureness::Unknown(why_unknown(&scene.body[&result.body]));
+        told.error = Sureness::Unknown(unsure::why(&scene.body[&result.body], unsure::Looked::Nowhere));
     }
     PoseResult { told, ..result }
-}
-
-/// Why a body's errors are not known at a pose.
-fn why_unknown(body: &Body) -> String {
-    if body.method == Method::Bem {
-        return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
-    }
-    let lists = body.effects.iter().any(|effect| effect == EXPECTED);
-    let is_static = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
-    match (is_static, lists) {
-        (true, _) => "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
-            .to_owned(),
-        (false, true) => "the pose is beyond those in which it was measured".to_owned(),
-        (false, false) => format!("list the effect \"{EXPECTED}\", which measures it while precomputing"),
-    }
 }
 
 /// What a run will read and give, known before anything is solved.
@@ -246,8 +232,8 @@ fn surface_results(
         let known = expected.as_ref().zip(wrenches.as_ref());
         let error =
             known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
-        let mut told =
-            Told { error: error.map_or_else(Sureness::default, Sureness::Measured), ..Told::default() };
+        let unknown = || Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref())));
+        let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield =

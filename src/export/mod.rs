@@ -28,6 +28,7 @@ pub mod stl;
 #[cfg(test)]
 mod tests;
 pub mod told;
+mod unsure;
 pub mod vtu;
 
 pub use asked::{Asked, ask};

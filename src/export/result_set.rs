@@ -40,6 +40,20 @@ pub struct PoseResult {
     pub told: Told,
 }
 
+impl PoseResult {
+    /// A body that no pose moves.
+    pub fn at_rest(geometry: &Geometry) -> PoseResult {
+        PoseResult {
+            pose: format!("{}, at rest", geometry.body),
+            body: geometry.body.clone(),
+            displacement: vec![Vector3::zeros(); geometry.rest.len()],
+            wrenches: None,
+            stress: None,
+            told: Told::default(),
+        }
+    }
+}
+
 /// Stress and strain on the surface of a body.
 #[derive(Clone, Debug)]
 pub struct StressResult {

@@ -1,20 +1,31 @@
 //! How large the factor of a body will be, and how long it will take, told from the counts of its mesh alone.
 //!
 //! In: a mesh and the number of its control elements. Out: a [`Forecast`], to be told as the estimate that it is. Nested
-//! dissection of a body in three dimensions fills c·n^{4/3} numbers of n unknowns (George, SIAM J. Numer. Anal. 10, 1973;
-//! Lipton, Rose and Tarjan, SIAM J. Numer. Anal. 16, 1979); c was measured here: 7 for a thin-walled tube of 23,520
-//! unknowns and for a bar of 35,937 ten times as long as thick, 11 and 13 for cubes of 13,005 and 43,125. The time of a
-//! factor is that of L^{1.5} multiplications, and was measured with the tube and with a box of 28,000 nodes: 0.10 s for 5.0·10⁶
-//! numbers and 3.0 s for some 4.4·10⁷, on one thread.
+//! dissection of a body in three dimensions fills c n^{4/3} numbers of n unknowns, less terms of lower order (George, SIAM J.
+//! Numer. Anal. 10, 1973; Lipton, Rose and Tarjan, SIAM J. Numer. Anal. 16, 1979). Of cubes of 9,261 to 1,000,000 nodes, c was
+//! measured as 11 to 20, near 23 - 340/n^{1/3}. A body with more surface has smaller separators: with s times the surface nodes
+//! of a cube, c was 0.77 of the cube's of a bar 250 × 60 × 60 (s = 1.2), 0.54 of a slab (1.6), 0.36 and 0.15 of rods (1.9 and
+//! 3.6), 0.24 of a plate (4.6), and never below s^{-1.7}. Beside its numbers the factor takes those of the fronts at work and
+//! the solves: 1.45 to 2.0 times its numbers in all. The time of a factor is that of L^{1.5} multiplications, and was measured
+//! with a tube and with a box of 28,000 nodes: 0.10 s for 5.0·10⁶ numbers and 3.0 s for some 4.4·10⁷, on one thread.
 
 use super::control::ControlElement;
+use crate::base::machine;
 use crate::base::table::bytes;
 use crate::bem;
-use crate::mesh::TetMesh;
-use crate::solve::NUMBER;
+use crate::mesh::{Surface, TetMesh};
+use crate::solve::{NUMBER, Solver};
 
-/// Numbers of the factor over n^{4/3}: of a thin body, and of a compact one.
-const FILL: [f64; 2] = [6.0, 15.0];
+/// Numbers of the factor of a compact body: (a - b/n^{1/3}) n^{4/3}.
+const COMPACT: [f64; 2] = [23.5, 340.0];
+/// Least part of it, for a surface of a cube; the power of the surface's size with which it falls; and least numbers over n^{4/3}.
+const LEAST: f64 = 0.75;
+const SURFACE_POWER: f64 = -1.7;
+const THIN: f64 = 2.3;
+/// Memory of the factor with all that is held beside it over that of its numbers, at least and at most.
+const BESIDE: [f64; 2] = [1.4, 1.9];
+/// Bytes of the program itself.
+const PROGRAM: f64 = 20e6;
 /// Seconds of the factorization on one thread over L^{1.5}, and how far wrong it may be either way.
 const SECONDS: f64 = 1.0e-11;
 const SPREAD: f64 = 2.0;
@@ -27,13 +38,15 @@ const SURFACE_COLUMN: f64 = 1.5e-10;
 const KEPT: [f64; 2] = [0.6, 0.85];
 /// Bytes of a node of a compressed compliance at an error of 1e-3, and what each further decade adds: of a tube of 3,240 nodes.
 const COMPRESSED_NODE: [f64; 2] = [1900.0, 1200.0];
+/// Memory of the compliance while it is made over its bytes.
+const WHILE_MADE: f64 = 3.0;
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
 /// Below so many unknowns nothing is worth a word.
 const SMALL: f64 = 30_000.0;
 
-/// The cost of a body's Cholesky factor, from thin to compact.
+/// The cost of a body's Cholesky factor, at least and at most.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Forecast {
     pub unknowns: f64,
@@ -52,9 +65,9 @@ impl Forecast {
     pub fn of(mesh: &TetMesh, controls: usize) -> Forecast {
         let unknowns = 3.0 * mesh.nodes.len() as f64;
         let columns = 12.0 * controls as f64;
-        let base = TETRAHEDRON * mesh.tets.len() as f64 + (ROW + 16.0 * columns) * unknowns;
+        let base = PROGRAM + TETRAHEDRON * mesh.tets.len() as f64 + (ROW + 16.0 * columns) * unknowns;
         let factor_entries =
-            FILL.map(|fill| (fill * unknowns.powf(4.0 / 3.0)).min(unknowns * unknowns / 2.0));
+            fill(mesh).map(|fill| (fill * unknowns.powf(4.0 / 3.0)).min(unknowns * unknowns / 2.0));
         let threads = rayon::current_num_threads() as f64;
         let time =
             |entries: f64| (SECONDS * entries.powf(1.5) + COLUMN * entries * (columns + JUDGEMENT)) / threads;
@@ -62,10 +75,33 @@ impl Forecast {
         Forecast {
             unknowns,
             factor_entries,
-            memory: factor_entries.map(|entries| base + 8.0 * entries),
+            memory: [0, 1].map(|i| base + 8.0 * BESIDE[i] * factor_entries[i]),
             seconds: [thin / SPREAD, compact * SPREAD],
             pcg_memory: base,
         }
+    }
+
+    /// Refused where the body's method surely needs more memory than this machine has, with what would fit.
+    pub fn fits(&self, solver: &Solver) -> Result<(), String> {
+        let direct = self.memory[0] - self.pcg_memory;
+        let need = match solver.method.name {
+            "cholesky" => self.memory[0],
+            "mixed" => self.pcg_memory + 0.5 * direct,
+            _ => self.pcg_memory,
+        };
+        let refused = match machine::fits("precomputing", need, 0.0) {
+            Ok(()) => return Ok(()),
+            Err(refused) => refused,
+        };
+        let iterative = match machine::fits("", self.pcg_memory, 0.0) {
+            Ok(()) => {
+                format!("solver = {{ method = \"pcg\" }}, which takes about {}, or ", bytes(self.pcg_memory))
+            }
+            Err(_) => String::new(),
+        };
+        Err(format!(
+            "by an estimate from its nodes at their least, {refused}: write {iterative}a coarser mesh"
+        ))
     }
 
     /// What `surface_compliance` adds, with [`super::compliance_size`]: its columns are solved as others are.
@@ -74,7 +110,7 @@ impl Forecast {
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.factor_entries.map(|entries| SURFACE_COLUMN * entries * columns / threads);
         let [soon, late] = [seconds[0] / SPREAD, seconds[1] * SPREAD].map(duration);
-        let [size, peak] = [1.0, 3.0].map(|times| bytes(times * size as f64));
+        let [size, peak] = [1.0, WHILE_MADE].map(|times| bytes(times * size as f64));
         format!(
             "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file, {peak} of memory while it is \
              made, little when it is used; by an estimate {soon} to {late} more"
@@ -86,7 +122,7 @@ impl Forecast {
         let [least, most] = [0, 1].map(|i| KEPT[i] * self.factor_entries[i]);
         let [file, memory] = [NUMBER as f64, 8.0].map(|number| {
             let [least, most] = [least, most].map(|entries| bytes(number * entries));
-            format!("{least} (thin or long) to {most} (compact)")
+            format!("{least} to {most}")
         });
         format!(
             "{nodes} of {all} free nodes of the surface take forces: by an estimate {file} in the .green file, {memory} of \
@@ -112,8 +148,8 @@ impl Forecast {
         let [soon, late] = self.seconds.map(duration);
         (self.unknowns > SMALL).then(|| {
             format!(
-                "{:.3e} unknowns: by an estimate from their number, precomputing takes {least} (thin or long) to {most} \
-                 (compact) of memory and {soon} to {late} on {} threads; with solver = {{ method = \"pcg\" }} about {} \
+                "{:.3e} unknowns: by an estimate from their number and the surface, precomputing takes {least} to {most} of \
+                 memory and {soon} to {late} on {} threads; with solver = {{ method = \"pcg\" }} about {} \
                  and more time",
                 self.unknowns,
                 rayon::current_num_threads(),
@@ -121,6 +157,24 @@ impl Forecast {
             )
         })
     }
+}
+
+/// Numbers of the factor over n^{4/3}, at least and at most.
+fn fill(mesh: &TetMesh) -> [f64; 2] {
+    let nodes = mesh.nodes.len().max(1) as f64;
+    let compact = (COMPACT[0] - COMPACT[1] / (3.0 * nodes).cbrt()).max(THIN);
+    let of_cube = 6.0 * nodes.powf(2.0 / 3.0);
+    let surface = Surface::of(mesh).nodes.len() as f64 / of_cube;
+    [(LEAST * compact * surface.max(1.0).powf(SURFACE_POWER)).max(THIN), compact]
+}
+
+/// The bytes of the compliance at the surface, as [`super::compliance_size`] tells them, refused where what makes them does not
+/// fit into this machine.
+pub fn compliance_fits(size: usize) -> Result<(), String> {
+    let fits = machine::fits("the compliance of the surface", WHILE_MADE * size as f64, 0.0);
+    fits.map_err(|refused| {
+        format!("{refused}: take fewer nodes, or kept = {{ error = 1e-3 }} or kept = \"factor\", which hold fewer numbers")
+    })
 }
 
 /// What boundary elements of a prepared body take, or why they do not fit.
@@ -152,6 +206,7 @@ fn duration(seconds: f64) -> String {
 mod tests {
     use super::*;
     use crate::mesh::{Block, block};
+    use crate::solve::SOLVERS;
 
     /// Unknowns and numbers in the factor as `greenstage precompute` printed them.
     #[test]
@@ -169,6 +224,41 @@ mod tests {
             assert!(thin <= entries && entries <= compact, "{cells:?}: {entries} in {thin}..{compact}");
             assert_eq!(forecast.told().is_some(), forecast.unknowns > SMALL);
         }
+    }
+
+    /// Peak memory of `greenstage precompute` with cholesky on two threads; where it refused, what it would have needed.
+    #[test]
+    fn memory_that_was_measured_lies_in_the_forecast() {
+        for (cells, peak) in [
+            ([20, 20, 20], 0.203e9),
+            ([30, 30, 30], 0.894e9),
+            ([45, 45, 45], 4.20e9),
+            ([66, 66, 66], 23.6e9),
+            ([150, 150, 2], 0.792e9),
+            ([150, 150, 1], 0.457e9),
+            ([1500, 4, 4], 0.323e9),
+            ([300, 10, 10], 0.477e9),
+            ([60, 60, 6], 0.421e9),
+        ] {
+            let mesh = block(&Block { size: cells.map(f64::from), cells }).unwrap();
+            let [least, most] = Forecast::of(&mesh, 2).memory;
+            assert!(least <= peak && peak <= most, "{cells:?}: {peak:e} in {least:e}..{most:e}");
+        }
+    }
+
+    #[test]
+    fn what_surely_does_not_fit_is_refused_with_what_does() {
+        let mut forecast = Forecast::of(&block(&Block { size: [1.0; 3], cells: [8; 3] }).unwrap(), 2);
+        let of = |method: &str| Solver {
+            method: SOLVERS.iter().find(|m| m.name == method).unwrap(),
+            ..Solver::default()
+        };
+        assert_eq!(forecast.fits(&of("cholesky")), Ok(()));
+        forecast.memory[0] = 1e16;
+        let told = forecast.fits(&of("cholesky")).unwrap_err();
+        assert!(told.contains("leaves") && told.contains("\"pcg\""), "{told}");
+        assert_eq!(forecast.fits(&of("auto")), Ok(()), "it takes what fits");
+        assert!(compliance_fits(1 << 20).is_ok() && compliance_fits(1 << 50).unwrap_err().contains("kept"));
     }
 
     /// As `greenstage precompute` told it of these bodies.
@@ -194,8 +284,11 @@ mod tests {
         mesh.nodes.resize(1_400_000, Default::default());
         mesh.tets.resize(8_000_000, [0; 4]);
         let forecast = Forecast::of(&mesh, 2);
-        assert!(forecast.memory[0] > 3e10 && forecast.memory[1] < 1e11, "{forecast:?}");
+        assert!(forecast.memory[0] > 3e10 && forecast.memory[1] < 3e11, "{forecast:?}");
         let told = forecast.told().unwrap();
-        assert!(told.starts_with("4.200e6 unknowns: by an estimate") && told.contains(" GB (thin"), "{told}");
+        assert!(
+            told.starts_with("4.200e6 unknowns: by an estimate") && told.contains(" GB of memory"),
+            "{told}"
+        );
     }
 }

@@ -58,7 +58,7 @@ pub use families::{
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
 pub use fingerprint::fingerprint;
-pub use forecast::{Forecast, boundary_told};
+pub use forecast::{Forecast, boundary_told, compliance_fits};
 pub use journal::{Journal, KEPT_AFTER, drop_journal, path_of as journal_path};
 pub use judge::judge_file;
 pub use kind::{GREEN, PACKED};

@@ -16,6 +16,9 @@ use std::path::Path;
 /// Sizes that are measured, nodes; boxes come as near as they can.
 const SIZES: [f64; 7] = [1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6];
 
+/// So many nodes the smallest box has.
+pub const LEAST: usize = SIZES[0] as usize;
+
 /// What is measured.
 pub struct Request {
     pub up_to: usize,

@@ -6,7 +6,7 @@
 use super::accuracy_target::no_more_than_all;
 use super::{
     Accuracy, AccuracyTarget, Body, Budget, Control, Material, Place, Scene, SceneError, Storage, TOLERANCE,
-    Tetrahedralise,
+    Tetrahedralise, Updates,
 };
 use super::{linear, look};
 use crate::fem::Element;
@@ -162,7 +162,16 @@ impl Body {
         if !self.control.is_empty() {
             return Ok(());
         }
-        wrong("", "no control element: nothing would hold the body; add a [body.NAME.control.NAME] table")
+        let loose: Vec<&str> = self.updates.iter().flat_map(Updates::loose).collect();
+        if loose.is_empty() {
+            return wrong(
+                "",
+                "no control element: nothing would hold the body; add a [body.NAME.control.NAME] table",
+            );
+        }
+        let message =
+            format!("all control elements are released ({}): nothing would hold the body", loose.join(", "));
+        wrong("", message)
     }
 }
 

@@ -25,6 +25,7 @@ mod select;
 pub mod survey;
 #[cfg(test)]
 mod tests;
+mod unprepared;
 mod updates;
 mod updating;
 pub mod write;

@@ -93,7 +93,11 @@ impl Body {
         let regions: Vec<&str> = self.region.keys().map(String::as_str).collect();
         let release: Vec<&str> = updates.release.iter().map(String::as_str).collect();
         known("control element", "release", &updates.release, &controls)?;
-        known("region", "modulus", &updates.modulus, &regions)?;
+        known("region", "modulus", &updates.modulus, &regions).map_err(|(key, message)| {
+            let more =
+                "; a region whose modulus may be changed has a table [body.NAME.region.REGION] of its own";
+            (key, if message.starts_with("unknown") { message + more } else { message })
+        })?;
         known("control element of release", "released", &updates.released, &release)
     }
 

@@ -27,7 +27,7 @@ pub const AUTO: Method = Method {
 
 /// Fewer unknowns are factorised in less time than a look at the alternative is worth.
 const SMALL: usize = 30_000;
-/// Numbers of the factor over n^{4/3} of the thinnest bodies, as the forecast of a scene has it.
+/// Numbers of the factor over n^{4/3} of thin bodies: only rods have fewer.
 const LEAST_FILL: f64 = 6.0;
 /// Both methods; the factor's symbolic step only where it may be wanted.
 struct Auto {

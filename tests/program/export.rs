@@ -301,9 +301,14 @@ fn what_cannot_be_written_is_refused_with_what_to_do() {
     refuse(&place, &few, &["add right.m12,right.m21 to --columns"]);
     let scene =
         SCENE.replace("gravity = [0.0, -9.81, 0.0]", "model = \"stvk\"").replace("storage = \"int16\"", "");
-    std::fs::write(place.join("part.toml"), scene).unwrap();
+    std::fs::write(place.join("part.toml"), &scene).unwrap();
     refuse(&place, &["-o", "x.glb"], &["\"stvk\" has no columns", "OUT.stl", "model = \"linear\""]);
     assert!(!place.join("x.iv").exists() && !place.join("x.glb").exists());
+    // Effects may need columns, and the model still sums none.
+    std::fs::write(place.join("part.toml"), scene.replace("material", "effects = [\"haptics\"]\nmaterial"))
+        .unwrap();
+    refuse(&place, &["-o", "x.glb"], &["\"stvk\" has no columns", "OUT.stl", "--pose"]);
+    assert!(!place.join("x.glb").exists() && !place.join("part.green").exists());
     // Its surface can be written.
     export(&place, &["-o", "rest.ply"]);
     assert!(std::fs::read(place.join("rest.ply")).unwrap().starts_with(b"ply\n"));

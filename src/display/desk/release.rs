@@ -16,10 +16,10 @@ pub fn scene(session: &Session) -> Result<(Scene, String), String> {
             true => {
                 Ok((scene, format!("{body}.{control} is released; L beside all elements: it holds again.")))
             }
-            false => Err(format!(
-                "{body}.{control} was not prepared to be released: write updates = {{ release = [\"{control}\"] }} into \
-                 [body.{body}]."
-            )),
+            false => {
+                let why = scene.body.get(&body).map(|own| own.cannot_release(&body, &control));
+                Err(format!("{}.", why.unwrap_or_default()))
+            }
         };
     }
     let loose = |body: &Body| body.updates.iter().flat_map(Updates::loose).last().map(str::to_owned);

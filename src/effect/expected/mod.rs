@@ -86,12 +86,13 @@ pub(super) fn is_measured(tensor: &str) -> bool {
     tensor.ends_with(&format!("/{TENSOR}"))
 }
 
+/// Why errors that were measured of a body are not shown after a change of it.
+pub const CHANGED: &str = "a control element was released, or a modulus changed, since they were measured";
+
 /// The tensor of a body of which something was released or changed since it was measured.
 pub(super) fn not_measured(body: &Body) -> Tensor {
     let mut errors = of(body);
-    errors
-        .left_out
-        .push("a control element was released, or a modulus changed, since they were measured".into());
+    errors.left_out.push(CHANGED.into());
     written(&errors)
 }
 
@@ -147,6 +148,15 @@ fn of(body: &Body) -> ExpectedErrors {
     ExpectedErrors { model, element, begin_at_zero, ..ExpectedErrors::default() }
 }
 
+/// Why nothing of a body can be measured, whatever it lists.
+pub fn unmeasurable(body: &Body) -> Option<&'static str> {
+    if body.control.len() < 2 {
+        return Some("it has one control element, with which it moves as a whole");
+    }
+    let can_be_grabbed = body.control.values().any(|control| control.grab == Grab::Dragger);
+    (!can_be_grabbed).then_some("no control element can be grabbed")
+}
+
 /// What is measured of an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kinds {
@@ -165,17 +175,13 @@ pub fn measure(
 ) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
     let mut errors = of(asked);
-    let grabbed: Vec<usize> =
-        (0..asked.control.len()).filter(|&e| asked.control[e].grab == Grab::Dragger).collect();
-    if asked.control.len() < 2 {
-        errors.left_out.push("it has one control element, with which it moves as a whole".into());
+    if let Some(why) = unmeasurable(asked) {
+        errors.left_out.push(why.into());
         return errors;
     }
-    let Some(moved) = Some(&grabbed[..grabbed.len().min(MOST_MOVED)]).filter(|moved| !moved.is_empty())
-    else {
-        errors.left_out.push("no control element can be grabbed".into());
-        return errors;
-    };
+    let grabbed: Vec<usize> =
+        (0..asked.control.len()).filter(|&e| asked.control[e].grab == Grab::Dragger).collect();
+    let moved = &grabbed[..grabbed.len().min(MOST_MOVED)];
     if moved.len() < grabbed.len() {
         let (most, all) = (moved.len(), grabbed.len());
         errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));

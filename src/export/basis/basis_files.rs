@@ -13,15 +13,16 @@ use std::sync::Arc;
 /// All of them; a new one is one file and one line here.
 pub const BASIS_FILES: &[BasisFile] = &[inventor::FILE, gltf::FILE, vtu::FILE];
 
-/// Refuses a body without columns, before anything is solved for it.
+/// Refuses a body whose model sums no columns, even where its effects need some, before anything is solved for it.
 pub fn refuse(scene: &Scene, name: &str) -> Result<(), Failure> {
     let body = &scene.body[name];
-    if prepare::requirements(scene, name, body)?.has(AFFINE) {
+    if prepare::law(scene, name, body)?.is_none() && prepare::requirements(scene, name, body)?.has(AFFINE) {
         return Ok(());
     }
     let message = format!(
-        "the model \"{}\" has no columns to sum: write the surface of a pose (-o OUT.stl, .ply or .obj), or model = \"linear\" \
-         into the scene, whose displacements are a sum",
+        "the model \"{}\" has no columns to write, for models of large strain are solved anew for every pose: write the surface of \
+         a pose (-o OUT.stl, .ply or .obj, with --poses and --pose), or model = \"linear\" into the scene, whose displacements \
+         are a sum",
         body.model
     );
     Err(Failure::request(scene.invalid(&format!("body.{name}.model"), message)))

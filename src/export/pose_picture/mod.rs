@@ -43,17 +43,28 @@ pub const PICTURE: Exporter = Exporter {
     write,
 };
 
-/// The body that moves most, of the bodies in a pose.
+/// The body that moves most, of the bodies in a pose; without a pose the largest, at rest.
 fn write(set: &ResultSet) -> Vec<u8> {
     let most = |result: &&PoseResult| result.displacement.iter().map(Vector3::norm).fold(0.0, f64::max);
     let result = set.results.iter().max_by(|a, b| most(a).total_cmp(&most(b)));
     let geometry = |result: &PoseResult| set.geometry.iter().find(|geometry| geometry.body == result.body);
-    let drawn = result.and_then(|result| draw(geometry(result)?, result, &Words::of(result)));
+    let drawn = match result {
+        Some(result) => geometry(result).and_then(|geometry| draw(geometry, result, &Words::of(result))),
+        None => largest(set).and_then(|geometry| {
+            let rest = PoseResult::at_rest(geometry);
+            draw(geometry, &rest, &Words { title: rest.pose.clone(), lines: Vec::new(), arrows: Vec::new() })
+        }),
+    };
     let picture = drawn.unwrap_or_else(|| RgbaImage::from_pixel(1, 1, image::Rgba([250, 250, 248, 255])));
     let mut bytes = std::io::Cursor::new(Vec::new());
     // Into memory, of a size that fits: nothing can fail.
     let written = picture.write_to(&mut bytes, image::ImageFormat::Png);
     written.map_or_else(|_| Vec::new(), |()| bytes.into_inner())
+}
+
+fn largest(set: &ResultSet) -> Option<&Geometry> {
+    let size = |geometry: &&Geometry| view::size(&geometry.rest).unwrap_or(0.0);
+    set.geometry.iter().max_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
 /// What is written on a picture.
@@ -369,4 +380,24 @@ impl Page<'_> {
 fn round_down(value: f64) -> f64 {
     let power = 10f64.powf(value.log10().floor());
     [5.0, 2.0, 1.0].into_iter().map(|step| step * power).find(|round| *round <= value).unwrap_or(power)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block of 2 × 1 × 1 m without a pose: its picture has the size of all, and a middle that is not paper.
+    #[test]
+    fn a_body_at_rest_is_drawn_where_there_is_no_pose() {
+        let corner = |k: u32| Vector3::new(f64::from(2 * (k & 1)), f64::from(k >> 1 & 1), f64::from(k >> 2));
+        let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let cells = sides.iter().flat_map(|[a, b, c, d]| [vec![*a, *b, *c], vec![*a, *c, *d]]).collect();
+        let rest: Vec<Vector3<f64>> = (0..8).map(corner).collect();
+        let geometry = Geometry { body: "block".into(), tags: (1..9).collect(), rest, cells };
+        let set = ResultSet { geometry: vec![geometry], ..ResultSet::default() };
+        let picture = image::load_from_memory(&write(&set)).unwrap().to_rgb8();
+        assert_eq!([picture.width(), picture.height()].map(|side| side as usize), SIZE);
+        let middle = picture.get_pixel(STAGE.center().x as u32, STAGE.center().y as u32);
+        assert!(middle.0.iter().zip(PAPER).any(|(ink, paper)| ink.abs_diff(paper) > 40), "{middle:?}");
+    }
 }

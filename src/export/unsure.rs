@@ -1,0 +1,95 @@
+//! Why it is not known how sure the forces of a body are.
+
+use crate::deform::{ExpectedErrors, Kind, find_model};
+use crate::effect::expected::{CHANGED, NAME, unmeasurable};
+use crate::scene::{Body, Method};
+
+/// Where measured errors were looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Looked<'a> {
+    /// In the .green file, which may hold none.
+    InFile(Option<&'a ExpectedErrors>),
+    /// The body was solved without one.
+    Nowhere,
+}
+
+/// Why a body's errors are not known at a pose, and what makes them known.
+pub(super) fn why(body: &Body, looked: Looked<'_>) -> String {
+    if body.method == Method::Bem {
+        return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
+    }
+    if find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_))) {
+        return "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
+            .to_owned();
+    }
+    if body.is_updated() {
+        return CHANGED.to_owned();
+    }
+    if let Some(why) = unmeasurable(body) {
+        return format!("{why}; solve again on a finer mesh, and compare");
+    }
+    let lists = body.effects.iter().any(|effect| effect == NAME);
+    match looked {
+        Looked::InFile(Some(errors)) if !errors.moved.is_empty() => {
+            "the pose is beyond those in which it was measured".to_owned()
+        }
+        Looked::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
+        Looked::Nowhere if lists => {
+            "the .green file has them, which is not read: leave --all-nodes out".to_owned()
+        }
+        _ => format!("list the effect \"{NAME}\", which measures it while precomputing"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::MovedErrors;
+    use crate::scene::Scene;
+    use std::path::Path;
+
+    fn body(keys: &str, ends: &[&str]) -> Body {
+        let end = |group: &&str| {
+            format!("control.{group} = {{ nodes = {{ group = \"{group}\" }}, grab = \"dragger\" }}\n")
+        };
+        let text = format!(
+            "[body.a]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [2, 2, 2] }} }}\n\
+             material = {{ young = 1.0, poisson = 0.0 }}\n{keys}\n{}",
+            ends.iter().map(end).collect::<String>()
+        );
+        Scene::parse(&text, Path::new("any.toml")).unwrap().body["a"].clone()
+    }
+
+    const BOTH: [&str; 2] = ["xmin", "xmax"];
+
+    #[test]
+    fn no_effect_is_advised_that_would_not_help() {
+        let listed = |body: &Body, looked: Looked<'_>| why(body, looked).starts_with("list the effect");
+        let plain = body("", &BOTH);
+        assert!(listed(&plain, Looked::InFile(None)) && listed(&plain, Looked::Nowhere));
+        let one = body("", &["xmin"]);
+        assert!(why(&one, Looked::InFile(None)).starts_with("it has one control element"));
+        let mut changed = body("updates = { release = [\"xmax\"] }", &BOTH);
+        assert!(listed(&changed, Looked::InFile(None)));
+        assert!(changed.release("xmax"));
+        assert_eq!(why(&changed, Looked::InFile(None)), CHANGED);
+        let lists = body("effects = [\"expected_errors\"]", &BOTH);
+        assert!(why(&lists, Looked::Nowhere).contains("--all-nodes"));
+    }
+
+    #[test]
+    fn what_the_file_tells_comes_first() {
+        let lists = body("effects = [\"haptics\"]", &BOTH);
+        let mut errors = ExpectedErrors { left_out: vec!["too large".into()], ..ExpectedErrors::default() };
+        assert_eq!(why(&lists, Looked::InFile(Some(&errors))), "too large");
+        let (control, nothing) = ("xmax".to_owned(), Vec::new);
+        errors.moved.push(MovedErrors {
+            control,
+            bent: nothing(),
+            shifted: nothing(),
+            hung: None,
+            mesh: None,
+        });
+        assert!(why(&lists, Looked::InFile(Some(&errors))).contains("beyond those"));
+    }
+}
