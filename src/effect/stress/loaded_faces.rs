@@ -3,7 +3,6 @@
 //! In: the patterns of a scene's body, on its mesh. Out: the traction of each of their columns at every triangle, Pa for a
 //! coefficient of 1, kept in the section of the .green file; and their sum for the coefficients of a moment.
 
-use super::stressed_body::NAME;
 use crate::deform::FaceLoads;
 use crate::green::{GreenError, GreenFile, LoadMeta, Tensor, Tractions, Turning};
 use crate::mesh::{Surface, TetMesh};
@@ -64,15 +63,20 @@ impl LoadedFaces {
         ]
     }
 
-    /// Of a file of this scene. The error names a tensor that does not suit the body.
-    pub fn of_file(scene: &Scene, file: &GreenFile, name: &str) -> Result<LoadedFaces, GreenError> {
+    /// Of a file of this scene, from its section of this name. The error names a tensor that does not suit the body.
+    pub fn of_file(
+        scene: &Scene,
+        file: &GreenFile,
+        name: &str,
+        section: &str,
+    ) -> Result<LoadedFaces, GreenError> {
         let has_patterns =
             scene.body[name].loads().iter().any(|load| matches!(load.source, LoadSource::Pattern(_)));
         if !has_patterns {
             return Ok(LoadedFaces::default());
         }
-        let (_, numbers) = file.section::<u32>(name, NAME, COLUMNS)?;
-        let (_, values) = file.section::<f32>(name, NAME, TRACTIONS)?;
+        let (_, numbers) = file.section::<u32>(name, section, COLUMNS)?;
+        let (_, values) = file.section::<f32>(name, section, TRACTIONS)?;
         let metas = file.meta.bodies.get(name).map_or(&[][..], |meta| &meta.loads);
         let turnings: Vec<Turning> =
             metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns)).collect();
@@ -82,7 +86,7 @@ impl LoadedFaces {
             && values.iter().all(|value| value.is_finite());
         if !fits || triangles == 0 {
             let reason =
-                format!("tensor {name}/{NAME}/{TRACTIONS} does not hold tractions of the body's loads");
+                format!("tensor {name}/{section}/{TRACTIONS} does not hold tractions of the body's loads");
             return Err(GreenError::Damaged { path: file.path.clone(), reason });
         }
         let vector = |value: &[f32]| Vector3::new(value[0], value[1], value[2]).cast::<f64>();

@@ -70,7 +70,7 @@ impl StressedBody {
         }
         let held: Vec<Vec<u32>> =
             body.control.keys().map(|control| file.control(name, control).to_vec()).collect();
-        let loads = LoadedFaces::of_file(scene, file, name)?;
+        let loads = LoadedFaces::of_file(scene, file, name, NAME)?;
         Ok(StressedBody::new(body, file.rest(name), triangles, material, &held, loads))
     }
 
