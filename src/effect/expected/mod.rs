@@ -162,7 +162,7 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
 pub enum Kinds {
     /// It is held in its pose, as a hand holds it.
     Held,
-    /// The same, and pushed while it is free in all else ([`hung`]), which takes several times as long.
+    /// The same, and pushed while it is free in all else (`hung`), which takes several times as long.
     All,
 }
 
