@@ -155,6 +155,20 @@ impl PoseLoads {
 
     /// As they are applied to a body that is solved anew.
     pub fn on_mesh(&self, statics: &Statics) -> Result<StaticForces, String> {
+        let (loads, nodes) = self.on_its_surface(statics)?;
+        let forces = StaticForces::of(&loads, |node| nodes.get(node as usize).copied());
+        forces.ok_or_else(|| "a force is not given as a vector".to_owned())
+    }
+
+    /// The forces at points of such a body, whose nodes count as those of its mesh.
+    pub fn points_on_mesh(&self, statics: &Statics) -> Result<Vec<PointLoad>, String> {
+        let (AppliedLoads { points, .. }, nodes) = self.on_its_surface(statics)?;
+        let in_mesh = |node: u32| nodes[node as usize];
+        Ok(points.into_iter().map(|point| PointLoad { nodes: point.nodes.map(in_mesh), ..point }).collect())
+    }
+
+    /// The loads by the nodes of the mesh's surface, and these nodes.
+    fn on_its_surface(&self, statics: &Statics) -> Result<(AppliedLoads, Vec<u32>), String> {
         let mesh = &statics.mesh;
         let Surface { nodes, triangles } = Surface::of(mesh);
         let rest: Vec<V3> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
@@ -168,9 +182,7 @@ impl PoseLoads {
             takes: &|node| !is_held(node),
             otherwise: "belongs to a control element",
         };
-        let loads = self.on(&surface)?;
-        let forces = StaticForces::of(&loads, |node| nodes.get(node as usize).copied());
-        forces.ok_or_else(|| "a force is not given as a vector".to_owned())
+        Ok((self.on(&surface)?, nodes))
     }
 
     fn on(&self, surface: &Taking<'_>) -> Result<AppliedLoads, String> {

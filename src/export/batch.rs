@@ -5,7 +5,7 @@ use super::asked::{Asked, has_forces, lead};
 use super::free_poses;
 use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
-use super::told::{Sureness, Told};
+use super::told::{Pushed, Sureness, Told};
 use super::unsure;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -221,6 +221,7 @@ fn surface_results(
         asked.loads.applied(&deformer).map_err(wrong)
     });
     let applied: Vec<AppliedLoads> = applied.by_ref().collect::<Result<_, _>>()?;
+    let geometry = Geometry::surface(&deformer);
     let result = |((asked, standing), applied): ((&&Asked<'_>, _), &AppliedLoads)| {
         deformer.apply(applied);
         let result = surface_result(asked, all, standing, body, &mut deformer);
@@ -235,6 +236,7 @@ fn surface_results(
         let unknown = || Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref())));
         let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
+        told.pushed = Pushed::of(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield =
                 free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
@@ -245,7 +247,7 @@ fn surface_results(
         PoseResult { stress, told, ..result }
     };
     let found = own.iter().zip(before).zip(&applied).map(result).collect();
-    Ok((Geometry::surface(&deformer), found))
+    Ok((geometry, found))
 }
 
 fn surface_result(
@@ -418,6 +420,8 @@ fn static_results(
                 };
                 let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &displacement));
                 let mut told = told;
+                let forced = asked.loads.points_on_mesh(&solved.statics).map_err(Failure::wrong)?;
+                told.pushed = Pushed::of(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
                     let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
                     statics::apply(asked, &name, &mut solved.statics)?;

@@ -2,7 +2,7 @@
 //! the material yields.
 
 use super::result_set::{PoseResult, ResultSet};
-use super::told::{FirstYield, Sureness};
+use super::told::{FirstYield, Pushed, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
@@ -36,6 +36,7 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
 /// What is to be said of a pose; what compares with the body's size where that is given.
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     let mut lines = size.map_or_else(Vec::new, |size| far(result, size));
+    lines.extend(result.told.pushed.iter().map(pushed));
     lines.extend(stress(result));
     lines.extend(sureness(result));
     lines.extend(what_holds(result));
@@ -119,6 +120,15 @@ fn table(result: &PoseResult) -> Table {
         table.row(&[name, &moved, &turned, force.trim(), moment.trim()]);
     }
     table
+}
+
+/// Where a force at a point went.
+fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
+    let along = force.try_normalize(0.0).map_or(String::new(), |way| {
+        format!(", {} of it along the force", quantity(moved.dot(&way), "m"))
+    });
+    let (force, rest) = (quantity(force.norm(), "N"), vector(rest, "m"));
+    format!("at the force of {force} on {rest} the surface moves by {}{along}", vector(moved, "m"))
 }
 
 /// What holds the control elements in directions that the pose did not speak of.

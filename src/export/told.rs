@@ -1,8 +1,8 @@
 //! What `deform` tells of a pose beside its numbers: where the control elements ended, how sure the forces are, where
-//! the material first yields.
+//! the material first yields, where the points of forces went.
 
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{ControlPoses, Freedom, Wrench};
+use crate::deform::{ControlPoses, Freedom, PointLoad, Pull, Wrench};
 use crate::world::WrenchError;
 use nalgebra::Vector3;
 
@@ -21,6 +21,8 @@ pub struct Told {
     pub freedom: Vec<Freedom>,
     /// What acted beside them.
     pub loads: PoseLoads,
+    /// The forces at points among them.
+    pub pushed: Vec<Pushed>,
     /// By how much forces may be wrong, or why that is not known.
     pub error: Sureness,
     /// Where a limit is passed, and the pose goes on from rest; the loads act in full from the beginning.
@@ -64,4 +66,29 @@ pub struct FirstYield {
     pub control: ControlPoses,
     pub wrenches: Option<Vec<Wrench>>,
     pub error: Option<WrenchError>,
+}
+
+/// A force at a point of the surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Pushed {
+    /// N.
+    pub force: Vector3<f64>,
+    /// Where the point rests, m, in the mesh's coordinates.
+    pub rest: Vector3<f64>,
+    /// How far it went, under all that acts on the body, m.
+    pub moved: Vector3<f64>,
+}
+
+impl Pushed {
+    /// Of a body whose nodes rest at `rest` and are displaced by `displacement`.
+    pub fn of(points: &[PointLoad], rest: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Vec<Pushed> {
+        let one = |point: &PointLoad| {
+            let Pull::Force(force) = point.pull else { return None };
+            let mean = |all: &[Vector3<f64>]| {
+                point.nodes.iter().zip(point.weights).map(|(&node, weight)| all[node as usize] * weight).sum()
+            };
+            Some(Pushed { force, rest: mean(rest), moved: mean(displacement) })
+        };
+        points.iter().filter_map(one).collect()
+    }
 }

@@ -13,6 +13,7 @@ use crate::mesh::walls::{ThinWalls, thin_walls};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::materials::implausible_young;
 use crate::scene::{Body, Material, Scene};
+use indexmap::IndexMap;
 use std::collections::BTreeSet;
 
 /// Poisson's ratio above which a material is called nearly incompressible.
@@ -34,12 +35,23 @@ fn unit(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
     implausible(side).map(|message| Diagnostic::new(Severity::Note, entity, message))
 }
 
+/// Control elements that span no volume, all that are alike in one note.
+fn shapes(entity: &str, controls: &[ControlElement]) -> Vec<Diagnostic> {
+    let mut alike: IndexMap<String, Vec<&str>> = IndexMap::new();
+    for control in controls {
+        if let Some(notice) = control.notice() {
+            alike.entry(notice).or_default().push(&control.name);
+        }
+    }
+    let note = |(notice, names): (String, Vec<&str>)| {
+        Diagnostic::new(Severity::Note, entity, format!("control {}: {notice}", names.join(", ")))
+    };
+    alike.into_iter().map(note).collect()
+}
+
 /// Control elements that share nodes, and pieces that none holds or joins ([`pieces`]).
 pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Diagnostic> {
-    let mut findings: Vec<Diagnostic> = controls
-        .iter()
-        .filter_map(|control| Some(Diagnostic::new(Severity::Note, entity, control.notice()?)))
-        .collect();
+    let mut findings = shapes(entity, controls);
     let mut owner: Vec<Option<usize>> = vec![None; mesh.nodes.len()];
     let mut told = BTreeSet::new();
     for (index, control) in controls.iter().enumerate() {

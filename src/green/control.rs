@@ -56,17 +56,9 @@ impl ControlElement {
         };
         let zero: Vec<&str> =
             FIELD_NAMES.iter().zip(self.vanishing).filter(|(_, zero)| *zero).map(|(name, _)| *name).collect();
-        let kept = if zero.is_empty() {
-            "all are kept, being oblique to the axes".to_owned()
-        } else {
-            format!("{} vanish and are kept as zero columns", zero.join(", "))
-        };
-        Some(format!(
-            "control {}: {} nodes, {shape}; {} of {FIELDS} fields are independent, {kept}",
-            self.name,
-            self.nodes.len(),
-            self.independent_fields()
-        ))
+        let zero =
+            if zero.is_empty() { String::new() } else { format!("; the columns {} are zero", zero.join(", ")) };
+        Some(format!("{shape}, so {} of {FIELDS} fields are independent{zero}", self.independent_fields()))
     }
 
     /// Writes the unit affine displacement of every field that does not vanish into columns `first..first + 12` of
