@@ -124,9 +124,9 @@ fn table(result: &PoseResult) -> Table {
 
 /// Where a force at a point went.
 fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
-    let along = force.try_normalize(0.0).map_or(String::new(), |way| {
-        format!(", {} of it along the force", quantity(moved.dot(&way), "m"))
-    });
+    let along = force
+        .try_normalize(0.0)
+        .map_or(String::new(), |way| format!(", {} of it along the force", quantity(moved.dot(&way), "m")));
     let (force, rest) = (quantity(force.norm(), "N"), vector(rest, "m"));
     format!("at the force of {force} on {rest} the surface moves by {}{along}", vector(moved, "m"))
 }

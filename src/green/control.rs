@@ -56,8 +56,11 @@ impl ControlElement {
         };
         let zero: Vec<&str> =
             FIELD_NAMES.iter().zip(self.vanishing).filter(|(_, zero)| *zero).map(|(name, _)| *name).collect();
-        let zero =
-            if zero.is_empty() { String::new() } else { format!("; the columns {} are zero", zero.join(", ")) };
+        let zero = if zero.is_empty() {
+            String::new()
+        } else {
+            format!("; the columns {} are zero", zero.join(", "))
+        };
         Some(format!("{shape}, so {} of {FIELDS} fields are independent{zero}", self.independent_fields()))
     }
 

@@ -420,7 +420,10 @@ fn absurd_numbers_are_refused_or_harmless() {
 fn check_lists_everything_without_solving() {
     let folder = project("cli-check");
     let fine = text(&succeed(&folder, &["check", "scene.toml"]).stdout);
-    assert!(fine.contains("0 errors, 0 warnings, 1 note") && fine.contains("control high, low: planar"), "{fine}");
+    assert!(
+        fine.contains("0 errors, 0 warnings, 1 note") && fine.contains("control high, low: planar"),
+        "{fine}"
+    );
     let scene = SCENE.replace("poisson = 0.3", "poisson = 0.49").replace("max = [-0.4,", "max = [0.6,");
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
     refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 error"]);

@@ -12,6 +12,7 @@ mod effects;
 mod export;
 mod kills;
 mod outputs;
+mod point_forces;
 #[path = "../render_common/mod.rs"]
 mod render_common;
 mod replay;

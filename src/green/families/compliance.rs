@@ -20,6 +20,7 @@ use super::super::solution::{Precomputed, Solution, SurfaceInverse};
 use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::affine::AFFINE;
+use super::tile_layout::{BLOCK, HASH, TileLayout};
 use crate::base::machine;
 use crate::fem::NodeFields;
 use crate::mesh::{Surface, TetMesh};
@@ -28,7 +29,6 @@ use crate::solve::{Factor, InverseStrip, Progress, SolveError};
 use rayon::prelude::*;
 use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::sync::Arc;
 
 pub const COMPLIANCE: Family = Family { name: "compliance", from: &[AFFINE] };
@@ -47,73 +47,6 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 const ORDER: &str = "compliance/order";
 /// blake3 of every tile.
 const HASHES: &str = "compliance/hashes";
-pub(super) const HASH: usize = blake3::OUT_LEN;
-/// Nodes of a block of rows, and of a tile's side.
-pub(super) const BLOCK: usize = 32;
-
-/// Where the numbers of m nodes stand, of which the first n take forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Layout {
-    n: usize,
-    m: usize,
-}
-
-impl Layout {
-    /// Where block `block` begins.
-    fn start(&self, block: usize) -> usize {
-        // Each of the blocks before it has 32 rows.
-        let before = BLOCK * block;
-        9 * (before * self.m - BLOCK * BLOCK * (block * block.saturating_sub(1)) / 2)
-    }
-
-    fn len(&self) -> usize {
-        let blocks = self.n / BLOCK;
-        let rest = self.n % BLOCK;
-        self.start(blocks) + 9 * rest * (self.m - BLOCK * blocks)
-    }
-
-    /// Where row 3·`i` + `axis` of node `i` < n holds node `j`, which is of its block or behind it.
-    fn at(&self, i: usize, axis: usize, j: usize) -> usize {
-        let tile = self.tile(i / BLOCK, j / BLOCK);
-        let [_, columns] = self.sides(i / BLOCK, j / BLOCK);
-        tile.start + (3 * (i % BLOCK) + axis) * columns + 3 * (j % BLOCK)
-    }
-
-    /// Rows and columns of numbers of a tile.
-    fn sides(&self, block: usize, other: usize) -> [usize; 2] {
-        [(block, self.n), (other, self.m)].map(|(at, all)| 3 * BLOCK.min(all - BLOCK * at))
-    }
-
-    /// The numbers of a tile, `other` ≥ `block`.
-    fn tile(&self, block: usize, other: usize) -> Range<usize> {
-        let [rows, columns] = self.sides(block, other);
-        let start = self.start(block) + rows * 3 * BLOCK * (other - block);
-        start..start + rows * columns
-    }
-
-    /// Which of all tiles it is.
-    fn number(&self, block: usize, other: usize) -> usize {
-        let across = self.m.div_ceil(BLOCK);
-        block * across - block * block.saturating_sub(1) / 2 + other - block
-    }
-
-    /// All tiles in their order.
-    fn tiles(self) -> impl Iterator<Item = [usize; 2]> {
-        let across = self.m.div_ceil(BLOCK);
-        (0..self.n.div_ceil(BLOCK)).flat_map(move |block| (block..across).map(move |other| [block, other]))
-    }
-
-    /// The tensor of the hashes of all tiles of these values.
-    fn hashes(self, values: &[u8]) -> Tensor {
-        let hash = |[block, other]: [usize; 2]| {
-            let tile = self.tile(block, other);
-            *blake3::hash(&values[4 * tile.start..4 * tile.end]).as_bytes()
-        };
-        let tiles: Vec<_> = self.tiles().collect();
-        let bytes: Vec<[u8; HASH]> = tiles.par_iter().map(|tile| hash(*tile)).collect();
-        Tensor { dtype: Dtype::U8, shape: vec![tiles.len(), HASH], bytes: bytes.concat() }
-    }
-}
 
 /// The free nodes of the surface, with those in front that are selected, and how many these are.
 pub(super) fn order(
@@ -144,7 +77,7 @@ pub fn compliance_size(
     held.into_iter().for_each(|node| is_held[node as usize] = true);
     let free: Vec<u32> = (0..mesh.nodes.len() as u32).filter(|&node| !is_held[node as usize]).collect();
     let (order, n) = order(mesh, &Surface::of(mesh), &free, asked)?;
-    Ok([n, order.len(), 4 * Layout { n, m: order.len() }.len()])
+    Ok([n, order.len(), TileLayout { n, m: order.len() }.bytes()])
 }
 
 fn compute(
@@ -156,11 +89,11 @@ fn compute(
         return Ok(());
     };
     let (order, n, unknowns) = unknowns(assembled, solution, asked)?;
-    let layout = Layout { n, m: order.len() };
+    let layout = TileLayout { n, m: order.len() };
     // The numbers, as they are made, as a tensor, and in the file's bytes.
     machine::expect("the compliance of the surface", 12.0 * layout.len() as f64)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-    let mut bytes = vec![0; 4 * layout.len()];
+    let mut bytes = vec![0; layout.bytes()];
     solve(factor, &unknowns, layout, &mut bytes, progress)
         .map_err(|source| GreenError::Solve { body: assembled.place.to_owned(), source })?;
     solution.compliance = Some(SurfaceInverse { nodes: n, order, bytes });
@@ -188,7 +121,7 @@ pub(super) fn unknowns(
 fn solve(
     factor: &dyn Factor,
     nodes: &[u32],
-    layout: Layout,
+    layout: TileLayout,
     bytes: &mut [u8],
     progress: &dyn Progress,
 ) -> Result<(), SolveError> {
@@ -233,7 +166,7 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     meta.compliance_nodes = Some(inverse.nodes);
     let order = Tensor::new(&[inverse.order.len()], inverse.order.iter().copied());
     let shape = vec![inverse.bytes.len() / 4];
-    let hashes = Layout { n: inverse.nodes, m: inverse.order.len() }.hashes(&inverse.bytes);
+    let hashes = TileLayout { n: inverse.nodes, m: inverse.order.len() }.hashes(&inverse.bytes);
     let values = Tensor { dtype: Dtype::F32, shape, bytes: inverse.bytes.clone() };
     vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)]
 }
@@ -256,7 +189,7 @@ pub(super) fn check_order(file: &GreenFile, order: &str, body: &BodyMeta) -> Res
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let values = format!("{name}/{VALUES}");
     let [n, m] = check_order(file, &format!("{name}/{ORDER}"), body)?;
-    let layout = Layout { n, m };
+    let layout = TileLayout { n, m };
     // Its numbers are looked at when they are read.
     file.expect(&values, Dtype::F32, &[layout.len()])?;
     file.expect(&format!("{name}/{HASHES}"), Dtype::U8, &[layout.tiles().count(), HASH])
@@ -300,7 +233,7 @@ pub struct Tiles<'a> {
     file: &'a GreenFile,
     /// Of the values.
     tensor: String,
-    layout: Layout,
+    layout: TileLayout,
     pub(super) order: Order<'a>,
     hashes: &'a [u8],
 }
@@ -309,7 +242,7 @@ impl<'a> Tiles<'a> {
     /// Of a body with this family.
     pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<Tiles<'a>> {
         let order = Order::of(file, &format!("{body}/{ORDER}"), meta)?;
-        let layout = Layout { n: order.n, m: order.nodes.len() };
+        let layout = TileLayout { n: order.n, m: order.nodes.len() };
         let (tensor, hashes) = (format!("{body}/{VALUES}"), file.slice(&format!("{body}/{HASHES}")));
         Some(Tiles { file, tensor, layout, order, hashes })
     }
@@ -397,8 +330,8 @@ pub(super) fn changed(
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
     let (n, m) = (before.n, before.nodes.len());
     let order = [before.nodes, freed].concat();
-    let layout = Layout { n, m: order.len() };
-    let size = 4 * layout.len();
+    let layout = TileLayout { n, m: order.len() };
+    let size = layout.bytes();
     machine::expect("the compliance of the surface after the change", 2.0 * size as f64).map_err(
         |source| GreenError::Memory { body: tensor.split('/').next().unwrap_or_default().to_owned(), source },
     )?;
@@ -424,40 +357,4 @@ pub(super) fn changed(
     let hashes = layout.hashes(&values);
     let values = Tensor { dtype: Dtype::F32, shape: vec![layout.len()], bytes: values };
     Ok(vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)])
-}
-
-/// Bytes of the numbers of n nodes that take forces among m.
-pub(super) fn tile_bytes(n: usize, m: usize) -> usize {
-    4 * Layout { n, m }.len()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Every pair of which one takes forces has one place or, within a diagonal block, two.
-    #[test]
-    fn blocks_hold_each_pair_and_leave_no_gap() {
-        for (n, m) in [(1, 1), (32, 32), (33, 33), (70, 70), (5, 100), (64, 65), (70, 101)] {
-            let layout = Layout { n, m };
-            let mut seen = vec![0; layout.len()];
-            for i in 0..n {
-                for j in i / BLOCK * BLOCK..m {
-                    for axis in 0..3 {
-                        (0..3).for_each(|other| seen[layout.at(i, axis, j) + other] += 1);
-                    }
-                }
-            }
-            assert!(seen.iter().all(|&count| count == 1), "{n} {m}");
-            let mut end = 0;
-            for (number, [block, other]) in layout.tiles().enumerate() {
-                let tile = layout.tile(block, other);
-                assert_eq!((layout.number(block, other), tile.start), (number, end), "{n} {m}");
-                end = tile.end;
-            }
-            assert_eq!(end, layout.len());
-        }
-        let paper = Layout { n: 5000, m: 5000 };
-        assert!((4.50e8..4.56e8).contains(&(4.0 * paper.len() as f64)), "450 MB");
-    }
 }

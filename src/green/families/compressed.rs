@@ -17,7 +17,8 @@ use super::super::solution::{Precomputed, Solution, SurfaceCompressed};
 use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::affine::AFFINE;
-use super::compliance::{BLOCK, HASH, Order, changed, check_order, tile_bytes, unknowns};
+use super::compliance::{Order, changed, check_order, unknowns};
+use super::tile_layout::{BLOCK, HASH, TileLayout};
 use crate::base::table::bytes;
 use crate::scene::Kept;
 use crate::solve::Progress;
@@ -78,7 +79,7 @@ fn compute(
         Trial::Error(found) => GreenError::Compression { body: body(), asked: error, found },
     })?;
     let size = compressed.values.len() + compressed.bases.len() + HASH * blocks.len();
-    let full = tile_bytes(n, nodes.len()) as f64;
+    let full = TileLayout { n, m: nodes.len() }.bytes() as f64;
     progress.tell(&format!(
         "the compliance of the surface takes {}, 1/{:.0} of the {} that all its numbers take; a displacement is wrong by at \
          most {:.1e} of that of the pressed node, as measured at {} of {n} nodes",

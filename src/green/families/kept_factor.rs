@@ -17,7 +17,8 @@ use super::super::solution::{Precomputed, Solution, SurfaceFactor};
 use super::super::tensor::Tensor;
 use super::super::update::{COLUMNS, Changed};
 use super::affine::AFFINE;
-use super::compliance::{Order, check_order, tile_bytes, unknowns};
+use super::compliance::{Order, check_order, unknowns};
+use super::tile_layout::TileLayout;
 use crate::base::machine;
 use crate::base::table::bytes;
 use crate::solve::{KeptFactor, LoadedFactor, NUMBER, Progress, SolveError};
@@ -67,7 +68,7 @@ fn compute(
     progress.tell(&format!(
         "the kept factor takes {} in the file; the inverse at the surface would take {}",
         bytes(size),
-        bytes(tile_bytes(nodes, order.len()) as f64)
+        bytes(TileLayout { n: nodes, m: order.len() }.bytes() as f64)
     ));
     solution.kept_factor = Some(SurfaceFactor { nodes, order, kept });
     Ok(())

@@ -14,6 +14,7 @@ mod screw_paths;
 mod stiffness;
 mod substructures;
 mod table;
+mod tile_layout;
 mod tractions;
 mod updates;
 mod volume;

@@ -80,7 +80,7 @@ fn a_compressed_compliance_is_the_inverse_within_its_error() {
             let (count, all) = (found.len(), file.count("a/compressed/order"));
             // 23 rings of 24 nodes are free, and the box holds 13 of them.
             assert_eq!([exact.len(), all, count], [552, 552, if nodes == some { 312 } else { 552 }]);
-            let ratio = tile_bytes(count, all) as f64 / bytes_of(&file) as f64;
+            let ratio = TileLayout { n: count, m: all }.bytes() as f64 / bytes_of(&file) as f64;
             println!(
                 "{nodes} {asked:e}: {count} of {all} nodes, off by {off:.2e}, measured {:.2e} at {}, 1/{ratio:.1}",
                 meta.measured, meta.nodes
