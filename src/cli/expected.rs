@@ -35,7 +35,7 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
             if let Some(mesh) = moved.mesh {
                 let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
                 let of = format!("mesh of {}", errors.element);
-                table.row(&[name, &moved.control, "a little", &of, &wrench, &wrench, &shape]);
+                table.row(&[name, &moved.control, "in its worst motion", &of, &wrench, &wrench, &shape]);
             }
         }
     }
@@ -66,8 +66,8 @@ pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
     if let Some(mesh) = errors.mesh() {
         let (element, wrench, shape) = (&errors.element, percent(mesh.wrench), percent(mesh.shape));
         text.push_str(&format!(
-            "{name}: the mesh of {element} itself adds about {wrench} to forces and {shape} to displacements, estimated \
-             by a better solution of this body\n"
+            "{name}: the mesh of {element} itself adds up to about {wrench} to forces and {shape} to displacements, in \
+             the motion where it is most, estimated by a better solution of this body\n"
         ));
     }
     for why in &errors.left_out {

@@ -3,7 +3,10 @@
 //! In: [`Trial`](super::Trial)s of a body with their [`Deviation`]s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
 //! at a reach, between the measured ones, and nothing beyond them.
 
+use super::deformer::Deformer;
+use super::force::Wrench;
 use super::freedom::Freedom;
+use super::mesh_errors::MeshErrors;
 use super::trial::Deviation;
 use super::turn::Reach;
 use serde::{Deserialize, Serialize};
@@ -73,16 +76,6 @@ pub struct ErrorsAt {
     /// As [`Deviation`] has them; `None` where the model has no forces.
     pub force: Option<f64>,
     pub torque: Option<f64>,
-    pub shape: f64,
-}
-
-/// Estimated errors of a linear body by its mesh and element, in the small rigid motion where they are largest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MeshErrors {
-    /// Of force and torque, relative.
-    pub wrench: f64,
-    /// Of the displacements of the surface, relative, root mean square.
     pub shape: f64,
 }
 
@@ -231,12 +224,21 @@ impl ExpectedErrors {
         measured.hung.as_ref().filter(|hung| hung.is_of(freedom))
     }
 
-    /// The largest that the mesh adds; `None` where it could not be told of one of the control elements.
+    /// The largest that the mesh adds in any small motion; `None` where it could not be told of one of the control elements.
     pub fn mesh(&self) -> Option<MeshErrors> {
         let found = self.moved.iter().map(|moved| moved.mesh).collect::<Option<Vec<_>>>()?;
-        found
-            .into_iter()
-            .reduce(|a, b| MeshErrors { wrench: a.wrench.max(b.wrench), shape: a.shape.max(b.shape) })
+        found.into_iter().reduce(|a, b| a.and(&b))
+    }
+
+    /// The part of a body's wrenches that is the mesh's, in the pose as it is; that of the worst motion where it was not measured of
+    /// this one. `None` where it could not be told.
+    pub fn mesh_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<f64> {
+        let most = self.mesh()?.wrench;
+        let of_one = |moved: &MovedErrors| {
+            let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
+            moved.mesh?.in_pose(deformer, wrenches, element)
+        };
+        Some(self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most))
     }
 
     /// Errors at the first number that no measurement gives.
@@ -272,6 +274,10 @@ impl ExpectedErrors {
             {
                 return Err(format!("{control}: {wrong} is no error of the mesh"));
             }
+            let stiffness = mesh.iter().filter_map(|mesh| mesh.stiffness);
+            if let Some(wrong) = stiffness.flat_map(|all| all.numbers()).find(|x| !x.is_finite()) {
+                return Err(format!("{control}: {wrong} is no stiffness"));
+            }
         }
         Ok(())
     }
@@ -289,7 +295,7 @@ mod tests {
     fn measured() -> ExpectedErrors {
         let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
-        let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01 });
+        let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None });
         let moved = vec![MovedErrors { control: "right".into(), bent, shifted, hung: None, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
@@ -384,7 +390,7 @@ mod tests {
             (|all| all.moved[0].bent[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
             (|all| all.moved[0].bent.swap(0, 2), "not in the order"),
             (
-                |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0 }),
+                |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0, stiffness: None }),
                 "NaN is no error of the mesh",
             ),
         ] {

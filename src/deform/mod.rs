@@ -21,6 +21,7 @@ mod limiter;
 mod linear;
 mod loads;
 mod mean_frame;
+mod mesh_errors;
 mod model;
 mod models;
 mod nearest;
@@ -50,7 +51,7 @@ mod turn;
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
-pub use expected::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, percent};
+pub use expected::{ErrorsAt, ExpectedErrors, Hung, MovedErrors, percent};
 pub use followed::FollowedTurn;
 pub use force::Wrench;
 pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
@@ -58,6 +59,7 @@ pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
+pub use mesh_errors::{MeshErrors, RigidStiffness};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Fits, Frame, Kind, MakeModel, ModelEntry, ModelInput,
     PointResult, Response, StateAge,

@@ -22,7 +22,8 @@ fn force_n(body: &PlacedBody, c: usize) -> Option<Vector3<f64>> {
 fn expected_part(body: &PlacedBody) -> Option<f64> {
     let expected = body.expected.as_ref()?;
     let of_model = expected.at(reach(&body.deformer))?.force?;
-    Some(of_model + expected.mesh().map_or(0.0, |mesh| mesh.wrench))
+    let (wrenches, _) = body.deformer.wrenches()?;
+    Some(of_model + expected.mesh_at(&body.deformer, &wrenches).unwrap_or(0.0))
 }
 
 /// The bend of the first body in degrees, and the force in newtons with the error to expect of it.

@@ -152,12 +152,13 @@ impl Trace {
     /// The pose and the force of this frame.
     fn take(&mut self, body: &PlacedBody, time_s: f64) {
         let (c, pose) = (self.place.1, body.deformer.poses[self.place.1]);
-        let wrench = body.deformer.wrenches().map(|(all, _)| all[c].about_the_place(&pose));
-        self.is_undefined = wrench.is_none();
-        let Some(wrench) = wrench else {
+        let wrenches = body.deformer.wrenches().map(|(all, _)| all);
+        self.is_undefined = wrenches.is_none();
+        let Some(wrenches) = wrenches else {
             self.last = None;
             return;
         };
+        let wrench = wrenches[c].about_the_place(&pose);
         let is_first = self.last.is_none();
         if let Some((before, felt)) = self.last {
             if (before, felt) == (pose, wrench) {
@@ -169,7 +170,7 @@ impl Trace {
             self.work[1] += (0.5 * (wrench.moment + felt.moment).dot(&turn)).abs();
         }
         self.last = Some((pose, wrench));
-        self.errors = errors(body);
+        self.errors = errors(body, &wrenches);
         let turned = body.deformer.turn(c);
         let turn = turned.against(&FollowedTurn::REST);
         let along = pose.translation.try_normalize(1e-12).unwrap_or_default();
@@ -295,9 +296,9 @@ fn axis(turn: &FollowedTurn, angle: f64) -> Vector3<f64> {
 }
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
-fn errors(body: &PlacedBody) -> Errors {
+fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Errors {
     let Some(expected) = &body.expected else { return Errors::Unmeasured };
-    let mesh = expected.mesh().map(|mesh| mesh.wrench);
+    let mesh = expected.mesh_at(&body.deformer, wrenches);
     let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
     let model = match is_measured {
         // The model is static equilibrium itself.

@@ -45,7 +45,7 @@ pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
 
 /// Where each control element that is not at rest was moved, with the force and moment on it.
 pub fn moves(result: &PoseResult) -> Vec<String> {
-    let told = &result.told;
+    let (told, [_, floor]) = (&result.told, floors(result));
     let mut lines = Vec::new();
     for (e, (name, pose)) in told.names.iter().zip(&told.control).enumerate() {
         if *pose == ControlPose::REST {
@@ -57,8 +57,7 @@ pub fn moves(result: &PoseResult) -> Vec<String> {
         let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
         let force = wrench.map_or(String::new(), |(_, wrench)| {
             let moment = wrench.about_the_place(pose).moment.norm();
-            // What a free end has is rounding.
-            let moment = if moment > ROUNDING * wrench.moment.norm() { moment } else { 0.0 };
+            let moment = if moment > floor { moment } else { 0.0 };
             format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
         });
         lines.push(format!("{name} moved by {moved}{turned}{force}"));
@@ -89,11 +88,19 @@ fn plus_minus(value: Option<f64>, unit: &str) -> String {
     value.map_or(String::new(), |value| format!("± {}", quantity(value, unit)))
 }
 
-fn table(result: &PoseResult) -> Table {
-    // What is so much smaller than the largest is rounding.
+/// The force and the moment that are rounding beside the largest: of both, over the distance of the control elements.
+fn floors(result: &PoseResult) -> [f64; 2] {
+    let places = &result.told.places;
+    let apart = places.iter().map(|place| (place - places[0]).norm()).fold(0.0, f64::max);
     let all = || result.wrenches.iter().flat_map(|forces| &forces.controls);
-    let floor = |of: fn(&Wrench) -> f64| ROUNDING * all().map(|(_, wrench)| of(wrench)).fold(0.0, f64::max);
-    let floors = [floor(|wrench| wrench.force.norm()), floor(|wrench| wrench.moment.norm())];
+    let largest = |of: fn(&Wrench) -> f64| all().map(|(_, wrench)| of(wrench)).fold(0.0, f64::max);
+    let [force, moment] = [largest(|wrench| wrench.force.norm()), largest(|wrench| wrench.moment.norm())];
+    let by_moment = if apart > 0.0 { moment / apart } else { 0.0 };
+    [force.max(by_moment), moment.max(force * apart)].map(|size| ROUNDING * size)
+}
+
+fn table(result: &PoseResult) -> Table {
+    let floors = floors(result);
     let plain = |v: Vector3<f64>, floor: f64| if v.norm() <= floor { Vector3::zeros() } else { v };
     let error = result.told.error.measured();
     let heading: &[&str] = &["control", "moved by", "turned by", "force", "moment about its place"];
@@ -134,6 +141,7 @@ fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
 /// What holds the control elements in directions that the pose did not speak of.
 fn what_holds(result: &PoseResult) -> Vec<String> {
     let Some(forces) = &result.wrenches else { return Vec::new() };
+    let [_, floor] = floors(result);
     let mut lines = Vec::new();
     for (e, (name, wrench)) in forces.controls.iter().enumerate() {
         let Some(pose) = result.told.control.get(e) else { continue };
@@ -147,7 +155,7 @@ fn what_holds(result: &PoseResult) -> Vec<String> {
                 .push(format!("{name}: free in {}: {pushed} there, and its pose is found", found.join(", ")));
         }
         let is_turned = nearest_turn(&pose.matrix).angle() > 1e-9;
-        let holds = placed.moment.norm() > NOTICED * wrench.moment.norm();
+        let holds = placed.moment.norm() > floor.max(NOTICED * wrench.moment.norm());
         let is_moved = *pose != ControlPose::REST;
         if is_moved
             && !is_turned

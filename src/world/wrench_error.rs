@@ -53,7 +53,7 @@ pub fn wrench_error_of(
         }
         false => (0.0, 0.0),
     };
-    let mesh = hung.and_then(|hung| hung.mesh).or(expected.mesh().map(|mesh| mesh.wrench));
+    let mesh = hung.and_then(|hung| hung.mesh).or_else(|| expected.mesh_at(deformer, wrenches));
     if mesh.is_none() && !of_model {
         return None;
     }

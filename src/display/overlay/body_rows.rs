@@ -3,7 +3,7 @@
 use super::readings::{BodyReading, ControlReading, ErrorReading, ForceReading};
 use super::row::{BAD, FAIR, GAP, GOOD, LETTERS, Rank, Ranked, Row, clipped, words};
 use crate::base::fixed::{ENERGY, FORCE, LENGTH, Scale, TORQUE, Unit, fixed};
-use crate::deform::{ErrorsAt, MeshErrors, StateAge, percent};
+use crate::deform::{ErrorsAt, StateAge, percent};
 use crate::display::lettering::{INK, QUIET};
 use crate::world::Verdict;
 use nalgebra::Vector3;
@@ -53,8 +53,8 @@ pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
         }
         None => vec![("errors ".into(), QUIET), ("not measured here".into(), BAD)],
     };
-    let of_mesh = |mesh: &MeshErrors| {
-        let parts = part("force", percent(mesh.wrench));
+    let of_mesh = |mesh: &f64| {
+        let parts = part("force", percent(*mesh));
         std::iter::once(("of mesh ~".into(), QUIET)).chain(parts).collect()
     };
     let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
@@ -67,7 +67,7 @@ const DOUBTFUL: f64 = 0.1;
 /// What is expected to be wrong with the forces, where it is much; shapes may be good all the same.
 fn doubtful_force(body: &BodyReading) -> Option<f64> {
     let errors = body.errors?;
-    let part = errors.model.flatten()?.wrench()? + errors.mesh.map_or(0.0, |mesh| mesh.wrench);
+    let part = errors.model.flatten()?.wrench()? + errors.mesh.unwrap_or(0.0);
     (part > DOUBTFUL).then_some(part)
 }
 

@@ -1,7 +1,7 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
 use super::keep_clear::keep_clear;
-use crate::deform::{ControlPose, ErrorsAt, MeshErrors, StateAge, Wrench, reach};
+use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench, reach};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -82,8 +82,8 @@ pub struct BodyReading {
 pub struct ErrorReading {
     /// Of a model that is no static equilibrium itself: those at the body's reach, or `None` beyond what was measured.
     pub model: Option<Option<ErrorsAt>>,
-    /// What the mesh adds, where that could be told.
-    pub mesh: Option<MeshErrors>,
+    /// The part of forces that the mesh adds, where that could be told.
+    pub mesh: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -157,11 +157,12 @@ fn hands(world: &World) -> Vec<HandReading> {
 }
 
 /// `None` where nothing of the body was measured.
-fn error_reading(body: &PlacedBody) -> Option<ErrorReading> {
+fn error_reading(body: &PlacedBody, wrenches: Option<&[Wrench]>) -> Option<ErrorReading> {
     let expected = body.expected.as_ref()?;
     let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
     let model = is_measured.then(|| expected.at(reach(&body.deformer)));
-    let mesh = expected.mesh();
+    let most = || Some(expected.mesh()?.wrench);
+    let mesh = wrenches.map_or_else(most, |wrenches| expected.mesh_at(&body.deformer, wrenches));
     (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })
 }
 
@@ -196,6 +197,6 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
         limits,
         age: deformer.age(),
         energy,
-        errors: error_reading(body),
+        errors: error_reading(body, wrenches.as_deref()),
     }
 }

@@ -1,7 +1,7 @@
 //! What the mesh itself adds to the errors of a body, by a better solution of the same linear body.
 //!
 //! In: a body of a scene and its solution. Out: [`MeshErrors`] of the small rigid motions of one control element, all others
-//! resting, in the motion where it is most. With K the 6 × 6 stiffness against these motions and K' that of the better
+//! resting, in the motion where it is most, and the stiffnesses by which it is known of each. With K the 6 × 6 stiffness against these motions and K' that of the better
 //! solution, K x = λ K' x: λ - 1 is the relative difference of every component of the wrench of the motion x, whatever the unit
 //! of length. Linear elements are compared with quadratic ones on the same mesh, of which they are a part, and which do not
 //! lock; to refine the mesh instead would not tell of locking (in a beam at ν = 0.4999 by 3 % of an error of 60 %). Quadratic
@@ -9,8 +9,8 @@
 //! for stresses are singular at the edges of held parts. What the loads of the scene do to the resting body is compared too, and
 //! the larger of the differences is told.
 
-use crate::deform::MeshErrors;
 use crate::deform::pose_file::PoseLoads;
+use crate::deform::{MeshErrors, RigidStiffness};
 use crate::fem::TET10;
 use crate::green::{
     self, ControlElement, FIELDS, GreenError, LOAD_FIELDS, LOADS, Prepared, REACTION, Requirements,
@@ -80,8 +80,9 @@ impl BetterBody {
     pub fn share(&self, solution: &Solution, e: usize) -> Option<MeshErrors> {
         let about = solution.controls[e].origin;
         let [k, better] = [solution, &self.solution].map(|solution| rigid_stiffness(solution, e, &about));
-        let better = better?;
-        let wrench = largest_ratio(k? - better, better)?;
+        let (k, better) = (k?, better?);
+        let wrench = largest_ratio(k - better, better)?;
+        let stiffness = self.loads.is_empty().then(|| RigidStiffness::new(&k, &self.limit(&k, &better)));
         let nodes = same_nodes(&solution.mesh, &self.solution.mesh, &solution.surface.nodes);
         let [u, better] =
             [solution, &self.solution].map(|solution| rigid_fields(solution, e, &about, &nodes));
@@ -89,7 +90,15 @@ impl BetterBody {
         let shape = largest_ratio(square(&(&u - &better)), square(&better))?.sqrt();
         let [of_load, shape_of_load] = self.loads_apart(solution, e, &nodes).unwrap_or_default();
         let (wrench, shape) = (wrench.max(of_load), shape.max(shape_of_load));
-        Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)? })
+        Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness })
+    }
+
+    /// K' without the error that is left when a cut takes away 1 - 2^-1.5 of it.
+    fn limit(&self, k: &Matrix6<f64>, better: &Matrix6<f64>) -> Matrix6<f64> {
+        match self.is_cut {
+            false => *better,
+            true => better - (k - better) / (ORDER.exp2() - 1.0),
+        }
     }
 
     /// The same of the force with which control element `e` is pushed along each axis while it is free in all else: 1/(K⁻¹)ₖₖ.
@@ -134,7 +143,7 @@ impl BetterBody {
         Some([of_wrench, of_shape].map(|part| if part.is_finite() { part } else { 0.0 }))
     }
 
-    /// The error that is left when a cut takes away 1 - 2^-1.5 of it: K = (1 + d) K', and the limit is K' - d K' / (2^1.5 - 1).
+    /// The same of a motion of which K = (1 + d) K'.
     fn error(&self, difference: f64) -> Option<f64> {
         let beyond = difference / (ORDER.exp2() - 1.0);
         match self.is_cut {

@@ -222,9 +222,10 @@ fn mesh_errors(
                 "{control}: what the mesh adds: the mesh is too coarse to measure it, or nothing resists"
             ));
         }
-        let found = found.map(|MeshErrors { wrench, shape }| MeshErrors {
+        let found = found.map(|MeshErrors { wrench, shape, stiffness }| MeshErrors {
             wrench: rounded(wrench),
             shape: rounded(shape),
+            stiffness: stiffness.map(|stiffness| stiffness.rounded()),
         });
         (found, better.pushed(&body.solution, e).map(|of_axes| of_axes.map(rounded)))
     };

@@ -1,0 +1,152 @@
+//! What the mesh adds to the forces of a body: at most, and in the motion that brings it to a pose.
+//!
+//! In: the stiffness K of a control element against its small rigid motions x, all others resting, and K' of a better mesh. Out: the
+//! part of the wrench that is the mesh's. Of the linear wrench K x this is |(K - K') x| / |K' x|; what a pose has beside it, by large
+//! strain, loads or touch, has the error of the worst motion.
+
+use super::deformer::Deformer;
+use super::force::Wrench;
+use super::pose::ControlPose;
+use super::se3::inverse_slide_matrix;
+use super::trial::Moved;
+use crate::fem::nearest_turn;
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Estimated errors of a linear body by its mesh and element, in the small rigid motion where they are largest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshErrors {
+    /// Of force and torque, relative.
+    pub wrench: f64,
+    /// Of the displacements of the surface, relative, root mean square.
+    pub shape: f64,
+    /// For the error of each motion; none of a body with loads, which add to it.
+    #[serde(default)]
+    pub stiffness: Option<RigidStiffness>,
+}
+
+impl MeshErrors {
+    /// The larger of both.
+    pub fn and(&self, other: &MeshErrors) -> MeshErrors {
+        let (wrench, shape) = (self.wrench.max(other.wrench), self.shape.max(other.shape));
+        MeshErrors { wrench, shape, stiffness: None }
+    }
+}
+
+/// Force and moment for a small shift (m) and turn (rad) of a control element about its origin: N and N·m, by two meshes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigidStiffness {
+    /// By the body's own.
+    pub own: [[f64; 6]; 6],
+    /// By the better one.
+    pub better: [[f64; 6]; 6],
+}
+
+impl RigidStiffness {
+    pub fn new(own: &Matrix6<f64>, better: &Matrix6<f64>) -> RigidStiffness {
+        let rows = |k: &Matrix6<f64>| [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|j| k[(i, j)]));
+        RigidStiffness { own: rows(own), better: rows(better) }
+    }
+
+    /// To six digits, and 0 for what is nothing beside its row and column: the last digits depend on how many threads summed it.
+    pub fn rounded(&self) -> RigidStiffness {
+        let round = |k: [[f64; 6]; 6]| {
+            let is_noise = |i: usize, j: usize| k[i][j].powi(2) < 1e-16 * (k[i][i] * k[j][j]).abs();
+            let number = |i: usize, j: usize| match is_noise(i, j) {
+                true => 0.0,
+                false => format!("{:.5e}", k[i][j]).parse().unwrap_or(k[i][j]),
+            };
+            [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|j| number(i, j)))
+        };
+        RigidStiffness { own: round(self.own), better: round(self.better) }
+    }
+
+    pub fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        [self.own, self.better].into_iter().flatten().flatten()
+    }
+
+    /// The wrenches K x and K' x.
+    fn of(&self, x: &Vector6<f64>) -> [Vector6<f64>; 2] {
+        [self.own, self.better].map(|k| Matrix6::from_fn(|i, j| k[i][j]) * x)
+    }
+}
+
+/// The larger of force and torque over the length, N.
+fn size(w: &Vector6<f64>, length: f64) -> f64 {
+    w.fixed_rows::<3>(0).norm().max(w.fixed_rows::<3>(3).norm() / length)
+}
+
+impl MeshErrors {
+    /// The mesh's part of the `wrench` on a control element that was brought there by the motion x; both by the axes of x.
+    fn at(&self, x: &Vector6<f64>, wrench: &Vector6<f64>, length: f64) -> Option<f64> {
+        let [own, better] = self.stiffness.as_ref()?.of(x);
+        let size = |w: Vector6<f64>| size(&w, length);
+        let of_motion = size(own - better) / size(better);
+        let whole = size(*wrench);
+        let part = (of_motion * size(own) + self.wrench * size(wrench - own)) / whole;
+        part.is_finite().then(|| part.min(self.wrench))
+    }
+}
+
+/// How one control element is moved against all others, and the wrench on it.
+struct Against {
+    /// By the axes of the body that lies half-way between the two: the shift beside that of the arc, m, and the turn, rad.
+    motion: Vector6<f64>,
+    wrench: Vector6<f64>,
+    length: f64,
+}
+
+/// Others may move so much against each other and count as resting, of their distance and in rad.
+const RESTS: f64 = 1e-6;
+
+impl Against {
+    /// `None` where others move against each other too, where one is not moved rigidly, or by more than half a turn.
+    fn of(deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<Against> {
+        let Deformer { controls, poses, .. } = deformer;
+        let turn_of = |pose: &ControlPose| nearest_turn(&pose.matrix);
+        let is_rigid =
+            |pose: &ControlPose| (pose.matrix - turn_of(pose).to_rotation_matrix().matrix()).amax() < RESTS;
+        if !poses.iter().all(is_rigid) || deformer.largest_turn() >= PI {
+            return None;
+        }
+        let base = (0..controls.len()).find(|e| *e != element)?;
+        let base_turn = turn_of(&poses[base]);
+        // By the axes of the first of the others: how another is turned, the way to it at rest, and as it is.
+        let from_base = |e: usize| {
+            let way = controls[e].origin - controls[base].origin;
+            let arrived = base_turn.inverse() * (way + poses[e].translation - poses[base].translation);
+            (base_turn.inverse() * turn_of(&poses[e]), way, arrived)
+        };
+        let rests = |e: usize| {
+            let (turn, way, arrived) = from_base(e);
+            turn.angle() < RESTS && (arrived - way).norm() <= RESTS * way.norm()
+        };
+        if !(0..controls.len()).all(|e| e == element || rests(e)) {
+            return None;
+        }
+        let (turn, way, arrived) = from_base(element);
+        let turn = turn.scaled_axis();
+        let shift = inverse_slide_matrix(&turn) * arrived - way + 0.5 * turn.cross(&way);
+        let half: Matrix3<f64> =
+            (UnitQuaternion::from_scaled_axis(-0.5 * turn) * base_turn.inverse()).to_rotation_matrix().into();
+        let wrench = wrenches.get(element)?.about_the_place(&poses[element]);
+        let join = |a: Vector3<f64>, b: Vector3<f64>| Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z);
+        let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
+        Some(Against {
+            motion: join(shift, turn),
+            wrench: join(half * wrench.force, half * wrench.moment),
+            length: Moved::new(&origins, element)?.length,
+        })
+    }
+}
+
+impl MeshErrors {
+    /// The part of the wrench on a control element that is the mesh's, in the pose as it is; `None` where that was not measured of it.
+    pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<f64> {
+        let Against { motion, wrench, length } = Against::of(deformer, wrenches, element)?;
+        self.at(&motion, &wrench, length)
+    }
+}
