@@ -22,6 +22,12 @@ impl Wrench {
         Wrench { force, moment }
     }
 
+    /// What holds the element in the theory of small strain, which writes equilibrium on the body at rest: whatever the pose, with
+    /// the moment about where its origin rested.
+    pub fn of_small_strain(slope: &PoseSlope) -> Wrench {
+        Wrench::of(slope, &ControlPose::REST)
+    }
+
     /// With the moment about where the element's origin is at `pose`.
     pub fn about_the_place(&self, pose: &ControlPose) -> Wrench {
         Wrench { moment: self.moment - pose.translation.cross(&self.force), ..*self }

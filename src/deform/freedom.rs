@@ -9,7 +9,8 @@
 //! ```
 //!
 //! on the way from rest, with J by differences once and then by Broyden's updates (Math. Comp. 19, 1965). The moment is about
-//! where the element's origin is now. A model that is linear in the matrices takes M + \[q_ω\], and one step is exact.
+//! where the element's origin is now. A model that is linear in the matrices takes M + \[q_ω\] and has the equilibrium of small
+//! strain, whose moments do not know by how much the body is displaced: one step is exact.
 
 use super::force::Wrench;
 use super::pose::{ControlPose, ControlPoses};
@@ -47,7 +48,7 @@ const LEAST_PART: f64 = 1.0 / 128.0;
 /// Below this ratio of the least to the largest stiffness nothing holds the body.
 const LOOSE: f64 = 1e-9;
 
-/// The wrenches that hold a body in poses; the error says why there are none.
+/// The wrenches that hold a body in poses, each with the moment about where the element's origin is; the error says why there are none.
 pub type Wrenches<'a> = dyn FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a;
 
 /// What is looked for.
@@ -91,10 +92,8 @@ impl<'a> Search<'a> {
     /// The same from another pose than rest: loads grow from what holds the body there.
     pub fn going_on(mut self, of: &mut Wrenches<'_>) -> Result<Search<'a>, String> {
         let poses = (self.way)(0.0);
-        let wrenches = of(&poses)?;
-        let placed = wrenches.iter().zip(&poses).map(|(wrench, pose)| wrench.about_the_place(pose));
-        let of_six = |w: Wrench| [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
-        self.start = placed.map(of_six).collect();
+        let of_six = |w: &Wrench| [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
+        self.start = of(&poses)?.iter().map(of_six).collect();
         Ok(self)
     }
 
@@ -126,7 +125,7 @@ impl<'a> Search<'a> {
     /// w - load in N·m, forces by the body's size.
     fn residual(&self, share: f64, q: &DVector<f64>, of: &mut Wrenches<'_>) -> Result<Residual, String> {
         let poses = self.poses(share, q);
-        let placed: Vec<Wrench> = of(&poses)?.iter().zip(&poses).map(|(w, p)| w.about_the_place(p)).collect();
+        let placed = of(&poses)?;
         let value = |e: usize, k: usize| {
             let wrench = &placed[e];
             if k < 3 { wrench.force[k] * self.length } else { wrench.moment[k - 3] }
@@ -266,7 +265,6 @@ mod tests {
         wrench.force.z = ei * (12.0 * w / l.powi(3) + 6.0 * turn / l.powi(2));
         wrench.moment = Vector3::new(pose.matrix[(2, 1)], 0.0, pose.matrix[(1, 0)]) * 10.0;
         wrench.moment.y = ei * (6.0 * w / l.powi(2) + 4.0 * turn / l);
-        wrench.moment += pose.translation.cross(&wrench.force);
         Ok(vec![wrench])
     }
 

@@ -98,6 +98,13 @@ pub struct EquilibriumResult {
     pub counts: Counts,
 }
 
+impl EquilibriumResult {
+    /// The wrenches, with the moments about where the elements are in these poses.
+    pub fn balance(&self, poses: &[ControlPose]) -> Vec<Wrench> {
+        self.wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
+    }
+}
+
 #[derive(Debug, thiserror::Error)]
 pub enum StaticsError {
     #[error(transparent)]

@@ -342,9 +342,9 @@ fn found_in<'a>(asked: &Asked<'a>, body: &Body, solution: &Solution) -> Result<A
     let length = free_poses::size(solution.mesh.nodes.iter().copied());
     let mut wrenches = |poses: &[ControlPose]| {
         let at = Asked { control: poses.to_vec(), ..asked.clone() };
-        let found = volume_forces(&at, body, solution);
-        let found = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
-        Ok(found.controls.into_iter().map(|(_, wrench)| wrench).collect())
+        let found = volume_slopes(&at, body, solution);
+        let (slopes, _) = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
+        Ok(slopes.iter().map(Wrench::of_small_strain).collect())
     };
     let control = free_poses::find(asked, None, (body, length), &mut wrenches)?;
     Ok(Asked { control, ..asked.clone() })
@@ -373,6 +373,13 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
 
 /// Forces by the energy of the body's model, where the scene asks for them.
 fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<ControlForces> {
+    let (slopes, energy) = volume_slopes(asked, body, solution)?;
+    let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
+    Some(control_forces(body, (wrenches.collect(), energy)))
+}
+
+/// The slopes of the energy by the poses, and the energy.
+fn volume_slopes(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<(Vec<PoseSlope>, f64)> {
     let (mut model, _) = model_of(find_model(&body.model).ok()?, solution).ok()?;
     let mut slopes = vec![PoseSlope::default(); asked.control.len()];
     let response = model.respond(&asked.control, &mut slopes)?;
@@ -390,8 +397,7 @@ fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
         }
         energy -= 0.5 * lambda.dot(&(compliance * &lambda));
     }
-    let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
-    Some(control_forces(body, (wrenches.collect(), energy)))
+    Some((slopes, energy))
 }
 
 fn static_results(

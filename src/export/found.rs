@@ -5,7 +5,6 @@ use super::result_set::{Needs, ResultSet};
 use crate::base::output::Kind;
 use crate::deform::ControlPose;
 use crate::deform::pose_file::PointForce;
-use crate::scene::LoadValue;
 use std::fmt::Write;
 
 const HEADING: &str = "# Poses as `greenstage deform` found them";
@@ -30,7 +29,7 @@ fn poses(set: &ResultSet) -> Vec<u8> {
             let _ = writeln!(text, "after = {}", text_of(after));
         }
         for (name, value) in &result.told.loads.written {
-            let _ = writeln!(text, "load.{} = {}", text_of(name), numbers(value));
+            let _ = writeln!(text, "load.{} = {}", text_of(name), value);
         }
         let forces = result.told.loads.forces.iter().map(force);
         let forces: Vec<String> = forces.collect();
@@ -58,13 +57,6 @@ fn poses(set: &ResultSet) -> Vec<u8> {
         }
     }
     text.into_bytes()
-}
-
-fn numbers(value: &LoadValue) -> String {
-    match value {
-        LoadValue::One(value) => format!("{value:?}"),
-        LoadValue::Three(values) => format!("{values:?}"),
-    }
 }
 
 fn force(PointForce { at, node, force }: &PointForce) -> String {

@@ -71,8 +71,7 @@ pub(super) fn find(
 fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
     |poses| {
         body.take(poses);
-        let found = body.wrenches().map(|(wrenches, _)| wrenches);
-        found.ok_or_else(|| "the model has no forces in such a pose".to_owned())
+        body.balance().ok_or_else(|| "the model has no forces in such a pose".to_owned())
     }
 }
 
@@ -242,7 +241,7 @@ pub(super) fn first_yield_of(
             Some(search) => {
                 let mut of = |poses: &[ControlPose]| {
                     let found = statics.solve(&poses.to_vec(), &Silent);
-                    Ok(found.map_err(|error| error.to_string())?.wrenches)
+                    Ok(found.map_err(|error| error.to_string())?.balance(poses))
                 };
                 search.at(share, &mut of).ok()?
             }

@@ -7,6 +7,7 @@ use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
 use crate::fem::nearest_turn;
+use crate::scene::LoadValue;
 use nalgebra::Vector3;
 
 /// Above this error of the forces another model is named.
@@ -36,6 +37,7 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
 /// What is to be said of a pose; what compares with the body's size where that is given.
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     let mut lines = size.map_or_else(Vec::new, |size| far(result, size));
+    lines.extend(loads(result));
     lines.extend(result.told.pushed.iter().map(pushed));
     lines.extend(stress(result));
     lines.extend(sureness(result));
@@ -127,6 +129,16 @@ fn table(result: &PoseResult) -> Table {
         table.row(&[name, &moved, &turned, force.trim(), moment.trim()]);
     }
     table
+}
+
+/// What acts on the body beside control elements and points, as a pose file has it, and how far it moves the surface.
+fn loads(result: &PoseResult) -> Option<String> {
+    let acts = |value: &LoadValue| value.numbers().iter().any(|x| *x != 0.0);
+    let acting = result.told.loads.written.iter().filter(|(_, value)| acts(value));
+    let acting: Vec<String> = acting.map(|(name, value)| format!("{name} = {value}")).collect();
+    let most = result.displacement.iter().map(Vector3::norm).fold(0.0, f64::max);
+    (!acting.is_empty())
+        .then(|| format!("under {}; no place moves by more than {}", acting.join(", "), quantity(most, "m")))
 }
 
 /// Where a force at a point went.

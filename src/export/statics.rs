@@ -136,7 +136,7 @@ fn found(
             None => statics.solve(&poses, &Silent),
             Some(held) => statics.solve_after("before", held, &poses, &Silent),
         };
-        Ok(found.map_err(|error| error.to_string())?.wrenches)
+        Ok(found.map_err(|error| error.to_string())?.balance(&poses))
     };
     free_poses::find(asked, before.map(|(_, at)| at), (body, length), &mut wrenches)
 }

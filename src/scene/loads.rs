@@ -128,6 +128,16 @@ impl LoadValue {
     }
 }
 
+/// As a pose file has it.
+impl std::fmt::Display for LoadValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            LoadValue::One(value) => write!(f, "{value:?}"),
+            LoadValue::Three(values) => write!(f, "{values:?}"),
+        }
+    }
+}
+
 /// `surface_compliance = { nodes = "surface" }`, or a selection.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, expecting = "a table like { nodes = \"surface\" }")]

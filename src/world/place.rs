@@ -9,12 +9,13 @@ use nalgebra::{Point3, Similarity3, UnitQuaternion, Vector3};
 
 /// Bodies without a place are fitted together, as one; each other one by itself, with the keys of its place.
 pub fn rooms_from_meshes(bodies: &[(&Body, &[Point3<f64>])], stage: &Stage) -> Vec<Similarity3<f64>> {
-    let unplaced = bodies.iter().filter(|(body, _)| body.place.is_none());
-    let together: Vec<Point3<f64>> = unplaced.flat_map(|(_, points)| points.iter().copied()).collect();
-    let fitted = fitted(&together, &GivenPlace::default(), stage);
+    let unplaced = || bodies.iter().filter(|(body, _)| body.place.is_none());
+    let together: Vec<Point3<f64>> = unplaced().flat_map(|(_, points)| points.iter().copied()).collect();
+    let rotation = unplaced().find_map(|(body, _)| rotation(body));
+    let fitted = fitted(&together, &GivenPlace { rotation, ..GivenPlace::default() }, stage);
     let of = |(body, points): &(&Body, &[Point3<f64>])| match &body.place {
         None => fitted,
-        Some(place) => self::fitted(points, &given(place), stage),
+        Some(place) => self::fitted(points, &given(body, place), stage),
     };
     bodies.iter().map(of).collect()
 }
@@ -23,12 +24,16 @@ fn fitted(points: &[Point3<f64>], given: &GivenPlace, stage: &Stage) -> Similari
     stage.room_from_mesh(points, given).unwrap_or_else(Similarity3::identity)
 }
 
-fn given(place: &Place) -> GivenPlace {
-    GivenPlace {
-        position: place.position.map(Vector3::from),
-        rotation: place.rotation.map(|turn| UnitQuaternion::from_scaled_axis(Vector3::from(turn))),
-        scale: place.scale,
-    }
+/// How a body is turned, where that is not to be chosen: weight pulls it down its mesh's own y axis, on every stage.
+fn rotation(body: &Body) -> Option<UnitQuaternion<f64>> {
+    let given = body.place.and_then(|place| place.rotation);
+    let given = given.map(|turn| UnitQuaternion::from_scaled_axis(Vector3::from(turn)));
+    given.or_else(|| body.gravity.map(|_| UnitQuaternion::identity()))
+}
+
+fn given(body: &Body, place: &Place) -> GivenPlace {
+    let position = place.position.map(Vector3::from);
+    GivenPlace { position, rotation: rotation(body), scale: place.scale }
 }
 
 /// What is wrong with a body that stands so, with the numbers, and a line that mends it.
@@ -57,7 +62,8 @@ pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &
     if *size_m > 1.03 * width_m {
         wrong.push(format!("it is {size_m:.3} m long in a workspace of {width_m:.3} m"));
     }
-    let fitted = stage.room_from_mesh(points, &GivenPlace::default())?;
+    let rotation = Some(room_from_mesh.isometry.rotation);
+    let fitted = stage.room_from_mesh(points, &GivenPlace { rotation, ..GivenPlace::default() })?;
     let remedy = place_line(&fitted);
     Some(format!(
         "{}. Remove its `place`, and it is put where it is seen; or write {remedy}",
@@ -74,7 +80,7 @@ mod tests {
     fn body(place: &str) -> Body {
         let text = format!(
             "[body.a]\ngenerate = {{ block = {{ size = [0.2, 1.0, 0.2], cells = [1, 5, 1] }} }}\n\
-             material = {{ young = 1e6, poisson = 0.3 }}\n{place}\n[body.a.control.c]\nnodes = {{ group = \"ymin\" }}\n\
+             material = {{ young = 1e6, poisson = 0.3, density = 1e3 }}\n{place}\n[body.a.control.c]\nnodes = {{ group = \"ymin\" }}\n\
              grab = \"fixed\"\n"
         );
         Scene::parse(&text, Path::new("a.toml")).unwrap().body["a"].clone()
@@ -104,6 +110,19 @@ mod tests {
             let line = &wrong[wrong.find("place = {").unwrap()..];
             assert_eq!(fault(&points, &of(&self::body(line)), &stage), None, "{line}");
         }
+    }
+
+    /// Else a pose file's gravity, along the mesh's axes, were another than that of a session.
+    #[test]
+    fn a_body_with_weight_is_not_turned() {
+        let (stage, points) = (Stage::find("desktop").unwrap(), rod());
+        let turn = |keys: &str| {
+            rooms_from_meshes(&[(&body(keys), &points)], &stage)[0].isometry.rotation.angle().to_degrees()
+        };
+        let weight = "gravity = true\n";
+        assert_eq!([turn("").round(), turn(weight)], [90.0, 0.0], "a rod lies across the view");
+        assert!((turn(&format!("{weight}place = {{ rotation = [0.0, 0.0, 1.0] }}")) - 57.296).abs() < 1e-3);
+        assert_eq!(turn(&format!("{weight}place = {{ scale = 0.1 }}")), 0.0);
     }
 
     #[test]

@@ -350,6 +350,17 @@ impl Deformer {
         Some((wrenches.collect(), response.energy))
     }
 
+    /// The forces and moments about where each control element is that are zero where nothing holds it, by the model's own
+    /// equilibrium: of a model of small strain by the body at rest.
+    pub fn balance(&self) -> Option<Vec<Wrench>> {
+        if self.frame == Frame::Rest {
+            self.response.filter(|response| response.is_defined)?;
+            return Some(self.slopes.iter().map(Wrench::of_small_strain).collect());
+        }
+        let (wrenches, _) = self.wrenches()?;
+        Some(wrenches.iter().zip(&self.poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect())
+    }
+
     /// Forces of this body are shown from now on.
     pub fn feel(&mut self) {
         self.model.feel();

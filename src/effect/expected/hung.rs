@@ -71,7 +71,7 @@ fn of_deformer(search: &mut Search<'_>, share: f64, deformer: &mut Deformer) -> 
     const NONE: &str = "the model has no forces in such a pose";
     let mut forces = |poses: &[ControlPose]| {
         deformer.take(poses);
-        deformer.wrenches().map(|(wrenches, _)| wrenches).ok_or_else(|| NONE.to_owned())
+        deformer.balance().ok_or_else(|| NONE.to_owned())
     };
     let poses = search.follow_to(share, &mut forces)?;
     // The search has taken them already.
@@ -90,7 +90,7 @@ fn of_statics(
 ) -> Result<Found, String> {
     let mut forces = |poses: &[ControlPose]| {
         let found = statics.solve(&poses.to_vec(), &Silent);
-        found.map(|found| found.wrenches).map_err(|error| error.to_string())
+        found.map(|found| found.balance(poses)).map_err(|error| error.to_string())
     };
     let poses = search.follow_to(share, &mut forces)?;
     // The last that was tried need not be the best.
