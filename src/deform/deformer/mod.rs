@@ -210,10 +210,10 @@ impl Deformer {
         changed
     }
 
-    /// Whether the model moves the surface by more than one rigid motion and the sum of columns: then nothing of it is
-    /// linear theory's alone.
+    /// Whether nothing of the surface's displacements is linear theory's alone: several parts move it, or it is solved for large
+    /// rotations.
     pub fn moves_in_parts(&self) -> bool {
-        self.weights.is_some() || self.has_field()
+        self.weights.is_some() || self.frame == Frame::Solved
     }
 
     /// Whether the model computes displacements of its own, which are no sum of columns.

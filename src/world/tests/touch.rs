@@ -97,6 +97,20 @@ fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
     assert_eq!((world.load(0, 3), positions(&world)), (Some(0.0), before));
 }
 
+/// A block of rubber a metre high hangs aside under its weight, though no control element is turned.
+#[test]
+fn what_loads_bend_counts_as_bent() {
+    let mut world = loaded("bent");
+    let turn = |world: &World| TurnLimits::of_body(&world.bodies[0]).0.to_degrees();
+    world.step(&above(&world, 0.0, 1.0, false));
+    let by_weight = turn(&world);
+    let (body, column) = world.load_named("b.press").unwrap();
+    world.act(Action::SetLoad { body, column, value: 30_000.0 });
+    world.step(&above(&world, 0.0, 1.0, false));
+    let pressed = turn(&world);
+    assert!(by_weight > 1.0 && pressed > 2.0 * by_weight, "{by_weight}° {pressed}°");
+}
+
 /// Gravity stays downward in the room: a body that is turned by half a turn about its length sags the other way in its own frame.
 #[test]
 fn gravity_stays_in_the_room() {
