@@ -32,7 +32,7 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
                     table.row(&[name, &moved.control, &by, &of, &force, &torque, &percent(at.shape)]);
                 }
             }
-            if let Some(mesh) = moved.mesh {
+            if let Some(mesh) = &moved.mesh {
                 let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
                 let of = format!("mesh of {}", errors.element);
                 table.row(&[name, &moved.control, "in its worst motion", &of, &wrench, &wrench, &shape]);

@@ -226,7 +226,7 @@ impl ExpectedErrors {
 
     /// The largest that the mesh adds in any small motion; `None` where it could not be told of one of the control elements.
     pub fn mesh(&self) -> Option<MeshErrors> {
-        let found = self.moved.iter().map(|moved| moved.mesh).collect::<Option<Vec<_>>>()?;
+        let found = self.moved.iter().map(|moved| moved.mesh.clone()).collect::<Option<Vec<_>>>()?;
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
@@ -236,7 +236,7 @@ impl ExpectedErrors {
         let most = self.mesh()?.wrench;
         let of_one = |moved: &MovedErrors| {
             let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
-            moved.mesh?.in_pose(deformer, wrenches, element)
+            moved.mesh.as_ref()?.in_pose(deformer, wrenches, element)
         };
         Some(self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most))
     }
@@ -268,7 +268,7 @@ impl ExpectedErrors {
             }
             if let Some(wrong) = mesh
                 .iter()
-                .flat_map(|mesh| [mesh.wrench, mesh.shape])
+                .flat_map(|mesh| [mesh.wrench, mesh.shape].into_iter().chain(mesh.loads.iter().copied()))
                 .chain(hung.iter().filter_map(|hung| hung.mesh))
                 .find(|x| !is_error(*x))
             {
@@ -295,7 +295,7 @@ mod tests {
     fn measured() -> ExpectedErrors {
         let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
-        let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None });
+        let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] });
         let moved = vec![MovedErrors { control: "right".into(), bent, shifted, hung: None, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
@@ -390,7 +390,10 @@ mod tests {
             (|all| all.moved[0].bent[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
             (|all| all.moved[0].bent.swap(0, 2), "not in the order"),
             (
-                |all| all.moved[0].mesh = Some(MeshErrors { wrench: f64::NAN, shape: 0.0, stiffness: None }),
+                |all| {
+                    all.moved[0].mesh =
+                        Some(MeshErrors { wrench: f64::NAN, shape: 0.0, stiffness: None, loads: vec![] })
+                },
                 "NaN is no error of the mesh",
             ),
         ] {

@@ -1,8 +1,8 @@
 //! What the mesh adds to the forces of a body: at most, and in the motion that brings it to a pose.
 //!
 //! In: the stiffness K of a control element against its small rigid motions x, all others resting, and K' of a better mesh. Out: the
-//! part of the wrench that is the mesh's. Of the linear wrench K x this is |(K - K') x| / |K' x|; what a pose has beside it, by large
-//! strain, loads or touch, has the error of the worst motion.
+//! part of the wrench that is the mesh's. Of the linear wrench K x this is |(K - K') x| / |K' x|, of each load what was measured of it;
+//! what a pose has beside them, by large strain or touch, has the error of the worst motion.
 
 use super::deformer::Deformer;
 use super::force::Wrench;
@@ -15,23 +15,26 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Estimated errors of a linear body by its mesh and element, in the small rigid motion where they are largest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshErrors {
     /// Of force and torque, relative.
     pub wrench: f64,
     /// Of the displacements of the surface, relative, root mean square.
     pub shape: f64,
-    /// For the error of each motion; none of a body with loads, which add to it.
+    /// For the error of each motion.
     #[serde(default)]
     pub stiffness: Option<RigidStiffness>,
+    /// Of the wrench by a unit of each column of loads: the larger of the errors of force and of torque over the length, N.
+    #[serde(default)]
+    pub loads: Vec<f64>,
 }
 
 impl MeshErrors {
     /// The larger of both.
     pub fn and(&self, other: &MeshErrors) -> MeshErrors {
         let (wrench, shape) = (self.wrench.max(other.wrench), self.shape.max(other.shape));
-        MeshErrors { wrench, shape, stiffness: None }
+        MeshErrors { wrench, shape, stiffness: None, loads: Vec::new() }
     }
 }
 
@@ -75,19 +78,32 @@ impl RigidStiffness {
 }
 
 /// The larger of force and torque over the length, N.
-fn size(w: &Vector6<f64>, length: f64) -> f64 {
+pub fn wrench_size(w: &Vector6<f64>, length: f64) -> f64 {
     w.fixed_rows::<3>(0).norm().max(w.fixed_rows::<3>(3).norm() / length)
 }
 
 impl MeshErrors {
-    /// The mesh's part of the `wrench` on a control element that was brought there by the motion x; both by the axes of x.
-    fn at(&self, x: &Vector6<f64>, wrench: &Vector6<f64>, length: f64) -> Option<f64> {
-        let [own, better] = self.stiffness.as_ref()?.of(x);
-        let size = |w: Vector6<f64>| size(&w, length);
-        let of_motion = size(own - better) / size(better);
-        let whole = size(*wrench);
-        let part = (of_motion * size(own) + self.wrench * size(wrench - own)) / whole;
-        part.is_finite().then(|| part.min(self.wrench))
+    /// The mesh's part of the wrench on a control element.
+    fn at(&self, against: &Against) -> Option<f64> {
+        let [own, better] = self.stiffness.as_ref()?.of(&against.motion);
+        let size = |w: Vector6<f64>| wrench_size(&w, against.length);
+        let whole = size(against.wrench);
+        let of_motion = match size(own - better) / size(better) {
+            part if part.is_finite() => part * size(own),
+            _ => 0.0,
+        };
+        let loads = &against.loads;
+        // Loads that nothing was measured of have none of this part.
+        let is_known = self.loads.len() == loads.coefficients.len();
+        let (of_loads, by_loads) = match is_known {
+            true => {
+                (self.loads.iter().zip(&loads.coefficients).map(|(d, c)| d * c.abs()).sum(), loads.wrench)
+            }
+            false => (0.0, Vector6::zeros()),
+        };
+        let beside = self.wrench * size(against.wrench - own - by_loads);
+        let part = (of_motion + of_loads + beside) / whole;
+        part.is_finite().then(|| part.min(self.wrench.max(of_loads / whole)))
     }
 }
 
@@ -97,6 +113,13 @@ struct Against {
     motion: Vector6<f64>,
     wrench: Vector6<f64>,
     length: f64,
+    loads: Loads,
+}
+
+/// What loads act, and what they do to the control element while all rest, by the same axes.
+struct Loads {
+    coefficients: Vec<f64>,
+    wrench: Vector6<f64>,
 }
 
 /// Others may move so much against each other and count as resting, of their distance and in rad.
@@ -133,12 +156,14 @@ impl Against {
         let half: Matrix3<f64> =
             (UnitQuaternion::from_scaled_axis(-0.5 * turn) * base_turn.inverse()).to_rotation_matrix().into();
         let wrench = wrenches.get(element)?.about_the_place(&poses[element]);
+        let (coefficients, by_loads) = deformer.resting_loads(element);
         let join = |a: Vector3<f64>, b: Vector3<f64>| Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z);
         let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
         Some(Against {
             motion: join(shift, turn),
             wrench: join(half * wrench.force, half * wrench.moment),
             length: Moved::new(&origins, element)?.length,
+            loads: Loads { coefficients, wrench: join(half * by_loads.force, half * by_loads.moment) },
         })
     }
 }
@@ -146,7 +171,6 @@ impl Against {
 impl MeshErrors {
     /// The part of the wrench on a control element that is the mesh's, in the pose as it is; `None` where that was not measured of it.
     pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<f64> {
-        let Against { motion, wrench, length } = Against::of(deformer, wrenches, element)?;
-        self.at(&motion, &wrench, length)
+        self.at(&Against::of(deformer, wrenches, element)?)
     }
 }

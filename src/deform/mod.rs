@@ -59,7 +59,7 @@ pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
-pub use mesh_errors::{MeshErrors, RigidStiffness};
+pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Fits, Frame, Kind, MakeModel, ModelEntry, ModelInput,
     PointResult, Response, StateAge,

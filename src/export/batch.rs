@@ -21,7 +21,7 @@ use crate::mesh::{Surface, TetMesh};
 use crate::prepare;
 use crate::scene::{Body, Scene};
 use crate::solve::Silent;
-use crate::world::wrench_error_of;
+use crate::world::{out_of_range_of, wrench_error_of};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -236,6 +236,7 @@ fn surface_results(
         let unknown = || Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref())));
         let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
+        told.beyond = out_of_range_of(&deformer, &body.model);
         told.pushed = Pushed::of(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield =
@@ -261,8 +262,8 @@ fn surface_result(
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
             "warning: pose \"{}\": body.{}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
-             turned too far against each other or too far apart, and the result is not to be trusted; model = \"linear\" \
-             has no such pose",
+             turned too far against each other or too far apart, and keeps one of before: the result is not to be trusted; \
+             model = \"stvk\" solves such a pose anew",
             asked.pose,
             body.body,
             scene_body.model

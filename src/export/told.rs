@@ -21,6 +21,8 @@ pub struct Told {
     pub freedom: Vec<Freedom>,
     /// What acted beside them.
     pub loads: PoseLoads,
+    /// That the body is bent further than its model holds.
+    pub beyond: Option<String>,
     /// The forces at points among them.
     pub pushed: Vec<Pushed>,
     /// By how much forces may be wrong, or why that is not known.

@@ -32,7 +32,7 @@ pub use hand::shape;
 pub use highlight::Highlight;
 pub use ruler::SurfacePoint;
 pub use times::StepTimes;
-pub use turn_limits::{TurnLimits, Verdict, out_of_range};
+pub use turn_limits::{TurnLimits, Verdict, out_of_range, out_of_range_of};
 pub use wrench_error::{WrenchError, wrench_error, wrench_error_of};
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! How far a body is bent, against the turn up to which its model is good.
 
 use super::body::PlacedBody;
-use crate::deform::{find_model, local_turn};
+use crate::deform::{Deformer, find_model, local_turn};
 use std::f64::consts::PI;
 
 /// So many triangles of a body are sampled for their turns.
@@ -42,12 +42,20 @@ impl TurnLimits {
     /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
     /// surface tells, and of a model that moves parts, it is theirs.
     pub fn of_body(body: &PlacedBody) -> (f64, Self) {
-        let apart = body.deformer.largest_turn();
         match body.range {
-            Some(range) => (apart, Self { good: range, fair: range, is_measured: true }),
-            None if apart > PI || body.deformer.moves_in_parts() => (apart, Self::of_model(&body.model)),
-            None => (local_turn(&body.deformer, PIECES), Self::of_model(&body.model)),
+            Some(range) => {
+                (body.deformer.largest_turn(), Self { good: range, fair: range, is_measured: true })
+            }
+            None => Self::of_deformer(&body.deformer, &body.model),
         }
+    }
+
+    /// The same of a body for which nothing was measured.
+    pub fn of_deformer(deformer: &Deformer, model: &str) -> (f64, Self) {
+        let apart = deformer.largest_turn();
+        let is_apart = apart > PI || deformer.moves_in_parts();
+        let turn = if is_apart { apart } else { local_turn(deformer, PIECES) };
+        (turn, Self::of_model(model))
     }
 
     pub fn verdict(&self, turn: f64) -> Verdict {
@@ -80,11 +88,17 @@ impl Verdict {
 
 /// What a body that is bent further than its model holds says of itself; `None` of one that is not.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
-    let (turn, limits) = TurnLimits::of_body(body);
-    let verdict = limits.verdict(turn);
+    words(TurnLimits::of_body(body), &body.model)
+}
+
+/// The same of a body that is in no world.
+pub fn out_of_range_of(deformer: &Deformer, model: &str) -> Option<String> {
+    words(TurnLimits::of_deformer(deformer, model), model)
+}
+
+fn words((turn, limits): (f64, TurnLimits), model: &str) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
-    let model = &body.model;
-    match verdict {
+    match limits.verdict(turn) {
         Verdict::Good | Verdict::Fair => None,
         Verdict::Beyond => {
             Some(format!("{:.1} turns: beyond the model {model}, for up to {most:.0}°", turn / (2.0 * PI)))

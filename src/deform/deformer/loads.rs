@@ -1,11 +1,16 @@
 //! What acts on a body beside its control elements: loads and forces at points of its surface.
 
 use super::Deformer;
+use crate::deform::force::Wrench;
+use crate::deform::frames::PoseSlope;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
 use crate::deform::model::PointResult;
-use crate::green::{FIELDS, GreenError, LoadMeta, Turning};
+use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
+use nalgebra::{DVector, Matrix3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
+
+type V3 = Vector3<f64>;
 
 impl Deformer {
     /// The loads that the file has columns for.
@@ -53,6 +58,24 @@ impl Deformer {
     fn applied(&self) -> AppliedLoads {
         let shared = self.loads.as_ref().map(|shared| shared.lock().unwrap_or_else(PoisonError::into_inner));
         shared.map_or_else(AppliedLoads::default, |applied| applied.clone())
+    }
+
+    /// The coefficients of the loads' columns, along the axes of the body, and what they alone do to a control element while all
+    /// rest: its moment is about its origin.
+    pub fn resting_loads(&self, element: usize) -> (Vec<f64>, Wrench) {
+        let AppliedLoads { mut coefficients, .. } = self.applied();
+        let nothing = Wrench { force: V3::zeros(), moment: V3::zeros() };
+        let Some(reaction) = self.file.table(&self.body, REACTION) else { return (Vec::new(), nothing) };
+        coefficients.resize(reaction.ncols(), 0.0);
+        if reaction.nrows() < FIELDS * (element + 1) {
+            return (coefficients, nothing);
+        }
+        let own = reaction.rows(FIELDS * element, FIELDS) * DVector::from_column_slice(&coefficients);
+        let slope = PoseSlope {
+            translation: V3::new(-own[0], -own[1], -own[2]),
+            matrix: -Matrix3::from_row_slice(&own.as_slice()[3..]),
+        };
+        (coefficients, Wrench::of_small_strain(&slope))
     }
 
     /// All that acts on the body as it is now, springs and what holds points in their places as the forces that they have come to.

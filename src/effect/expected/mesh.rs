@@ -10,7 +10,7 @@
 //! the larger of the differences is told.
 
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{MeshErrors, RigidStiffness};
+use crate::deform::{MeshErrors, Moved, RigidStiffness, wrench_size};
 use crate::fem::TET10;
 use crate::green::{
     self, ControlElement, FIELDS, GreenError, LOAD_FIELDS, LOADS, Prepared, REACTION, Requirements,
@@ -21,7 +21,7 @@ use crate::mesh::refine::refine;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Generate, Scene};
 use crate::solve::Silent;
-use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3, Vector6};
 
 /// A better solution of a body, with its control elements on the same parts of it.
 pub struct BetterBody {
@@ -82,7 +82,7 @@ impl BetterBody {
         let [k, better] = [solution, &self.solution].map(|solution| rigid_stiffness(solution, e, &about));
         let (k, better) = (k?, better?);
         let wrench = largest_ratio(k - better, better)?;
-        let stiffness = self.loads.is_empty().then(|| RigidStiffness::new(&k, &self.limit(&k, &better)));
+        let stiffness = Some(RigidStiffness::new(&k, &self.limit(&k, &better)));
         let nodes = same_nodes(&solution.mesh, &self.solution.mesh, &solution.surface.nodes);
         let [u, better] =
             [solution, &self.solution].map(|solution| rigid_fields(solution, e, &about, &nodes));
@@ -90,7 +90,31 @@ impl BetterBody {
         let shape = largest_ratio(square(&(&u - &better)), square(&better))?.sqrt();
         let [of_load, shape_of_load] = self.loads_apart(solution, e, &nodes).unwrap_or_default();
         let (wrench, shape) = (wrench.max(of_load), shape.max(shape_of_load));
-        Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness })
+        let loads = self.of_loads(solution, e)?;
+        Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness, loads })
+    }
+
+    /// By how much the wrench on control element `e` is wrong for a unit of each of the scene's loads, in N, while all elements rest.
+    fn of_loads(&self, solution: &Solution, e: usize) -> Option<Vec<f64>> {
+        let origins: Vec<Vector3<f64>> = solution.controls.iter().map(|control| control.origin).collect();
+        let length = Moved::new(&origins, e)?.length;
+        let wrenches = |of: &Solution| {
+            let reaction = of.tables.get(REACTION)?;
+            Some(
+                rigid(&of.controls[e], &solution.controls[e].origin).transpose()
+                    * reaction.rows(FIELDS * e, FIELDS),
+            )
+        };
+        let Some((own, better)) = wrenches(solution).zip(wrenches(&self.solution)) else {
+            return Some(Vec::new());
+        };
+        let rest = if self.is_cut { 1.0 + 1.0 / (ORDER.exp2() - 1.0) } else { 1.0 };
+        let of = |w: DVector<f64>| wrench_size(&Vector6::from_column_slice(w.as_slice()), length);
+        let apart = |k: usize| {
+            let (apart, whole) = (of(own.column(k) - better.column(k)), of(better.column(k).into_owned()));
+            if apart > NOISE * whole { rest * apart } else { 0.0 }
+        };
+        Some((0..own.ncols()).map(apart).collect())
     }
 
     /// K' without the error that is left when a cut takes away 1 - 2^-1.5 of it.
@@ -155,6 +179,8 @@ impl BetterBody {
 
 /// In which the error of quadratic elements falls with their size.
 const ORDER: f64 = 1.5;
+/// A smaller part of a load's wrench is rounding.
+const NOISE: f64 = 1e-9;
 /// A cut that changes a body by more tells nothing of the limit.
 const MOST: f64 = 1.0;
 

@@ -1,7 +1,9 @@
 //! What is measured of small bodies, against answers from elsewhere; and what of a file is refused.
 
 use super::*;
+use crate::deform::pose_file::PoseLoads;
 use crate::deform::{ControlPose, Deformer, Wrench};
+use crate::green::LOADS;
 use crate::green::{self, Requirements};
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
@@ -35,7 +37,7 @@ fn near_one_half_the_error_of_the_mesh_is_told_of_every_element() {
         let scene = beam(cells, &settings, "fixed", "dragger");
         let body = solved(&scene);
         let errors = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new());
-        let (told, known) = (errors[0].0.unwrap().wrench, force / FINE - 1.0);
+        let (told, known) = (errors[0].0.as_ref().unwrap().wrench, force / FINE - 1.0);
         println!("{element}: told {told}, known {known:.3}");
         assert!((0.85..1.15).contains(&(told / known)), "{element}: told {told}, known {known}");
     }
@@ -151,7 +153,7 @@ fn an_end_that_is_pushed_has_the_errors_of_pushed_ends() {
         "the error of linear theory grows as the square: {first} {second}"
     );
     assert!(hung.at[0].shape < 2e-3, "{}", hung.at[0].shape);
-    assert!(hung.mesh.unwrap() < moved.mesh.unwrap().wrench, "{:?} {:?}", hung.mesh, moved.mesh);
+    assert!(hung.mesh.unwrap() < moved.mesh.as_ref().unwrap().wrench, "{:?} {:?}", hung.mesh, moved.mesh);
 }
 
 /// Near rest the error of the wrench by the mesh is that against the same beam of tet10, solved and deformed by itself. A pull is right
@@ -167,8 +169,8 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
         (scene, body)
     };
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
-    let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0;
-    let most = mesh.unwrap().wrench;
+    let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
+    let most = mesh.as_ref().unwrap().wrench;
     let moved = MovedErrors { control: "high".into(), bent: vec![], shifted: vec![], hung: None, mesh };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
     let folder = tempfile::tempdir().unwrap();
@@ -226,4 +228,40 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
     coarse.evaluate(&whole);
     let turned = coarse.wrenches().unwrap().0;
     assert!(expected.mesh_at(&coarse, &turned).unwrap() < 1e-3);
+}
+
+/// Under its weight alone the beam's error is that of the weight: against the same beam of tet10, and far below that of the worst motion.
+#[test]
+fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
+    let of = |element: &str| {
+        let settings = format!(
+            "material = {{ young = 1.0e7, poisson = 0.0, density = 100.0 }}\nelement = \"{element}\"\ngravity = true"
+        );
+        let scene = beam(2, &settings, "fixed", "dragger");
+        let required = Requirements::of(&[STIFFNESS, LOADS]);
+        let body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
+        (scene, body)
+    };
+    let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
+    let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
+    let most = mesh.as_ref().unwrap().wrench;
+    let moved = MovedErrors { control: "high".into(), bent: vec![], shifted: vec![], hung: None, mesh };
+    let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let shown = |body: &Precomputed| {
+        let path = folder.path().join("beam.green");
+        green::write(&path, std::slice::from_ref(body)).unwrap();
+        let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "linear").unwrap();
+        deformer.apply(&PoseLoads::of_scene(&scene.body["beam"]).applied(&deformer).unwrap());
+        deformer.evaluate(&[ControlPose::REST; 2]);
+        let wrenches = deformer.wrenches().unwrap().0;
+        (expected.mesh_at(&deformer, &wrenches).unwrap(), wrenches[1])
+    };
+    let ((told, own), (_, right)) = (shown(&body), shown(&fine));
+    let size = |force: Vector3<f64>, moment: Vector3<f64>| force.norm().max(moment.norm() / 4.0);
+    let known = size(own.force - right.force, own.moment - right.moment) / size(right.force, right.moment);
+    println!("told {told:.5}, known {known:.5}, most {most:.5}");
+    // A half of 4 m³ of 100 kg/m³ on each end.
+    assert!((right.force.y / (2.0 * 100.0 * 9.80665) - 1.0).abs() < 0.01, "{right:?}");
+    assert!((told - known).abs() < 0.01 * known + 1e-4 && told < 0.5 * most, "{told} {known} {most}");
 }
