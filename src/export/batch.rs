@@ -103,7 +103,11 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
-        told.error = Sureness::Unknown(unsure::why(&scene.body[&result.body], unsure::Looked::Nowhere));
+        told.error = Sureness::Unknown(unsure::why(
+            &scene.body[&result.body],
+            unsure::Looked::Nowhere,
+            &asked.freedom,
+        ));
     }
     PoseResult { told, ..result }
 }
@@ -233,7 +237,9 @@ fn surface_results(
         let known = expected.as_ref().zip(wrenches.as_ref());
         let error =
             known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
-        let unknown = || Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref())));
+        let unknown = || {
+            Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref()), &asked.freedom))
+        };
         let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
         told.beyond = out_of_range_of(&deformer, &body.model);

@@ -1,6 +1,6 @@
 //! Why it is not known how sure the forces of a body are.
 
-use crate::deform::{ExpectedErrors, Kind, find_model};
+use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, Kind, MovedErrors, find_model};
 use crate::effect::expected::{CHANGED, NAME, unmeasurable};
 use crate::scene::{Body, Method};
 
@@ -13,8 +13,8 @@ pub(super) enum Looked<'a> {
     Nowhere,
 }
 
-/// Why a body's errors are not known at a pose, and what makes them known.
-pub(super) fn why(body: &Body, looked: Looked<'_>) -> String {
+/// Why a body's errors are not known at a pose whose control elements are free so, and what makes them known.
+pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> String {
     if body.method == Method::Bem {
         return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
     }
@@ -30,6 +30,7 @@ pub(super) fn why(body: &Body, looked: Looked<'_>) -> String {
     }
     let lists = body.effects.iter().any(|effect| effect == NAME);
     match looked {
+        Looked::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
         Looked::InFile(Some(errors)) if !errors.moved.is_empty() => {
             "the pose is beyond those in which it was measured".to_owned()
         }
@@ -41,10 +42,29 @@ pub(super) fn why(body: &Body, looked: Looked<'_>) -> String {
     }
 }
 
+/// Of poses with free ends, which are another kind than those of held ends.
+fn of_free_ends(errors: &ExpectedErrors) -> String {
+    let measured = |moved: &MovedErrors| {
+        let hung = moved.hung.as_ref().filter(|hung| !hung.at.is_empty())?;
+        Some(format!("{} along {}", moved.control, COMPONENTS[hung.along]))
+    };
+    let measured: Vec<String> = errors.moved.iter().filter_map(measured).collect();
+    match measured.is_empty() {
+        true => {
+            format!("of free ends nothing was measured; the effect \"{NAME}\" pushes one, free in all else")
+        }
+        false => format!(
+            "free ends were measured by pushing {} alone, free in all else, while the others rest, and not so far or not \
+             in this way",
+            measured.join(" or ")
+        ),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::deform::MovedErrors;
+    use crate::deform::{Deviation, ErrorsAt, Hung, Reach};
     use crate::scene::Scene;
     use std::path::Path;
 
@@ -64,24 +84,24 @@ mod tests {
 
     #[test]
     fn no_effect_is_advised_that_would_not_help() {
-        let listed = |body: &Body, looked: Looked<'_>| why(body, looked).starts_with("list the effect");
+        let listed = |body: &Body, looked: Looked<'_>| why(body, looked, &[]).starts_with("list the effect");
         let plain = body("", &BOTH);
         assert!(listed(&plain, Looked::InFile(None)) && listed(&plain, Looked::Nowhere));
         let one = body("", &["xmin"]);
-        assert!(why(&one, Looked::InFile(None)).starts_with("it has one control element"));
+        assert!(why(&one, Looked::InFile(None), &[]).starts_with("it has one control element"));
         let mut changed = body("updates = { release = [\"xmax\"] }", &BOTH);
         assert!(listed(&changed, Looked::InFile(None)));
         assert!(changed.release("xmax"));
-        assert_eq!(why(&changed, Looked::InFile(None)), CHANGED);
+        assert_eq!(why(&changed, Looked::InFile(None), &[]), CHANGED);
         let lists = body("effects = [\"expected_errors\"]", &BOTH);
-        assert!(why(&lists, Looked::Nowhere).contains("--all-nodes"));
+        assert!(why(&lists, Looked::Nowhere, &[]).contains("--all-nodes"));
     }
 
     #[test]
     fn what_the_file_tells_comes_first() {
         let lists = body("effects = [\"haptics\"]", &BOTH);
         let mut errors = ExpectedErrors { left_out: vec!["too large".into()], ..ExpectedErrors::default() };
-        assert_eq!(why(&lists, Looked::InFile(Some(&errors))), "too large");
+        assert_eq!(why(&lists, Looked::InFile(Some(&errors)), &[]), "too large");
         let (control, nothing) = ("xmax".to_owned(), Vec::new);
         errors.moved.push(MovedErrors {
             control,
@@ -90,6 +110,13 @@ mod tests {
             hung: None,
             mesh: None,
         });
-        assert!(why(&lists, Looked::InFile(Some(&errors))).contains("beyond those"));
+        assert!(why(&lists, Looked::InFile(Some(&errors)), &[]).contains("beyond those"));
+        let free = [Freedom { free: [true; 6], ..Freedom::default() }];
+        let told = |errors: &ExpectedErrors| why(&lists, Looked::InFile(Some(errors)), &free);
+        assert!(told(&errors).contains("the effect \"expected_errors\" pushes one"));
+        let none = Deviation { force: None, torque: None, energy: None, shape: 0.0 };
+        let at = vec![ErrorsAt::new(5.0, Reach::default(), &none)];
+        errors.moved[0].hung = Some(Hung { along: 2, at, mesh: None });
+        assert!(told(&errors).contains("pushing xmax along z alone"));
     }
 }

@@ -61,6 +61,7 @@ pub fn derive(base: Arc<GreenFile>, scene: &Scene, sections: Sections<'_>) -> Re
             let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
             let freed: Vec<u32> =
                 loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
+            own.compliance_nodes = Some(compliance.taking(&freed));
             tensors.extend(compliance.changed(&freed, &changed_body)?);
         }
         tensors.extend(sections(&base, name));

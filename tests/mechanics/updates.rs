@@ -247,13 +247,31 @@ fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
         assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
         let file = Arc::new(green::derive(base, &scene, &|_, _| Vec::new()).unwrap());
         let places = file.compliance("a").unwrap().places();
-        let asked: Vec<usize> = places.values().copied().step_by(11).collect();
+        // The nodes of the released elements stand behind those that were free.
+        let last = places.len() - 1;
+        let asked: Vec<usize> = places.values().copied().step_by(11).chain([last]).collect();
         let found = file.columns("a", &asked, Duration::from_secs(60)).unwrap().unwrap();
         (places, found.iter().map(|column| column.to_vec()).collect::<Vec<_>>())
     };
     let (places, inverse) = columns("inverse", COMPLIANCE);
     let (same, factor) = columns("factor", KEPT_FACTOR);
     assert!(places == same && inverse.len() > 5);
+    let (freed, _) = places.iter().find(|(_, place)| **place == places.len() - 1).unwrap();
+    let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
+    assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
+    let fresh = solved(&scene, &Requirements::of(&[STIFFNESS, COMPLIANCE]));
+    assert_eq!(
+        fresh.compliance.as_ref().unwrap().order.len(),
+        places.len(),
+        "all of the surface takes forces"
+    );
+    let fresh = yields(fresh, *freed).unwrap();
+    let largest = fresh.as_flattened().as_flattened().iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+    for (found, fresh) in
+        inverse.last().unwrap().iter().flatten().flatten().zip(fresh.iter().flatten().flatten())
+    {
+        assert!((found - fresh).abs() < 1e-5 * largest, "{found} {fresh} of {largest}");
+    }
     for (expected, found) in inverse.iter().zip(&factor) {
         let numbers = |of: &[[[f32; 3]; 3]]| of.as_flattened().as_flattened().to_vec();
         let (expected, found) = (numbers(expected), numbers(found));

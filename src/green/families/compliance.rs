@@ -212,6 +212,14 @@ impl<'a> Order<'a> {
         Some(Order { nodes, n: body.compliance_nodes?, surface_nodes })
     }
 
+    /// The nodes after a change by which `freed` are held no more, and how many of them take forces: where all free nodes do, these do
+    /// too.
+    pub fn with(&self, freed: &[u32]) -> (Vec<u32>, usize) {
+        let all = [self.nodes, freed].concat();
+        let n = if self.n == self.nodes.len() { all.len() } else { self.n };
+        (all, n)
+    }
+
     /// Where each node of the surface stands that takes forces.
     pub fn places(&self) -> BTreeMap<u32, usize> {
         self.nodes[..self.n].iter().copied().zip(0..).collect()
@@ -328,8 +336,8 @@ pub(super) fn changed(
     change: &Changed<'_>,
     rows: Rows<'_>,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
-    let (n, m) = (before.n, before.nodes.len());
-    let order = [before.nodes, freed].concat();
+    let m = before.nodes.len();
+    let (order, n) = before.with(freed);
     let layout = TileLayout { n, m: order.len() };
     let size = layout.bytes();
     machine::expect("the compliance of the surface after the change", 2.0 * size as f64).map_err(
@@ -339,13 +347,14 @@ pub(super) fn changed(
     for first in (0..n).step_by(BLOCK) {
         let own = first..(first + BLOCK).min(n);
         let more = change.compliance(&order[own.clone()]);
-        let strip = rows(first)?;
+        // What was held did not yield.
+        let strip = if first < before.n { Some(rows(first)?) } else { None };
         for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
-            let old = &strip[3 * m * row..][..3 * m];
+            let old = strip.as_ref().and_then(|strip| strip.get(3 * m * row..3 * m * (row + 1)));
             for (j, &node) in order.iter().enumerate().skip(first) {
                 for other in 0..3 {
                     // Both halves of the matrix are the same: the force is at node i.
-                    let old = old.get(3 * j + other).map_or(0.0, |&old| f64::from(old));
+                    let old = old.and_then(|old| old.get(3 * j + other)).map_or(0.0, |&old| f64::from(old));
                     let new = (old + more[(3 * node as usize + other, row)]) as f32;
                     let at = 4 * (layout.at(i, axis, j) + other);
                     values[at..at + 4].copy_from_slice(&new.to_le_bytes());

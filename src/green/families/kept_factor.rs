@@ -175,13 +175,18 @@ impl<'a> KeptColumns<'a> {
         self.change.as_ref().map_or(self.file, |change| change.base)
     }
 
-    /// The tensors after a change by which nodes of the surface are held no more.
-    pub(super) fn changed(&self, change: &Changed<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
+    /// The tensors after a change by which the nodes `freed` of the surface are held no more.
+    pub(super) fn changed(
+        &self,
+        freed: &[u32],
+        change: &Changed<'_>,
+    ) -> Result<Vec<(String, Tensor)>, GreenError> {
         let (fields, between) = change.added_yield().ok_or_else(|| GreenError::Damaged {
             path: self.file.path.clone(),
             reason: format!("the compliance of {} does not go with changed moduli", self.body),
         })?;
-        let order = Tensor::new(&[self.order.nodes.len()], self.order.nodes.iter().copied());
+        let (nodes, _) = self.order.with(freed);
+        let order = Tensor::new(&[nodes.len()], nodes);
         let k = fields.len();
         let fields = Tensor::new(&[k], fields);
         let between = Tensor::new(&[k, k], between.iter().copied());
@@ -198,16 +203,24 @@ impl<'a> KeptColumns<'a> {
 
     fn solve(&self, factor: &LoadedFactor, places: &[usize]) -> Result<Vec<Yield>, GreenError> {
         let failed = |reason: String| GreenError::Damaged { path: self.file.path.clone(), reason };
-        let loaded: Vec<u32> = places.iter().map(|&place| place as u32).collect();
+        // What was held when the factor was made did not yield.
+        let solved = self.source().count(&format!("{}/{ORDER}", self.body));
+        let loaded: Vec<u32> =
+            places.iter().filter(|place| **place < solved).map(|&place| place as u32).collect();
         let u = factor.columns(&loaded).map_err(|error| failed(error.to_string()))?;
         numbers(&format!("columns by tensor {}/{VALUES}", self.body), u.data.iter().copied(), LARGEST)
             .map_err(failed)?;
-        let column = |(c, &place): (usize, &usize)| {
-            let mut column = self.order.spread(|j, axis, force| u.row(3 * j + axis)[3 * c + force] as f32);
+        let column = |&place: &usize| {
+            let c = loaded.iter().position(|loaded| *loaded as usize == place);
+            let number = |j: usize, axis: usize, force: usize| match c {
+                Some(c) if j < solved => u.row(3 * j + axis)[3 * c + force] as f32,
+                _ => 0.0,
+            };
+            let mut column = self.order.spread(number);
             self.change.iter().for_each(|change| change.add(self.order.nodes[place], &mut column));
             column
         };
-        Ok(places.iter().enumerate().map(column).collect())
+        Ok(places.iter().map(column).collect())
     }
 
     /// Reads the numbers, and checks them.

@@ -112,7 +112,16 @@ fn compute(
     }
     solution.tables.insert(REACTION, u.transpose() * &f);
     let compliance = f.transpose() * &g;
-    solution.tables.insert(LOAD_COMPLIANCE, (&compliance + compliance.transpose()) * 0.5);
+    let mut compliance = (&compliance + compliance.transpose()) * 0.5;
+    // A held body stores the energy of the strain that warmth would have: ½ f·x of the strain's own forces, x its displacement.
+    let is_thermal = assembled.body.loads().into_iter().flat_map(|load| {
+        std::iter::repeat_n(matches!(load.source, LoadSource::Thermal), load.source.columns())
+    });
+    for (k, _) in is_thermal.enumerate().filter(|(_, is_thermal)| *is_thermal) {
+        let stored: f64 = forces[k].iter().zip(&mesh.nodes).map(|(force, x)| force.dot(&(x - centre))).sum();
+        compliance[(k, k)] -= stored;
+    }
+    solution.tables.insert(LOAD_COMPLIANCE, compliance);
     solution.tables.insert(MOMENTS, moments);
     solution.tables.insert(TORQUES, torques);
     solution.tables.insert(LOAD_FIELDS, g);

@@ -47,6 +47,11 @@ impl Compliance<'_> {
         }
     }
 
+    /// How many nodes take forces after a change by which so many of the surface are held no more.
+    pub fn taking(&self, freed: &[u32]) -> usize {
+        self.order().with(freed).1
+    }
+
     /// Reads all of it; errors at the first that is not what was written.
     pub fn verify(&self) -> Result<(), GreenError> {
         match self {
@@ -60,7 +65,7 @@ impl Compliance<'_> {
     pub fn changed(&self, freed: &[u32], change: &Changed<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
         match self {
             Compliance::Tiles(tiles) => tiles.changed(freed, change),
-            Compliance::Factor(kept) => kept.changed(change),
+            Compliance::Factor(kept) => kept.changed(freed, change),
             Compliance::Compressed(compressed) => compressed.changed(freed, change),
         }
     }
