@@ -65,8 +65,8 @@ pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requiremen
     }
     if let Some(family) = required.families().find(|family| !green::is_derived(family)) {
         let message = format!(
-            "a body that is changed while it is shown has its columns and its handle stiffness found again, but not the \
-             family {family}, which model = \"{}\" with these effects needs: write model = \"linear\", or leave updates out",
+            "model = \"{}\" with these effects needs the columns called {family}, which cannot be found again when a control \
+             element is released or a modulus changed: write model = \"linear\", or leave updates out",
             body.model
         );
         return Err(wrong(scene, name, "updates", message));

@@ -124,13 +124,18 @@ fn unknown_body(scene: &Scene, name: &str, what: &str) -> String {
 /// Why a modulus cannot be changed: the mesh has no such region, or it was not prepared.
 fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
     let told = scene.body[name].cannot_change(name, region);
+    let findings = |scene: &Scene| -> Vec<String> {
+        let finding = |error: &SceneError| {
+            let found = error.finding();
+            format!("{}: {}", found.place, found.message)
+        };
+        green::unjudged(scene, name).iter().map(finding).collect()
+    };
+    let before = findings(scene);
     let body = &mut scene.body[name];
     let material = body.material;
     body.region.entry(region.to_owned()).or_insert(material);
-    let place = format!("body.{name}.region.{region}");
-    let of_region =
-        green::unjudged(scene, name).iter().map(SceneError::finding).find(|found| found.place == place);
-    of_region.map_or(told, |found| format!("{place}: {}", found.message))
+    findings(scene).into_iter().find(|found| !before.contains(found)).unwrap_or(told)
 }
 
 /// Whether everything can be written, before anything is solved.
@@ -151,7 +156,7 @@ fn missed(set: &ResultSet, asked: usize) -> Failure {
     let reasons: Vec<&str> = set.missed.iter().map(|missed| missed.why.as_str()).collect();
     let rest = if set.results.is_empty() { "nothing is written" } else { "all else is written" };
     Failure::Work(anyhow::anyhow!(
-        "{}\n{} of {asked} poses missed; {rest}",
+        "{}\n{} of {asked} poses not found; {rest}",
         reasons.join("\n"),
         set.missed.len()
     ))

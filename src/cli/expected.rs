@@ -91,7 +91,7 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
         return Err("solve once more with refine = 1, or half the longest_edge, and compare".into());
     }
     if let Some(why) = expected::unmeasurable(body) {
-        return Err(format!("{why}, and they are measured where one is moved against another"));
+        return Err(why.to_owned());
     }
     if requirements.sections().next().is_none() {
         let name = expected::NAME;

@@ -56,8 +56,8 @@ pub fn of_body(text: &str) -> Result<(String, String), String> {
 pub fn modulus(text: &str) -> Result<(String, String, f64), String> {
     let parts =
         text.split_once('=').and_then(|(region, young)| Some((of_body(region).ok()?, positive(young).ok()?)));
-    let ((body, region), young) =
-        parts.ok_or("a body's region and its modulus in pascals, as in liver.tumour=2e4")?;
+    let ((body, region), young) = parts
+        .ok_or("a body's region and its modulus, a positive number of pascals, as in liver.tumour=2e4")?;
     Ok((body, region, young))
 }
 

@@ -48,6 +48,18 @@ const LEAST_PART: f64 = 1.0 / 128.0;
 /// Below this ratio of the least to the largest stiffness nothing holds the body.
 const LOOSE: f64 = 1e-9;
 
+/// "1st", "2nd", "3rd", "4th" …
+fn ordinal(n: usize) -> String {
+    let end = match (n % 10, n % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
+    };
+    format!("{n}{end}")
+}
+
 /// The wrenches that hold a body in poses, each with the moment about where the element's origin is; the error says why there are none.
 pub type Wrenches<'a> = dyn FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a;
 
@@ -155,13 +167,17 @@ impl<'a> Search<'a> {
             moved[k] += STEP;
             slope.set_column(k, &((self.residual(share, &moved, of)?.r - &at) / STEP));
         }
-        let stretches = slope.singular_values();
+        let svd = slope.clone().svd(false, true);
+        let stretches = &svd.singular_values;
         if stretches.min() <= LOOSE * stretches.max() {
-            return Err(
-                "nothing holds the body there: the free directions of all its control elements together let it move \
-                 without a force; hold one of them in more directions"
-                    .to_owned(),
-            );
+            let loose = svd.v_t.map(|v| v.row(stretches.imin()).iamax_full().1);
+            let (e, k) = loose.and_then(|at| self.unknowns().nth(at)).unwrap_or_default();
+            return Err(format!(
+                "nothing holds it there: without a force the free directions of all control elements together let them move, \
+                 the most in {} of the {} in the scene's order; take that out of its free directions, or hold another",
+                COMPONENTS[k],
+                ordinal(e + 1)
+            ));
         }
         Ok(slope)
     }
@@ -239,7 +255,7 @@ impl<'a> Search<'a> {
                 Err(why) if share == 0.0 && self.jacobian.is_none() && part < least => return Err(why),
                 Err(why) if part < least => {
                     return Err(format!(
-                        "{why}, beyond {:.0} % of the way; if there is one, ask for a pose on the way, and go on from it by \
+                        "{why}, beyond {:.0} % of the way; try a pose on the way there, and another that goes on from it by \
                          after = \"NAME\"",
                         100.0 * share
                     ));
@@ -370,6 +386,6 @@ mod tests {
             Ok(vec![Wrench { force, moment: Vector3::zeros() }])
         };
         let why = Search::new(&free, 0.5, false, &rest).follow(&mut loose).unwrap_err();
-        assert!(why.starts_with("nothing holds the body"), "{why}");
+        assert!(why.starts_with("nothing holds it there") && why.contains("of the 1st"), "{why}");
     }
 }

@@ -92,8 +92,9 @@ impl PoseLoads {
             let value = load.get(entry.name).copied().unwrap_or_else(|| as_in_scene(entry, body));
             let (numbers, columns) = (value.numbers(), entry.source.columns());
             if numbers.len() != columns || numbers.iter().any(|x| x.is_nan() || x.abs() > LARGEST) {
-                let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
-                return Err(format!("load.{}: {what} are needed, up to {LARGEST:e}", entry.name));
+                let what =
+                    if columns == 3 { "three finite numbers, [x, y, z]," } else { "one finite number" };
+                return Err(format!("load.{}: write {what} of at most {LARGEST:e}", entry.name));
             }
             match entry.source {
                 LoadSource::Centrifugal(_) => coefficients.push(numbers[0].powi(2)),

@@ -5,7 +5,7 @@ use super::result_set::{PoseResult, ResultSet};
 use super::told::{FirstYield, Pushed, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
-use crate::deform::{COMPONENTS, ControlPose, Kind, Wrench, find_model, percent};
+use crate::deform::{COMPONENTS, ControlPose, Freedom, Kind, Wrench, find_model, percent};
 use crate::fem::nearest_turn;
 use crate::scene::LoadValue;
 use nalgebra::Vector3;
@@ -116,7 +116,7 @@ fn table(result: &PoseResult) -> Table {
             if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
         let (mut force, mut moment) = ("not asked for".to_owned(), String::new());
         if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
-            let placed = wrench.about_the_place(pose);
+            let placed = as_found(wrench.about_the_place(pose), result.told.freedom.get(e));
             let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
                 if v == Vector3::zeros() {
                     return format!("0 {}", plus_minus(by, unit));
@@ -149,6 +149,17 @@ fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
         .map_or(String::new(), |way| format!(", {} of it along the force", quantity(moved.dot(&way), "m")));
     let (force, rest) = (quantity(force.norm(), "N"), vector(rest, "m"));
     format!("at the force of {force} on {rest} the surface moves by {}{along}", vector(moved, "m"))
+}
+
+/// With what pushes along the free directions, which is what their pose was found by: in a model of small strain the moments of the
+/// displaced body differ from it by what is of second order.
+fn as_found(placed: Wrench, freedom: Option<&Freedom>) -> Wrench {
+    let Some(Freedom { free, load }) = freedom else { return placed };
+    let part = |k: usize, value: f64| if free[k] { load[k] } else { value };
+    Wrench {
+        force: Vector3::from_fn(|k, _| part(k, placed.force[k])),
+        moment: Vector3::from_fn(|k, _| part(3 + k, placed.moment[k])),
+    }
 }
 
 /// What holds the control elements in directions that the pose did not speak of.
@@ -200,7 +211,7 @@ fn slid(pose: &ControlPose, placed: &Wrench, free: &[bool; 6]) -> Option<String>
     (!is_held.is_empty()).then(|| {
         let list: Vec<String> = is_held.iter().map(|name| format!("\"{name}\"")).collect();
         format!(
-            "{} of its force act across its way, where it cannot slide: {} along it alone; free = [{}] lets it slide",
+            "it is held from sliding aside by {}, beside {} along its way; free = [{}] lets it slide",
             quantity(across.norm(), "N"),
             quantity(along, "N"),
             list.join(", ")

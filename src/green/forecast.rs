@@ -113,7 +113,8 @@ impl Forecast {
         let [size, peak] = [1.0, WHILE_MADE].map(|times| bytes(times * size as f64));
         format!(
             "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file, {peak} of memory while it is \
-             made, little when it is used; by an estimate {soon} to {late} more"
+             made, little when it is used; it takes an estimated {} longer",
+            if soon == late { soon } else { format!("{soon} to {late}") }
         )
     }
 

@@ -111,7 +111,10 @@ fn regions(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Vec<Result
         match meant[..] {
             [region] if taken.insert(region) => Ok(region),
             [region] => {
-                wrong(format!("region {region} is given a material twice, by its number and by its name"))
+                let region = listed(&mut [region].into_iter());
+                wrong(format!(
+                    "region {region} is given a material twice, by its number and by its name: use one of them"
+                ))
             }
             [] => {
                 let known = listed(&mut regions.iter().copied());

@@ -144,7 +144,7 @@ fn check(body: &Body) -> Result<(), (String, String)> {
         let columns = LoadSource::Pattern(load).columns();
         let is_fit = |value: &LoadValue| value.numbers().len() == columns && finite(value.numbers());
         if load.value.as_ref().is_some_and(|value| !is_fit(value)) {
-            let what = if columns == 3 { "three finite numbers [x, y, z]" } else { "one finite number" };
+            let what = if columns == 3 { "three finite numbers, [x, y, z]" } else { "one finite number" };
             return wrong(&key, format!("the value of a {} is {what}", load.kind.name()));
         }
     }

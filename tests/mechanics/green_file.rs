@@ -1,11 +1,12 @@
 //! The .green file: what is written is what is read, and no damage passes.
 
 use crate::common::{HAPTICS, block_scene, folder, scene, some_pose};
-use greenstage::deform::Deformer;
+use greenstage::deform::{ControlPose, Deformer};
 use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements};
-use greenstage::mesh;
+use greenstage::mesh::{self, generate};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -295,6 +296,45 @@ fn a_file_that_shrinks_while_it_is_open_changes_nothing() {
     assert!(deformer.positions().as_flattened().iter().all(|x| x.is_finite()));
     let error = GreenFile::open(&path).unwrap_err();
     assert!(matches!(error, GreenError::Damaged { .. }), "{error}");
+}
+
+/// Flat control elements whose planes lie along no axis: no column vanishes, though three of each depend on the others. The file is read
+/// again, and its body does in each pose what the same body does that lies along the axes.
+#[test]
+fn flat_control_elements_may_lie_oblique() {
+    let turn = Rotation3::new(Vector3::new(0.4, -0.7, 0.5));
+    let shown = |name: &str, turn: &Rotation3<f64>| {
+        let folder = folder(name);
+        let mut block =
+            generate::block(&generate::Block { size: [1.0, 0.3, 0.2], cells: [4, 2, 2] }).unwrap();
+        block.nodes.iter_mut().for_each(|x| *x = turn * *x);
+        mesh::save(&folder.join("block.msh"), &block, None).unwrap();
+        let text = "[body.block]\nmesh = \"block.msh\"\nmaterial = { young = 1.0e3, poisson = 0.3 }\n\
+                    control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let path = folder.join("block.green");
+        let scene = Scene::parse(text, &folder.join("block.toml")).unwrap();
+        green::write(&path, &[green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap()]).unwrap();
+        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let vanishing: Vec<usize> =
+            file.meta.bodies["block"].controls.iter().map(|control| control.vanishing.len()).collect();
+        let mut body = Deformer::new(file, "block", "linear").unwrap();
+        let bend = Matrix3::identity() + Vector3::new(0.02, 0.05, -0.1).cross_matrix();
+        let pose = ControlPose {
+            translation: turn * Vector3::new(0.01, -0.02, 0.03),
+            matrix: turn * bend * turn.inverse().matrix(),
+        };
+        body.evaluate(&[ControlPose::REST, pose]);
+        let moved: Vec<Vector3<f64>> =
+            (0..body.node_count()).map(|i| turn.inverse() * body.displacement(i)).collect();
+        let force = turn.inverse() * body.wrenches().unwrap().0[1].force;
+        (vanishing, moved, force)
+    };
+    let (zero, straight, force) = shown("green-straight", &Rotation3::identity());
+    let (none, oblique, turned) = shown("green-oblique", &turn);
+    assert_eq!((zero, none), (vec![3, 3], vec![0, 0]));
+    assert!(straight.iter().zip(&oblique).all(|(a, b)| (a - b).norm() < 1e-7), "0.1 m at most");
+    assert!((force - turned).norm() < 1e-9 * force.norm(), "{force} {turned}");
 }
 
 /// One flat control element and one of a single node: their fields that prescribe nothing are kept as zero columns

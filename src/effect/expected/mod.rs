@@ -149,7 +149,7 @@ fn of(body: &Body) -> ExpectedErrors {
 /// Why nothing of a body can be measured, whatever it lists.
 pub fn unmeasurable(body: &Body) -> Option<&'static str> {
     if body.control.len() < 2 {
-        return Some("it has one control element, with which it moves as a whole");
+        return Some("it has one control element, and errors are measured by moving one against another");
     }
     let can_be_grabbed = body.control.values().any(|control| control.grab == Grab::Dragger);
     (!can_be_grabbed).then_some("no control element can be grabbed")
