@@ -17,7 +17,7 @@ pub enum Storage {
     /// Single precision.
     #[default]
     F32,
-    /// Half precision, scaled per column: half the bytes, an error of 2e-4 of each column's largest displacement.
+    /// Half precision, scaled per column: half the bytes, an error of 2.5e-4 of each column's largest displacement.
     F16,
     /// 16-bit integers, scaled per column: half the bytes, an error of 2e-5.
     Int16,

@@ -201,6 +201,16 @@ fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisF
     let green = prepare::green_file(&online, args.green.as_deref())?;
     let asked = posed.chosen(scene)?;
     let bodies = basis::read(scene, &green, &names, Choice { columns: &args.columns, asked: &asked })?;
+    if let Some(body) = bodies.iter().find(|body| body.columns.is_empty()) {
+        let names: Vec<&str> = body.vanishing.iter().map(|column| column.name.as_str()).collect();
+        return Err(Failure::wrong(format!(
+            "--columns: {} of body {} {} zero, and nothing is left to write: a flat control element does not move by them; name \
+             others, or leave --columns out",
+            names.join(", "),
+            body.body,
+            if names.len() == 1 { "is" } else { "are" }
+        )));
+    }
     let size = (file.size)(&bodies, args.profile);
     let path = args.output.display();
     let smaller =
@@ -225,6 +235,11 @@ fn told(bodies: &[BodyBasis], file: &BasisFile, args: &Args) -> String {
         let (name, model) = (&body.body, body.model.name);
         let nodes = count(body.rest.len(), "node");
         text += &format!("body {name}: {nodes}, {}", count(body.columns.len(), "column"));
+        if args.profile == Profile::Viewer {
+            let most = VIEWER_MOTIONS.min(body.columns.len());
+            text += &format!(", of which the file has {most} motions, forwards and backwards\n");
+            continue;
+        }
         if let Some(pose) = &body.pose {
             text += &format!(", in the pose \"{pose}\"");
         }

@@ -91,7 +91,7 @@ impl BodyBasis {
         let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
         let rest = file.rest(name).to_vec();
         let size = extent(rest.iter().copied()).unwrap_or(1.0);
-        check_chosen(choice.columns, &names).map_err(wrong)?;
+        check_chosen(choice.columns, &names).map_err(|why| Failure::wrong(format!("--columns: {why}")))?;
         let (mut columns, mut vanishing, mut missing) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (name, (group, of_group))) in names.into_iter().zip(places).enumerate() {
             let value = |node: usize, axis: usize| group.value(nodes, of_group, 3 * node + axis);
