@@ -13,9 +13,10 @@ const NAMED: [f64; 2] = [30.0, 90.0];
 type Of = fn(&MovedErrors) -> &[ErrorsAt];
 
 /// What is done to a control element, as the table says it, and what of its errors that is.
-const MOTIONS: [(&str, Of); 3] = [
+const MOTIONS: [(&str, Of); 4] = [
     ("bent, twisted", |moved| &moved.bent),
     ("turned in place, shifted", |moved| &moved.shifted),
+    ("pulled away", |moved| &moved.pulled),
     ("pushed, free to turn,", |moved| moved.hung.as_ref().map_or(&[], |hung| &hung.at)),
 ];
 
@@ -28,7 +29,12 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
                 for at in of(moved) {
                     let [force, torque] =
                         [at.force, at.torque].map(|part| part.map_or("none".into(), percent));
-                    let (by, of) = (format!("{motion} to {}°", at.angle), format!("model {}", errors.model));
+                    let far = if at.angle > 0.0 {
+                        format!("to {}°", at.angle)
+                    } else {
+                        format!("by {}", percent(at.off))
+                    };
+                    let (by, of) = (format!("{motion} {far}"), format!("model {}", errors.model));
                     table.row(&[name, &moved.control, &by, &of, &force, &torque, &percent(at.shape)]);
                 }
             }

@@ -35,6 +35,9 @@ pub struct MovedErrors {
     pub bent: Vec<ErrorsAt>,
     /// … and turned in place or shifted, so that it is stretched.
     pub shifted: Vec<ErrorsAt>,
+    /// Pulled away from the others, neither turned nor shifted aside.
+    #[serde(default)]
+    pub pulled: Vec<ErrorsAt>,
     /// Pushed along one axis of the body, free in all else.
     #[serde(default)]
     pub hung: Option<Hung>,
@@ -82,7 +85,7 @@ pub struct ErrorsAt {
 impl ErrorsAt {
     pub fn new(angle: f64, reach: Reach, deviation: &Deviation) -> ErrorsAt {
         let Deviation { force, torque, shape, .. } = *deviation;
-        let Reach { turn, stretch, off } = reach;
+        let Reach { turn, stretch, off, .. } = reach;
         ErrorsAt { angle, turn, stretch, off, force, torque, shape }
     }
 
@@ -188,14 +191,18 @@ fn between(measured: &[ErrorsAt], reach: Reach, begin_at_zero: bool) -> Option<E
 const ARC: f64 = 0.01;
 
 impl MovedErrors {
-    /// On an arc those of bends; off it at least those of the first shifts, and on the way to those of the shifts that go as far.
+    /// Of a pull its own; else, on an arc those of bends, off it at least those of the first shifts, and on the way to those of the shifts that go as far.
     fn at(&self, reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
-        let Reach { turn, stretch, off } = reach;
+        let Reach { turn, stretch, off, is_pulled } = reach;
+        let pull = Reach { turn: 0.0, ..reach };
+        if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin_at_zero) {
+            return Some(pulled);
+        }
         let first = *self.shifted.first().or(self.bent.first())?;
         let near = begin_at_zero && turn <= first.turn && stretch <= first.stretch && off <= first.off;
         let on_arc = self.bent.last()?.off + ARC;
         if off <= on_arc && !near {
-            return between(&self.bent, Reach { turn, stretch, off: 0.0 }, begin_at_zero);
+            return between(&self.bent, Reach { turn, stretch, ..Reach::default() }, begin_at_zero);
         }
         let bent = between(&self.bent, Reach { turn, ..Reach::default() }, begin_at_zero)?;
         let shifted = between(&self.shifted, reach, begin_at_zero)?;
@@ -244,9 +251,9 @@ impl ExpectedErrors {
     /// Errors at the first number that no measurement gives.
     pub fn check(&self) -> Result<(), String> {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
-        for MovedErrors { control, bent, shifted, hung, mesh } in &self.moved {
+        for MovedErrors { control, bent, shifted, pulled, hung, mesh } in &self.moved {
             let pushed = hung.as_ref().map_or(&[][..], |hung| &hung.at);
-            for at in bent.iter().chain(shifted).chain(pushed) {
+            for at in bent.iter().chain(shifted).chain(pulled).chain(pushed) {
                 let numbers = [
                     at.off,
                     at.angle,
@@ -263,7 +270,7 @@ impl ExpectedErrors {
             let falls = |two: &[ErrorsAt]| {
                 two[1].turn < two[0].turn || two[1].stretch < two[0].stretch || two[1].off < two[0].off
             };
-            if [bent, shifted, pushed].into_iter().any(|all| all.windows(2).any(falls)) {
+            if [bent, shifted, pulled, pushed].into_iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
             if let Some(wrong) = mesh
@@ -296,7 +303,8 @@ mod tests {
         let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] });
-        let moved = vec![MovedErrors { control: "right".into(), bent, shifted, hung: None, mesh }];
+        let moved =
+            vec![MovedErrors { control: "right".into(), bent, shifted, pulled: vec![], hung: None, mesh }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
 
@@ -310,7 +318,8 @@ mod tests {
     fn errors_stand_between_the_measured_ones_and_nothing_stands_beyond() {
         let measured = measured();
         let force = |degrees: f64, stretch: f64, off: f64| {
-            let found = measured.at(Reach { turn: f64::to_radians(degrees), stretch, off })?;
+            let found =
+                measured.at(Reach { turn: f64::to_radians(degrees), stretch, off, is_pulled: false })?;
             Some((1e4 * found.wrench()?).round() / 1e4)
         };
         for (degrees, stretch, off, expected, what) in [
@@ -355,7 +364,7 @@ mod tests {
         }
         let measured = ExpectedErrors { begin_at_zero: true, ..measured() };
         let force = |degrees: f64, stretch: f64, off: f64| {
-            measured.at(Reach { turn: f64::to_radians(degrees), stretch, off })?.wrench()
+            measured.at(Reach { turn: f64::to_radians(degrees), stretch, off, is_pulled: false })?.wrench()
         };
         assert_eq!(force(0.0, 0.0, 0.0), Some(0.0));
         let [near, far] = [force(0.1, 0.0, 0.0), force(5.0, 0.0, 0.0)].map(Option::unwrap);

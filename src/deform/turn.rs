@@ -40,6 +40,33 @@ pub struct Reach {
     /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
     /// part of it: with V(φ) d of the helicoidal motion with the turn φ between them.
     pub off: f64,
+    /// Whether one control element is pulled away from the others, which rest, and neither turned nor shifted aside.
+    pub is_pulled: bool,
+}
+
+/// What turns an element that is pulled away from the others, in rad, and shifts it aside is at most this part of the pull.
+const ASIDE: f64 = 0.02;
+/// Others may move so much against each other and count as resting, of their distance and in rad.
+const RESTS: f64 = 1e-6;
+
+fn is_pulled(deformer: &Deformer) -> bool {
+    let Deformer { controls, poses, .. } = deformer;
+    // Whether b rests against a, and whether it is pulled away from it.
+    let pull = |a: usize, b: usize| {
+        let way = controls[b].origin - controls[a].origin;
+        let to_a = nearest_turn(&poses[a].matrix).inverse();
+        let turn = (to_a * nearest_turn(&poses[b].matrix)).angle();
+        let shift = (to_a * (way + poses[b].translation - poses[a].translation) - way) / way.norm();
+        let along = shift.dot(&way.normalize());
+        let aside = (shift.norm_squared() - along * along).max(0.0).sqrt();
+        (turn.max(shift.norm()) < RESTS, along > 0.0 && turn.max(aside) <= ASIDE * along)
+    };
+    let is_alone = |e: usize| {
+        let others = || (0..controls.len()).filter(move |&a| a != e);
+        let rest = others().all(|b| others().all(|a| a == b || pull(a, b).0));
+        rest && others().all(|a| pull(a, e).1)
+    };
+    controls.len() > 1 && (0..controls.len()).any(is_alone)
 }
 
 fn off_the_arc(deformer: &Deformer) -> f64 {
@@ -63,7 +90,12 @@ pub fn reach(deformer: &Deformer) -> Reach {
     let base = deformer.poses.first().map_or(UnitQuaternion::identity(), |pose| nearest_turn(&pose.matrix));
     let triangles = deformer.triangles();
     let step = triangles.len().div_ceil(PIECES).max(1);
-    let mut reach = Reach { turn: deformer.largest_turn(), stretch: 0.0, off: off_the_arc(deformer) };
+    let mut reach = Reach {
+        turn: deformer.largest_turn(),
+        stretch: 0.0,
+        off: off_the_arc(deformer),
+        is_pulled: is_pulled(deformer),
+    };
     for triangle in triangles.iter().step_by(step) {
         let rest = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
         let moved = [0, 1, 2].map(|k| rest[k] + deformer.displacement(triangle[k] as usize));

@@ -412,6 +412,7 @@ mod tests {
             shape: 0.0,
         };
         let moved = MovedErrors {
+            pulled: vec![],
             hung: None,
             control: "right".into(),
             bent: vec![at(1.0, 0.02)],

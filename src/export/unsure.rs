@@ -107,6 +107,7 @@ mod tests {
             control,
             bent: nothing(),
             shifted: nothing(),
+            pulled: vec![],
             hung: None,
             mesh: None,
         });

@@ -297,6 +297,7 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         shape: 0.1 * force,
     };
     let moved = MovedErrors {
+        pulled: vec![],
         hung: None,
         control: "right".into(),
         bent: vec![at(10.0, 0.02), at(30.0, 0.12)],

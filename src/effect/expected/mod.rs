@@ -190,6 +190,7 @@ pub fn measure(
         control: body.solution.controls[*e].name.clone(),
         bent: model.bent,
         shifted: model.shifted,
+        pulled: model.pulled,
         hung: model.hung.map(|hung| Hung { mesh: better.map(|of_axes| of_axes[hung.along]), ..hung }),
         mesh,
     };
@@ -267,9 +268,9 @@ fn model_errors(
             ModelErrors::default()
         });
         let digits = |all: Vec<ErrorsAt>| all.iter().map(three_digits).collect();
-        let ModelErrors { bent, shifted, hung } = found;
+        let ModelErrors { bent, shifted, pulled, hung } = found;
         let hung = hung.map(|hung| Hung { at: digits(hung.at), ..hung });
-        all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), hung });
+        all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), pulled: digits(pulled), hung });
     }
     progress.end();
     all

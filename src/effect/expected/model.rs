@@ -35,6 +35,9 @@ const LEVELS: [Level; 4] = [
     Level { angle: 90.0, shifts: &[] },
 ];
 
+/// Parts of the length by which it is pulled away; the farther ones are shifts of the levels too.
+const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
+
 impl Level {
     fn bends(&self) -> Vec<Motion> {
         vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
@@ -47,7 +50,7 @@ impl Level {
 
 /// Motions of one control element.
 pub fn motions() -> usize {
-    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
+    1 + LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum::<usize>()
 }
 
 /// What was measured of a control element.
@@ -55,6 +58,7 @@ pub fn motions() -> usize {
 pub struct ModelErrors {
     pub bent: Vec<ErrorsAt>,
     pub shifted: Vec<ErrorsAt>,
+    pub pulled: Vec<ErrorsAt>,
     pub hung: Option<Hung>,
 }
 
@@ -93,7 +97,7 @@ impl Measured {
         Ok(Measured { statics, deformer, nodes, is_linear })
     }
 
-    /// Measures `bent`, `shifted` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
+    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
     /// solved as `solution`, `hung` where that is asked for; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
@@ -114,13 +118,14 @@ impl Measured {
         let [bends, twists, both] =
             [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
         let shifts: Vec<Vec<Motion>> = LEVELS.iter().map(Level::shifts).collect();
-        for kind in [bends, twists, both, shifts] {
+        for kind in [bends, twists, both, shifts, vec![vec![Motion::Shift([PULLS[0], 0.0])]]] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
+        let pulled = pulled(&found);
         let model = (&mut self.deformer, self.is_linear);
         let hung = is_pushed.then(|| hung(&mut self.statics, model, &self.nodes, &moved, left_out));
-        Ok(ModelErrors { bent, shifted, hung })
+        Ok(ModelErrors { bent, shifted, pulled, hung })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -165,6 +170,18 @@ fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) ->
     levels
 }
 
+/// Of each pull that was found, as far as all smaller ones were: the largest errors and reach up to it.
+fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
+    let at = |along: &f64| {
+        found.iter().find(|(motion, _)| *motion == Motion::Shift([*along, 0.0])).map(|(_, at)| *at)
+    };
+    let mut all: Vec<ErrorsAt> = Vec::new();
+    for here in PULLS.iter().map_while(at) {
+        all.push(all.last().map_or(here, |last| last.and(&here)));
+    }
+    all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,8 +217,9 @@ mod tests {
         assert_eq!(told(&found).len(), 2, "shifts say nothing of bends");
         let shifted = by_level(&found, Level::shifts);
         assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
+        assert_eq!(pulled(&found), [], "no pull is among them");
         found.pop();
         assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 19);
+        assert_eq!(motions(), 20);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{ControlPose, Deformer, Wrench};
+use crate::deform::{ControlPose, Deformer, Wrench, reach};
 use crate::green::LOADS;
 use crate::green::{self, Requirements};
 use crate::solve::Silent;
@@ -171,7 +171,14 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
     let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
     let most = mesh.as_ref().unwrap().wrench;
-    let moved = MovedErrors { control: "high".into(), bent: vec![], shifted: vec![], hung: None, mesh };
+    let moved = MovedErrors {
+        control: "high".into(),
+        bent: vec![],
+        shifted: vec![],
+        pulled: vec![],
+        hung: None,
+        mesh,
+    };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
     let folder = tempfile::tempdir().unwrap();
     let deformer = |body: &Precomputed, name: &str| {
@@ -245,7 +252,14 @@ fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
     let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
     let most = mesh.as_ref().unwrap().wrench;
-    let moved = MovedErrors { control: "high".into(), bent: vec![], shifted: vec![], hung: None, mesh };
+    let moved = MovedErrors {
+        control: "high".into(),
+        bent: vec![],
+        shifted: vec![],
+        pulled: vec![],
+        hung: None,
+        mesh,
+    };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
     let folder = tempfile::tempdir().unwrap();
     let shown = |body: &Precomputed| {
@@ -264,4 +278,35 @@ fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
     // A half of 4 m³ of 100 kg/m³ on each end.
     assert!((right.force.y / (2.0 * 100.0 * 9.80665) - 1.0).abs() < 0.01, "{right:?}");
     assert!((told - known).abs() < 0.01 * known + 1e-4 && told < 0.5 * most, "{told} {known} {most}");
+}
+
+/// A beam with ν = 0: linear theory has E A e of a pull by e, and St. Venant and Kirchhoff's law E A (λ³ - λ)/2 with λ = 1 + e.
+#[test]
+fn a_pull_has_the_errors_of_pulls() {
+    let scene = beam(2, "material = { young = 1.0e3, poisson = 0.0 }", "fixed", "dragger");
+    let mut body = solved(&scene);
+    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let right = |e: f64| 0.5 * ((1.0 + e).powi(3) - (1.0 + e));
+    let told: Vec<f64> = errors.moved[0].pulled.iter().map(|at| at.force.unwrap()).collect();
+    for (told, e) in told.iter().zip([0.01, 0.05, 0.1]) {
+        assert!((told / (1.0 - e / right(e)) - 1.0).abs() < 0.02, "{e}: {told}");
+    }
+    assert_eq!(told.len(), 3);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("beam.green");
+    green::write(&path, std::slice::from_ref(&body)).unwrap();
+    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "linear").unwrap();
+    let mut at = |x: f64, y: f64, turn: f64| {
+        let matrix = *Rotation3::new(Vector3::z() * turn).matrix();
+        let pose = ControlPose { translation: Vector3::new(x, y, 0.0), matrix };
+        deformer.evaluate(&[ControlPose::REST, pose]);
+        let reach = reach(&deformer);
+        (reach.is_pulled, errors.at(reach).and_then(|at| at.force))
+    };
+    let (is_pull, force) = at(0.02, 0.0, 0.0);
+    assert!(is_pull && force.unwrap() <= told[0] && force.unwrap() > 0.0, "half of the first: {force:?}");
+    assert_eq!(at(0.2, 0.0, 0.0).1.map(|force| force > 0.9 * told[1]), Some(true));
+    for (x, y, turn) in [(-0.02, 0.0, 0.0), (0.02, 0.01, 0.0), (0.02, 0.0, 0.01), (0.0, 0.0, 0.0)] {
+        assert!(!at(x, y, turn).0, "{x} {y} {turn}");
+    }
 }
