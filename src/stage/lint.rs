@@ -54,6 +54,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
+    turned::lint(stage, &mut found);
     tracking::lint(stage, &mut found);
     found
 }
@@ -93,7 +94,8 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
         push(found, severity, &entity, message);
     }
     push(found, Severity::Note, &entity, screen.measures());
-    let tilt = screen.tilt_degrees();
+    // The tilt of a picture that is turned in its plane is told with its corners.
+    let tilt = if turned::turned(stage, screen).is_some() { 0.0 } else { screen.tilt_degrees() };
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
         let message = format!(
@@ -391,6 +393,7 @@ fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]
 }
 
 mod tracking;
+mod turned;
 
 #[cfg(test)]
 mod tests;
