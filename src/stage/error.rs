@@ -74,46 +74,50 @@ pub enum StageFault {
         corners: Box<[Point3<f64>; 3]>,
     },
     #[error(
-        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: move the \
-         viewer before it: position = {}",
-        place(viewer),
-        place(before)
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: {remedy}",
+        place(viewer)
     )]
     ViewerBehind {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
         /// What the screen's front is known by.
-        front: &'static str,
-        before: Box<Point3<f64>>,
+        front: Box<str>,
+        remedy: Box<str>,
     },
     #[error(
-        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen is \
-         mirrored: swap {swap}: lower_left = {}, lower_right = {}, upper_left = {}. Where the corners are right, move the \
-         viewer before the screen: position = {}",
-        place(viewer), place(&places[0]), place(&places[1]), place(&places[2]), place(&places[3])
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen {what}: \
+         {remedy}. Where the screen is right, move the viewer before it: position = {}",
+        place(viewer),
+        place(before)
     )]
     EitherSide {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
-        swap: &'static str,
-        /// Lower left, lower right and upper left as they should be, or else the viewer.
-        places: Box<[Point3<f64>; 4]>,
+        what: &'static str,
+        remedy: Box<str>,
+        before: Box<Point3<f64>>,
     },
     #[error(
-        "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \
-         lower_left = {}, lower_right = {}, upper_left = {}",
-        place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2])
+        "screen `{screen}` {what}: the viewer, at {}, stands {distance_m:.3} m behind it. To turn it round, {remedy}",
+        place(viewer)
     )]
     Mirrored {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
-        swap: &'static str,
-        /// Lower left, lower right and upper left as they should be.
-        corners: Box<[Point3<f64>; 3]>,
+        /// Mirrored, or turned away.
+        what: &'static str,
+        remedy: Box<str>,
     },
+    #[error(
+        "{screens} face away from the viewer, the workspace and each other: the file is left-handed, with z away from the \
+         viewer, as Unity has it. Change the sign of z in all its points: corners, centres, targets, and the viewer's \
+         position = {}",
+        place(viewer)
+    )]
+    LeftHanded { screens: Box<str>, viewer: Box<Point3<f64>> },
     #[error(
         "the viewer starts in the plane of screen `{screen}` ({:.1} mm away): move the viewer before the screen",
         distance_m * 1000.0
@@ -185,8 +189,11 @@ fn in_metres(position: &[f64; 3]) -> String {
     [("centimetres", 0.01), ("millimetres", 0.001)].iter().find_map(read).unwrap_or_default()
 }
 
-fn place(point: &Point3<f64>) -> String {
-    format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
+/// A point as a stage file has it.
+pub fn place(point: &Point3<f64>) -> String {
+    // Adding 0.0 prints -0.0 as 0.0.
+    let [x, y, z] = [point.x, point.y, point.z].map(|x| (x * 1e4).round() / 1e4 + 0.0);
+    format!("[{x:.4}, {y:.4}, {z:.4}]")
 }
 
 /// What is wrong with a tracker, a sensor, a stylus or the viewer's head.

@@ -278,14 +278,14 @@ fn pictures_that_are_turned_in_their_plane_are_told_with_the_corners_to_write() 
             "workbench",
             "table",
             [2, 3, 1],
-            "turned by 180°: screen `wall`, which the viewer faces, is at its lower edge",
+            "turned by 180°: screen `wall`, the wall at the front, is at its lower edge",
             "lower_left = [-0.8000, 0.9000, 1.2800], lower_right = [0.8000, 0.9000, 1.2800]",
         ),
         (
             "cave6",
             "floor",
             [1, 2, 0],
-            "turned by 90°: screen `front`, which the viewer faces, is at its right edge",
+            "turned by 90°: screen `front`, the wall at the front, is at its right edge",
             "lower_left = [-1.5000, 0.0000, 1.5000], lower_right = [1.5000, 0.0000, 1.5000]",
         ),
         (
@@ -319,14 +319,19 @@ fn displays_that_are_mounted_on_their_side_and_corners_of_rooms_are_no_mistakes(
     let found = found_on(&[], portrait);
     assert!(worse_than_notes(&found).is_empty(), "{found:#?}");
     has(&found, &["note: screen.panel", "lies on its side", "mounted so"]);
-    // Looking into a corner, either wall is the front.
-    let mut text = with("cave3", "").replace("target = [-0.10, 1.10, -0.50]", "direction = [-1, 0, -1]");
-    assert!(worse_than_notes(&found_on(&[], &text)).is_empty());
-    text = text.replace("direction = [-1, 0, -1]", "direction = [-1, 0, 0]");
-    has(
-        &found_on(&[], &text),
-        &["warning: screen.floor", "screen `left`, which the viewer faces, is at its left"],
-    );
+    // Where walls stand all around, those that the viewer looks at are the front: both of a corner.
+    let with_walls = |direction: &str| {
+        let text =
+            with("cave6", "").replace("target = [0.0, 1.30, -0.60]", &format!("direction = {direction}"));
+        found_on(&[], &text.replace("\"front\"", "\"wall\""))
+    };
+    assert!(worse_than_notes(&with_walls("[-1, 0, -1]")).is_empty());
+    let aside = with_walls("[-1, 0, 0]");
+    has(&aside, &["warning: screen.floor", "screen `left`, the wall at the front, is at its left edge"]);
+    // Of three walls the middle one is the front, wherever the viewer looks.
+    let text = with("cyberstage", "").replace("\"front\"", "\"wall\"");
+    let aside = found_on(&[], &text.replace("target = [0.0, 1.20, -0.60]", "direction = [-1, 0, 0]"));
+    assert!(!aside.iter().any(|line| line.contains("its picture")), "{aside:#?}");
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //! floors whose upper edge is not at the front, and ceilings that face away from the other screens.
 //!
 //! In: a [`Stage`]. Out: a warning for each, with the corners in the right order. A wall's picture is upright in the room; the
-//! upper edge of a table's is at the wall that the viewer faces, or without walls beyond the table; a ceiling's is opposite.
+//! upper edge of a table's is at the front wall, or without walls beyond the table; a ceiling's is opposite.
 
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::stage::description::Stage;
+use crate::stage::error::place;
 use crate::stage::screen::Screen;
 use nalgebra::{Point3, Vector3};
 
@@ -30,7 +31,7 @@ const EDGES: [&str; 4] = ["upper", "right", "lower", "left"];
 struct Wanted {
     /// In the room, not along the screen's normal.
     way: Vector3<f64>,
-    /// `screen `wall`, which the viewer faces,`, or nothing where the viewer's place tells.
+    /// `screen `wall`, the wall at the front,`, or nothing where the viewer's place tells.
     wall: Option<String>,
 }
 
@@ -136,29 +137,44 @@ fn is_square(screen: &Screen) -> bool {
 fn at_front(stage: &Stage, screen: &Screen) -> Option<Wanted> {
     // A ceiling's lower edge is at the front.
     let sign = screen.axes()[2].y.signum();
-    let is_wall = |other: &&Screen| !is_level(other);
-    let Some(looks) = level((stage.viewer.room_from_head * -Vector3::z()).xz()) else { return None };
-    let walls: Vec<(f64, &Screen, Vector3<f64>)> = stage
+    let walls: Vec<Wall<'_>> = stage
         .screens
         .iter()
-        .filter(is_wall)
-        .filter_map(|wall| {
-            let behind = level(-wall.axes()[2].xz())?;
-            Some((looks.dot(&behind), wall, behind))
-        })
+        .filter(|other| !is_level(other))
+        .filter_map(|screen| Some(Wall { screen, way: level(-screen.axes()[2].xz())? }))
         .collect();
     if walls.is_empty() {
         let way = from_viewer(screen, &Point3::from(stage.viewer.room_from_head.translation.vector))?;
         return Some(Wanted { way: way * sign, wall: None });
     }
-    let best = walls.iter().map(|(faced, ..)| *faced).fold(f64::NEG_INFINITY, f64::max);
-    let fronts = walls.into_iter().filter(|(faced, ..)| *faced >= (best - AS_FACED).max(FACED));
-    let nearest = fronts.min_by(|a, b| {
-        let turn = |(_, _, way): &(f64, &Screen, Vector3<f64>)| turn_degrees(screen, &(way * sign)).abs();
+    let nearest = fronts(stage, &walls).into_iter().min_by(|a, b| {
+        let turn = |wall: &Wall<'_>| turn_degrees(screen, &(wall.way * sign)).abs();
         turn(a).total_cmp(&turn(b))
-    });
-    let (_, wall, way) = nearest?;
-    Some(Wanted { way: way * sign, wall: Some(format!("screen `{}`, which the viewer faces,", wall.name)) })
+    })?;
+    let wall = Some(format!("screen `{}`, the wall at the front,", nearest.screen.name));
+    Some(Wanted { way: nearest.way * sign, wall })
+}
+
+/// A wall, and the horizontal way over its upper edge out of the room.
+#[derive(Clone, Copy)]
+struct Wall<'a> {
+    screen: &'a Screen,
+    way: Vector3<f64>,
+}
+
+/// The walls that may be the front: those of that name; else those that no other faces, as the middle one of three; else, where
+/// walls stand all around, those that the viewer looks at.
+fn fronts<'a>(stage: &Stage, walls: &[Wall<'a>]) -> Vec<Wall<'a>> {
+    let those = |is_front: &dyn Fn(&Wall<'_>) -> bool| {
+        let found: Vec<Wall<'a>> = walls.iter().filter(|wall| is_front(wall)).copied().collect();
+        Some(found).filter(|found| !found.is_empty())
+    };
+    let is_named = |wall: &Wall<'_>| wall.screen.name.to_lowercase().contains("front");
+    let is_alone = |wall: &Wall<'_>| walls.iter().all(|other| other.way.dot(&wall.way) > -LEVEL);
+    let looks = level((stage.viewer.room_from_head * -Vector3::z()).xz()).unwrap_or_default();
+    let best = walls.iter().map(|wall| looks.dot(&wall.way)).fold(f64::NEG_INFINITY, f64::max);
+    let is_faced = |wall: &Wall<'_>| looks.dot(&wall.way) >= (best - AS_FACED).max(FACED);
+    those(&is_named).or_else(|| those(&is_alone)).or_else(|| those(&is_faced)).unwrap_or_default()
 }
 
 /// A horizontal unit vector, if the way is not steep.
@@ -194,10 +210,6 @@ fn rotated(screen: &Screen, quarters: usize) -> Screen {
 fn corners_told(screen: &Screen) -> String {
     // Adding 0.0 prints -0.0 as 0.0.
     let tenth = |degrees: f64| (degrees * 10.0).round() / 10.0 + 0.0;
-    let place = |p: &Point3<f64>| {
-        let [x, y, z] = [p.x, p.y, p.z].map(|x| (x * 1e4).round() / 1e4 + 0.0);
-        format!("[{x:.4}, {y:.4}, {z:.4}]")
-    };
     let is_across = screen.axes()[0].y.abs() < 1e-3;
     let tape = match is_across {
         true => format!(
