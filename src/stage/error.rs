@@ -33,7 +33,7 @@ pub enum StageFault {
         "a second screen is named `{screen}` (the first stands in line {first_line}): rename one of them"
     )]
     Duplicate { screen: String, first_line: usize },
-    #[error("{what} is {value}: it must be a number of metres between {min} and {max}")]
+    #[error("{what} is {value}: it must be a number of metres between {min} and {max}{}", small_unit(*value))]
     Length { what: String, value: f64, min: f64, max: f64 },
     #[error("the viewer has both `target` and `direction`: keep one")]
     TwoDirections,
@@ -42,7 +42,8 @@ pub enum StageFault {
     )]
     NoDirection,
     #[error(
-        "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}",
+        "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}{}",
+        ipd_unit(*ipd_m),
         if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only where stage and windows are \"mono\"" } else { "" }
     )]
     Ipd { ipd_m: f64 },
@@ -162,6 +163,32 @@ pub struct Located {
 
 fn did_you_mean(nearest: &Option<&'static str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}
+
+/// A number of metres as it would be if it was in millimetres or centimetres.
+fn small_unit(value: f64) -> String {
+    // Six digits are a micrometre, and print no rounding.
+    let metres = |unit: f64| (value * unit * 1e6).round() / 1e6;
+    match value.abs() {
+        size if !(100.0..1e5).contains(&size) => String::new(),
+        size if size < 1000.0 => format!(
+            "; was it in centimetres? Then write {} (in millimetres: {})",
+            metres(0.01),
+            metres(0.001)
+        ),
+        _ => format!("; was it in millimetres? Then write {}", metres(0.001)),
+    }
+}
+
+fn ipd_unit(ipd: f64) -> String {
+    let read = |(unit, scale): &(&str, f64)| {
+        let metres = (ipd * scale * 1e4).round() / 1e4;
+        IPD_M.contains(&metres).then(|| format!("; was it in {unit}? Then write {metres}"))
+    };
+    [("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)]
+        .iter()
+        .find_map(read)
+        .unwrap_or_default()
 }
 
 fn side_advice(sides_m: [f64; 2]) -> String {

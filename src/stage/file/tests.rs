@@ -97,6 +97,10 @@ fn kinds_of_stereo_by_other_words_are_answered() {
 #[test]
 fn numbers_outside_the_human_and_the_physical_range_are_refused() {
     assert!(refusal("ipd = 0.064", "ipd = 0.64").contains("0.045 to 0.080"));
+    assert!(refusal("ipd = 0.064", "ipd = 64").contains("in millimetres? Then write 0.064"));
+    assert!(refusal("ipd = 0.064", "ipd = 2.5").contains("in inches? Then write 0.0635"));
+    assert!(refusal("[0.0, 1.70, 1.50]", "[0.0, 1700, 1500]").contains("in millimetres? Then write 1.7"));
+    assert!(refusal("radius = 0.35", "radius = 350").contains("write 3.5 (in millimetres: 0.35)"));
     assert!(refusal("ipd = 0.064", "ipd = -0.064").contains("ipd is -0.064 m"));
     assert!(refusal("ipd = 0.064", "ipd = nan").contains("0.045 to 0.080"));
     assert!(refusal("ipd = 0.064", "ipd = 0").contains("only where stage and windows are \"mono\""));

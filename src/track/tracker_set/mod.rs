@@ -217,9 +217,10 @@ impl TrackerSet {
             let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
             let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
             let frame = named.first().map(|followed| followed.follower.frame);
-            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
-                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
-                ..report::sensor(*id, Some(reading), now_s)
+            sensors.extend(unnamed.map(|(id, reading)| {
+                let report = report::sensor(*id, Some(reading), now_s);
+                let in_room = frame.zip(report.raw).map(|(frame, raw)| frame.room_from_sensor(&raw));
+                SensorReport { in_room, ..report }
             }));
             reports.push(TrackerReport {
                 name: running.name.clone(),
