@@ -24,6 +24,8 @@ pub enum DoubtKind {
     Behind,
     /// A head whose top does not point up, or that looks away from every screen.
     Turned,
+    /// Never heard, while the tracker reports others under numbers that the stage does not name.
+    Number,
 }
 
 /// Nobody is farther from the nearest screen than this, m, or than three times the distance of the stage's viewer.
@@ -36,6 +38,8 @@ const TURNED: f64 = 65.0;
 const BESIDE_M: f64 = 0.3;
 /// … and farther behind it than calibration is off, m.
 const BEHIND_M: f64 = 0.1;
+/// The most numbers that are listed.
+const MOST_NAMED: usize = 12;
 /// A sensor's axes are named if they are so near to the room's, as a cosine: 40°, since heads are bent.
 const ALONG: f64 = 0.766;
 /// Units of trackers, m.
@@ -44,8 +48,54 @@ const UNITS: [(f64, &str); 5] =
 
 /// The doubts about all sensors that the stage names and a tracker has reported.
 pub fn doubts(stage: &Stage, reports: &[TrackerReport]) -> Vec<Doubt> {
-    let sensors = reports.iter().flat_map(|report| &report.sensors);
-    sensors.flat_map(|sensor| of_sensor(stage, sensor).unwrap_or_default()).collect()
+    let of_report = |report: &TrackerReport| {
+        let placed = report.sensors.iter().flat_map(|sensor| of_sensor(stage, sensor).unwrap_or_default());
+        placed.chain(numbers(stage, report)).collect::<Vec<_>>()
+    };
+    reports.iter().flat_map(of_report).collect()
+}
+
+/// Sensors that were never heard, of a tracker that reports numbers which the stage does not name.
+fn numbers(stage: &Stage, report: &TrackerReport) -> Vec<Doubt> {
+    let unnamed: Vec<i32> =
+        report.sensors.iter().filter(|sensor| sensor.name.is_none()).map(|sensor| sensor.id).collect();
+    let unheard: Vec<(&String, i32)> = report
+        .sensors
+        .iter()
+        .filter(|sensor| sensor.count == 0)
+        .filter_map(|sensor| Some((sensor.name.as_ref()?, sensor.id)))
+        .collect();
+    if unnamed.is_empty() {
+        return Vec::new();
+    }
+    let fits = |by: &i32| unheard.iter().all(|(_, id)| unnamed.contains(&id.saturating_add(*by)));
+    let shift = [-1, 1].into_iter().find(fits);
+    let those: Vec<String> = unnamed.iter().take(MOST_NAMED).map(i32::to_string).collect();
+    let those = those.join(", ");
+    let doubt = |(name, id): (&String, i32)| {
+        let advice = match shift {
+            Some(by) => format!("write id = {}{}", id + by, buttons(stage, report, by)),
+            None => "move each thing in turn to see which number is which".to_owned(),
+        };
+        let from_zero =
+            if shift == Some(-1) && unnamed.contains(&0) { ", for its numbers count from 0" } else { "" };
+        let text = format!(
+            "sensor {name} has id = {id}, which tracker `{}` never reported; it reports {those}, which the stage does not \
+             name: {advice}{from_zero}",
+            report.name
+        );
+        Doubt { sensor: name.clone(), kind: DoubtKind::Number, text }
+    };
+    unheard.into_iter().map(doubt).collect()
+}
+
+/// The buttons of a stylus that are counted likewise: 32 for each flystick of a DTrack.
+fn buttons(stage: &Stage, report: &TrackerReport, by: i32) -> String {
+    let is_reported = |button: i32| report.buttons.iter().any(|known| known.id == button);
+    let used = stage.tracking.styli.values().flat_map(|stylus| [&stylus.grab, &stylus.second]).flatten();
+    let used = used.filter(|id| id.tracker == report.name).map(|id| id.button);
+    let wrong = used.filter(|button| !is_reported(*button) && is_reported(button.saturating_add(32 * by)));
+    wrong.map(|button| format!(", and button = {} instead of {button}", button + 32 * by)).collect()
 }
 
 fn of_sensor(stage: &Stage, report: &SensorReport) -> Option<Vec<Doubt>> {
@@ -338,5 +388,26 @@ mod tests {
         let (_, axes) = doubt.text.split_once("body_from_sensor needs ").unwrap();
         assert_eq!(told("", &format!("body_from_sensor = {{ {axes} }}"), yaw(90.0)), []);
         assert_eq!(told("", LEVEL, yaw(40.0)), [], "a glance to the side");
+    }
+
+    /// The recorded frame of a DTrack has body 0 and flystick 0, whose first button is 0; its own windows count from 1.
+    #[test]
+    fn numbers_that_count_from_0_are_told_with_those_to_write() {
+        let keys = "[tracker.art]\ndtrack = \"5000\"\n[sensor.glasses]\ntracker = \"art\"\nid = 1\n[sensor.wand]\n\
+                    tracker = \"art\"\nid = 1001\n[stylus.right]\nsensor = \"wand\"\n\
+                    grab = { tracker = \"art\", button = 32 }\n";
+        let stage = Stage::parse(&format!("{}{keys}", BUILT_IN[0].1), Path::new("bench.toml")).unwrap();
+        let source = FakeSource::default();
+        let mut trackers = TrackerSet::with_sources(&stage.tracking, vec![Box::new(source.clone())], now_s());
+        assert_eq!(doubts(&stage, &trackers.report(now_s())), [], "nothing was heard yet");
+        source.change(|device| {
+            device.take_pose(0, at([0.0, 1.7, 1.5]), None, 1.0);
+            device.take_pose(1000, at([0.0, 1.2, 1.0]), None, 1.0);
+            device.take_button(0, false, None);
+        });
+        let [glasses, wand] = &doubts(&stage, &trackers.report(now_s()))[..] else { panic!() };
+        assert!(glasses.text.contains("reports 0, 1000, which"), "{}", glasses.text);
+        assert!(glasses.text.contains("write id = 0, and button = 0 instead of 32"), "{}", glasses.text);
+        assert!(wand.text.contains("write id = 1000") && wand.text.contains("count from 0"), "{}", wand.text);
     }
 }
