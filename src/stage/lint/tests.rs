@@ -61,7 +61,15 @@ fn gaps_overlaps_and_ends_are_told_in_millimetres() {
     let bezels = found("powerwall");
     assert_eq!(bezels.iter().filter(|line| line.contains("leave a gap of 3.5 mm")).count(), 4, "{bezels:#?}");
     let off = changed("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.805, 0.90, 0.00]");
-    has(&off, &["warning: seam.table-wall", "their ends are 0.0 and 5.0 mm off along it"]);
+    let ends = "the second ends level with the first at one end, 5.0 mm beyond the first at the other";
+    has(&off, &["warning: seam.table-wall", ends]);
+    let mut stage = Stage::find("workbench").unwrap();
+    let wall = &mut stage.screens[1];
+    for corner in [&mut wall.lower_left, &mut wall.lower_right, &mut wall.upper_left] {
+        corner.x += 0.001;
+    }
+    let told: String = lint(&stage, &[]).into_iter().map(|lint| lint.message).collect();
+    assert!(told.contains("the second is shifted by 1.0 mm along the first"), "{told}");
 }
 
 #[test]
