@@ -51,7 +51,7 @@ pub fn display(text: &str) -> Option<String> {
     let head = &text[..end];
     let known = KNOWN.iter().find(|known| head.contains(known.mark))?;
     Some(format!(
-        "this is {}; a stage file is TOML: {}, in metres with x right, y up and z towards the viewer (`greenstage manual stages`)",
+        "this is {}; a stage file is TOML: {}. Its lengths are metres, x right, y up, z towards the viewer (`greenstage manual stages`)",
         known.name, known.copy
     ))
 }

@@ -158,7 +158,8 @@ impl FaultList<'_> {
 
 /// Reads the whole text of a stage file and continues after a fault; `path` is only named in errors.
 pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
-    let scene = "this is a scene, and no stage, which has [[screen]] tables: give it to `greenstage view` without --stage";
+    let scene =
+        "this is a scene; a stage has [[screen]] tables. Show it with `greenstage view`, without --stage";
     config::refuse_other(text, path, "screen", ["body", "stage"], scene)?;
     let file: StageFile = config::parse(text, path)?;
     let mut faults = FaultList { text, found: Vec::new() };
