@@ -4,6 +4,7 @@
 //! answered with the nearest known one. An array with an element too many is refused, too.
 
 pub mod every;
+pub mod foreign;
 mod strict;
 
 use crate::base::failure::Failure;
@@ -50,10 +51,28 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigEr
     parsed.map_err(|error| told(&error, text, path))
 }
 
+/// Refuses a text that has one of the tables `others` and none of `own`: it is of another kind, and `message` says which.
+pub fn refuse_other(
+    text: &str,
+    path: &Path,
+    own: &str,
+    others: [&str; 2],
+    message: &str,
+) -> Result<(), ConfigError> {
+    let Ok(table) = text.parse::<toml::Table>() else { return Ok(()) };
+    if table.contains_key(own) || !others.iter().any(|other| table.contains_key(*other)) {
+        return Ok(());
+    }
+    Err(ConfigError::Parse { path: path.to_owned(), line: 1, column: 1, message: message.to_owned() })
+}
+
 /// An error of toml's with its place in the text.
 fn told(error: &toml::de::Error, text: &str, path: &Path) -> ConfigError {
     let at = error.span().map_or(0, |span| span.start);
     let (line, column) = line_and_column(text, at);
+    if let Some(message) = foreign::advice(text) {
+        return ConfigError::Parse { path: path.to_owned(), line: 1, column: 1, message };
+    }
     let advice =
         if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
     let message = explain(error.message()) + advice;
@@ -198,6 +217,15 @@ mod tests {
             let told = told(text);
             assert!(!told.contains("with a point"), "{told}");
         }
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_refused_before_its_keys_are() {
+        let refuse =
+            |text: &str| refuse_other(text, Path::new("a.toml"), "body", ["screen", "viewer"], "a stage");
+        assert_eq!(refuse("[[screen]]\n").unwrap_err().to_string(), "a.toml:1:1: a stage");
+        assert!(refuse("[body.tube]\n[[screen]]\n").is_ok() && refuse("legend = 3\n").is_ok());
+        assert!(refuse("[viewer\n").is_ok(), "what does not parse is told by the parser");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::expected;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
+use crate::config::foreign;
 use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::length_unit::implausible;
@@ -57,7 +58,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "" if is_built_in_scene(&args.file) => scene(&args.file)?,
         "" if !args.file.exists() => stage(&args.file)?,
         _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
-        _ => mesh(&args.file)?,
+        _ => match crate::config::read(&args.file).ok().and_then(|text| foreign::display(&text)) {
+            Some(told) => return Err(Failure::wrong(format!("{}: {told}", args.file.display()))),
+            None => mesh(&args.file)?,
+        },
     };
     if args.json { print(&format!("{value:#}\n")) } else { print(&text) }
 }

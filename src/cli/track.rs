@@ -266,6 +266,7 @@ fn sensor_row(table: &mut Table, report: &TrackerReport, sensor: &SensorReport, 
 fn signal(sensor: &SensorReport) -> &'static str {
     match sensor.signal {
         _ if sensor.count == 0 => "never heard",
+        _ if sensor.raw.is_none() => "not tracked",
         Signal::Lost { .. } => "LOST",
         Signal::Held { .. } => "held",
         Signal::Live if sensor.quality <= 0.0 => "not tracked",

@@ -248,6 +248,9 @@ impl Scene {
 
     /// Parses a scene from text; `path` is where its relative paths start and what errors name.
     pub fn parse(text: &str, path: &Path) -> Result<Scene, SceneError> {
+        let stage = "this is a stage; a scene has [body.NAME] tables. Show a scene on it with `greenstage view SCENE \
+                     --stage` and its path";
+        config::refuse_other(text, path, "body", ["screen", "viewer"], stage)?;
         let scene: Scene = config::parse(text, path).map_err(of_a_body)?;
         scene.begin(path)
     }

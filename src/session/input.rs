@@ -120,7 +120,7 @@ impl InputSource {
             if now_s() >= self.next_look_s {
                 self.next_look_s = now_s() + LOOK_S;
                 let doubts = doubts(stage, &trackers.report(now_s())).into_iter();
-                for doubt in doubts.filter(|doubt| doubt.kind == DoubtKind::Far) {
+                for doubt in doubts.filter(|doubt| matches!(doubt.kind, DoubtKind::Far | DoubtKind::Number)) {
                     if !self.told_far.contains(&doubt.sensor) {
                         notice!("warning: {}", doubt.text);
                         self.told_far.push(doubt.sensor);

@@ -33,7 +33,7 @@ pub enum StageFault {
         "a second screen is named `{screen}` (the first stands in line {first_line}): rename one of them"
     )]
     Duplicate { screen: String, first_line: usize },
-    #[error("{what} is {value}: it must be a number of metres between {min} and {max}")]
+    #[error("{what} is {value}: it must be a number of metres between {min} and {max}{}", small_unit(*value))]
     Length { what: String, value: f64, min: f64, max: f64 },
     #[error("the viewer has both `target` and `direction`: keep one")]
     TwoDirections,
@@ -42,7 +42,8 @@ pub enum StageFault {
     )]
     NoDirection,
     #[error(
-        "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}",
+        "ipd is {ipd_m} m: the distance between human pupils is 0.045 to 0.080 m (mean 0.063){}{}",
+        ipd_unit(*ipd_m),
         if *ipd_m == 0.0 { "; 0 shows no depth and is allowed only where stage and windows are \"mono\"" } else { "" }
     )]
     Ipd { ipd_m: f64 },
@@ -74,46 +75,50 @@ pub enum StageFault {
         corners: Box<[Point3<f64>; 3]>,
     },
     #[error(
-        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: move the \
-         viewer before it: position = {}",
-        place(viewer),
-        place(before)
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`, whose front is towards {front}: {remedy}",
+        place(viewer)
     )]
     ViewerBehind {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
         /// What the screen's front is known by.
-        front: &'static str,
-        before: Box<Point3<f64>>,
+        front: Box<str>,
+        remedy: Box<str>,
     },
     #[error(
-        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen is \
-         mirrored: swap {swap}: lower_left = {}, lower_right = {}, upper_left = {}. Where the corners are right, move the \
-         viewer before the screen: position = {}",
-        place(viewer), place(&places[0]), place(&places[1]), place(&places[2]), place(&places[3])
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen {what}: \
+         {remedy}. Where the screen is right, move the viewer before it: position = {}",
+        place(viewer),
+        place(before)
     )]
     EitherSide {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
-        swap: &'static str,
-        /// Lower left, lower right and upper left as they should be, or else the viewer.
-        places: Box<[Point3<f64>; 4]>,
+        what: &'static str,
+        remedy: Box<str>,
+        before: Box<Point3<f64>>,
     },
     #[error(
-        "screen `{screen}` is mirrored: the viewer, at {}, stands {distance_m:.3} m behind it. Swap {swap}: \
-         lower_left = {}, lower_right = {}, upper_left = {}",
-        place(viewer), place(&corners[0]), place(&corners[1]), place(&corners[2])
+        "screen `{screen}` {what}: the viewer, at {}, stands {distance_m:.3} m behind it. To turn it round, {remedy}",
+        place(viewer)
     )]
     Mirrored {
         screen: String,
-        viewer: Point3<f64>,
+        viewer: Box<Point3<f64>>,
         distance_m: f64,
-        swap: &'static str,
-        /// Lower left, lower right and upper left as they should be.
-        corners: Box<[Point3<f64>; 3]>,
+        /// Mirrored, or turned away.
+        what: &'static str,
+        remedy: Box<str>,
     },
+    #[error(
+        "{screens} face away from the viewer, the workspace and each other: the file is left-handed, with z away from the \
+         viewer, as Unity has it. Change the sign of z in all its points: corners, centres, targets, and the viewer's \
+         position = {}",
+        place(viewer)
+    )]
+    LeftHanded { screens: Box<str>, viewer: Box<Point3<f64>> },
     #[error(
         "the viewer starts in the plane of screen `{screen}` ({:.1} mm away): move the viewer before the screen",
         distance_m * 1000.0
@@ -160,6 +165,32 @@ fn did_you_mean(nearest: &Option<&'static str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
+/// A number of metres as it would be if it was in millimetres or centimetres.
+fn small_unit(value: f64) -> String {
+    // Six digits are a micrometre, and print no rounding.
+    let metres = |unit: f64| (value * unit * 1e6).round() / 1e6;
+    match value.abs() {
+        size if !(100.0..1e5).contains(&size) => String::new(),
+        size if size < 1000.0 => format!(
+            "; was it in centimetres? Then write {} (in millimetres: {})",
+            metres(0.01),
+            metres(0.001)
+        ),
+        _ => format!("; was it in millimetres? Then write {}", metres(0.001)),
+    }
+}
+
+fn ipd_unit(ipd: f64) -> String {
+    let read = |(unit, scale): &(&str, f64)| {
+        let metres = (ipd * scale * 1e4).round() / 1e4;
+        IPD_M.contains(&metres).then(|| format!("; was it in {unit}? Then write {metres}"))
+    };
+    [("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)]
+        .iter()
+        .find_map(read)
+        .unwrap_or_default()
+}
+
 fn side_advice(sides_m: [f64; 2]) -> String {
     let read = |(unit, scale): &(&str, f64)| {
         let [width_m, height_m] = sides_m.map(|side| side * scale);
@@ -185,8 +216,11 @@ fn in_metres(position: &[f64; 3]) -> String {
     [("centimetres", 0.01), ("millimetres", 0.001)].iter().find_map(read).unwrap_or_default()
 }
 
-fn place(point: &Point3<f64>) -> String {
-    format!("[{:.4}, {:.4}, {:.4}]", point.x, point.y, point.z)
+/// A point as a stage file has it.
+pub fn place(point: &Point3<f64>) -> String {
+    // Adding 0.0 prints -0.0 as 0.0.
+    let [x, y, z] = [point.x, point.y, point.z].map(|x| (x * 1e4).round() / 1e4 + 0.0);
+    format!("[{x:.4}, {y:.4}, {z:.4}]")
 }
 
 /// What is wrong with a tracker, a sensor, a stylus or the viewer's head.

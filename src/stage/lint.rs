@@ -54,6 +54,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
+    turned::lint(stage, &mut found);
     tracking::lint(stage, &mut found);
     found
 }
@@ -93,7 +94,8 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
         push(found, severity, &entity, message);
     }
     push(found, Severity::Note, &entity, screen.measures());
-    let tilt = screen.tilt_degrees();
+    // The tilt of a picture that is turned in its plane is told with its corners.
+    let tilt = if turned::turned(stage, screen).is_some() { 0.0 } else { screen.tilt_degrees() };
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
         let message = format!(
@@ -135,11 +137,7 @@ fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     let worst_m = seam.widest_m();
     let along_m = seam.along_m[0].abs().max(seam.along_m[1].abs());
     let along = match along_m > CLOSED_M {
-        true => format!(
-            ", and their ends are {:.1} and {:.1} mm off along it",
-            mm(seam.along_m[0]),
-            mm(seam.along_m[1])
-        ),
+        true => ends(seam.along_m.map(mm)),
         false => String::new(),
     };
     let opens = match (first - second).abs() > CLOSED_M {
@@ -156,6 +154,23 @@ fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     let severity = if along_m > CLOSED_M { Severity::Warning } else { severity };
     let names = seam.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
     Diagnostic::new(severity, format!("seam.{}-{}", names[0], names[1]), format!("{a} and {b} {what}{along}"))
+}
+
+/// How far the second edge's ends are beyond the first's, or short of them, mm.
+fn ends(along_mm: [f64; 2]) -> String {
+    let of = |mm: f64| match mm {
+        0.0 => "level with the first".to_owned(),
+        mm if mm > 0.0 => format!("{mm:.1} mm beyond the first"),
+        mm => format!("{:.1} mm short of the first", -mm),
+    };
+    let [first, last] = along_mm;
+    if (first + last).abs() < 0.05 {
+        return format!(", and the second is shifted by {:.1} mm along the first", first.abs());
+    }
+    match (of(first), of(last)) {
+        (one, other) if one == other => format!(", and the second ends {one} at both ends"),
+        (one, other) => format!(", and the second ends {one} at one end, {other} at the other"),
+    }
 }
 
 /// A screen that meets no other.
@@ -391,6 +406,7 @@ fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]
 }
 
 mod tracking;
+mod turned;
 
 #[cfg(test)]
 mod tests;

@@ -8,6 +8,8 @@ use super::screen::Screen;
 const STRAIGHT: f64 = 0.05;
 /// Between lying and standing, degrees.
 const HALF: f64 = 45.0;
+/// A lower edge that is steeper than 45° is no lower edge: the sine.
+const ASIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl Screen {
     /// Angle between the picture and the floor, degrees: 0 lies face up with its upper edge towards the back, 90 stands,
@@ -32,7 +34,10 @@ impl Screen {
     /// Tilt in words.
     pub fn posture(&self) -> String {
         let tilt = self.tilt_degrees();
+        let [right, up, normal] = self.axes();
         match tilt {
+            _ if right.y.abs() > ASIDE => "stands on its side".into(),
+            _ if up.y < -ASIDE && normal.y.abs() < ASIDE => "stands on its head".into(),
             t if t.abs() < STRAIGHT => "lies level".into(),
             t if (t - 90.0).abs() < STRAIGHT => "stands upright".into(),
             t if 180.0 - t.abs() < STRAIGHT => "hangs level, face down".into(),
@@ -100,6 +105,11 @@ mod tests {
         assert_eq!(wall.posture(), "leans back by 5.0°");
         table.upper_left.y = 0.72;
         assert_eq!(table.posture(), "falls by 8.0° to its upper edge");
+        let [corner, across, upward] = [wall.lower_left, wall.lower_right, wall.upper_left];
+        (wall.lower_left, wall.lower_right, wall.upper_left) = (upward, corner, upward + (across - corner));
+        assert_eq!(wall.posture(), "stands on its side");
+        (wall.lower_left, wall.lower_right, wall.upper_left) = (upward + (across - corner), upward, across);
+        assert_eq!(wall.posture(), "stands on its head");
         let told = table.measures();
         assert!(told.starts_with("1.600 × 1.293 m, tilt -8.0°"), "{told}");
         assert!(told.contains("from 0.720 to 0.900 m high, middle at 0.810 m"), "{told}");

@@ -94,13 +94,14 @@ impl Screen {
 
     /// Distance of a point to the nearest point of the picture, m.
     pub fn away_m(&self, point: &Point3<f64>) -> f64 {
-        let ([right, up, normal], from_corner) = (self.axes(), point - self.lower_left);
-        let beyond = |axis: &Vector3<f64>, side_m: f64| {
-            let along_m = from_corner.dot(axis);
-            along_m - along_m.clamp(0.0, side_m)
-        };
-        let aside = [beyond(&right, self.width_m()), beyond(&up, self.height_m()), from_corner.dot(&normal)];
-        Vector3::from(aside).norm()
+        (point - self.nearest(point)).norm()
+    }
+
+    /// The point of the picture that is nearest to a point.
+    pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
+        let ([right, up, _], from_corner) = (self.axes(), point - self.lower_left);
+        let along = |axis: Vector3<f64>, side_m: f64| axis * from_corner.dot(&axis).clamp(0.0, side_m);
+        self.lower_left + along(right, self.width_m()) + along(up, self.height_m())
     }
 
     /// The point on the screen with these normalised device coordinates (x right, y up, -1..1), metres in the room.

@@ -118,6 +118,17 @@ pub struct ButtonId {
     pub button: i32,
 }
 
+impl Axis {
+    /// As a stage file has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Axis::X => "x",
+            Axis::Y => "y",
+            Axis::Z => "z",
+        }
+    }
+}
+
 impl Default for LostPolicy {
     fn default() -> LostPolicy {
         LostPolicy { after_s: 0.25, warn_s: 2.0 }

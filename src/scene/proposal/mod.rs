@@ -161,7 +161,7 @@ fn size(
         }
         (None, None) => {
             telling.comment(&key("mesh"), &format!("in metres: {sides}; else write unit = \"mm\""));
-            "the file is taken to be in metres, in which its size is plausible".to_owned()
+            "the file is taken to be in metres; if that is not its size, give --unit mm, cm or in".to_owned()
         }
     };
     let (nodes, tets) = (mesh.nodes.len(), mesh.tets.len());

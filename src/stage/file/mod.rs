@@ -5,13 +5,13 @@ mod corners;
 mod haptic;
 mod mount;
 mod screen;
+mod sides;
 mod tracking;
 mod values;
 mod window;
 
-use self::corners::Surroundings;
 use self::haptic::HapticFile;
-use self::screen::{ScreenFile, screen};
+use self::screen::{Measured, ScreenFile, screen};
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::values::{check_name, length, point};
 use self::window::{MonitorFile, WindowFile};
@@ -158,6 +158,9 @@ impl FaultList<'_> {
 
 /// Reads the whole text of a stage file and continues after a fault; `path` is only named in errors.
 pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
+    let scene =
+        "this is a scene; a stage has [[screen]] tables. Show it with `greenstage view`, without --stage";
+    config::refuse_other(text, path, "screen", ["body", "stage"], scene)?;
     let file: StageFile = config::parse(text, path)?;
     let mut faults = FaultList { text, found: Vec::new() };
     faults.keep(0, check_name("stage", &file.name));
@@ -227,30 +230,30 @@ fn screens(
 ) -> Vec<Screen> {
     let eye = viewer.map(|viewer| Point3::from(viewer.room_from_head.translation.vector));
     let mut lines = BTreeMap::new();
-    let mut screens: Vec<(usize, Screen)> = Vec::new();
+    let mut screens: Vec<(usize, Measured)> = Vec::new();
     for found in files {
         let start = found.span().start;
         let Some(screen) = faults.keep(start, screen(found.into_inner())) else { continue };
         screens.push((start, screen));
     }
-    for (i, (start, screen)) in screens.iter().enumerate() {
-        let others = screens.iter().enumerate().filter(|(other, _)| *other != i);
-        let sides = others.filter_map(|(_, (_, other))| Some(other.distance_m(&eye?) > 0.0));
-        let [before, behind] =
-            sides.fold(
-                [0, 0],
-                |[before, behind], is_before| {
-                    if is_before { [before + 1, behind] } else { [before, behind + 1] }
-                },
-            );
-        let around = Surroundings { viewer: eye, workspace, others: [before, behind] };
-        faults.keep(*start, corners::check(screen, &around));
+    let mut rectangles = Vec::new();
+    for (start, measured) in &screens {
+        let screen = &measured.screen;
+        if faults.keep(*start, corners::check(screen, eye.as_ref())).is_some() {
+            rectangles.push((*start, measured));
+        }
         let line = config::line_and_column(faults.text, *start).0;
         if let Some(first_line) = lines.insert(screen.name.clone(), line) {
             faults.push(*start, StageFault::Duplicate { screen: screen.name.clone(), first_line });
         }
     }
-    screens.into_iter().map(|(_, screen)| screen).collect()
+    if let Some(eye) = eye {
+        let shapes: Vec<&Measured> = rectangles.iter().map(|(_, measured)| *measured).collect();
+        for (i, fault) in sides::check(&shapes, &eye, workspace) {
+            faults.push(rectangles[i].0, fault);
+        }
+    }
+    screens.into_iter().map(|(_, measured)| measured.screen).collect()
 }
 
 /// The windows of usable screens; `names` are those of all screens in the file.

@@ -36,10 +36,68 @@ const ANCHORS: [(&str, [f64; 2]); 4] = [
 const TWO_WAYS: &str = "give lower_left, lower_right and upper_left; or, by tape measure, one of centre, \
     middle_of_lower_edge, middle_of_upper_edge, lower_left, with width, height and tilt_degrees";
 
+/// A screen, and how it was measured if by tape.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    pub screen: Screen,
+    tape: Option<Tape>,
+}
+
+/// One place on a screen, its sides, and how it stands.
+#[derive(Clone, Copy, Debug)]
+struct Tape {
+    anchor: Point3<f64>,
+    /// How far the lower left corner is from the anchor, in widths and heights.
+    corner: [f64; 2],
+    size_m: [f64; 2],
+    tilt_degrees: f64,
+    facing_degrees: f64,
+}
+
+impl Tape {
+    /// Lower left, lower right and upper left.
+    fn corners(&self) -> [Point3<f64>; 3] {
+        let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), self.facing_degrees.to_radians());
+        let (sin, cos) = self.tilt_degrees.to_radians().sin_cos();
+        let right = turn * Vector3::x() * self.size_m[0];
+        let up = turn * Vector3::new(0.0, sin, -cos) * self.size_m[1];
+        let lower_left = self.anchor - right * self.corner[0] - up * self.corner[1];
+        [lower_left, lower_left + right, lower_left + up]
+    }
+}
+
+impl Measured {
+    /// The keys of a tape measure to change so that the screen `is_right`, if one change does: the sign of the tilt, the other
+    /// way to face, or the face of what lies.
+    pub fn facing(&self, is_right: impl Fn(&Screen) -> bool) -> Option<String> {
+        let tape = self.tape?;
+        let Tape { tilt_degrees, facing_degrees, .. } = tape;
+        let around = facing_degrees - 180.0 * if facing_degrees > 0.0 { 1.0 } else { -1.0 };
+        let changes = [
+            (format!("tilt_degrees = {}", -tilt_degrees), Tape { tilt_degrees: -tilt_degrees, ..tape }),
+            (format!("facing_degrees = {around}"), Tape { facing_degrees: around, ..tape }),
+            (
+                format!("tilt_degrees = {}", 180.0 - tilt_degrees.abs()),
+                Tape { tilt_degrees: 180.0 - tilt_degrees.abs(), ..tape },
+            ),
+        ];
+        let does = |changed: &Tape| {
+            let [lower_left, lower_right, upper_left] = changed.corners();
+            // Else the picture would stand on its head.
+            changed.tilt_degrees > -45.0
+                && is_right(&Screen { lower_left, lower_right, upper_left, ..self.screen.clone() })
+        };
+        changes.into_iter().find(|(_, changed)| does(changed)).map(|(keys, _)| keys)
+    }
+}
+
 /// A screen whose corners span an area.
-pub fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
+pub fn screen(file: ScreenFile) -> Result<Measured, StageFault> {
     check_name("screen", &file.name)?;
-    let [lower_left, lower_right, upper_left] = corners(&file)?;
+    let (tape, [lower_left, lower_right, upper_left]) = match by_tape(&file)? {
+        Some(tape) => (Some(tape), tape.corners()),
+        None => (None, by_corners(&file)?),
+    };
     let ScreenFile { name, pixels, .. } = file;
     let screen = Screen { name, lower_left, lower_right, upper_left, pixels };
     let [width, height] = pixels;
@@ -57,27 +115,39 @@ pub fn screen(file: ScreenFile) -> Result<Screen, StageFault> {
             height_m,
         }));
     }
-    Ok(screen)
+    Ok(Measured { screen, tape })
 }
 
-/// Lower left, lower right and upper left.
-fn corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
+fn read(file: &ScreenFile, key: &str, place: Option<[f64; 3]>) -> Result<Point3<f64>, StageFault> {
+    match place {
+        Some(place) => point(&format!("{key} of screen `{}`", file.name), place),
+        None => Err(missing(file, key)),
+    }
+}
+
+fn missing(file: &ScreenFile, key: &str) -> StageFault {
+    StageFault::Screen { screen: file.name.clone(), message: format!("`{key}` is missing: {TWO_WAYS}") }
+}
+
+/// Lower left, lower right and upper left as measured.
+fn by_corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
+    Ok([
+        read(file, "lower_left", file.lower_left)?,
+        read(file, "lower_right", file.lower_right)?,
+        read(file, "upper_left", file.upper_left)?,
+    ])
+}
+
+/// What was measured by tape; `None` of a screen with measured corners.
+fn by_tape(file: &ScreenFile) -> Result<Option<Tape>, StageFault> {
     let ScreenFile { name, width, height, tilt_degrees, facing_degrees, .. } = file;
     let fault = |message: String| StageFault::Screen { screen: name.clone(), message };
-    let missing = |key: &str| fault(format!("`{key}` is missing: {TWO_WAYS}"));
-    let read = |key: &str, place: Option<[f64; 3]>| match place {
-        Some(place) => point(&format!("{key} of screen `{name}`"), place),
-        None => Err(missing(key)),
-    };
+    let missing = |key: &str| missing(file, key);
     let anchors = [file.centre, file.middle_of_lower_edge, file.middle_of_upper_edge, file.lower_left];
     let is_by_tape = [width, height, tilt_degrees, facing_degrees].iter().any(|number| number.is_some())
         || anchors[..3].iter().any(Option::is_some);
     if !is_by_tape {
-        return Ok([
-            read("lower_left", file.lower_left)?,
-            read("lower_right", file.lower_right)?,
-            read("upper_left", file.upper_left)?,
-        ]);
+        return Ok(None);
     }
     for (key, corner) in [("lower_right", file.lower_right), ("upper_left", file.upper_left)] {
         if corner.is_some() {
@@ -87,10 +157,10 @@ fn corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
         }
     }
     let mut given = ANCHORS.iter().zip(anchors).filter(|(_, place)| place.is_some());
-    let (Some(((key, [across, upward]), place)), None) = (given.next(), given.next()) else {
+    let (Some(((key, corner), place)), None) = (given.next(), given.next()) else {
         return Err(fault(format!("it is measured from exactly one place: {TWO_WAYS}")));
     };
-    let anchor = read(key, place)?;
+    let anchor = read(file, key, place)?;
     let side = |key: &str, value: &Option<f64>| {
         let value = value.ok_or_else(|| missing(key))?;
         // What is no side of a screen is refused later, with both sides.
@@ -104,12 +174,13 @@ fn corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
             return Err(fault(format!("{key} is {degrees}: it must be between -180 and 180")));
         }
     }
-    let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), facing.to_radians());
-    let (sin, cos) = tilt.to_radians().sin_cos();
-    let right = turn * Vector3::x() * width_m;
-    let up = turn * Vector3::new(0.0, sin, -cos) * height_m;
-    let lower_left = anchor - right * *across - up * *upward;
-    Ok([lower_left, lower_left + right, lower_left + up])
+    Ok(Some(Tape {
+        anchor,
+        corner: *corner,
+        size_m: [width_m, height_m],
+        tilt_degrees: tilt,
+        facing_degrees: facing,
+    }))
 }
 
 /// Coordinates as large as a house among such as a room has: another unit slipped in.
@@ -141,7 +212,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn made(keys: &str) -> Result<Screen, StageFault> {
-        screen(toml::from_str(&format!("name = \"table\"\npixels = [1400, 1050]\n{keys}")).unwrap())
+        let file = toml::from_str(&format!("name = \"table\"\npixels = [1400, 1050]\n{keys}")).unwrap();
+        screen(file).map(|measured| measured.screen)
     }
 
     fn refused(keys: &str) -> String {

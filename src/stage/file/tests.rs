@@ -31,7 +31,7 @@ fn a_mirrored_screen_is_named_with_the_corners_to_swap() {
     let error = Stage::parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
     let line = line_of("name = \"wall\"") - 1;
     assert!(error.starts_with(&format!("bench.toml:{line}: screen `wall` is mirrored")), "{error}");
-    assert!(error.contains("Swap the left corners with the right ones"), "{error}");
+    assert!(error.contains("swap the left corners with the right ones"), "{error}");
     assert!(error.contains("lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000,"), "{error}");
 }
 
@@ -42,7 +42,7 @@ fn an_upside_down_mirrored_screen_is_told_from_one_that_is_left_to_right() {
     let text = text.replace("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.80, 2.18, 0.00]");
     let error = Stage::parse(&text, Path::new("bench.toml")).unwrap_err().to_string();
     assert!(error.contains("`wall` is mirrored"), "{error}");
-    assert!(error.contains("Swap lower_left with upper_left"), "{error}");
+    assert!(error.contains("swap lower_left with upper_left"), "{error}");
     assert!(error.contains("upper_left = [-0.8000, 2.1800, 0.0000]"), "{error}");
 }
 
@@ -97,6 +97,10 @@ fn kinds_of_stereo_by_other_words_are_answered() {
 #[test]
 fn numbers_outside_the_human_and_the_physical_range_are_refused() {
     assert!(refusal("ipd = 0.064", "ipd = 0.64").contains("0.045 to 0.080"));
+    assert!(refusal("ipd = 0.064", "ipd = 64").contains("in millimetres? Then write 0.064"));
+    assert!(refusal("ipd = 0.064", "ipd = 2.5").contains("in inches? Then write 0.0635"));
+    assert!(refusal("[0.0, 1.70, 1.50]", "[0.0, 1700, 1500]").contains("in millimetres? Then write 1.7"));
+    assert!(refusal("radius = 0.35", "radius = 350").contains("write 3.5 (in millimetres: 0.35)"));
     assert!(refusal("ipd = 0.064", "ipd = -0.064").contains("ipd is -0.064 m"));
     assert!(refusal("ipd = 0.064", "ipd = nan").contains("0.045 to 0.080"));
     assert!(refusal("ipd = 0.064", "ipd = 0").contains("only where stage and windows are \"mono\""));
@@ -230,4 +234,80 @@ fn arrays_of_another_length_are_refused_with_their_line() {
         let error = refusal(from, to);
         assert!(error.starts_with(&format!("bench.toml:{line}:")) && error.contains(length), "{error}");
     }
+}
+
+/// What is said of a stage's text, each fault once.
+fn told(text: &str) -> Vec<String> {
+    let faults = survey(text, Path::new("s.toml")).unwrap().faults;
+    faults.iter().map(|located| located.fault.to_string()).collect()
+}
+
+/// The wall stands above the table, so that the table faces up, wherever the workspace's ball reaches.
+#[test]
+fn a_viewer_below_the_table_is_told_where_to_stand() {
+    let under = |place: &str| {
+        let text = BUILT_IN[0].1.replacen("position = [0.0, 1.70, 1.50]", &format!("position = {place}"), 1);
+        let [fault] = &told(&text)[..] else { panic!("one fault") };
+        fault.clone()
+    };
+    let below = under("[0.0, 0.70, 1.50]");
+    assert!(below.contains("0.200 m behind screen `table`, whose front is towards screen `wall`"), "{below}");
+    assert!(below.ends_with("position = [0.0000, 1.1000, 1.5000]") && !below.contains("wap"), "{below}");
+    // Measured where z points up and y away from the viewer.
+    let z_up = under("[0.0, -1.50, 1.70]");
+    assert!(z_up.contains("with z up? Then write position = [0.0000, 1.7000, 1.5000]"), "{z_up}");
+}
+
+#[test]
+fn a_left_handed_file_is_one_fault() {
+    let cave = BUILT_IN.iter().find(|(name, _)| *name == "cyberstage").unwrap().1;
+    // z of every point, reversed.
+    let negate = |line: &str| {
+        let is_point = ["position", "target", "centre", "lower_left", "lower_right", "upper_left"]
+            .iter()
+            .any(|key| line.starts_with(key));
+        if !is_point {
+            return line.to_owned();
+        }
+        let (key, rest) = line.split_once('[').unwrap();
+        let numbers: Vec<f64> =
+            rest.split(']').next().unwrap().split(',').map(|x| x.trim().parse().unwrap()).collect();
+        format!("{key}[{}, {}, {}]", numbers[0], numbers[1], -numbers[2])
+    };
+    let text: String = cave.lines().map(|line| negate(line) + "\n").collect();
+    let [fault] = &told(&text)[..] else { panic!("{:?}", told(&text)) };
+    assert!(fault.starts_with("screens `left`, `front`, `right` and `floor` face away"), "{fault}");
+    assert!(fault.contains("sign of z") && fault.ends_with("position = [0.0000, 1.7000, 0.4000]"), "{fault}");
+}
+
+#[test]
+fn screens_by_tape_are_turned_by_their_keys() {
+    let stage = |tilt: f64, facing: f64| {
+        format!(
+            "name = \"odd\"\nstereo = \"mono\"\n[viewer]\nposition = [0.5, 1.5, 0.9]\n[workspace]\ncentre = [0.15, 1.2, \
+             0.35]\nradius = 0.2\n[[screen]]\nname = \"tilted\"\ncentre = [0.05, 1.1, -0.1]\nwidth = 1.2\nheight = 0.9\n\
+             tilt_degrees = {tilt}\nfacing_degrees = {facing}\npixels = [1200, 900]\n"
+        )
+    };
+    assert!(told(&stage(57.0, 25.0)).is_empty());
+    for (tilt, facing, keys) in [
+        (-57.0, 25.0, "write tilt_degrees = 57"),
+        (90.0, -155.0, "write facing_degrees = 25"),
+        (180.0, 25.0, "write tilt_degrees = 0"),
+    ] {
+        let [fault] = &told(&stage(tilt, facing))[..] else { panic!("{:?}", told(&stage(tilt, facing))) };
+        assert!(
+            fault.contains("faces away") && fault.contains(keys) && !fault.contains("lower_left"),
+            "{fault}"
+        );
+    }
+}
+
+#[test]
+fn a_screen_in_inches_is_told_so() {
+    let text = BUILT_IN[0].1.replacen("[-0.80, 0.90, 1.28]", "[-31.5, 35.43, 50.4]", 1);
+    let text = text.replacen("[0.80, 0.90, 1.28]", "[31.5, 35.43, 50.4]", 1);
+    let text = text.replacen("upper_left = [-0.80, 0.90, 0.00]", "upper_left = [-31.5, 35.43, 0.0]", 1);
+    let [fault] = &told(&text)[..] else { panic!("{:?}", told(&text)) };
+    assert!(fault.contains("63.000 × 50.400 m") && fault.contains("in inches 1.600 × 1.280 m"), "{fault}");
 }

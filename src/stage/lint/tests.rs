@@ -61,7 +61,15 @@ fn gaps_overlaps_and_ends_are_told_in_millimetres() {
     let bezels = found("powerwall");
     assert_eq!(bezels.iter().filter(|line| line.contains("leave a gap of 3.5 mm")).count(), 4, "{bezels:#?}");
     let off = changed("lower_right = [0.80, 0.90, 0.00]", "lower_right = [0.805, 0.90, 0.00]");
-    has(&off, &["warning: seam.table-wall", "their ends are 0.0 and 5.0 mm off along it"]);
+    let ends = "the second ends level with the first at one end, 5.0 mm beyond the first at the other";
+    has(&off, &["warning: seam.table-wall", ends]);
+    let mut stage = Stage::find("workbench").unwrap();
+    let wall = &mut stage.screens[1];
+    for corner in [&mut wall.lower_left, &mut wall.lower_right, &mut wall.upper_left] {
+        corner.x += 0.001;
+    }
+    let told: String = lint(&stage, &[]).into_iter().map(|lint| lint.message).collect();
+    assert!(told.contains("the second is shifted by 1.0 mm along the first"), "{told}");
 }
 
 #[test]
@@ -235,4 +243,116 @@ fn tiles_of_other_sizes_than_their_screens_are_told() {
     has(&more(&[], woven), &["note: window.window 1", "its own are 1280 × 1024"]);
     let packed = "[[window]]\nscreen = \"wall\"\nstereo = \"frame_packing\"\nat = [0, 0]\n";
     has(&more(&[], packed), &["frame packing takes 1920 × 2205", "not 1280 × 2091"]);
+}
+
+/// A built-in stage with the corners of one screen named anew: lower left, lower right and upper left are those corners of
+/// its own, counted from its lower left one towards its lower right one.
+fn renamed(name: &str, screen: &str, corners: [usize; 3]) -> Vec<String> {
+    let mut stage = Stage::find(name).unwrap();
+    let screen = stage.screens.iter_mut().find(|known| known.name == screen).unwrap();
+    let around = [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left];
+    [screen.lower_left, screen.lower_right, screen.upper_left] = corners.map(|corner| around[corner]);
+    let line =
+        |lint: Diagnostic| format!("{:?}: {}: {}", lint.severity, lint.place, lint.message).to_lowercase();
+    lint(&stage, &[]).into_iter().map(line).collect()
+}
+
+#[test]
+fn pictures_that_are_turned_in_their_plane_are_told_with_the_corners_to_write() {
+    for (stage, screen, corners, told, written) in [
+        (
+            "workbench",
+            "wall",
+            [2, 3, 1],
+            "stands on its head",
+            "lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000, 0.9000, 0.0000], upper_left = [-0.8000, 2.1800, \
+             0.0000] (by tape measure tilt_degrees = 90.0, facing_degrees = 0.0)",
+        ),
+        (
+            "cave6",
+            "left",
+            [1, 2, 0],
+            "called its right edge is the upper one",
+            "lower_left = [-1.5000, 0.0000, 1.5000], lower_right = [-1.5000, 0.0000, -1.5000]",
+        ),
+        (
+            "cave6",
+            "front",
+            [3, 0, 2],
+            "called its left edge is the upper one",
+            "lower_left = [-1.5000, 0.0000, -1.5000], lower_right = [1.5000, 0.0000, -1.5000]",
+        ),
+        (
+            "workbench",
+            "table",
+            [2, 3, 1],
+            "turned by 180°: screen `wall`, the wall at the front, is at its lower edge",
+            "lower_left = [-0.8000, 0.9000, 1.2800], lower_right = [0.8000, 0.9000, 1.2800]",
+        ),
+        (
+            "cave6",
+            "floor",
+            [1, 2, 0],
+            "turned by 90°: screen `front`, the wall at the front, is at its right edge",
+            "lower_left = [-1.5000, 0.0000, 1.5000], lower_right = [1.5000, 0.0000, 1.5000]",
+        ),
+        (
+            "cave6",
+            "ceiling",
+            [2, 3, 1],
+            "is at its upper edge, where a ceiling has its lower one",
+            "lower_left = [-1.5000, 3.0000, -1.5000], lower_right = [1.5000, 3.0000, -1.5000]",
+        ),
+        (
+            "workbench-one-sided",
+            "table",
+            [2, 3, 1],
+            "the viewer stands at its upper edge",
+            "lower_left = [-0.8000, 0.8500, 1.2800], lower_right = [0.8000, 0.8500, 1.2800]",
+        ),
+    ] {
+        let told = [&format!("warning: screen.{screen}: its picture"), told, written];
+        has(&renamed(stage, screen, corners), &told);
+        let right = renamed(stage, screen, [0, 1, 3]);
+        assert!(!right.iter().any(|line| line.contains("its picture")), "{stage}: {right:#?}");
+    }
+}
+
+#[test]
+fn displays_that_are_mounted_on_their_side_and_corners_of_rooms_are_no_mistakes() {
+    // 1920 × 1080 square pixels on a panel whose left edge is the lower one.
+    let portrait = "name = \"portrait\"\nstereo = \"mono\"\n[viewer]\nposition = [0, 1.6, 1.5]\n[workspace]\ncentre = [0, 1.6, \
+                    0]\nradius = 0.2\n[[screen]]\nname = \"panel\"\nlower_left = [-0.3, 2.1, 0]\nlower_right = [-0.3, 1.1, 0]\n\
+                    upper_left = [0.2625, 2.1, 0]\npixels = [1920, 1080]\n";
+    let found = found_on(&[], portrait);
+    assert!(worse_than_notes(&found).is_empty(), "{found:#?}");
+    has(&found, &["note: screen.panel", "lies on its side", "mounted so"]);
+    // Where walls stand all around, those that the viewer looks at are the front: both of a corner.
+    let with_walls = |direction: &str| {
+        let text =
+            with("cave6", "").replace("target = [0.0, 1.30, -0.60]", &format!("direction = {direction}"));
+        found_on(&[], &text.replace("\"front\"", "\"wall\""))
+    };
+    assert!(worse_than_notes(&with_walls("[-1, 0, -1]")).is_empty());
+    let aside = with_walls("[-1, 0, 0]");
+    has(&aside, &["warning: screen.floor", "screen `left`, the wall at the front, is at its left edge"]);
+    // Of three walls the middle one is the front, wherever the viewer looks.
+    let text = with("cyberstage", "").replace("\"front\"", "\"wall\"");
+    let aside = found_on(&[], &text.replace("target = [0.0, 1.20, -0.60]", "direction = [-1, 0, 0]"));
+    assert!(!aside.iter().any(|line| line.contains("its picture")), "{aside:#?}");
+}
+
+#[test]
+fn a_table_that_hangs_below_its_wall_is_told_to_face_up() {
+    let mut stage = Stage::find("workbench").unwrap();
+    let table = &mut stage.screens[0];
+    (table.lower_left, table.lower_right) = (table.lower_right, table.lower_left);
+    table.upper_left.x = -table.upper_left.x;
+    stage.viewer.room_from_head.translation.y = 0.7;
+    let found = lint(&stage, &[]);
+    let told = &found.iter().find(|finding| finding.message.contains("face down,")).unwrap().message;
+    assert!(
+        told.contains("`wall`, stand on its back") && told.contains("lower_left = [-0.8000, 0.9000, 1.2800]"),
+        "{told}"
+    );
 }

@@ -40,6 +40,7 @@ struct Running {
     source: Box<dyn Source>,
     link: Link,
     reconnects: u64,
+    was_there: bool,
     /// Since when it has been connected; `None` if it is not.
     there_since_s: Option<f64>,
 }
@@ -119,6 +120,7 @@ impl TrackerSet {
                     source,
                     link: Link::Waiting,
                     reconnects: 0,
+                    was_there: false,
                     there_since_s: None,
                 })
                 .collect(),
@@ -217,9 +219,10 @@ impl TrackerSet {
             let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
             let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
             let frame = named.first().map(|followed| followed.follower.frame);
-            sensors.extend(unnamed.map(|(id, reading)| SensorReport {
-                in_room: frame.map(|frame| frame.room_from_sensor(&reading.value)),
-                ..report::sensor(*id, Some(reading), now_s)
+            sensors.extend(unnamed.map(|(id, reading)| {
+                let report = report::sensor(*id, Some(reading), now_s);
+                let in_room = frame.zip(report.raw).map(|(frame, raw)| frame.room_from_sensor(&raw));
+                SensorReport { in_room, ..report }
             }));
             reports.push(TrackerReport {
                 name: running.name.clone(),
@@ -253,18 +256,22 @@ impl TrackerSet {
                         Some(format!("not there: {why}; it is tried again"))
                     }
                     Link::Down(why) => Some(format!("gone: {why}; it is tried again")),
-                    Link::Up if matches!(running.link, Link::Down(_)) => Some("back".to_owned()),
+                    Link::Up if matches!(running.link, Link::Down(_)) => {
+                        Some(if running.was_there { "back" } else { "there now" }.to_owned())
+                    }
                     _ => None,
                 };
                 running.link.clone_from(&state.link);
+                running.was_there |= is_there(&state.link);
                 if let Some(what) = what {
                     let source = running.source.describe();
                     push(&mut self.notices, format!("tracker {} ({source}) is {what}", running.name));
                 }
             }
         }
-        for followed in &mut self.sensors {
+        for (index, followed) in self.sensors.iter_mut().enumerate() {
             let (pose, event) = followed.follower.pose(now_s);
+            let is_first = followed.pose.is_none();
             followed.pose = pose;
             let Some(event) = event else { continue };
             let Followed { name, follower, .. } = followed;
@@ -276,7 +283,17 @@ impl TrackerSet {
                         format!("{who} was not heard of in {age_s:.1} s")
                     }
                     Event::Lost { age_s } => {
-                        format!("{who} was not seen for {age_s:.1} s: its last pose is held")
+                        let hand = self.styli.iter().find(|hand| hand.sensor == index);
+                        let then = match hand {
+                            Some(hand) => {
+                                format!("stylus {} lets go, and is gone until it is back", hand.name)
+                            }
+                            None => "its last pose is held".to_owned(),
+                        };
+                        format!("{who} was not seen for {age_s:.1} s: {then}")
+                    }
+                    Event::Back { gap_s } if is_first => {
+                        format!("{who} is seen for the first time, after {gap_s:.1} s")
                     }
                     Event::Back { gap_s } => format!("{who} is back after {gap_s:.1} s"),
                 },

@@ -26,7 +26,7 @@ pub struct SensorReport {
     /// The stage's name for it; `None` if the stage has none.
     pub name: Option<String>,
     pub id: i32,
-    /// As the tracker reported it.
+    /// As the tracker last reported it; `None` if it never tracked the sensor.
     pub raw: Option<Isometry3<f64>>,
     /// In the room: the body's pose, filtered and predicted, if the stage names the sensor; else the sensor's own.
     pub in_room: Option<Isometry3<f64>>,
@@ -67,7 +67,7 @@ pub fn sensor(id: i32, reading: Option<&Reading<Isometry3<f64>>>, now_s: f64) ->
     SensorReport {
         name: None,
         id,
-        raw: reading.map(|reading| reading.value),
+        raw: reading.and_then(Reading::seen).map(|(pose, _)| pose),
         in_room: None,
         signal,
         quality: reading.map_or(0.0, |reading| reading.quality),

@@ -99,6 +99,8 @@ fn a_lost_stylus_lets_go_and_takes_hold_again_only_at_a_new_press() {
     let notices = trackers.take_notices();
     let of_wand: Vec<_> = notices.iter().filter(|notice| notice.contains("wand")).collect();
     assert_eq!(of_wand.len(), 2, "{notices:?}");
+    assert!(of_wand[0].contains("lets go, and is gone until it is back"), "{notices:?}");
+    assert!(of_wand[1].contains(" is back after "), "{notices:?}");
     assert!(trackers.take_notices().is_empty());
 }
 
