@@ -26,7 +26,7 @@ pub struct Session {
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
-    /// What is shown, as it was opened or was last changed; a stage alone has none.
+    /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
     pub scene: Option<Scene>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.

@@ -201,7 +201,7 @@ impl Desk {
         self.is_open = !self.is_open;
         self.window = window;
         self.input = PanelInput::default();
-        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
     }
 
     /// Does what was asked for, and puts into the place of what is shown what was computed meanwhile.
@@ -243,8 +243,7 @@ impl Desk {
                 if after == After::NewWindows {
                     self.window = 0;
                 }
-                self.draft =
-                    session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+                self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
                 after
             }
             Err(failure) => {
@@ -273,7 +272,7 @@ impl Desk {
                 Err(why) => self.messages.wrong(&why),
             },
             Order::GiveUp => (self.change, self.loading) = (None, None),
-            Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
+            Order::Reset => self.draft = session.scene.as_ref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
             Order::Export(name) => {
@@ -326,7 +325,7 @@ impl Desk {
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
-        if is_shown {
+        if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(saved);
         }
         Ok(())
