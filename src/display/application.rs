@@ -156,11 +156,12 @@ impl WindowApp for Application {
         if let Some(desk) = &mut self.desk {
             desk.lay_out(windows, session);
         }
+        let covered = self.desk.as_ref().map_or_else(Default::default, Desk::covered);
         let edited = match &mut self.desk {
             Some(desk) => desk.edited(&windows.gpu, session)?,
             None => None,
         };
-        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, step_s, track_s })?;
+        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, covered, step_s, track_s })?;
         self.frames += 1;
         self.change(windows)?;
         let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;

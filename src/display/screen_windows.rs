@@ -1,6 +1,7 @@
 //! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
+use super::keep_clear::keep_clear;
 use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
@@ -101,7 +102,7 @@ impl ScreenWindows {
     }
 
     pub fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
-        let WindowFrame { windows, session, bodies, edited, step_s, track_s } = frame;
+        let WindowFrame { windows, session, bodies, edited, covered, step_s, track_s } = frame;
         self.sizes = windows.sizes().collect();
         let tiles = self.tiles(session);
         let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
@@ -116,6 +117,8 @@ impl ScreenWindows {
         let haptics = effects.flat_map(|effect| effect.haptic_readings()).collect();
         let world = &session.world;
         let plates = bodies.plates(world);
+        let is_written = !plates.is_empty() || self.overlays.has_panel();
+        let clear = if is_written && edited.is_none() { keep_clear(world) } else { Vec::new() };
         let stage_frame = StageFrame {
             stage: &world.stage,
             layout: &self.layout,
@@ -124,6 +127,9 @@ impl ScreenWindows {
             room_from_head: world.room_from_head,
             reports: &reports,
             plates: &plates,
+            clear: &clear,
+            covered: (covered.0, &covered.1),
+            time_s: *world.graph.get(world.fields.time),
         };
         let (deformation, source) = (bodies.deformation(), session.input.describe());
         let readings = |gpu: &Gpu| Readings {

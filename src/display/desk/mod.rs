@@ -65,6 +65,8 @@ pub struct Desk {
     /// How many files were begun there.
     begun: usize,
     orders: Vec<Order>,
+    /// Where panel and messages are in the window.
+    covered: Vec<egui::Rect>,
     /// Whether the loss of what was not saved was told.
     is_warned: bool,
     started: Instant,
@@ -97,6 +99,7 @@ impl Default for Desk {
             folder: None,
             begun: 0,
             orders: Vec::new(),
+            covered: Vec::new(),
             is_warned: false,
             started: Instant::now(),
         }
@@ -365,6 +368,7 @@ impl Desk {
         let time_s = self.started.elapsed().as_secs_f64();
         self.keeper.ask(windows, self.window, time_s);
         self.messages.forget_old();
+        self.covered.clear();
         let is_seen = self.is_open
             || self.loading.is_some()
             || self.change.is_some()
@@ -387,6 +391,7 @@ impl Desk {
             ..Default::default()
         };
         let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
+        let mut told = Vec::new();
         let (mut rect, mut was_over, mut has_list, mut is_writing) = (None, false, false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
@@ -401,15 +406,21 @@ impl Desk {
                 let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
                 rect = panel::show(context, draft, editor.as_mut(), &now, orders);
             } else if let Some(step) = &step {
-                messages::show_step(context, step);
+                told.push(messages::show_step(context, step));
             }
-            messages.show(context, keeper.is_recording());
+            told.extend(messages.show(context, keeper.is_recording()));
             (was_over, has_list) = (context.is_pointer_over_egui(), Popup::is_any_open(context));
             is_writing = context.text_edit_focused();
         });
+        self.covered.extend(told.into_iter().chain(rect));
         (self.input.rect, self.input.was_over) = (rect, was_over);
         (self.input.has_list, self.input.is_writing) = (has_list, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
+    }
+
+    /// The window in which it is, and where it covers what is below.
+    pub fn covered(&self) -> (usize, Vec<egui::Rect>) {
+        (self.window, self.covered.clone())
     }
 
     /// Takes the picture that was asked for.

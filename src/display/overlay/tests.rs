@@ -98,7 +98,6 @@ fn readings(turn: f64) -> Readings {
             12.3,
             "left eye: screen `table` stays black: the eye is 0.120 m behind its plane".into(),
         )],
-        keep_clear: Vec::new(),
         time_s: 0.0,
     }
 }
@@ -123,7 +122,8 @@ fn picture_of(gpu: &Gpu, readings: &Readings, size: [u32; 2], clear: &[Rect]) ->
     renderer.draw(gpu, &[target.picture(&Viewport::full(size, None))], &FrameContents::default()).unwrap();
     let (mut overlay, history) = (Overlay::new(COLOR_FORMAT), history());
     let sheet = overlay.lay_out(size, |painter| {
-        let panel = Panel { painter, rect: painter.clip_rect(), readings, history: &history, clear };
+        let rect = painter.clip_rect();
+        let panel = Panel { painter, rect, readings, history: &history, clear, taken: &[] };
         panel.paint(&mut Seats::default());
     });
     overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
