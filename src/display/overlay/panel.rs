@@ -3,7 +3,7 @@
 use super::body_rows::body_rows;
 use super::frame_rows::frame_rows;
 use super::readings::Readings;
-use super::row::{FAIR, LETTERS, Rank, Ranked, Row, clipped, fitting, height};
+use super::row::{FAIR, LETTERS, Rank, Ranked, Row, Words, clipped, fitting, height};
 use super::seats::{Seats, Wanted};
 use super::times::{COLOURS, FRAMES, History};
 use crate::display::lettering::{DARK, INK, QUIET};
@@ -121,15 +121,22 @@ impl Panel<'_> {
         Some(plate)
     }
 
+    fn words(&self, pieces: &Words, place: Pos2, size: f32) {
+        let mut job = egui::text::LayoutJob::default();
+        for (text, ink) in pieces {
+            job.append(text, 0.0, egui::TextFormat::simple(FontId::monospace(size), *ink));
+        }
+        self.painter.galley(place.round(), self.painter.layout_job(job), INK);
+    }
+
     fn row(&self, row: &Row, rect: Rect, size: f32) {
         match row {
-            Row::Words(pieces) => {
-                let mut job = egui::text::LayoutJob::default();
-                for (text, ink) in pieces {
-                    job.append(text, 0.0, egui::TextFormat::simple(FontId::monospace(size), *ink));
+            Row::Words(pieces) => self.words(pieces, rect.min, size),
+            Row::Table(rows) => {
+                let line = rect.height() / rows.len().max(1) as f32;
+                for (k, pieces) in rows.iter().enumerate() {
+                    self.words(pieces, rect.min + vec2(0.0, k as f32 * line), size);
                 }
-                let galley = self.painter.layout_job(job);
-                self.painter.galley(rect.min.round(), galley, INK);
             }
             Row::Bars => self.bars(rect.shrink2(vec2(0.0, 2.0))),
             Row::Gauge { share, marks, ink } => {
