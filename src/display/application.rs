@@ -4,7 +4,7 @@
 //! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
 
 use super::bodies::GpuBodies;
-use super::desk::{self, After, Desk};
+use super::desk::{After, Desk};
 use super::device;
 use super::model_window::ModelWindow;
 use super::screen_windows::ScreenWindows;
@@ -178,7 +178,7 @@ impl Application {
         if after == After::Nothing {
             return Ok(());
         }
-        self.bodies = Some(desk::new_bodies(windows, &mut self.session, self.options.device)?);
+        self.bodies = Some(GpuBodies::new(&windows.gpu, &mut self.session.world, self.options.device)?);
         if after == After::NewWindows {
             self.shows = Shows::Screens(Box::new(ScreenWindows::new(&self.session.world.stage, None)));
             windows.reopen = Some(self.shows.specs(&self.session));

@@ -14,10 +14,10 @@ mod order;
 mod panel;
 mod release;
 mod style;
+mod told;
 mod units;
 pub mod video;
 
-use super::bodies::GpuBodies;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::edit::save;
@@ -25,7 +25,7 @@ use crate::green::GreenFile;
 use crate::interact::PickRay;
 use crate::render::Overlay;
 use crate::render::window::Button;
-use crate::render::window::{AppError, Glass, Input, Key, Windows};
+use crate::render::window::{Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, RenderError};
 use crate::scene::Scene;
 use crate::session::change::Step;
@@ -37,6 +37,7 @@ use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
 use messages::Messages;
+pub use order::After;
 use order::Order;
 use panel::Draft;
 use std::path::PathBuf;
@@ -57,6 +58,8 @@ pub struct Desk {
     keeper: Keeper,
     draft: Option<Draft>,
     change: Option<Change>,
+    /// What is told when the change is shown; else what it changed.
+    told: Option<String>,
     loading: Option<Loading>,
     editor: Option<Editor>,
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
@@ -72,16 +75,6 @@ pub struct Desk {
     started: Instant,
 }
 
-/// What windows have to do after a change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum After {
-    Nothing,
-    /// The bodies are others.
-    NewBodies,
-    /// So is the stage, and the windows have to be opened anew.
-    NewWindows,
-}
-
 impl Default for Desk {
     fn default() -> Desk {
         Desk {
@@ -93,6 +86,7 @@ impl Default for Desk {
             keeper: Keeper::default(),
             draft: None,
             change: None,
+            told: None,
             loading: None,
             editor: None,
             known: Vec::new(),
@@ -226,6 +220,10 @@ impl Desk {
                 let after = if changed.is_other_stage { After::NewWindows } else { After::NewBodies };
                 let file = changed.file.clone();
                 let before = session.file.clone();
+                let what = match (self.told.take(), &session.scene) {
+                    (Some(told), _) => told,
+                    (None, shown) => told::changes(shown.as_ref().unwrap_or(&changed.scene), &changed.scene),
+                };
                 if let Err(failure) = session.take(changed) {
                     self.messages.wrong(&said(&failure));
                     if session.file.as_ref().is_none_or(|now| !Arc::ptr_eq(now, &file)) {
@@ -236,7 +234,7 @@ impl Desk {
                     let was_made = self.editor.take().is_some();
                     self.is_open &= !was_made;
                     let ready = "Ready: take the body with the left button. Tab: the panel, where the scene can be saved.";
-                    self.messages.tell(if was_made { ready } else { "Changed." });
+                    self.messages.tell(if was_made { ready } else { &what });
                 }
                 self.known.extend(
                     before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
@@ -250,7 +248,8 @@ impl Desk {
                 after
             }
             Err(failure) => {
-                self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                self.told = None;
+                self.refuse(&failure, session);
                 After::Nothing
             }
         }
@@ -260,7 +259,7 @@ impl Desk {
         match order {
             Order::Apply => {
                 if let Err(failure) = self.begin(session) {
-                    self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                    self.refuse(&failure, session);
                 }
             }
             Order::Release => match release::scene(session) {
@@ -268,9 +267,10 @@ impl Desk {
                     let begun = self
                         .path()
                         .and_then(|path| self.change_to(scene, session.world.stage.clone(), path, session));
-                    self.messages.say(
-                        begun.map(|()| told).map_err(|failure| format!("Not changed: {}", said(&failure))),
-                    );
+                    match begun {
+                        Ok(()) => self.told = Some(told),
+                        Err(failure) => self.refuse(&failure, session),
+                    }
                 }
                 Err(why) => self.messages.wrong(&why),
             },
@@ -299,11 +299,17 @@ impl Desk {
         }
     }
 
+    fn refuse(&mut self, failure: &Failure, session: &Session) {
+        self.messages.wrong(&told::refused(failure, session.scene.as_ref()));
+    }
+
     /// Begins to compute what the panel says.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
+        told::try_loads(&scene)?;
         let path = self.path()?;
+        self.told = None;
         self.change_to(scene, stage, path, session)
     }
 
@@ -437,13 +443,4 @@ impl Desk {
             None => {}
         }
     }
-}
-
-/// The bodies of a changed session on the device.
-pub fn new_bodies(
-    windows: &Windows,
-    session: &mut Session,
-    device: super::device::Args,
-) -> Result<GpuBodies, AppError> {
-    Ok(GpuBodies::new(&windows.gpu, &mut session.world, device)?)
 }

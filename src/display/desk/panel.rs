@@ -221,7 +221,7 @@ fn model(ui: &mut Ui, body: &mut Body) {
             |ui| {
                 for model in MODELS {
                     let entry = ui.selectable_value(&mut body.model, model.name.to_owned(), model.name);
-                    entry.on_hover_text(model.summary);
+                    entry.on_hover_text(in_words(model.summary));
                 }
             },
         );
@@ -236,8 +236,15 @@ fn model(ui: &mut Ui, body: &mut Body) {
             ModelFrame::Solved => "solved for every pose, in the background".to_owned(),
             _ => format!("fair up to turns of {fair:.0}°"),
         };
-        ui.label(RichText::new(format!("{}; {range}", model.summary)).color(QUIET).small());
+        let told = format!("{}; {range}", in_words(model.summary));
+        ui.label(RichText::new(told).color(QUIET).small());
     }
+}
+
+/// What a model is, without the paper's number of its method.
+fn in_words(summary: &str) -> &str {
+    let words = summary.split_once(": ").filter(|(number, _)| number.starts_with("method "));
+    words.map_or(summary, |(_, words)| words)
 }
 
 fn material(ui: &mut Ui, body: &mut Body) {
@@ -429,5 +436,11 @@ mod tests {
         // A built-in stage stands in place of the scene's, too.
         let session = Session::open(&Request { stage: Some("desktop"), ..Request::of(&scene) }).unwrap();
         assert_eq!(Draft::of(session.scene.as_ref().unwrap()).stage, "desktop");
+    }
+
+    #[test]
+    fn models_are_told_in_words() {
+        assert!(MODELS.iter().all(|model| !in_words(model.summary).starts_with("method")));
+        assert_eq!(in_words("method 3b: a rod: slender"), "a rod: slender");
     }
 }
