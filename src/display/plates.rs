@@ -158,7 +158,8 @@ fn beside(at: Pos2, size: Vec2, inside: Rect, letter: f32, taken: &[Rect]) -> Po
     let away = 1.5 * letter;
     let (right, left) = (away, -away - size.x);
     let (up, down) = (-away - size.y, away);
-    let places = [(right, up), (left, up), (right, down), (left, down)];
+    let middle = -0.5 * size.x;
+    let places = [(right, up), (left, up), (right, down), (left, down), (middle, up), (middle, down)];
     let corners = places.map(|(x, y)| (at + vec2(x, y)).clamp(inside.min, room));
     let over = |corner: &Pos2| covered(Rect::from_min_size(*corner, size), taken);
     let is_free = |corner: &&Pos2| !is_over(Rect::from_min_size(**corner, size), taken);
