@@ -133,7 +133,8 @@ fn explain(message: &str) -> String {
 fn kind(expected: &str) -> &str {
     match expected {
         "f64" | "f32" => "a number",
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number from 0",
+        "u8" => "a whole number from 0 to 255",
+        "u16" | "u32" | "u64" | "usize" => "a whole number from 0",
         "i8" | "i16" | "i32" | "i64" => "a whole number",
         "a sequence" => "an array",
         "a map" => "a table",

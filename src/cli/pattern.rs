@@ -3,6 +3,7 @@
 use super::parsers;
 use super::print::print;
 use crate::base::failure::Failure;
+use crate::base::notice::notice;
 use crate::base::output;
 use crate::display::application::{self, Options, Shows};
 use crate::display::device;
@@ -54,6 +55,15 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
         for &eye in stage.stereo.eyes() {
             output::try_path(&path(&screen.name, eye), &PNG, &[PathBuf::from(named)])?;
         }
+    }
+    for tile in stage.layout().iter().flat_map(|window| &window.tiles).filter(|tile| tile.overscan != [0; 4])
+    {
+        let [left, right, top, bottom] = tile.overscan;
+        notice!(
+            "note: {}: its picture has all pixels of the screen, with the {left}, {right}, {top}, {bottom} at its left, right, top and bottom \
+             edge that its tile hides by `overscan`; without -o the window shows what is seen",
+            stage.screens[tile.screen].name
+        );
     }
     let gpu = Gpu::headless().map_err(Failure::work)?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1)?;

@@ -80,6 +80,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(path) = &args.output {
         let named = [args.stage.as_ref().map(PathBuf::from), args.green.clone()];
         let inputs: Vec<PathBuf> = named.into_iter().flatten().chain([args.scene_or_stage.clone()]).collect();
+        if path.extension().is_none_or(|end| !end.eq_ignore_ascii_case("png")) {
+            let (shown, png) = (path.display(), path.with_extension("png"));
+            let text = format!("-o {shown}: the picture is a PNG file: write -o {}", png.display());
+            return Err(Failure::wrong(text));
+        }
         output::try_path(path, &PNG, &inputs)?;
     }
     let mut session = open(args)?;

@@ -187,7 +187,8 @@ impl Story {
         // The caption stands where these would, and says what they say.
         session.world.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
         screens.overlays.caption = Some(Box::new(caption));
-        let mut frame = WindowFrame { windows, session, bodies, edited: None, step_s, track_s: 0.0 };
+        let (covered, track_s) = (Default::default(), 0.0);
+        let mut frame = WindowFrame { windows, session, bodies, edited: None, covered, step_s, track_s };
         screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
     }
 

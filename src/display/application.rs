@@ -4,7 +4,7 @@
 //! Out: pictures of all windows, presented together, until a window is closed, the time is over, or a recording ends.
 
 use super::bodies::GpuBodies;
-use super::desk::{self, After, Desk};
+use super::desk::{After, Desk};
 use super::device;
 use super::model_window::ModelWindow;
 use super::screen_windows::ScreenWindows;
@@ -156,11 +156,12 @@ impl WindowApp for Application {
         if let Some(desk) = &mut self.desk {
             desk.lay_out(windows, session);
         }
+        let covered = self.desk.as_ref().map_or_else(Default::default, Desk::covered);
         let edited = match &mut self.desk {
             Some(desk) => desk.edited(&windows.gpu, session)?,
             None => None,
         };
-        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, step_s, track_s })?;
+        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, covered, step_s, track_s })?;
         self.frames += 1;
         self.change(windows)?;
         let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;
@@ -177,7 +178,7 @@ impl Application {
         if after == After::Nothing {
             return Ok(());
         }
-        self.bodies = Some(desk::new_bodies(windows, &mut self.session, self.options.device)?);
+        self.bodies = Some(GpuBodies::new(&windows.gpu, &mut self.session.world, self.options.device)?);
         if after == After::NewWindows {
             self.shows = Shows::Screens(Box::new(ScreenWindows::new(&self.session.world.stage, None)));
             windows.reopen = Some(self.shows.specs(&self.session));

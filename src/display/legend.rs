@@ -10,6 +10,8 @@ use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Ve
 const WARNS: Color32 = Color32::from_rgb(255, 120, 200);
 /// Lines below the bar, at most.
 const LINES: usize = 4;
+/// Of the letters' height, in lines that are too long for it.
+const LEAST: f32 = 0.7;
 
 fn line_height(letter: f32) -> f32 {
     (1.3 * letter).round()
@@ -53,8 +55,11 @@ impl Paint<'_> {
         let mut place = pos2(inside.min.x, bar.max.y + 1.4 * line);
         for said in self.legend.lines.iter().take(LINES) {
             let ink = if said.warns { WARNS } else { INK };
+            // A long line has smaller letters before it is cut.
             let letters = (inside.width() / (0.61 * size)) as usize;
-            self.words((place, Align2::LEFT_TOP), &clipped(&said.text, letters), size, ink);
+            let smaller = (letters as f32 / said.text.chars().count().max(1) as f32).clamp(LEAST, 1.0) * size;
+            let letters = (inside.width() / (0.61 * smaller)) as usize;
+            self.words((place, Align2::LEFT_TOP), &clipped(&said.text, letters), smaller, ink);
             place.y += line;
         }
     }
@@ -67,14 +72,9 @@ impl Paint<'_> {
             false => format!("{} ({prefix}{})", legend.title, legend.unit),
         };
         self.words((inside.min, Align2::LEFT_TOP), &title, size, INK);
-        let range = match legend.has_limit {
-            true => format!("range: {}   beyond a limit:", legend.range),
-            false => format!("range: {}", legend.range),
-        };
         let room = (inside.width() / (0.61 * size)) as usize;
-        if title.chars().count() + range.chars().count() < room {
-            self.words((pos2(inside.max.x, inside.min.y), Align2::RIGHT_TOP), &range, size, QUIET);
-        }
+        let range = beside_the_title(legend, room.saturating_sub(title.chars().count() + 1));
+        self.words((pos2(inside.max.x, inside.min.y), Align2::RIGHT_TOP), &range, size, QUIET);
     }
 
     /// What the numbers at the bar are multiples of.
@@ -117,9 +117,47 @@ impl Paint<'_> {
     }
 }
 
+/// What stands beside the title in so many letters: where the range is from, and what the patch at the bar's end means, which matters
+/// more.
+fn beside_the_title(legend: &Legend, letters: usize) -> String {
+    let range = format!("range: {}", legend.range);
+    let words = match legend.has_limit {
+        true => vec![format!("{range}   {BEYOND}"), BEYOND.to_owned(), "limit:".to_owned()],
+        false => vec![range],
+    };
+    words.into_iter().find(|words| words.chars().count() <= letters).unwrap_or_default()
+}
+
+/// Of the patch at the bar's end.
+const BEYOND: &str = "beyond a limit:";
+
 fn clipped(text: &str, letters: usize) -> String {
     match text.chars().count() > letters {
         true => text.chars().take(letters.saturating_sub(1)).chain(['…']).collect(),
         false => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A legend of displacements had a magenta patch without a word.
+    #[test]
+    fn the_patch_beyond_a_limit_has_its_caption_before_the_range_has() {
+        let legend = Legend {
+            title: "displacement".into(),
+            unit: "m".into(),
+            to: 0.4,
+            range: "largest of the session".into(),
+            limits: Vec::new(),
+            has_limit: true,
+            lines: Vec::new(),
+        };
+        assert_eq!(beside_the_title(&legend, 60), "range: largest of the session   beyond a limit:");
+        assert_eq!(beside_the_title(&legend, 40), "beyond a limit:");
+        assert_eq!(beside_the_title(&legend, 5), "");
+        let plain = Legend { has_limit: false, ..legend };
+        assert_eq!(beside_the_title(&plain, 40), "range: largest of the session");
     }
 }

@@ -33,6 +33,12 @@ pub fn write(
     rect
 }
 
+/// Text of letters of one width, broken where it is wider than `width`.
+pub fn wrapped(painter: &Painter, text: &str, size: f32, ink: Color32, width: f32) -> Arc<Galley> {
+    let font = FontId::monospace(size.max(7.0));
+    painter.layout_job(egui::text::LayoutJob::simple(text.to_owned(), font, ink, width.max(size)))
+}
+
 /// Letters of less than 7 pixels cannot be read, so there are none.
 fn lines(painter: &Painter, text: &str, size: f32, ink: Color32, align: Align) -> Arc<Galley> {
     let font = FontId::monospace(size.max(7.0));

@@ -57,7 +57,7 @@ impl ModelWindow {
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
             let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model));
+                view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model, &[]));
             });
             overlay.draw(gpu, [(picture.texture, &sheet)])
         };
@@ -98,7 +98,7 @@ pub fn picture(
     renderer.draw(&gpu, &[target.picture(&Viewport::full(size, view))], &contents)?;
     let mut overlay = Overlay::new(COLOR_FORMAT);
     let sheet = overlay.lay_out(size, |painter| {
-        view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model));
+        view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model, &[]));
     });
     overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
     Ok(target.read(&gpu)?.0)

@@ -2,7 +2,9 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
+use super::keep_clear::{KeepClear, keep_clear};
 use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
+use super::plate_seats::PlateSeats;
 use super::plates::Plates;
 use super::window_layout;
 use crate::base::plates::Plate;
@@ -30,6 +32,8 @@ pub struct Targets {
     overlay: Option<Overlay>,
     /// The overlay is shown on the screen that the viewer looks at, where it is asked for.
     panel: Option<(History, Seats)>,
+    /// Where plates stand.
+    seats: PlateSeats,
 }
 
 /// Which pictures are made.
@@ -115,6 +119,7 @@ impl Targets {
             swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             overlay: None,
             panel: None,
+            seats: PlateSeats::default(),
         })
     }
 
@@ -178,7 +183,8 @@ impl Targets {
             });
             let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
             let panel = readings.as_ref().zip(self.panel.as_mut());
-            let mut over = Over { world, plates: &plates, swapped: self.swapped, panel };
+            let (clear, seats) = (keep_clear(world), &mut self.seats);
+            let mut over = Over { world, plates: &plates, clear, swapped: self.swapped, panel, seats };
             let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
                 let (window, size) = &layout[picture.window];
                 over.paint(overlay, gpu, picture, window, *size)
@@ -212,8 +218,11 @@ impl Targets {
 struct Over<'a> {
     world: &'a World,
     plates: &'a [Plate],
+    /// Per screen.
+    clear: Vec<KeepClear>,
     swapped: bool,
     panel: Option<(&'a Readings, &'a mut (History, Seats))>,
+    seats: &'a mut PlateSeats,
 }
 
 impl Over<'_> {
@@ -229,14 +238,22 @@ impl Over<'_> {
         let Some(part) = window_layout::part(stage, window, size, picture, self.swapped) else {
             return Ok(());
         };
-        let panel = self.panel.as_mut().filter(|_| part.screen == stage.faced_screen());
-        let lift = if panel.is_some() { Plates::OVER_WARNINGS } else { 0.0 };
+        let is_faced = part.screen == stage.faced_screen();
+        let nothing = KeepClear::default();
+        let clear = self.clear.get(part.screen).unwrap_or(&nothing);
+        let time_s = *self.world.graph.get(self.world.fields.time);
+        // Only the plates of the screen that the viewer looks at have seats.
+        let mut none = PlateSeats::default();
+        let seats = if is_faced { &mut *self.seats } else { &mut none };
+        let mut panel = self.panel.as_mut().filter(|_| is_faced);
         let sheet = overlay.lay_out(picture.texture_size, |painter| {
-            if let Some((readings, (history, seats))) = panel {
-                let clear = part.clear(readings, true);
-                Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
+            let mut taken = Vec::new();
+            if let Some((readings, (history, seats))) = &mut panel {
+                let (rect, held) = (part.rect, part.pixels(&clear.held));
+                taken = Panel { painter, rect, readings, history, clear: &held, taken: &[] }.paint(seats);
             }
-            Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
+            let plates = Plates { stage, room_from_head, plates, lift: 0.0, taken: &taken, clear, time_s };
+            plates.paint(painter, &part, seats);
         });
         overlay.draw(gpu, [(picture.texture, &sheet)])
     }

@@ -5,16 +5,19 @@
 //! is not called up costs nothing.
 
 use super::caption::{self, Caption};
+use super::keep_clear::KeepClear;
 use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
+use super::plate_seats::PlateSeats;
 use super::plates::Plates;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
-use super::window_layout;
+use super::window_layout::{self, Part};
 use crate::base::plates::Plate;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::tracker_set::TrackerReport;
+use egui::{Painter, Rect};
 use nalgebra::Isometry3;
 
 /// The overlays of all windows of a stage.
@@ -27,7 +30,7 @@ pub struct Overlays {
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Per screen, where its plates stand.
-    seats: Box<[Seats]>,
+    seats: Box<[ScreenSeats]>,
     /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
     leader: Box<[usize]>,
     /// Per leader: where the room is looked at from, instead of its screens.
@@ -35,6 +38,13 @@ pub struct Overlays {
     /// The last of each leader, for the next time.
     kept: Box<[Option<Orbit>]>,
     overlay: Option<Overlay>,
+}
+
+/// Where the plates of a screen stand: the overlay's, and the world's.
+#[derive(Clone, Debug, Default)]
+struct ScreenSeats {
+    panel: Seats,
+    plates: PlateSeats,
 }
 
 /// The stage as it is in this frame.
@@ -48,6 +58,55 @@ pub struct StageFrame<'a> {
     pub reports: &'a [TrackerReport],
     /// What the world writes over its pictures.
     pub plates: &'a [Plate],
+    /// Per screen, what plates are not to stand over.
+    pub clear: &'a [KeepClear],
+    /// The window with the panel, and its pixels that panel and messages take.
+    pub covered: (usize, &'a [Rect]),
+    /// Of the trackers, s.
+    pub time_s: f64,
+}
+
+impl StageFrame<'_> {
+    /// The pixels of a picture that panel and messages take. They lie over the window: a picture of one of two eyes has none.
+    fn covered(&self, picture: &EyePicture<'_>, size: [u32; 2]) -> Vec<Rect> {
+        let (window, rects) = self.covered;
+        let is_there = window == picture.window && picture.texture_size == size;
+        rects.iter().filter(|_| is_there).copied().collect()
+    }
+}
+
+/// What stands in a picture below the overlay: the names of the room from outside, the test pattern, or the world's plates.
+struct Below<'a> {
+    frame: &'a StageFrame<'a>,
+    part: &'a Part,
+    room: Option<&'a (Camera, StageModel)>,
+    is_pattern: bool,
+    clear: &'a KeepClear,
+    taken: &'a [Rect],
+}
+
+impl Below<'_> {
+    fn is_any(&self) -> bool {
+        self.room.is_some() || self.is_pattern || !self.frame.plates.is_empty()
+    }
+
+    /// `lift` is the part of the height that a caption takes.
+    fn paint(&self, painter: &Painter, lift: f32, seats: &mut PlateSeats) {
+        let StageFrame { stage, room_from_head, plates, time_s, .. } = self.frame;
+        let (part, clear, taken) = (self.part, self.clear, self.taken);
+        let screen = &stage.screens[part.screen];
+        if let Some((camera, room)) = self.room {
+            let view = camera.view(window_layout::aspect(screen, &part.visible));
+            view.iter().for_each(|view| write_names(painter, part.rect, view, room, taken));
+        } else if self.is_pattern {
+            let painter = &painter.with_clip_rect(part.rect);
+            let (on_screen, stage) = (part.visible.on_screen, stage.name.as_str());
+            Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
+        } else {
+            let time_s = *time_s;
+            Plates { stage, room_from_head, plates, lift, taken, clear, time_s }.paint(painter, part, seats);
+        }
+    }
 }
 
 impl Overlays {
@@ -61,7 +120,7 @@ impl Overlays {
             pattern: false,
             caption: None,
             history: History::default(),
-            seats: vec![Seats::default(); stage.screens.len()].into(),
+            seats: vec![ScreenSeats::default(); stage.screens.len()].into(),
             leader: layout.iter().map(leader).collect(),
             outside: vec![None; layout.len()].into(),
             kept: vec![None; layout.len()].into(),
@@ -179,7 +238,8 @@ impl Overlays {
             rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
         let readings = panels.contains(&true).then(|| readings(&windows.gpu));
         // Both eyes get the same overlay.
-        let mut panel: Option<OverlayMesh> = None;
+        let mut panel: Option<(OverlayMesh, Vec<Rect>)> = None;
+        let nothing = KeepClear::default();
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let Some((window, &size)) = frame.layout.get(picture.window).zip(frame.sizes.get(picture.window))
             else {
@@ -189,47 +249,35 @@ impl Overlays {
                 return Ok(());
             };
             let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
-            let screen = &frame.stage.screens[part.screen];
             let room = rooms[leader[picture.window]].as_ref();
-            if let Some((camera, room)) = room {
-                let view = camera.view(window_layout::aspect(screen, &part.visible));
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    view.iter().for_each(|view| write_names(painter, part.rect, view, room));
-                });
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            } else if *pattern {
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    let painter = &painter.with_clip_rect(part.rect);
-                    let (on_screen, stage) = (part.visible.on_screen, frame.stage.name.as_str());
-                    Pattern { painter, rect: part.rect, on_screen, stage, screen, eye: part.eye }.paint();
-                });
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            }
+            let is_scene = room.is_none() && !*pattern;
+            let clear = frame.clear.get(part.screen).filter(|_| is_scene).unwrap_or(&nothing);
+            let mut taken = frame.covered(picture, size);
+            // What is written below leaves room for the overlay.
             if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
                 let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
-                let sheet = match panel.take().filter(is_same) {
-                    Some(sheet) => sheet,
-                    None => {
-                        let clear = part.clear(readings, room.is_none() && !*pattern);
-                        let seats = &mut seats[part.screen];
-                        overlay.lay_out(picture.texture_size, |painter| {
-                            Panel { painter, rect: part.rect, readings, history, clear: &clear }.paint(seats);
-                        })
-                    }
-                };
-                overlay.draw(gpu, [(picture.texture, &*panel.insert(sheet))])?;
-            }
-            if room.is_none() && !*pattern && !frame.plates.is_empty() {
-                let (stage, room_from_head, plates) = (frame.stage, &frame.room_from_head, frame.plates);
-                let lift = match caption {
-                    Some(_) => Caption::MOST_HEIGHT,
-                    None if panels[part.screen] => Plates::OVER_WARNINGS,
-                    None => 0.0,
-                };
-                let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                    Plates { stage, room_from_head, plates, lift }.paint(painter, &part);
+                let kept = panel.take().filter(|(sheet, _)| is_same(sheet)).unwrap_or_else(|| {
+                    let (held, seats) = (part.pixels(&clear.held), &mut seats[part.screen].panel);
+                    let mut rects = Vec::new();
+                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
+                        let (rect, clear, taken) = (part.rect, &held[..], &taken[..]);
+                        rects = Panel { painter, rect, readings, history, clear, taken }.paint(seats);
+                    });
+                    (sheet, rects)
                 });
+                taken.extend(&kept.1);
+                panel = Some(kept);
+            }
+            let below = Below { frame, part: &part, room, is_pattern: *pattern, clear, taken: &taken };
+            if below.is_any() {
+                let lift = if caption.is_some() { Caption::MOST_HEIGHT } else { 0.0 };
+                let seats = &mut seats[part.screen].plates;
+                let sheet =
+                    overlay.lay_out(picture.texture_size, |painter| below.paint(painter, lift, seats));
                 overlay.draw(gpu, [(picture.texture, &sheet)])?;
+            }
+            if let Some((sheet, _)) = panel.as_ref().filter(|_| panels[part.screen]) {
+                overlay.draw(gpu, [(picture.texture, sheet)])?;
             }
             if let Some(caption) = caption.as_ref().filter(|_| picture.tile == last[picture.window]) {
                 let whole = caption::whole(picture.texture_size);

@@ -5,7 +5,7 @@
 //! pixels. Everything that must be exact to the pixel is a rectangle with whole coordinates, which anti-aliasing does not
 //! change.
 
-use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, write};
+use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, wrapped, write};
 use crate::stage::{Eye, Screen};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use std::f32::consts::TAU;
@@ -203,21 +203,36 @@ impl Pattern<'_> {
     fn title(&self) {
         let unit = self.unit();
         let Screen { name, .. } = self.screen;
-        let [x, y] = self.pixels_per_m().map(|density| 1e3 / density);
         // The ruler's labels stay free between the name and what is told of it.
         let top = pos2(self.rect.center().x, self.rect.min.y + 7.0 * unit);
-        let size = self.rect.size();
         self.write(top - vec2(3.0 * unit, 0.0), Align2::RIGHT_TOP, name, 6.0 * unit, INK);
-        let [width_m, height_m] = [self.screen.width_m(), self.screen.height_m()];
-        let lines = [
-            format!("{}   {width_m:.3} × {height_m:.3} m", self.stage),
+        let lines = self.told();
+        let place = top + vec2(7.0 * unit, 0.0);
+        let told =
+            wrapped(self.painter, &lines.join("\n"), 1.6 * unit, QUIET, self.rect.max.x - place.x - unit);
+        let plate = Rect::from_min_size(place, told.size()).expand2(vec2(0.64, 0.16) * unit);
+        self.painter.rect_filled(plate, 0.0, DARK);
+        self.painter.galley(place.round(), told, QUIET);
+    }
+
+    /// Sizes. What a tape measures is what is seen: a tile may show a part of the screen, and hide some at its edges.
+    fn told(&self) -> Vec<String> {
+        let (size, density) = (self.rect.size(), self.pixels_per_m());
+        let [x, y] = density.map(|density| 1e3 / density);
+        let [width_m, height_m] = [0, 1].map(|axis| f64::from(size[axis]) / density[axis]);
+        let mut lines = vec![format!("{}   {width_m:.3} × {height_m:.3} m", self.stage)];
+        if self.on_screen != [-1.0, 1.0, -1.0, 1.0] {
+            let [whole_x, whole_y] = [self.screen.width_m(), self.screen.height_m()];
+            lines.push(format!("shown of {whole_x:.3} × {whole_y:.3} m"));
+        }
+        lines.extend([
             format!("both diagonals {:.3} m", width_m.hypot(height_m)),
             format!("{} × {} pixels", size.x, size.y),
             format!("of {x:.3} × {y:.3} mm",),
             format!("grid {}, ticks {}", length(self.cell_m()), length(self.tick_m())),
             format!("circle {} across, rulers in cm", length(2.0 * self.radius_m())),
-        ];
-        self.write(top + vec2(7.0 * unit, 0.0), Align2::LEFT_TOP, &lines.join("\n"), 1.6 * unit, QUIET);
+        ]);
+        lines
     }
 
     /// The corners of what is shown by their names, where the stage file has them in the room.
@@ -306,7 +321,12 @@ impl Pattern<'_> {
             let middle = center.x - (0.39 - 0.12 * i as f32) * self.rect.width();
             let block = Rect::from_min_size(pos2((middle - side / 2.0).floor(), top), vec2(side, side));
             add_pixels(&mut mesh, block, self.rect.min, is_white);
-            self.write(block.center_bottom() + vec2(0.0, unit), Align2::CENTER_TOP, name, 1.8 * unit, QUIET);
+            // In a small picture the names do not fit beside each other: the middle one stands a line lower.
+            let letter = (1.8 * unit).max(7.0);
+            let is_narrow = 0.12 * self.rect.width() < 6.5 * letter;
+            let below = if is_narrow && i == 1 { unit + 1.3 * letter } else { unit };
+            let place = block.center_bottom() + vec2(0.0, below);
+            self.write(place, Align2::CENTER_TOP, name, 1.8 * unit, QUIET);
         }
         self.painter.add(Shape::mesh(mesh));
     }
@@ -362,5 +382,32 @@ fn add_pixels(mesh: &mut Mesh, block: Rect, origin: Pos2, is_white: IsWhite) {
             }
             x = end + 1;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::Stage;
+
+    /// A table of 1.7 m × 1.36 m whose tile hides 12 of 1024 rows is 1.344 m high where it is seen, 2.167 m from corner to corner:
+    /// the pattern told the whole screen's 2.177 m.
+    #[test]
+    fn the_sizes_are_those_that_a_tape_measures() {
+        let mut screen = Stage::find("desktop").unwrap().screens.remove(0);
+        let corner = screen.lower_left;
+        screen.lower_right = corner + nalgebra::Vector3::x() * 1.7;
+        screen.upper_left = corner + nalgebra::Vector3::y() * 1.36;
+        let painter = egui::Context::default().layer_painter(egui::LayerId::background());
+        let told = |on_screen: [f64; 4], height: f32| {
+            let rect = Rect::from_min_size(Pos2::ZERO, vec2(1280.0, height));
+            let screen = &screen;
+            Pattern { painter: &painter, rect, on_screen, stage: "bench", screen, eye: Eye::Left }.told()
+        };
+        let whole = told([-1.0, 1.0, -1.0, 1.0], 1024.0);
+        assert_eq!(whole[..2], ["bench   1.700 × 1.360 m", "both diagonals 2.177 m"]);
+        let seen = told([-1.0, 1.0, -1.0 + 24.0 / 1024.0, 1.0], 1012.0);
+        let expected = ["bench   1.700 × 1.344 m", "shown of 1.700 × 1.360 m", "both diagonals 2.167 m"];
+        assert_eq!(seen[..3], expected);
     }
 }

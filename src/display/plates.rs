@@ -1,10 +1,13 @@
 //! Paints the plates of a world over its pictures: words in a corner or beside a place in the room.
 //!
 //! In: [`Plate`]s, and the part of a picture that shows a screen to an eye. Out: dark plates with words, and plots ([`plot`]).
-//! Those in corners are the same for both eyes; one beside a place stands at that place's depth.
+//! Those in corners are the same for both eyes, and go aside where something is held ([`PlateSeats`]); one beside a place stands at
+//! that place's depth.
 
+use super::keep_clear::KeepClear;
 use super::legend;
 use super::lettering::{DARK, INK, QUIET};
+use super::plate_seats::{PlateSeats, Room, Side, Wanted, covered, is_over};
 use super::plot;
 use super::window_layout::{Part, view_of};
 use crate::base::plates::{Anchor, Plate, Tone};
@@ -33,55 +36,101 @@ pub struct Plates<'a> {
     pub stage: &'a Stage,
     pub room_from_head: &'a Isometry3<f64>,
     pub plates: &'a [Plate],
-    /// Of the height below them, for the warnings of an overlay.
+    /// The part of the height that stays free below them, for a caption.
     pub lift: f32,
+    /// Rectangles of the picture that are taken: the overlay's plates, the panel, messages.
+    pub taken: &'a [Rect],
+    /// Of the screen that the viewer looks at.
+    pub clear: &'a KeepClear,
+    /// Of the trackers, s.
+    pub time_s: f64,
 }
+
+/// Of the full size of plates, where there is less and less room.
+const SCALES: [f32; 3] = [1.0, 0.8, 0.65];
 
 /// A plate as it is laid out.
 struct LaidOut<'a> {
     plate: &'a Plate,
     lines: Vec<Arc<Galley>>,
     size: Vec2,
+    letter: f32,
 }
 
 impl Plates<'_> {
-    /// Room for the overlay's warnings.
-    pub const OVER_WARNINGS: f32 = 0.11;
-
-    /// Returns the rectangles of all plates: those in the right corner, those in the left one, and those beside places.
-    pub fn paint(&self, painter: &Painter, part: &Part) -> Vec<Rect> {
+    /// Returns the rectangles of all plates for which there is room: those of the right corner, those of the left one, and those
+    /// beside places.
+    pub fn paint(&self, painter: &Painter, part: &Part, seats: &mut PlateSeats) -> Vec<Rect> {
         let painter = &painter.with_clip_rect(part.rect);
         let letter = letter_height(part.rect);
         let inside = part.rect.shrink(letter);
-        let bottom = inside.max.y - self.lift * inside.height();
-        let of = |is: fn(&Anchor) -> bool| self.plates.iter().filter(move |plate| is(&plate.anchor));
+        let held = part.pixels(&self.clear.held);
         let mut painted = Vec::new();
         if part.screen == self.stage.faced_screen() {
-            let mut place = |plates: &mut dyn Iterator<Item = &Plate>, width: f32, is_right: bool| {
-                let (mut top, mut widest) = (bottom, 0.0_f32);
-                for plate in plates {
-                    let laid_out = LaidOut::new(painter, plate, letter, vec2(width, inside.height()));
-                    top -= laid_out.size.y;
-                    let x = if is_right { inside.max.x - laid_out.size.x } else { inside.min.x };
-                    widest = widest.max(laid_out.size.x + letter);
-                    painted.push(laid_out.paint(painter, pos2(x, top).round(), letter));
-                    top -= 0.5 * letter;
-                }
-                widest
-            };
-            let right = &mut of(|anchor| *anchor == Anchor::LowerRight);
-            let taken = place(right, inside.width(), true);
-            // Words in the left corner break where the plates in the right one begin.
-            place(&mut of(|anchor| *anchor == Anchor::LowerLeft), inside.width() - taken, false);
+            painted = self.paint_corners(painter, part, letter, &held, seats);
         }
         for plate in self.plates {
             let Anchor::Place(place) = plate.anchor else { continue };
             let Some(at) = self.pixel(part, place) else { continue };
             let laid_out = LaidOut::new(painter, plate, letter, inside.size());
-            let corner = beside(painter, at, laid_out.size, inside, letter);
-            painted.push(laid_out.paint(painter, corner.round(), letter));
+            let taken: Vec<Rect> = self.taken.iter().chain(&painted).copied().collect();
+            let corner = beside(at, laid_out.size, inside, letter, &taken).round();
+            let foot = at.clamp(corner, corner + laid_out.size);
+            painter.line_segment([at, foot], Stroke::new(1.5, INK.gamma_multiply(0.7)));
+            painted.push(laid_out.paint(painter, corner));
         }
         painted
+    }
+
+    fn paint_corners(
+        &self,
+        painter: &Painter,
+        part: &Part,
+        letter: f32,
+        held: &[Rect],
+        seats: &mut PlateSeats,
+    ) -> Vec<Rect> {
+        // Both eyes' pictures have the same seats, wherever they stand in their textures.
+        let origin = part.rect.min.to_vec2();
+        let here =
+            |rects: &[Rect]| -> Vec<Rect> { rects.iter().map(|rect| rect.translate(-origin)).collect() };
+        let mut inside = part.rect.translate(-origin).shrink(letter);
+        let room = inside.size();
+        inside.max.y -= self.lift * inside.height();
+        let (mut wanted, mut sheets) = (Vec::new(), Vec::new());
+        let mut width = room.x;
+        for (side, anchor) in [(Side::Right, Anchor::LowerRight), (Side::Left, Anchor::LowerLeft)] {
+            let mut widest = 0.0_f32;
+            for plate in self.plates.iter().filter(|plate| plate.anchor == anchor) {
+                let sheet = SCALES.map(|scale| {
+                    let least = (scale * letter).max(LEAST_LETTER);
+                    LaidOut::new(painter, plate, least, vec2(scale * width, scale * room.y))
+                });
+                widest = widest.max(sheet[0].size.x + letter);
+                wanted.push(Wanted { side, sizes: sheet.iter().map(|sheet| sheet.size).collect() });
+                sheets.push(sheet);
+            }
+            // Words in the left corner break where the plates in the right one begin.
+            width -= widest;
+        }
+        let (taken, held) = (here(self.taken), here(held));
+        let [loose, bodies] = [&self.clear.loose, &self.clear.bodies].map(|rects| here(&part.pixels(rects)));
+        let room = Room {
+            inside,
+            gap: 0.5 * letter,
+            taken: &taken,
+            held: &held,
+            loose: &loose,
+            bodies: &bodies,
+            time_s: self.time_s,
+        };
+        let seats = seats.take(&room, &wanted);
+        let seated = seats.into_iter().zip(sheets).filter_map(|(seat, sheets)| {
+            let seat = seat?;
+            let sheet = sheets.into_iter().nth(seat.size)?;
+            Some(sheet.paint(painter, (seat.rect.min + origin).round()))
+        });
+        seated.collect()
     }
 
     /// Where a place in the room is seen; `None` where it is not.
@@ -95,18 +144,27 @@ impl Plates<'_> {
     }
 }
 
-/// Letters are 9 to 26 pixels high.
+/// Height of the smallest letters, pixels.
+const LEAST_LETTER: f32 = 9.0;
+
+/// Letters are up to 26 pixels high.
 fn letter_height(rect: Rect) -> f32 {
-    (rect.height() / 50.0).min(rect.width() / 76.0).clamp(9.0, 26.0)
+    (rect.height() / 50.0).min(rect.width() / 76.0).clamp(LEAST_LETTER, 26.0)
 }
 
-/// Up and to the right of a place, with a line from it; within the picture.
-fn beside(painter: &Painter, at: Pos2, size: Vec2, inside: Rect, letter: f32) -> Pos2 {
+/// Up and to the right of a place, or else where it covers least of what is taken; within the picture.
+fn beside(at: Pos2, size: Vec2, inside: Rect, letter: f32, taken: &[Rect]) -> Pos2 {
     let room = (inside.max - size).max(inside.min);
-    let corner = (at + vec2(1.5 * letter, -1.5 * letter - size.y)).clamp(inside.min, room);
-    let foot = pos2(at.x.clamp(corner.x, corner.x + size.x), at.y.clamp(corner.y, corner.y + size.y));
-    painter.line_segment([at, foot], Stroke::new(1.5, INK.gamma_multiply(0.7)));
-    corner
+    let away = 1.5 * letter;
+    let (right, left) = (away, -away - size.x);
+    let (up, down) = (-away - size.y, away);
+    let middle = -0.5 * size.x;
+    let places = [(right, up), (left, up), (right, down), (left, down), (middle, up), (middle, down)];
+    let corners = places.map(|(x, y)| (at + vec2(x, y)).clamp(inside.min, room));
+    let over = |corner: &Pos2| covered(Rect::from_min_size(*corner, size), taken);
+    let is_free = |corner: &&Pos2| !is_over(Rect::from_min_size(**corner, size), taken);
+    let least = || corners.iter().min_by(|a, b| over(a).total_cmp(&over(b)));
+    corners.iter().find(is_free).or_else(least).copied().unwrap_or(inside.min)
 }
 
 impl<'a> LaidOut<'a> {
@@ -126,10 +184,11 @@ impl<'a> LaidOut<'a> {
         let legend = plate.legend.as_ref().map_or(Vec2::ZERO, |shown| legend::size(letter, room, shown));
         let inside = vec2(width.max(plot.x).max(legend.x), height + plot.y + legend.y);
         let size = inside + vec2(1.2 * letter, 0.8 * letter);
-        LaidOut { plate, lines, size }
+        LaidOut { plate, lines, size, letter }
     }
 
-    fn paint(self, painter: &Painter, corner: Pos2, letter: f32) -> Rect {
+    fn paint(self, painter: &Painter, corner: Pos2) -> Rect {
+        let letter = self.letter;
         let plate = Rect::from_min_size(corner, self.size);
         painter.rect_filled(plate, 0.3 * letter, DARK.gamma_multiply(0.86));
         let mut at = corner + vec2(0.6 * letter, 0.4 * letter);
@@ -157,17 +216,26 @@ mod tests {
     use crate::stage::{Eye, Stereo, Tile};
 
     /// The rectangles of plates on a screen of 1280 by 800 pixels, and where a place is seen on it.
-    fn painted(plates: &[Plate], place: [f64; 3]) -> (Vec<Rect>, Option<Pos2>) {
+    fn painted(plates: &[Plate], place: [f64; 3], taken: &[Rect]) -> (Vec<Rect>, Option<Pos2>) {
         let stage = Stage::find("desktop").unwrap();
         let visible = Tile::whole(&stage, 0, Stereo::Mono).visible(&stage.screens[0], [1280, 800]).unwrap();
         let rect = Rect::from_min_size(Pos2::ZERO, vec2(1280.0, 800.0));
         let part = Part { screen: 0, eye: Eye::Centre, rect, visible };
-        let plates =
-            Plates { stage: &stage, room_from_head: &stage.viewer.room_from_head, plates, lift: 0.0 };
+        let plates = Plates {
+            stage: &stage,
+            room_from_head: &stage.viewer.room_from_head,
+            plates,
+            lift: 0.0,
+            taken,
+            clear: &KeepClear::default(),
+            time_s: 0.0,
+        };
         let (mut rects, context) = (Vec::new(), egui::Context::default());
         let input = egui::RawInput { screen_rect: Some(rect), ..Default::default() };
         let layer = egui::LayerId::background();
-        let _ = context.run_pass(input, |context| rects = plates.paint(&context.layer_painter(layer), &part));
+        let _ = context.run_pass(input, |context| {
+            rects = plates.paint(&context.layer_painter(layer), &part, &mut PlateSeats::default());
+        });
         (rects, plates.pixel(&part, place))
     }
 
@@ -186,7 +254,7 @@ mod tests {
             Plate { plot: Some(plot), ..Plate::of(Anchor::LowerRight, "curve") },
             Plate::of(Anchor::LowerLeft, "second"),
         ];
-        let (rects, _) = painted(&plates, [0.0; 3]);
+        let (rects, _) = painted(&plates, [0.0; 3], &[]);
         let [right, left, above] = rects[..] else { panic!("{rects:?}") };
         assert!(right.max.x > 1200.0 && right.max.y > 760.0 && left.min.x < 40.0 && left.max.y > 760.0);
         assert!(above.max.y < left.min.y && above.min.x == left.min.x, "above each other");
@@ -202,12 +270,15 @@ mod tests {
         let centre = stage.workspace.centre;
         let [seen, behind] = [centre.into(), (centre + nalgebra::Vector3::z() * 10.0).into()];
         let plates = [Plate::of(Anchor::Place(seen), "here"), Plate::of(Anchor::Place(behind), "nowhere")];
-        let (rects, at) = painted(&plates, seen);
+        let (rects, at) = painted(&plates, seen, &[]);
         let ([rect], Some(at)) = (&rects[..], at) else { panic!("{rects:?} {at:?}") };
         assert!((at.x - 640.0).abs() < 2.0, "the middle of the workspace is before the viewer: {at}");
         assert!(
             rect.min.x > at.x && rect.max.y < at.y && rect.min.distance(at) < 200.0,
             "{rect} beside {at}"
         );
+        // Where the overlay stands there, it goes to the other side.
+        let (moved, _) = painted(&plates, seen, &[*rect]);
+        assert!(!moved[0].intersects(*rect) && moved[0].max.x < at.x, "{moved:?}");
     }
 }

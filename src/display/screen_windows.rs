@@ -1,6 +1,7 @@
 //! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
+use super::keep_clear::keep_clear;
 use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
 use super::window_frame::WindowFrame;
@@ -13,6 +14,7 @@ use crate::stage::{Eye, Stage, Window};
 use crate::track::MouseInput;
 use crate::track::mouse::Button as MouseButton;
 use crate::world::StepTimes;
+use std::borrow::Cow;
 
 /// Windows that show the screens of a stage.
 pub struct ScreenWindows {
@@ -101,7 +103,7 @@ impl ScreenWindows {
     }
 
     pub fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
-        let WindowFrame { windows, session, bodies, edited, step_s, track_s } = frame;
+        let WindowFrame { windows, session, bodies, edited, covered, step_s, track_s } = frame;
         self.sizes = windows.sizes().collect();
         let tiles = self.tiles(session);
         let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
@@ -115,7 +117,10 @@ impl ScreenWindows {
         let effects = session.effects.iter_mut().filter(|_| self.overlays.has_panel());
         let haptics = effects.flat_map(|effect| effect.haptic_readings()).collect();
         let world = &session.world;
-        let plates = bodies.plates(world);
+        // What the plates tell belongs to the scene's bodies, not to one on which control elements are made.
+        let plates = if edited.is_some() { Cow::Borrowed(&[][..]) } else { bodies.plates(world) };
+        let is_written = !plates.is_empty() || self.overlays.has_panel();
+        let clear = if is_written && edited.is_none() { keep_clear(world) } else { Vec::new() };
         let stage_frame = StageFrame {
             stage: &world.stage,
             layout: &self.layout,
@@ -124,6 +129,9 @@ impl ScreenWindows {
             room_from_head: world.room_from_head,
             reports: &reports,
             plates: &plates,
+            clear: &clear,
+            covered: (covered.0, &covered.1),
+            time_s: *world.graph.get(world.fields.time),
         };
         let (deformation, source) = (bodies.deformation(), session.input.describe());
         let readings = |gpu: &Gpu| Readings {
@@ -138,7 +146,8 @@ impl ScreenWindows {
         let instances = edited.map_or_else(|| bodies.instances(world), |edited| vec![edited]);
         let mut contents = contents(world, &instances);
         if edited.is_some() {
-            (contents.styli, contents.arrows) = (&[], &[]);
+            (contents.styli, contents.arrows, contents.strips) = (&[], &[], &[]);
+            (contents.ghosts, contents.lines, contents.balls) = (&[], &[], &[]);
         }
         let drawn = self.overlays.draw(windows, &stage_frame, tiles, &contents, readings)?;
         let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());

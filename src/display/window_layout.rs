@@ -1,6 +1,5 @@
 //! Lays out the windows of a stage: the tiles with the view of each eye, and the screen under the cursor.
 
-use super::overlay::Readings;
 use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
 use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
@@ -118,13 +117,12 @@ impl Part {
         self.rect.min + vec2(share[0] * self.rect.width(), share[1] * self.rect.height())
     }
 
-    /// The pixels over which an overlay of these readings is not to stand, where the scene is shown.
-    pub fn clear(&self, readings: &Readings, is_scene: bool) -> Vec<Rect> {
-        let rects = readings.keep_clear.get(self.screen).filter(|_| is_scene).into_iter().flatten();
+    /// Pixels of rectangles: left, right, bottom and top in normalised device coordinates of the whole screen.
+    pub fn pixels(&self, rects: &[[f64; 4]]) -> Vec<Rect> {
         let pixels = |[left, right, bottom, top]: &[f64; 4]| {
             Rect::from_min_max(self.pixel([*left, *top]), self.pixel([*right, *bottom]))
         };
-        rects.map(pixels).collect()
+        rects.iter().map(pixels).collect()
     }
 }
 

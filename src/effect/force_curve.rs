@@ -40,6 +40,8 @@ pub const TABLE: Kind =
 
 /// Beyond so many samples every second one is left out.
 const MOST: usize = 4096;
+/// Below this part of the body's radius, and below so many rad, what an element has moved has no direction.
+const LEAST: f64 = 1e-5;
 
 struct ForceCurve {
     bodies: Vec<usize>,
@@ -59,6 +61,10 @@ struct Trace {
     last: Option<(ControlPose, Wrench)>,
     /// Work by translation and by turn, counted without sign, J.
     work: [f64; 2],
+    /// A displacement shorter than this has no direction, m.
+    least: f64,
+    /// The last directions that displacement and turn had.
+    along: [Option<Vector3<f64>>; 2],
 }
 
 #[derive(Clone, Copy)]
@@ -67,9 +73,11 @@ struct Sample {
     /// From rest, m and rad.
     displacement: f64,
     turn: f64,
-    /// Along the displacement, N, and about the axis of the turn, N·m.
-    force: f64,
-    torque: f64,
+    wrench: Wrench,
+    /// Along the displacement, N, and about the axis of the turn, N·m. At rest along the direction before, or the first one after; `None`
+    /// as long as there is none.
+    force: Option<f64>,
+    torque: Option<f64>,
     /// Errors to expect of both, as parts of them.
     errors: Option<[f64; 2]>,
     /// Nothing joins it with the sample before.
@@ -146,6 +154,8 @@ impl Trace {
             samples: Vec::new(),
             last: None,
             work: [0.0; 2],
+            least: LEAST * radius(body.deformer.rest()),
+            along: [None; 2],
         }
     }
 
@@ -159,30 +169,38 @@ impl Trace {
             return;
         };
         let wrench = wrenches[c].about_the_place(&pose);
+        if self.last == Some((pose, wrench)) {
+            return;
+        }
+        self.errors = errors(body, &wrenches);
+        self.record(body, pose, wrench, time_s);
+    }
+
+    /// A sample of this pose and this force.
+    fn record(&mut self, body: &PlacedBody, pose: ControlPose, wrench: Wrench, time_s: f64) {
         let is_first = self.last.is_none();
         if let Some((before, felt)) = self.last {
-            if (before, felt) == (pose, wrench) {
-                return;
-            }
             let shift = pose.translation - before.translation;
             let turn = Rotation3::from_matrix(&(pose.matrix * before.matrix.transpose())).scaled_axis();
             self.work[0] += (0.5 * (wrench.force + felt.force).dot(&shift)).abs();
             self.work[1] += (0.5 * (wrench.moment + felt.moment).dot(&turn)).abs();
         }
         self.last = Some((pose, wrench));
-        self.errors = errors(body, &wrenches);
-        let turned = body.deformer.turn(c);
+        let turned = body.deformer.turn(self.place.1);
         let turn = turned.against(&FollowedTurn::REST);
-        let along = pose.translation.try_normalize(1e-12).unwrap_or_default();
+        let now = [pose.translation.try_normalize(self.least), axis(&turned, turn)];
+        self.along = [0, 1].map(|k| now[k].or(self.along[k]));
         self.samples.push(Sample {
             time_s,
             displacement: pose.translation.norm(),
             turn,
-            force: wrench.force.dot(&along),
-            torque: wrench.moment.dot(&axis(&turned, turn)),
+            wrench,
+            force: None,
+            torque: None,
             errors: if let Errors::Known(errors) = self.errors { Some(errors) } else { None },
             is_first,
         });
+        self.project();
         if self.samples.len() > MOST {
             let mut number = 0;
             self.samples.retain(|sample| {
@@ -192,22 +210,33 @@ impl Trace {
         }
     }
 
+    /// Force and torque of the samples that had no direction so far.
+    fn project(&mut self) {
+        let [shift, axis] = self.along;
+        for sample in self.samples.iter_mut().rev() {
+            if sample.force.is_some() && sample.torque.is_some() {
+                break;
+            }
+            sample.force = sample.force.or(shift.map(|along| sample.wrench.force.dot(&along)));
+            sample.torque = sample.torque.or(axis.map(|axis| sample.wrench.moment.dot(&axis)));
+        }
+    }
+
     /// Whether the turn tells more than the displacement.
     fn is_by_turn(&self) -> bool {
         self.work[1] > self.work[0]
     }
 
-    /// x and y of a sample, and the error of y as a part of it.
-    fn point(&self, sample: &Sample) -> ([f64; 2], Option<f64>) {
-        match self.is_by_turn() {
-            true => ([sample.turn.to_degrees(), sample.torque], sample.errors.map(|errors| errors[1])),
-            false => ([sample.displacement, sample.force], sample.errors.map(|errors| errors[0])),
-        }
+    /// x and y of a sample, and the error of y as a part of it; `None` while nothing says along what the force is meant.
+    fn point(&self, sample: &Sample) -> Option<([f64; 2], Option<f64>)> {
+        Some(match self.is_by_turn() {
+            true => ([sample.turn.to_degrees(), sample.torque?], sample.errors.map(|errors| errors[1])),
+            false => ([sample.displacement, sample.force?], sample.errors.map(|errors| errors[0])),
+        })
     }
 
     fn plate(&self) -> Option<Plate> {
-        let last = self.samples.last()?;
-        let ([x, y], _) = self.point(last);
+        let ([x, y], _) = self.point(self.samples.last()?)?;
         let is_by_turn = self.is_by_turn();
         let told = match is_by_turn {
             true => format!("{} at {x:.1}°", quantity(y, "N·m")),
@@ -220,11 +249,12 @@ impl Trace {
             (hold.into(), Tone::Quiet),
         ];
         let axis = |name, unit| Axis { name, unit };
+        let now = Some([x, y]);
         let [x, y] = match is_by_turn {
             true => [axis("turn", "°"), axis("torque about the turn", "N·m")],
             false => [axis("displacement", "m"), axis("force along it", "N")],
         };
-        let plot = Plot { x, y, curves: self.curves(), band: self.bands(), now: Some(self.point(last).0) };
+        let plot = Plot { x, y, curves: self.curves(), band: self.bands(), now };
         let lines = vec![heading, self.error_line()];
         Some(Plate { anchor: Anchor::LowerRight, lines, plot: Some(plot), legend: None })
     }
@@ -251,8 +281,8 @@ impl Trace {
             if sample.is_first || curves.is_empty() {
                 curves.push(Vec::new());
             }
-            if let Some(curve) = curves.last_mut() {
-                curve.push(self.point(sample).0);
+            if let (Some(curve), Some((point, _))) = (curves.last_mut(), self.point(sample)) {
+                curve.push(point);
             }
         }
         curves
@@ -262,7 +292,7 @@ impl Trace {
     fn bands(&self) -> Vec<Vec<[f64; 3]>> {
         let mut bands = vec![Vec::new()];
         for sample in &self.samples {
-            let ([x, y], error) = self.point(sample);
+            let Some(([x, y], error)) = self.point(sample) else { continue };
             if sample.is_first || error.is_none() {
                 bands.push(Vec::new());
             }
@@ -279,8 +309,9 @@ impl Trace {
         let (body, control) = (quoted(&self.body), quoted(&self.control));
         for sample in &self.samples {
             let Sample { time_s, displacement, turn, force, torque, errors, .. } = sample;
-            let numbers = [time_s, displacement, turn, force, torque].map(|value| format!("{value:e}"));
-            let errors = errors.map_or([String::new(), String::new()], |both| both.map(|e| format!("{e:e}")));
+            let known = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:e}"));
+            let numbers = [Some(*time_s), Some(*displacement), Some(*turn), *force, *torque].map(known);
+            let errors = [0, 1].map(|k| known(errors.map(|both| both[k])));
             // Writing into a String cannot fail.
             let _ = writeln!(text, "{body},{control},{},{}", numbers.join(","), errors.join(","));
         }
@@ -288,11 +319,20 @@ impl Trace {
     }
 }
 
-/// The axis of a turn from rest of so many rad, along which the angle grows.
-fn axis(turn: &FollowedTurn, angle: f64) -> Vector3<f64> {
-    let axis = turn.quaternion.imag().try_normalize(1e-9).unwrap_or_default();
+/// The axis of a turn from rest of so many rad, along which the angle grows; none at rest.
+fn axis(turn: &FollowedTurn, angle: f64) -> Option<Vector3<f64>> {
+    let axis = turn.quaternion.imag().try_normalize(0.5 * LEAST)?;
     // Between one turn and two, four … the quaternion has the opposite sign.
-    if (angle / TAU) as u64 % 2 == 1 { -axis } else { axis }
+    Some(if (angle / TAU) as u64 % 2 == 1 { -axis } else { axis })
+}
+
+/// Half the diagonal of the box about all places, m.
+fn radius(places: &[[f32; 3]]) -> f64 {
+    let bounds = |k: usize| {
+        let values = || places.iter().map(|place| f64::from(place[k]));
+        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+    };
+    0.5 * Vector3::from([0, 1, 2].map(bounds)).norm().max(0.0)
 }
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
@@ -376,6 +416,32 @@ mod tests {
         world.plates.clear();
         running.after_frame(&mut world);
         assert!(world.plates.is_empty());
+    }
+
+    /// A body under a load bears a force already at rest: 0 N at 0 mm was invented there.
+    #[test]
+    fn the_curve_of_a_loaded_body_begins_with_the_force_that_it_has_at_rest() {
+        let (_, mut world) = held("curve-loaded", "linear", &[]);
+        let weight = Wrench { force: Vector3::new(3.0, 84.0, 0.0), moment: Vector3::z() * 13.0 };
+        let body = &mut world.bodies[0];
+        let mut trace = Trace::new((0, 1), body);
+        let mut sample = |translation: Vector3<f64>, more: f64| {
+            let pose = ControlPose { translation, ..ControlPose::REST };
+            body.deformer.evaluate(&[ControlPose::REST, pose]);
+            trace.record(body, pose, Wrench { force: weight.force * more, ..weight }, 0.0);
+            trace.plate().and_then(|plate| plate.plot).map(|plot| plot.curves.concat())
+        };
+        assert_eq!(sample(Vector3::zeros(), 1.0), None, "no direction yet, and no curve");
+        assert_eq!(sample(Vector3::y() * 1e-16, 1.0), None, "what rounding leaves is no direction");
+        let curve = sample(Vector3::y() * 2e-3, 1.5).unwrap();
+        assert_eq!(curve, [[0.0, 84.0], [1e-16, 84.0], [2e-3, 126.0]]);
+        let curve = sample(Vector3::zeros(), 1.0).unwrap();
+        assert_eq!(curve[3], [0.0, 84.0], "back at rest, along the way by which it came");
+        let table = trace.table();
+        assert!(
+            table.lines().skip(1).all(|row| row.split(',').nth(6) == Some("")),
+            "no turn, no torque: {table}"
+        );
     }
 
     /// Twisted, it is torque over turn: of a square section M = 0.1406 G s⁴ θ / L (Timoshenko and Goodier, section 109), with the

@@ -26,11 +26,13 @@ pub struct Session {
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
-    /// What is shown, as it was opened or was last changed; a stage alone has none.
+    /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
     pub scene: Option<Scene>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.
     pub curve: Option<PathBuf>,
+    /// Whether a curve was cleared by its key.
+    is_cleared: bool,
 }
 
 /// Whether a session goes on.
@@ -55,6 +57,7 @@ impl Session {
             scene: None,
             presses: ScriptPresses::default(),
             curve: None,
+            is_cleared: false,
         }
     }
 
@@ -171,6 +174,7 @@ impl Session {
         }
         let Some(mouse) = &mut self.input.mouse else { return };
         if pressed && !mouse.control && key == keys::CLEAR {
+            self.is_cleared |= self.effects.iter().any(|effect| effect.table().is_some());
             self.effects.iter_mut().for_each(|effect| effect.clear());
         }
         let action = keys::action(key, mouse.control, &self.world).filter(|_| pressed);
@@ -194,7 +198,11 @@ impl Session {
     fn write_curve(&mut self) -> Result<String, Failure> {
         let Some(path) = self.curve.take() else { return Ok(String::new()) };
         let Some(table) = self.effects.iter().find_map(|effect| effect.table()) else {
-            return Ok(format!("note: nothing was held: {} is not written\n", path.display()));
+            let why = match self.is_cleared {
+                true => "C cleared the force curve, and nothing was held since",
+                false => "nothing was held",
+            };
+            return Ok(format!("note: {why}: {} is not written\n", path.display()));
         };
         output::write(&path, &effect::force_curve::TABLE, |file| file.write_all(table.as_bytes()))?;
         Ok(format!("force curve {}\n", path.display()))

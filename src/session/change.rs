@@ -113,7 +113,7 @@ impl Session {
     pub fn may_change(&self) -> Result<(), Failure> {
         let why = match (&self.recorder, &self.input.replay) {
             (Some(_), _) => {
-                "this session is being recorded, and a recording has one scene: end the recording first"
+                "this session is being recorded, and a recording has one scene: quit, and start without --record"
             }
             (_, Some(_)) => "this session is a replay, which shows what was recorded",
             _ => return Ok(()),

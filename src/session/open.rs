@@ -6,6 +6,7 @@ use crate::base::failure::Failure;
 use crate::effect;
 use crate::prepare;
 use crate::scene::Scene;
+use crate::scene::proposal::relative;
 use crate::stage::Stage;
 use crate::track::Script;
 use crate::world::World;
@@ -60,7 +61,7 @@ impl Session {
         let mut session = Session::new(world, script);
         (session.input.replay, session.recorder) = (replay, recorder);
         (session.effects, session.file) = (effects, Some(file));
-        session.scene = Some(scene.clone());
+        session.scene = Some(Scene { stage: stage_from_scene(scene, &named), ..scene.clone() });
         Ok(session)
     }
 }
@@ -80,6 +81,14 @@ fn stage_of_scene(scene: &Scene) -> String {
         scene.resolve(Path::new(&scene.stage)).display().to_string()
     } else {
         scene.stage.clone()
+    }
+}
+
+/// A stage as the scene would name it: a file by its path from the scene's folder.
+fn stage_from_scene(scene: &Scene, named: &str) -> String {
+    match named.ends_with(".toml") {
+        true => relative(Path::new(named), &scene.path).display().to_string(),
+        false => named.to_owned(),
     }
 }
 

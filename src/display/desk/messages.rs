@@ -4,7 +4,7 @@ use super::style::{GOOD, WRONG};
 use crate::base::notice::notice;
 use crate::base::text::one_line;
 use crate::session::change::Step;
-use egui::{Align2, Area, Context, Frame, Id, ProgressBar, RichText, Ui, vec2};
+use egui::{Align2, Area, Context, Frame, Id, ProgressBar, Rect, RichText, Ui, vec2};
 use std::time::{Duration, Instant};
 
 /// How long a message is shown, and how long an error is.
@@ -62,18 +62,20 @@ impl Messages {
         self.0.is_empty()
     }
 
-    /// At the lower edge.
-    pub fn show(&self, context: &Context, is_recording: bool) {
+    /// At the lower edge; returns where.
+    pub fn show(&self, context: &Context, is_recording: bool) -> Vec<Rect> {
+        let mut shown = Vec::new();
         if is_recording {
-            plate(context, "recording", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
+            let rect = plate(context, "recording", Align2::LEFT_TOP, vec2(12.0, 12.0), |ui| {
                 ui.label(RichText::new("video").color(WRONG).strong());
                 ui.label("F11 ends it");
             });
+            shown.push(rect);
         }
         if self.0.is_empty() {
-            return;
+            return shown;
         }
-        plate(context, "messages", Align2::CENTER_BOTTOM, vec2(0.0, -16.0), |ui| {
+        let rect = plate(context, "messages", Align2::CENTER_BOTTOM, vec2(0.0, -16.0), |ui| {
             ui.vertical(|ui| {
                 for message in &self.0 {
                     let colour = if message.is_wrong { WRONG } else { GOOD };
@@ -81,15 +83,17 @@ impl Messages {
                 }
             });
         });
+        shown.push(rect);
+        shown
     }
 }
 
-/// The step of a computation while the panel is hidden.
-pub fn show_step(context: &Context, step: &Step) {
+/// The step of a computation while the panel is hidden; returns where.
+pub fn show_step(context: &Context, step: &Step) -> Rect {
     plate(context, "step", Align2::LEFT_BOTTOM, vec2(12.0, -16.0), |ui| {
         ui.set_max_width(260.0);
         progress(ui, step);
-    });
+    })
 }
 
 /// A bar with the name of the step.
@@ -109,10 +113,18 @@ pub fn progress(ui: &mut Ui, step: &Step) {
     }
 }
 
-fn plate(context: &Context, id: &str, anchor: Align2, offset: egui::Vec2, content: impl FnOnce(&mut Ui)) {
+fn plate(
+    context: &Context,
+    id: &str,
+    anchor: Align2,
+    offset: egui::Vec2,
+    content: impl FnOnce(&mut Ui),
+) -> Rect {
     let most = (context.content_rect().width() - 40.0).clamp(80.0, 760.0);
-    Area::new(Id::unique(id)).anchor(anchor, offset).interactable(false).show(context, |ui| {
+    let area = Area::new(Id::unique(id)).anchor(anchor, offset).interactable(false);
+    let shown = area.show(context, |ui| {
         ui.set_max_width(most);
         Frame::window(ui.style()).show(ui, |ui| ui.horizontal(content));
     });
+    shown.response.rect
 }

@@ -14,10 +14,10 @@ mod order;
 mod panel;
 mod release;
 mod style;
+mod told;
 mod units;
 pub mod video;
 
-use super::bodies::GpuBodies;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::edit::save;
@@ -25,7 +25,7 @@ use crate::green::GreenFile;
 use crate::interact::PickRay;
 use crate::render::Overlay;
 use crate::render::window::Button;
-use crate::render::window::{AppError, Glass, Input, Key, Windows};
+use crate::render::window::{Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, RenderError};
 use crate::scene::Scene;
 use crate::session::change::Step;
@@ -37,6 +37,7 @@ use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
 use messages::Messages;
+pub use order::After;
 use order::Order;
 use panel::Draft;
 use std::path::PathBuf;
@@ -57,6 +58,8 @@ pub struct Desk {
     keeper: Keeper,
     draft: Option<Draft>,
     change: Option<Change>,
+    /// What is told when the change is shown; else what it changed.
+    told: Option<String>,
     loading: Option<Loading>,
     editor: Option<Editor>,
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
@@ -65,19 +68,11 @@ pub struct Desk {
     /// How many files were begun there.
     begun: usize,
     orders: Vec<Order>,
+    /// Where panel and messages are in the window.
+    covered: Vec<egui::Rect>,
     /// Whether the loss of what was not saved was told.
     is_warned: bool,
     started: Instant,
-}
-
-/// What windows have to do after a change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum After {
-    Nothing,
-    /// The bodies are others.
-    NewBodies,
-    /// So is the stage, and the windows have to be opened anew.
-    NewWindows,
 }
 
 impl Default for Desk {
@@ -91,12 +86,14 @@ impl Default for Desk {
             keeper: Keeper::default(),
             draft: None,
             change: None,
+            told: None,
             loading: None,
             editor: None,
             known: Vec::new(),
             folder: None,
             begun: 0,
             orders: Vec::new(),
+            covered: Vec::new(),
             is_warned: false,
             started: Instant::now(),
         }
@@ -201,7 +198,7 @@ impl Desk {
         self.is_open = !self.is_open;
         self.window = window;
         self.input = PanelInput::default();
-        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
     }
 
     /// Does what was asked for, and puts into the place of what is shown what was computed meanwhile.
@@ -223,6 +220,10 @@ impl Desk {
                 let after = if changed.is_other_stage { After::NewWindows } else { After::NewBodies };
                 let file = changed.file.clone();
                 let before = session.file.clone();
+                let what = match (self.told.take(), &session.scene) {
+                    (Some(told), _) => told,
+                    (None, shown) => told::changes(shown.as_ref().unwrap_or(&changed.scene), &changed.scene),
+                };
                 if let Err(failure) = session.take(changed) {
                     self.messages.wrong(&said(&failure));
                     if session.file.as_ref().is_none_or(|now| !Arc::ptr_eq(now, &file)) {
@@ -233,7 +234,7 @@ impl Desk {
                     let was_made = self.editor.take().is_some();
                     self.is_open &= !was_made;
                     let ready = "Ready: take the body with the left button. Tab: the panel, where the scene can be saved.";
-                    self.messages.tell(if was_made { ready } else { "Changed." });
+                    self.messages.tell(if was_made { ready } else { &what });
                 }
                 self.known.extend(
                     before.filter(|before| !self.known.iter().any(|known| Arc::ptr_eq(known, before))),
@@ -243,12 +244,12 @@ impl Desk {
                 if after == After::NewWindows {
                     self.window = 0;
                 }
-                self.draft =
-                    session.scene.as_ref().filter(|_| self.is_open).map(|scene| Draft::of(scene, session));
+                self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
                 after
             }
             Err(failure) => {
-                self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                self.told = None;
+                self.refuse(&failure, session);
                 After::Nothing
             }
         }
@@ -258,7 +259,7 @@ impl Desk {
         match order {
             Order::Apply => {
                 if let Err(failure) = self.begin(session) {
-                    self.messages.wrong(&format!("Not changed: {}", said(&failure)));
+                    self.refuse(&failure, session);
                 }
             }
             Order::Release => match release::scene(session) {
@@ -266,14 +267,15 @@ impl Desk {
                     let begun = self
                         .path()
                         .and_then(|path| self.change_to(scene, session.world.stage.clone(), path, session));
-                    self.messages.say(
-                        begun.map(|()| told).map_err(|failure| format!("Not changed: {}", said(&failure))),
-                    );
+                    match begun {
+                        Ok(()) => self.told = Some(told),
+                        Err(failure) => self.refuse(&failure, session),
+                    }
                 }
                 Err(why) => self.messages.wrong(&why),
             },
             Order::GiveUp => (self.change, self.loading) = (None, None),
-            Order::Reset => self.draft = session.scene.as_ref().map(|scene| Draft::of(scene, session)),
+            Order::Reset => self.draft = session.scene.as_ref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
             Order::Export(name) => {
@@ -297,11 +299,17 @@ impl Desk {
         }
     }
 
+    fn refuse(&mut self, failure: &Failure, session: &Session) {
+        self.messages.wrong(&told::refused(failure, session.scene.as_ref()));
+    }
+
     /// Begins to compute what the panel says.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
+        told::try_loads(&scene)?;
         let path = self.path()?;
+        self.told = None;
         self.change_to(scene, stage, path, session)
     }
 
@@ -326,7 +334,7 @@ impl Desk {
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
-        if is_shown {
+        if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(saved);
         }
         Ok(())
@@ -366,6 +374,7 @@ impl Desk {
         let time_s = self.started.elapsed().as_secs_f64();
         self.keeper.ask(windows, self.window, time_s);
         self.messages.forget_old();
+        self.covered.clear();
         let is_seen = self.is_open
             || self.loading.is_some()
             || self.change.is_some()
@@ -388,6 +397,7 @@ impl Desk {
             ..Default::default()
         };
         let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
+        let mut told = Vec::new();
         let (mut rect, mut was_over, mut has_list, mut is_writing) = (None, false, false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
@@ -402,15 +412,21 @@ impl Desk {
                 let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
                 rect = panel::show(context, draft, editor.as_mut(), &now, orders);
             } else if let Some(step) = &step {
-                messages::show_step(context, step);
+                told.push(messages::show_step(context, step));
             }
-            messages.show(context, keeper.is_recording());
+            told.extend(messages.show(context, keeper.is_recording()));
             (was_over, has_list) = (context.is_pointer_over_egui(), Popup::is_any_open(context));
             is_writing = context.text_edit_focused();
         });
+        self.covered.extend(told.into_iter().chain(rect));
         (self.input.rect, self.input.was_over) = (rect, was_over);
         (self.input.has_list, self.input.is_writing) = (has_list, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
+    }
+
+    /// The window in which it is, and where it covers what is below.
+    pub fn covered(&self) -> (usize, Vec<egui::Rect>) {
+        (self.window, self.covered.clone())
     }
 
     /// Takes the picture that was asked for.
@@ -427,13 +443,4 @@ impl Desk {
             None => {}
         }
     }
-}
-
-/// The bodies of a changed session on the device.
-pub fn new_bodies(
-    windows: &Windows,
-    session: &mut Session,
-    device: super::device::Args,
-) -> Result<GpuBodies, AppError> {
-    Ok(GpuBodies::new(&windows.gpu, &mut session.world, device)?)
 }

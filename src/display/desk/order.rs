@@ -23,3 +23,13 @@ pub enum Order {
     /// Write the scene to the file of this name.
     Save(PathBuf),
 }
+
+/// What windows have to do after a change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum After {
+    Nothing,
+    /// The bodies are others.
+    NewBodies,
+    /// So is the stage, and the windows have to be opened anew.
+    NewWindows,
+}

@@ -29,7 +29,7 @@ pub struct Draft {
     pub scene: Scene,
     /// As it was when the panel was opened.
     shown: Scene,
-    /// The name or path of the stage.
+    /// The name of the stage, or its file's path from the scene's folder.
     stage: String,
     shown_stage: String,
     /// Number of the body whose settings are seen.
@@ -46,19 +46,20 @@ pub struct Now<'a> {
 }
 
 impl Draft {
-    pub fn of(scene: &Scene, session: &Session) -> Draft {
-        let known = BUILT_IN
-            .iter()
-            .find(|(name, _)| Stage::find(name).is_ok_and(|stage| stage == session.world.stage));
-        let stage = known.map_or_else(|| scene.stage.clone(), |(name, _)| (*name).to_owned());
+    pub fn of(scene: &Scene) -> Draft {
         Draft {
             file: free_name(scene),
             shown: scene.clone(),
             scene: scene.clone(),
-            shown_stage: stage.clone(),
-            stage,
+            shown_stage: scene.stage.clone(),
+            stage: scene.stage.clone(),
             body: 0,
         }
+    }
+
+    /// Whether a scene is on the stage that is shown.
+    pub fn is_on_shown_stage(&self, scene: &Scene) -> bool {
+        scene.stage == self.shown_stage
     }
 
     pub fn is_changed(&self) -> bool {
@@ -111,7 +112,7 @@ impl Draft {
         let scene = scene.checked()?;
         let stage = match self.stage == self.shown_stage {
             true => session.world.stage.clone(),
-            false => stage(&scene, Some(&self.stage))?,
+            false => stage(&scene, None)?,
         };
         Ok((scene, stage))
     }
@@ -220,7 +221,7 @@ fn model(ui: &mut Ui, body: &mut Body) {
             |ui| {
                 for model in MODELS {
                     let entry = ui.selectable_value(&mut body.model, model.name.to_owned(), model.name);
-                    entry.on_hover_text(model.summary);
+                    entry.on_hover_text(in_words(model.summary));
                 }
             },
         );
@@ -235,8 +236,15 @@ fn model(ui: &mut Ui, body: &mut Body) {
             ModelFrame::Solved => "solved for every pose, in the background".to_owned(),
             _ => format!("fair up to turns of {fair:.0}°"),
         };
-        ui.label(RichText::new(format!("{}; {range}", model.summary)).color(QUIET).small());
+        let told = format!("{}; {range}", in_words(model.summary));
+        ui.label(RichText::new(told).color(QUIET).small());
     }
+}
+
+/// What a model is, without the paper's number of its method.
+fn in_words(summary: &str) -> &str {
+    let words = summary.split_once(": ").filter(|(number, _)| number.starts_with("method "));
+    words.map_or(summary, |(_, words)| words)
 }
 
 fn material(ui: &mut Ui, body: &mut Body) {
@@ -296,20 +304,25 @@ fn effects(ui: &mut Ui, body: &mut Body) {
 
 fn stages(ui: &mut Ui, draft: &mut Draft) {
     row(ui, "Stage", |ui| {
-        ComboBox::from_id_salt("stage").width(200.0).height(400.0).selected_text(&draft.stage).show_ui(
-            ui,
-            |ui| {
-                let own = Some(draft.shown_stage.clone());
-                let own = own.filter(|own| BUILT_IN.iter().all(|(name, _)| name != own));
-                for name in own.into_iter().chain(BUILT_IN.iter().map(|(name, _)| (*name).to_owned())) {
-                    ui.selectable_value(&mut draft.stage, name.clone(), name);
-                }
-            },
-        );
+        let shown = stage_name(&draft.stage);
+        ComboBox::from_id_salt("stage").width(200.0).height(400.0).selected_text(shown).show_ui(ui, |ui| {
+            let own = Some(draft.shown_stage.clone());
+            let own = own.filter(|own| BUILT_IN.iter().all(|(name, _)| name != own));
+            for name in own.into_iter().chain(BUILT_IN.iter().map(|(name, _)| (*name).to_owned())) {
+                let shown = stage_name(&name);
+                ui.selectable_value(&mut draft.stage, name.clone(), shown).on_hover_text(name);
+            }
+        });
     });
     if draft.stage != draft.shown_stage {
         ui.label(RichText::new("its windows open in place of these").color(QUIET).small());
     }
+}
+
+/// A stage as the panel shows it: a file by its name, without its folders.
+fn stage_name(stage: &str) -> String {
+    let file = Path::new(stage).file_name().filter(|_| stage.ends_with(".toml"));
+    file.map_or_else(|| stage.to_owned(), |file| file.to_string_lossy().into_owned())
 }
 
 fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
@@ -379,4 +392,55 @@ fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
             }
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::display::desk::save;
+    use crate::session::Request;
+
+    const SCENE: &str = "stage = \"workbench\"\n\
+        [body.bar]\n\
+        generate = { block = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] } }\n\
+        material = \"rubber\"\n\
+        [body.bar.control]\n\
+        low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+        high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+
+    /// `view bar.toml --stage odd.toml`: the panel said "workbench", and saved it.
+    #[test]
+    fn a_stage_file_is_shown_by_its_name_and_saved_by_its_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let places = ["scenes", "stages", "saved/deep"].map(|name| folder.path().join(name));
+        places.iter().for_each(|place| std::fs::create_dir_all(place).unwrap());
+        let [scenes, stages, deep] = places;
+        let desktop = BUILT_IN.iter().find(|(name, _)| *name == "desktop").unwrap().1;
+        assert!(desktop.contains("name = \"desktop\""));
+        let odd = stages.join("odd.toml");
+        std::fs::write(&odd, desktop.replace("name = \"desktop\"", "name = \"odd\"")).unwrap();
+        let scene = Scene::parse(SCENE, &scenes.join("bar.toml")).unwrap();
+        let path = odd.display().to_string();
+        let session = Session::open(&Request { stage: Some(&path), ..Request::of(&scene) }).unwrap();
+
+        let draft = Draft::of(session.scene.as_ref().unwrap());
+        assert_eq!(stage_name(&draft.stage), "odd.toml");
+        assert!(!draft.is_changed());
+        let (wanted, shown) = draft.wanted(&session, None).unwrap();
+        assert_eq!((shown.name.as_str(), draft.is_on_shown_stage(&wanted)), ("odd", true));
+        let saved = save::save(&wanted, &draft.comments(&wanted), None, &deep.join("mine.toml")).unwrap();
+        assert_eq!(saved.stage, "../../stages/odd.toml");
+        let again = Scene::load(&deep.join("mine.toml")).unwrap();
+        assert_eq!(stage(&again, None).unwrap().name, "odd");
+
+        // A built-in stage stands in place of the scene's, too.
+        let session = Session::open(&Request { stage: Some("desktop"), ..Request::of(&scene) }).unwrap();
+        assert_eq!(Draft::of(session.scene.as_ref().unwrap()).stage, "desktop");
+    }
+
+    #[test]
+    fn models_are_told_in_words() {
+        assert!(MODELS.iter().all(|model| !in_words(model.summary).starts_with("method")));
+        assert_eq!(in_words("method 3b: a rod: slender"), "a rod: slender");
+    }
 }

@@ -84,7 +84,9 @@ pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     let told = match verdict {
         Verdict::Beyond => format!("{} turns · beyond", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
         _ => match doubtful_force(body) {
-            Some(part) => format!("shape {}, forces off by {}", verdict.name(), percent(part)),
+            // No longer than the column.
+            Some(part) if part >= 9.99 => format!("shape {}, forces wrong", verdict.name()),
+            Some(part) => format!("shape {}, forces ±{}", verdict.name(), percent(part)),
             None => verdict.name().to_owned(),
         },
     };
@@ -116,20 +118,20 @@ pub(super) fn control_rows(control: &ControlReading) -> Vec<Ranked> {
     let mut rows = vec![
         Row::Words(vec![(clipped(&control.name, LETTERS - 8), INK), (held.0.to_owned(), held.1)])
             .ranked(first),
-        words(header, QUIET).ranked(Rank::Detail),
     ];
+    let mut table = vec![vec![(header, QUIET)]];
     for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
         let m = |column: usize| {
             let unit = if axis == column { 1.0 } else { 0.0 };
             fixed(control.pose.matrix[(axis, column)] - unit, 7, 3)
         };
-        let row = Row::Words(vec![
+        table.push(vec![
             (format!("{letter} "), QUIET),
             (format!(" {}", scale.number(shift[axis])), INK),
             (format!("   {} {} {}", m(0), m(1), m(2)), INK),
         ]);
-        rows.push(row.ranked(Rank::Detail));
     }
+    rows.push(Row::Table(table).ranked(Rank::Detail));
     if let Some(ForceReading { wrench, error, share }) = &control.force {
         match error {
             Some(error) => {

@@ -6,7 +6,6 @@
 
 mod body_rows;
 mod frame_rows;
-mod keep_clear;
 mod panel;
 mod readings;
 mod row;

@@ -3,7 +3,7 @@
 use super::body_rows::body_rows;
 use super::frame_rows::frame_rows;
 use super::readings::Readings;
-use super::row::{FAIR, LETTERS, Rank, Ranked, Row, clipped, fitting, height};
+use super::row::{FAIR, LETTERS, Rank, Ranked, Row, Words, clipped, fitting, height};
 use super::seats::{Seats, Wanted};
 use super::times::{COLOURS, FRAMES, History};
 use crate::display::lettering::{DARK, INK, QUIET};
@@ -24,43 +24,69 @@ pub struct Panel<'a> {
     pub rect: Rect,
     pub readings: &'a Readings,
     pub history: &'a History,
-    /// Pixels over which no plate stands.
+    /// Pixels over which no plate stands: what is held.
     pub clear: &'a [Rect],
+    /// Those that something else takes: panel and messages.
+    pub taken: &'a [Rect],
 }
 
 impl Panel<'_> {
-    pub fn paint(&self, seats: &mut Seats) {
+    /// Returns the rectangles of its plates.
+    pub fn paint(&self, seats: &mut Seats) -> Vec<Rect> {
         let size = self.letter_height();
         let line = (1.3 * size).round();
         let letter = self.letter_width(size);
         let width = letter * (LETTERS as f32 + 2.0);
         let (margin, pad) = (size.round(), (0.5 * size).round());
         let inside = self.rect.shrink(margin);
-        let warnings = self.warnings(((inside.width() / letter) as usize).saturating_sub(2));
-        let warned = height(&warnings) * line + 2.0 * pad;
-        let strip = if warnings.is_empty() { 0.0 } else { warned + margin };
+        let strip = self.strip(inside, line, letter, pad, margin);
+        let warnings = self.warnings(((strip.width() / letter) as usize).saturating_sub(2));
+        let bottom = if warnings.is_empty() { inside.max.y } else { strip.min.y - margin };
         let frames = frame_rows(self.readings, self.history);
         let bodies: Vec<Ranked> = self.readings.bodies.iter().flat_map(body_rows).collect();
         let plate = |rows: &[Ranked]| if rows.is_empty() { 0.0 } else { height(rows) * line + 2.0 * pad };
         let wanted = Wanted {
-            inside: Rect::from_min_max(inside.min, pos2(inside.max.x, inside.max.y - strip)),
+            inside: Rect::from_min_max(inside.min, pos2(inside.max.x, bottom)),
             width: width.min(inside.width()),
             heights: [plate(&frames), plate(&bodies)],
             margin,
             least: 2.0 * line + 2.0 * pad,
             is_wide: 2.0 * width + margin <= BESIDE * self.rect.width(),
         };
-        let taken = seats.take(&wanted, self.clear, self.readings.time_s);
+        let clear: Vec<Rect> = self.clear.iter().chain(self.taken).copied().collect();
+        let (taken, mut painted) = (seats.take(&wanted, &clear, self.readings.time_s), Vec::new());
         for (seat, rows) in taken.iter().zip([frames, bodies]) {
             if let Some(seat) = seat {
                 let lines = (seat.rect.height() - 2.0 * pad) / line;
-                self.column(seat.rect.min, wanted.width, &fitting(rows, lines, QUIET));
+                painted.extend(self.column(seat.rect.min, wanted.width, &fitting(rows, lines, QUIET)));
             }
         }
-        let place = Rect::from_min_max(pos2(inside.min.x, inside.max.y - warned), inside.max);
-        if !warnings.is_empty() && !self.clear.iter().any(|held| held.intersects(place)) {
-            self.column(place.min, inside.width(), &warnings);
+        if !clear.iter().any(|held| held.intersects(strip)) {
+            painted.extend(self.column(strip.min, strip.width(), &warnings));
         }
+        painted
+    }
+
+    /// Where the warnings stand: at the bottom, beside a panel and above messages.
+    fn strip(&self, inside: Rect, line: f32, letter: f32, pad: f32, margin: f32) -> Rect {
+        let mut strip = inside;
+        for panel in self.taken.iter().filter(|taken| taken.height() > 0.5 * inside.height()) {
+            if panel.center().x > inside.center().x {
+                strip.max.x = strip.max.x.min(panel.min.x - margin);
+            } else {
+                strip.min.x = strip.min.x.max(panel.max.x + margin);
+            }
+        }
+        let rows = height(&self.warnings(((strip.width() / letter) as usize).saturating_sub(2)));
+        strip.min.y = strip.max.y - rows * line - 2.0 * pad;
+        let mut over: Vec<&Rect> = self.taken.iter().collect();
+        over.sort_by(|a, b| b.max.y.total_cmp(&a.max.y));
+        for message in over {
+            if message.intersects(strip) && message.min.y - margin - strip.height() > inside.center().y {
+                strip = strip.translate(vec2(0.0, message.min.y - margin - strip.max.y));
+            }
+        }
+        strip
     }
 
     /// Two plates beside each other, if the letters can be read so.
@@ -76,9 +102,9 @@ impl Panel<'_> {
     }
 
     /// Rows on a plate.
-    fn column(&self, corner: Pos2, width: f32, rows: &[Ranked]) {
+    fn column(&self, corner: Pos2, width: f32, rows: &[Ranked]) -> Option<Rect> {
         if rows.is_empty() {
-            return;
+            return None;
         }
         let size = self.letter_height();
         let line = (1.3 * size).round();
@@ -92,17 +118,25 @@ impl Panel<'_> {
             self.row(row, rect, size);
             top += row.lines() * line;
         }
+        Some(plate)
+    }
+
+    fn words(&self, pieces: &Words, place: Pos2, size: f32) {
+        let mut job = egui::text::LayoutJob::default();
+        for (text, ink) in pieces {
+            job.append(text, 0.0, egui::TextFormat::simple(FontId::monospace(size), *ink));
+        }
+        self.painter.galley(place.round(), self.painter.layout_job(job), INK);
     }
 
     fn row(&self, row: &Row, rect: Rect, size: f32) {
         match row {
-            Row::Words(pieces) => {
-                let mut job = egui::text::LayoutJob::default();
-                for (text, ink) in pieces {
-                    job.append(text, 0.0, egui::TextFormat::simple(FontId::monospace(size), *ink));
+            Row::Words(pieces) => self.words(pieces, rect.min, size),
+            Row::Table(rows) => {
+                let line = rect.height() / rows.len().max(1) as f32;
+                for (k, pieces) in rows.iter().enumerate() {
+                    self.words(pieces, rect.min + vec2(0.0, k as f32 * line), size);
                 }
-                let galley = self.painter.layout_job(job);
-                self.painter.galley(rect.min.round(), galley, INK);
             }
             Row::Bars => self.bars(rect.shrink2(vec2(0.0, 2.0))),
             Row::Gauge { share, marks, ink } => {

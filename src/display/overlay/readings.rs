@@ -1,6 +1,5 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
-use super::keep_clear::keep_clear;
 use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench, reach};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
@@ -28,8 +27,6 @@ pub struct Readings {
     pub bodies: Vec<BodyReading>,
     /// Warnings with the time since the start, s; newest last.
     pub warnings: Vec<(f64, String)>,
-    /// Per screen, what the overlay is not to stand over, as left, right, bottom and top in its normalised device coordinates.
-    pub keep_clear: Vec<Vec<[f64; 4]>>,
     /// Of the trackers, s.
     pub time_s: f64,
 }
@@ -127,7 +124,6 @@ impl Readings {
             hands: hands(world),
             undo: world.undo_depth(),
             bodies,
-            keep_clear: keep_clear(world),
             time_s: *world.graph.get(world.fields.time),
             ..Self::default()
         }

@@ -13,6 +13,8 @@ pub(super) type Words = Vec<(String, Color32)>;
 
 pub(super) enum Row {
     Words(Words),
+    /// A heading and what stands below it, shown whole or not at all.
+    Table(Vec<Words>),
     /// Steps of the last frames, stacked.
     Bars,
     /// Share of a whole, where good and fair end, and in which the pointer is.
@@ -43,6 +45,7 @@ impl Row {
     pub(super) fn lines(&self) -> f32 {
         match self {
             Row::Words(_) => 1.0,
+            Row::Table(rows) => rows.len() as f32,
             Row::Bars => 4.0,
             Row::Gauge { .. } => 0.8,
             Row::Gap => 0.5,
@@ -74,7 +77,11 @@ pub(super) fn fitting(mut rows: Vec<Ranked>, lines: f32, quiet: Color32) -> Vec<
     while height(&rows) + 1.0 > lines {
         let Some(least) = rows.iter().map(|(rank, _)| *rank).max() else { return rows };
         let Some(last) = rows.iter().rposition(|(rank, _)| *rank == least) else { return rows };
-        left_out += usize::from(rows.remove(last).0 != Rank::Space);
+        left_out += match rows.remove(last) {
+            (Rank::Space, _) => 0,
+            (_, Row::Table(rows)) => rows.len(),
+            _ => 1,
+        };
     }
     if !rows.is_empty() && left_out > 0 {
         rows.push(words(format!("… {left_out} more rows"), quiet).ranked(Rank::First));
@@ -117,6 +124,7 @@ mod tests {
         let left = |lines: f32| -> Vec<String> {
             let text = |(_, row): Ranked| match row {
                 Row::Words(words) => words.into_iter().map(|(text, _)| text).collect(),
+                Row::Table(rows) => format!("{} rows", rows.len()),
                 _ => "-".to_owned(),
             };
             fitting(rows(), lines, GOOD).into_iter().map(text).collect()
@@ -126,5 +134,14 @@ mod tests {
         assert_eq!(left(3.0), ["a", "c", "… 2 more rows"]);
         assert_eq!(left(2.0), ["a", "… 3 more rows"]);
         assert_eq!(left(1.5), [""; 0], "nothing, rather than a count alone");
+        // A table's heading never stands without what it heads.
+        let line = || vec![("line".to_owned(), GOOD)];
+        let table = || Row::Table(vec![line(), line(), line()]).ranked(Rank::Detail);
+        let lines = |most: f32| {
+            let rows = vec![words("a", GOOD).ranked(Rank::First), table(), table()];
+            fitting(rows, most, GOOD).iter().map(|(_, row)| row.lines()).collect::<Vec<_>>()
+        };
+        assert_eq!((lines(7.0), lines(6.9)), (vec![1.0, 3.0, 3.0], vec![1.0, 3.0, 1.0]));
+        assert_eq!(lines(4.9), [1.0, 1.0]);
     }
 }

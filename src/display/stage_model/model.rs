@@ -4,7 +4,7 @@
 //! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
 use super::extent::{ball_about, corners, outline};
-use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, write};
+use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, wrapped, write};
 use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
 use crate::track::Signal;
@@ -251,8 +251,9 @@ impl StageModel {
     }
 }
 
-/// Writes the room's names into `rect`, the part of the picture that shows `view`, and its note in the corner.
-pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel) {
+/// Writes the room's names into `rect`, the part of the picture that shows `view`, and its note in the corner, above what is
+/// `taken` there.
+pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel, taken: &[Rect]) {
     let size = (rect.height() / 60.0).clamp(9.0, 26.0);
     for label in &room.labels {
         let clip = view.clip_from_room * label.place.cast::<f32>().to_homogeneous();
@@ -267,8 +268,19 @@ pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel
         }
     }
     if !room.note.is_empty() {
-        let corner = pos2(rect.min.x + size, rect.max.y - size);
-        write(painter, (corner, Align2::LEFT_BOTTOM), &room.note, size, [QUIET, DARK.gamma_multiply(0.8)]);
+        let width = rect.width() - 2.0 * size;
+        let note = wrapped(painter, &room.note, size, QUIET, width);
+        let mut place = pos2(rect.min.x + size, rect.max.y - size - note.size().y).round();
+        let mut lowest: Vec<&Rect> = taken.iter().collect();
+        lowest.sort_by(|a, b| b.max.y.total_cmp(&a.max.y));
+        for plate in lowest {
+            if Rect::from_min_size(place, note.size()).expand(0.5 * size).intersects(*plate) {
+                place.y = (plate.min.y - size - note.size().y).round();
+            }
+        }
+        let plate = Rect::from_min_size(place, note.size()).expand2(vec2(0.4 * size, 0.1 * size));
+        painter.rect_filled(plate, 0.0, DARK.gamma_multiply(0.8));
+        painter.galley(place, note, QUIET);
     }
 }
 

@@ -165,10 +165,10 @@ impl Reached {
         [quantity(value, limit.quantity().unit()), passed]
     }
 
-    /// For a legend: `412 MPa, limit 250 MPa PASSED in 3 %`.
+    /// For a legend: `412 MPa, limit 250 MPa PASSED in 3 % of the surface`.
     pub fn brief(&self, limit: Limit) -> String {
         let [value, passed] = self.value_and_passed(limit);
-        format!("{value}, limit {} PASSED in {passed}", written(limit))
+        format!("{value}, limit {} PASSED in {passed} of the surface", written(limit))
     }
 
     /// `its limit of 250 MPa is PASSED in 3 % of its surface, where 412 MPa is reached`.

@@ -217,7 +217,11 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     world.bodies[0].deformations += 1;
     effect.after_frame(&mut world);
     let line = legend_of(&world).lines[0].clone();
-    assert!(line.warns && line.text.contains("limit 1.00 MPa PASSED in 100 %"), "{}", line.text);
+    assert!(
+        line.warns && line.text.contains("limit 1.00 MPa PASSED in 100 % of the surface"),
+        "{}",
+        line.text
+    );
     assert!(world.warnings.iter().any(|(_, warning)| warning.contains("body.b: its limit of 1.00 MPa")));
     let codes = world.bodies[0].field.clone().unwrap();
     assert!(codes.iter().filter(|code| code[..2] != [0, 0]).count() == 40);
