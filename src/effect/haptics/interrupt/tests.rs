@@ -9,7 +9,7 @@ use crate::stage::GripButton;
 use crate::track::vrpn::codec::{self, Framer, Header};
 use crate::track::vrpn::payload::{MessageKind, Payload};
 use libc::{SIGABRT, SIGBUS, SIGHUP, SIGINT, SIGQUIT, SIGSEGV, SIGTERM, SIGUSR1, SIGXCPU};
-use std::io::{BufRead, ErrorKind, Read, Write};
+use std::io::{self, BufRead, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -200,9 +200,18 @@ fn start(device: &Played, way_out: &str) -> Child {
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::null());
-    // SAFETY: the call changes the signal mask alone. The tests' own first thread must block the signals too, and it runs
-    // before `child` can say so.
-    unsafe { command.pre_exec(signal::block) }.spawn().unwrap()
+    // SAFETY: the call changes the signal mask and dispositions alone. The tests' own first thread must block the signals too, and
+    // it runs before `child` can say so.
+    unsafe { command.pre_exec(as_from_a_terminal) }.spawn().unwrap()
+}
+
+/// What starts the tests may ignore signals, as a script does for a command in its background.
+fn as_from_a_terminal() -> io::Result<()> {
+    for signal in [SIGINT, SIGQUIT] {
+        // SAFETY: the default disposition runs no code of ours.
+        unsafe { libc::signal(signal, libc::SIG_DFL) };
+    }
+    signal::block()
 }
 
 /// Ends a process while its device pushes; its status, and the last force.
