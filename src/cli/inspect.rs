@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         "" if is_built_in_scene(&args.file) => scene(&args.file)?,
         "" if !args.file.exists() => stage(&args.file)?,
         _ if surface_files::is_surface_file(&args.file) => surface(&args.file)?,
-        _ => match crate::config::read(&args.file).ok().and_then(|text| foreign::display(&text)) {
+        _ => match foreign::display_at(&args.file) {
             Some(told) => return Err(Failure::wrong(format!("{}: {told}", args.file.display()))),
             None => mesh(&args.file)?,
         },

@@ -2,6 +2,11 @@
 //!
 //! In: the text of a file that is no TOML. Out: a sentence. Known by what the file begins with, not by its name.
 
+use crate::base::input;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 /// What a file of another program's is, and what to copy from it.
 struct Foreign {
     /// What stands near its beginning.
@@ -56,7 +61,15 @@ pub fn display(text: &str) -> Option<String> {
     ))
 }
 
-/// The same, or that the text is XML or JSON, of one that is no TOML.
+/// The same of a file, of which no more than the beginning is read, and nothing of a device or a pipe.
+pub fn display_at(path: &Path) -> Option<String> {
+    input::regular(path).ok()?;
+    let mut head = Vec::new();
+    File::open(path).ok()?.take(HEAD as u64).read_to_end(&mut head).ok()?;
+    display(&String::from_utf8_lossy(&head))
+}
+
+/// What [`display`] tells, or that the text is XML or JSON, of one that is no TOML.
 pub fn advice(text: &str) -> Option<String> {
     let language = match text.trim_start().chars().next() {
         Some('<') => "XML",

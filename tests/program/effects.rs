@@ -90,8 +90,8 @@ fn check_tells_the_errors_that_were_measured_and_how_to_measure_them() {
     let (told, _) = said(&place, &["check", "tube.toml"]);
     let rows: Vec<&str> = told.lines().filter(|line| line.starts_with("tube  right")).collect();
     assert!(
-        rows.len() == 11 && rows[10].contains("mesh of tet4"),
-        "bends to four angles, shifts and pushes to three each, and the mesh: {told}"
+        rows.len() == 14 && rows[13].contains("mesh of tet4"),
+        "bends to four angles, shifts, pulls and pushes to three each, and the mesh: {told}"
     );
     let (json, _) = said(&place, &["check", "tube.toml", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
