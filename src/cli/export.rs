@@ -195,7 +195,7 @@ fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisF
     let args = posed.args;
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     for name in &names {
-        basis::refuse(scene, name)?;
+        basis::refuse(scene, name, &args.columns)?;
     }
     let online = prepare::summed_part(scene)?;
     let green = prepare::green_file(&online, args.green.as_deref())?;

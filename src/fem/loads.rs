@@ -44,13 +44,32 @@ pub fn body_force(mesh: &TetMesh, b: &(dyn Fn(usize, &V3) -> V3 + Sync)) -> Vec<
     gathered(mesh, parts)
 }
 
-/// ∫ N_a t dA over `faces` ([`crate::mesh::outer_faces`]) of t(place, outward unit normal), N/m².
-pub fn traction(mesh: &TetMesh, faces: &[Vec<u32>], t: &dyn Fn(&V3, &V3) -> V3) -> Vec<V3> {
+/// A point of a face, at which a traction is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct FacePoint<'a> {
+    /// m.
+    pub place: V3,
+    /// Outward, of length 1.
+    pub normal: V3,
+    /// Of the face: its corners, and of a curved one the nodes between first and second, second and third, third and first.
+    pub nodes: &'a [u32],
+    /// The shape functions of these nodes there.
+    pub shapes: &'a [f64],
+}
+
+/// ∫ N_a t dA over `faces` ([`crate::mesh::outer_faces`]) of the traction t at a point, N/m².
+pub fn traction(mesh: &TetMesh, faces: &[Vec<u32>], t: &dyn Fn(&FacePoint) -> V3) -> Vec<V3> {
     let parts = faces.iter().map(|face| {
         let mut force = vec![V3::zeros(); face.len()];
         for point in points(mesh, face) {
             let size = point.area.norm();
-            let own = t(&point.place, &(point.area / size)) * size;
+            let at = FacePoint {
+                place: point.place,
+                normal: point.area / size,
+                nodes: face,
+                shapes: &point.shapes,
+            };
+            let own = t(&at) * size;
             force.iter_mut().zip(&point.shapes).for_each(|(force, n)| *force += own * *n);
         }
         face.iter().copied().zip(force).collect()
@@ -171,7 +190,7 @@ mod tests {
         let mesh = quadratic::quadratic(generate::tube(&tube).unwrap(), &|a, b| tube.curve(a, b));
         let faces = outer_faces(&mesh);
         assert!(Area::of(&mesh, &faces).normal.norm() < 1e-12);
-        let pressure = traction(&mesh, &faces, &|_, n| -n);
+        let pressure = traction(&mesh, &faces, &|at| -at.normal);
         assert!(pressure.iter().sum::<V3>().norm() < 1e-12);
         let radius = |node: u32| mesh.nodes[node as usize].yz().norm();
         let inner: Vec<Vec<u32>> =
@@ -179,7 +198,7 @@ mod tests {
         let area = Area::of(&mesh, &inner);
         let exact = std::f64::consts::TAU * 0.5 * 2.0;
         assert!((area.size / exact - 1.0).abs() < 1e-4, "{} {exact}", area.size);
-        let outward = traction(&mesh, &inner, &|_, n| -n);
+        let outward = traction(&mesh, &inner, &|at| -at.normal);
         let work: f64 = outward.iter().zip(&mesh.nodes).map(|(f, x)| f.yz().dot(&x.yz()) / 0.5).sum();
         assert!((work / exact - 1.0).abs() < 1e-3, "{work} {exact}");
     }

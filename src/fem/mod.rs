@@ -42,7 +42,7 @@ pub use free_face::{FreeFace, hooke as hooke_at_free_face};
 pub use hyperelastic::Hyperelastic;
 pub use lame::Lame;
 pub use law::{Law, Tangent};
-pub use loads::{Area, body_force, expansion, traction};
+pub use loads::{Area, FacePoint, body_force, expansion, traction};
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use polar::{Polar, nearest_turn};

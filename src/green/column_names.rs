@@ -1,11 +1,13 @@
 //! What the columns of a body are called, for other programs and for people.
 //!
 //! In: a .green file. Out: a name and a unit for every column, in the order of [`GreenFile::groups`]: `right.m12` of a control
-//! element, `gravity.x` or `press` of a load, `reduced.3` of a family whose columns have no names of their own.
+//! element, `gravity.x` or `press` of a load, `reduced.3` of a family whose columns have no names of their own. The names of
+//! control elements and loads a scene alone tells.
 
 use super::control::FIELD_NAMES;
 use super::families::{AFFINE, FAMILIES, LOADS};
-use super::file::GreenFile;
+use super::file::{GreenFile, LoadMeta};
+use crate::scene::Body;
 
 /// One column.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,8 +38,8 @@ impl GreenFile {
         let required = FAMILIES.iter().filter(|entry| meta.requirements.has(entry.family));
         required
             .flat_map(|entry| match entry.family.name {
-                name if name == AFFINE.name => self.affine_names(body),
-                name if name == LOADS.name => self.load_names(body),
+                name if name == AFFINE.name => affine_names(meta.controls.iter().map(|c| c.name.as_str())),
+                name if name == LOADS.name => load_names(&meta.loads),
                 name => {
                     let groups = (entry.groups)(self, body);
                     let count: usize =
@@ -52,30 +54,38 @@ impl GreenFile {
             })
             .collect()
     }
+}
 
-    fn affine_names(&self, body: &str) -> Vec<ColumnName> {
-        let controls = self.meta.bodies.get(body).map_or(&[][..], |meta| &meta.controls);
-        let of = |(e, name): (usize, &str)| {
-            let field = |(k, field): (usize, &str)| ColumnName {
-                name: format!("{name}.{field}"),
-                unit: if k < 3 { "m" } else { "1" }.into(),
-                source: ColumnSource::Field { control: e, field: k },
-            };
-            FIELD_NAMES.into_iter().enumerate().map(field).collect::<Vec<_>>()
-        };
-        controls.iter().map(|control| control.name.as_str()).enumerate().flat_map(of).collect()
-    }
+/// Those of a body's control elements and loads, which its scene tells before anything is solved.
+pub fn column_names_of(body: &Body) -> Vec<ColumnName> {
+    let loads: Vec<LoadMeta> = body.loads().iter().map(LoadMeta::of).collect();
+    let mut names = affine_names(body.control.keys().map(String::as_str));
+    names.extend(load_names(&loads));
+    names
+}
 
-    fn load_names(&self, body: &str) -> Vec<ColumnName> {
-        let loads = self.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads);
-        let named =
-            |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
-        loads
-            .iter()
-            .flat_map(|load| match load.columns {
-                3 => ["x", "y", "z"].map(|axis| named(format!("{}.{axis}", load.name), &load.unit)).to_vec(),
-                _ => vec![named(load.name.clone(), &load.unit)],
-            })
-            .collect()
-    }
+/// Whether a name is of a family whose columns are numbered: how many there are, is known when they are solved.
+pub fn is_numbered(name: &str) -> bool {
+    FAMILIES.iter().any(|entry| name.split('.').next() == Some(entry.family.name))
+}
+
+fn affine_names<'a>(controls: impl Iterator<Item = &'a str>) -> Vec<ColumnName> {
+    let of = |(e, name): (usize, &'a str)| {
+        FIELD_NAMES.into_iter().enumerate().map(move |(k, field)| ColumnName {
+            name: format!("{name}.{field}"),
+            unit: if k < 3 { "m" } else { "1" }.into(),
+            source: ColumnSource::Field { control: e, field: k },
+        })
+    };
+    controls.enumerate().flat_map(of).collect()
+}
+
+fn load_names(loads: &[LoadMeta]) -> Vec<ColumnName> {
+    let named =
+        |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
+    let of = |load: &LoadMeta| match load.columns {
+        3 => ["x", "y", "z"].map(|axis| named(format!("{}.{axis}", load.name), &load.unit)).to_vec(),
+        _ => vec![named(load.name.clone(), &load.unit)],
+    };
+    loads.iter().flat_map(of).collect()
 }

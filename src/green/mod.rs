@@ -46,7 +46,7 @@ mod write;
 pub use acting::acting;
 pub use basis::{precompute, precompute_kept, solve, solve_prepared};
 pub use check::refuse;
-pub use column_names::{ColumnName, ColumnSource};
+pub use column_names::{ColumnName, ColumnSource, column_names_of, is_numbered};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{derive, is_derived};
 pub use error::GreenError;

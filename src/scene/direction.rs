@@ -3,7 +3,8 @@
 //! In: `direction = { file = "wind.csv" }`. Out: a vector at every place near those of the file. A `.vtu` file has them as an
 //! array of its points; a text file has lines `node, x, y, z` (a tag of the mesh), or `place x, y, z, vector x, y, z` (m, the
 //! mesh's coordinates). Between places the nearest four count by the inverse square of their distance (Shepard, Proc. 23rd ACM
-//! National Conference, 1968, 517-524); at one of them its own vector does.
+//! National Conference, 1968, 517-524); at one of them its own vector does. Who has elements about the places asks for their
+//! own vectors, and interpolates better.
 
 use crate::base::input;
 use crate::mesh::TetMesh;
@@ -42,6 +43,8 @@ pub struct DirectionField {
 /// As part of the mesh's diagonal.
 const REACH: f64 = 0.1;
 const NEAREST: usize = 4;
+/// What is nearer than this part of the reach is at the place: single precision has 1e-7 of the coordinates.
+const AT: f64 = 1e-5;
 
 impl DirectionFile {
     pub fn is_vtu(&self) -> bool {
@@ -83,7 +86,7 @@ impl DirectionField {
                 self.reach
             ));
         };
-        if least <= 1e-18 * self.reach * self.reach {
+        if least <= (AT * self.reach).powi(2) {
             return Ok(*nearest);
         }
         let (sum, weights) = near
@@ -91,6 +94,12 @@ impl DirectionField {
             .map(|(away, vector)| (*vector / *away, 1.0 / away))
             .fold((V3::zeros(), 0.0), |(sum, weights), (v, w)| (sum + v, weights + w));
         Ok(sum / weights)
+    }
+
+    /// The vector that the file has at the very place.
+    pub fn just_at(&self, place: &V3) -> Option<V3> {
+        let nearest = self.points.nearest_neighbor_iter_with_distance_2((*place).into()).next();
+        nearest.filter(|(_, away)| *away <= (AT * self.reach).powi(2)).map(|(point, _)| point.data)
     }
 }
 

@@ -297,6 +297,7 @@ fn what_cannot_be_written_is_refused_with_what_to_do() {
     refuse(&place, &["-o", "x.stl", "--columns", "right.tx"], &["--columns"]);
     refuse(&place, &["-o", "x.stl", "--poses", "poses.toml"], &["--pose NAME", "both, python"]);
     refuse(&place, &["-o", "x.iv", "--columns", "right.m14"], &["unknown column", "right.m13"]);
+    assert!(!place.join("part.green").exists(), "nothing is solved for what cannot be written");
     let few = ["-o", "x.iv", "--columns", "right.tx", "--poses", "poses.toml", "--pose", "python"];
     refuse(&place, &few, &["add right.m12,right.m21 to --columns"]);
     let scene =

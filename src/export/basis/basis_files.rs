@@ -1,11 +1,11 @@
 //! The list of files that hold columns, and the bodies that are written into them.
 
 use super::basis_file::BasisFile;
-use super::body_basis::{BodyBasis, Choice};
+use super::body_basis::{BodyBasis, Choice, check_chosen};
 use super::{gltf, inventor, vtu};
 use crate::base::failure::Failure;
 use crate::export::free_poses;
-use crate::green::{AFFINE, GreenFile};
+use crate::green::{AFFINE, GreenFile, column_names_of, is_numbered};
 use crate::prepare;
 use crate::scene::Scene;
 use std::sync::Arc;
@@ -13,9 +13,11 @@ use std::sync::Arc;
 /// All of them; a new one is one file and one line here.
 pub const BASIS_FILES: &[BasisFile] = &[inventor::FILE, gltf::FILE, vtu::FILE];
 
-/// Refuses a body whose model sums no columns, even where its effects need some, before anything is solved for it.
-pub fn refuse(scene: &Scene, name: &str) -> Result<(), Failure> {
+/// Refuses columns that no such body has, and a body whose model sums none, even where its effects need some, before anything
+/// is solved for it.
+pub fn refuse(scene: &Scene, name: &str, columns: &[String]) -> Result<(), Failure> {
     let body = &scene.body[name];
+    check_chosen(columns.iter().filter(|column| !is_numbered(column)), &column_names_of(body))?;
     if prepare::law(scene, name, body)?.is_none() && prepare::requirements(scene, name, body)?.has(AFFINE) {
         return Ok(());
     }

@@ -91,7 +91,7 @@ impl BodyBasis {
         let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
         let rest = file.rest(name).to_vec();
         let size = extent(rest.iter().copied()).unwrap_or(1.0);
-        check_chosen(choice.columns, &names).map_err(|why| Failure::wrong(format!("--columns: {why}")))?;
+        check_chosen(choice.columns.iter(), &names)?;
         let (mut columns, mut vanishing, mut missing) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (name, (group, of_group))) in names.into_iter().zip(places).enumerate() {
             let value = |node: usize, axis: usize| group.value(nodes, of_group, 3 * node + axis);
@@ -176,10 +176,15 @@ fn pose(
 }
 
 /// Whether every column that is asked for is there.
-fn check_chosen(chosen: &[String], names: &[ColumnName]) -> Result<(), String> {
+pub(super) fn check_chosen<'a>(
+    mut chosen: impl Iterator<Item = &'a String>,
+    names: &[ColumnName],
+) -> Result<(), Failure> {
     let known = || names.iter().map(|column| column.name.as_str());
-    let unknown = chosen.iter().find(|name| known().all(|known| known != *name));
-    unknown.map_or(Ok(()), |name| Err(unknown_name("column", name, known())))
+    let unknown = chosen.find(|name| known().all(|known| known != *name));
+    unknown.map_or(Ok(()), |name| {
+        Err(Failure::wrong(format!("--columns: {}", unknown_name("column", name, known()))))
+    })
 }
 
 fn handles(scene: &Scene, file: &GreenFile, body: &str, size: f64) -> Vec<Handle> {
