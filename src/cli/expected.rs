@@ -24,18 +24,26 @@ const MOTIONS: [(&str, Of); 4] = [
 pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>) -> Table {
     let mut table = Table::new(&["body", "moved", "by", "errors of", "force", "torque", "shape"]);
     for (name, errors) in bodies {
+        let of_model = format!("model {}", errors.model);
+        let parts = |at: &ErrorsAt| {
+            let part = |part: Option<f64>| part.map_or("none".into(), percent);
+            [part(at.force), part(at.torque), percent(at.shape)]
+        };
+        if let Some(loaded) = &errors.loaded {
+            let [force, torque, shape] = parts(&loaded.at);
+            table.row(&[name, "none", "the scene's loads alone", &of_model, &force, &torque, &shape]);
+        }
         for moved in &errors.moved {
             for (motion, of) in MOTIONS {
                 for at in of(moved) {
-                    let [force, torque] =
-                        [at.force, at.torque].map(|part| part.map_or("none".into(), percent));
+                    let [force, torque, shape] = parts(at);
                     let far = if at.angle > 0.0 {
                         format!("to {}°", at.angle)
                     } else {
                         format!("by {}", percent(at.off))
                     };
-                    let (by, of) = (format!("{motion} {far}"), format!("model {}", errors.model));
-                    table.row(&[name, &moved.control, &by, &of, &force, &torque, &percent(at.shape)]);
+                    let by = format!("{motion} {far}");
+                    table.row(&[name, &moved.control, &by, &of_model, &force, &torque, &shape]);
                 }
             }
             if let Some(mesh) = &moved.mesh {

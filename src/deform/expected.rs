@@ -6,9 +6,10 @@
 use super::deformer::Deformer;
 use super::force::Wrench;
 use super::freedom::Freedom;
+use super::loaded_errors::LoadedErrors;
 use super::mesh_errors::MeshErrors;
 use super::trial::Deviation;
-use super::turn::Reach;
+use super::turn::{Reach, reach, rests};
 use serde::{Deserialize, Serialize};
 
 /// What was measured on a body for its model, by moving some of its control elements alone.
@@ -21,6 +22,9 @@ pub struct ExpectedErrors {
     #[serde(default)]
     pub begin_at_zero: bool,
     pub moved: Vec<MovedErrors>,
+    /// Where all control elements rest, under the loads of the scene; of a body that has some there.
+    #[serde(default)]
+    pub loaded: Option<LoadedErrors>,
     /// What could not be measured, and why, in sentences.
     pub left_out: Vec<String>,
 }
@@ -117,6 +121,11 @@ impl ErrorsAt {
         }
     }
 
+    fn numbers(&self) -> [f64; 7] {
+        let ErrorsAt { angle, turn, stretch, off, force, torque, shape } = *self;
+        [off, angle, turn, stretch, shape, force.unwrap_or(0.0), torque.unwrap_or(0.0)]
+    }
+
     /// The larger of the errors of force and torque.
     pub fn wrench(&self) -> Option<f64> {
         self.force.zip(self.torque).map(|(force, torque)| force.max(torque))
@@ -158,7 +167,11 @@ impl ErrorsAt {
         let share = |x: f64, whole: f64| if x > 0.0 { x / whole } else { 0.0 };
         let shares =
             [share(reach.turn, self.turn), share(reach.stretch, self.stretch), share(reach.off, self.off)];
-        let share = shares.into_iter().fold(0.0, f64::max).min(1.0);
+        self.begun_by(shares.into_iter().fold(0.0, f64::max).min(1.0))
+    }
+
+    /// The same at this share of the way from rest.
+    pub(super) fn begun_by(&self, share: f64) -> ErrorsAt {
         let of = |error: f64| begun(error, share);
         ErrorsAt {
             force: self.force.map(of),
@@ -215,6 +228,17 @@ impl MovedErrors {
 }
 
 impl ExpectedErrors {
+    /// The errors to expect of the model in the pose as it is: of a body that loads alone deform those under its loads, else those at
+    /// its reach; `None` where that was not measured.
+    pub fn in_pose(&self, deformer: &Deformer) -> Option<ErrorsAt> {
+        let acting = deformer.acting();
+        let is_loaded = !acting.points.is_empty() || acting.coefficients.iter().any(|load| *load != 0.0);
+        if is_loaded && rests(deformer) {
+            return self.loaded.as_ref()?.under(&acting, deformer.load_metas(), self.begin_at_zero);
+        }
+        self.at(reach(deformer))
+    }
+
     /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where
     /// that was not measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
@@ -251,19 +275,14 @@ impl ExpectedErrors {
     /// Errors at the first number that no measurement gives.
     pub fn check(&self) -> Result<(), String> {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
+        if let Some(wrong) = self.loaded.iter().flat_map(|loaded| loaded.at.numbers()).find(|x| !is_error(*x))
+        {
+            return Err(format!("under the loads: {wrong} is no error"));
+        }
         for MovedErrors { control, bent, shifted, pulled, hung, mesh } in &self.moved {
             let pushed = hung.as_ref().map_or(&[][..], |hung| &hung.at);
             for at in bent.iter().chain(shifted).chain(pulled).chain(pushed) {
-                let numbers = [
-                    at.off,
-                    at.angle,
-                    at.turn,
-                    at.stretch,
-                    at.shape,
-                    at.force.unwrap_or(0.0),
-                    at.torque.unwrap_or(0.0),
-                ];
-                if let Some(wrong) = numbers.into_iter().find(|x| !is_error(*x)) {
+                if let Some(wrong) = at.numbers().into_iter().find(|x| !is_error(*x)) {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
                 }
             }

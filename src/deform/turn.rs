@@ -69,6 +69,19 @@ fn is_pulled(deformer: &Deformer) -> bool {
     controls.len() > 1 && (0..controls.len()).any(is_alone)
 }
 
+/// Whether all control elements stand as they do at rest, but for a shift of all.
+pub fn rests(deformer: &Deformer) -> bool {
+    let Deformer { controls, poses, .. } = deformer;
+    let (Some(first), Some(origin)) = (poses.first(), controls.first().map(|control| control.origin)) else {
+        return true;
+    };
+    let size = controls.iter().map(|control| (control.origin - origin).norm()).fold(0.0, f64::max);
+    poses.iter().all(|pose| {
+        (pose.matrix - Matrix3::identity()).norm() <= RESTS
+            && (pose.translation - first.translation).norm() <= RESTS * size
+    })
+}
+
 fn off_the_arc(deformer: &Deformer) -> f64 {
     let Deformer { controls, poses, .. } = deformer;
     let off = |a: usize, b: usize| {

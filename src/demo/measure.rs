@@ -2,7 +2,7 @@
 
 use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
-use crate::deform::{ControlPose, reach};
+use crate::deform::ControlPose;
 use crate::scene::{Generate, Scene};
 use crate::world::{Highlight, PlacedBody, World};
 use nalgebra::Vector3;
@@ -21,7 +21,7 @@ fn force_n(body: &PlacedBody, c: usize) -> Option<Vector3<f64>> {
 /// The error to expect of a force, by its model and by its mesh together, as a part of it; `None` where it was not measured.
 fn expected_part(body: &PlacedBody) -> Option<f64> {
     let expected = body.expected.as_ref()?;
-    let of_model = expected.at(reach(&body.deformer))?.force?;
+    let of_model = expected.in_pose(&body.deformer)?.force?;
     let (wrenches, _) = body.deformer.wrenches()?;
     Some(of_model + expected.mesh_at(&body.deformer, &wrenches).unwrap_or(0.0))
 }

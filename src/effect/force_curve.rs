@@ -12,7 +12,7 @@ use crate::base::notice::notice;
 use crate::base::output::Kind;
 use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
-use crate::deform::{ControlPose, FollowedTurn, Wrench, percent, reach};
+use crate::deform::{ControlPose, FollowedTurn, Wrench, percent};
 use crate::green::STIFFNESS;
 use crate::world::{Highlight, PlacedBody, World};
 use nalgebra::{Rotation3, Vector3};
@@ -344,7 +344,7 @@ fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Errors {
         // The model is static equilibrium itself.
         false if mesh.is_some() => [0.0; 2],
         false => return Errors::Unmeasured,
-        true => match expected.at(reach(&body.deformer)).and_then(|at| at.force.zip(at.torque)) {
+        true => match expected.in_pose(&body.deformer).and_then(|at| at.force.zip(at.torque)) {
             Some((force, torque)) => [force, torque],
             None => return Errors::Beyond,
         },

@@ -32,7 +32,13 @@ pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> Strin
     match looked {
         Looked::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
         Looked::InFile(Some(errors)) if !errors.moved.is_empty() => {
-            "the pose is beyond those in which it was measured".to_owned()
+            let pose = "the pose is beyond those in which it was measured";
+            match body.loads().is_empty() && body.surface_compliance.is_none() {
+                true => pose.to_owned(),
+                false => format!(
+                    "{pose}, or loads act in another way than the scene has them, as which they were measured"
+                ),
+            }
         }
         Looked::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
         Looked::Nowhere if lists => {

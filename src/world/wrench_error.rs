@@ -47,7 +47,7 @@ pub fn wrench_error_of(
                 Some(hung) => hung.at(reach(deformer))?,
                 // What is free in another way was not measured.
                 None if freedom.iter().any(Freedom::is_any) => return None,
-                None => expected.at(reach(deformer))?,
+                None => expected.in_pose(deformer)?,
             };
             (at.force?, at.torque?)
         }

@@ -1,6 +1,6 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
-use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench, reach};
+use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench};
 use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -77,7 +77,7 @@ pub struct BodyReading {
 /// What errors to expect of a body in its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorReading {
-    /// Of a model that is no static equilibrium itself: those at the body's reach, or `None` beyond what was measured.
+    /// Of a model that is no static equilibrium itself: those in the body's pose, or `None` beyond what was measured.
     pub model: Option<Option<ErrorsAt>>,
     /// The part of forces that the mesh adds, where that could be told.
     pub mesh: Option<f64>,
@@ -156,7 +156,7 @@ fn hands(world: &World) -> Vec<HandReading> {
 fn error_reading(body: &PlacedBody, wrenches: Option<&[Wrench]>) -> Option<ErrorReading> {
     let expected = body.expected.as_ref()?;
     let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
-    let model = is_measured.then(|| expected.at(reach(&body.deformer)));
+    let model = is_measured.then(|| expected.in_pose(&body.deformer));
     let most = || Some(expected.mesh()?.wrench);
     let mesh = wrenches.map_or_else(most, |wrenches| expected.mesh_at(&body.deformer, wrenches));
     (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })

@@ -9,7 +9,7 @@ use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{
-    Deformer, ErrorsAt, Frame, Hung, Motion, Moved, Statics, Trial, find_model, reach, trials,
+    Deformer, ErrorsAt, Frame, Hung, LoadedErrors, Motion, Moved, Statics, Trial, find_model, reach, trials,
 };
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed, Solution};
@@ -68,6 +68,8 @@ pub struct Measured {
     deformer: Deformer,
     nodes: Vec<usize>,
     is_linear: bool,
+    /// Coefficients of the scene's loads, for each column.
+    loads: Vec<f64>,
 }
 
 impl Measured {
@@ -94,7 +96,27 @@ impl Measured {
         statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
         let is_linear = find_model(model).is_ok_and(|model| model.frame == Frame::Rest);
-        Ok(Measured { statics, deformer, nodes, is_linear })
+        Ok(Measured { statics, deformer, nodes, is_linear, loads: loads.coefficients })
+    }
+
+    /// The errors where all control elements rest; `None` of a body without loads, and where it has no equilibrium under them, which
+    /// `left_out` hears. Lengths are measured to control element `e`; `progress` is advanced by 1000.
+    pub fn loaded(
+        &mut self,
+        e: usize,
+        progress: &dyn Progress,
+        left_out: &mut dyn FnMut(String),
+    ) -> Result<Option<LoadedErrors>, Failure> {
+        let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
+        let Some(moved) = Moved::new(&origins, e).filter(|_| self.loads.iter().any(|load| *load != 0.0))
+        else {
+            progress.advance(1000);
+            return Ok(None);
+        };
+        let mut told = |_, why: String| left_out(format!("its loads alone: {why}"));
+        let rest = [Motion::Shift([0.0; 2])];
+        let held = trials(&mut self.statics, &moved, &rest, progress, &mut told).map_err(Failure::work)?;
+        Ok(held.first().map(|trial| LoadedErrors { loads: self.loads.clone(), at: self.at(trial) }))
     }
 
     /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was

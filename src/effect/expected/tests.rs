@@ -310,3 +310,43 @@ fn a_pull_has_the_errors_of_pulls() {
         assert!(!at(x, y, turn).0, "{x} {y} {turn}");
     }
 }
+
+/// A warm bar between walls, ν = 0: linear theory has E A ε; a bar whose shape without stress is s = 1 + ε times as large, of St.
+/// Venant and Kirchhoff's law, E A (s² - 1)/2s (its strain (1/s² - 1)/2, its energy for the volume s³): linear theory has ε/(2 + ε)
+/// too much. Near its ends, whose sections the walls keep from growing, the bar has a little less than that. A body that loads alone
+/// deform is told this error, not those of bends.
+#[test]
+fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
+    let warm = 0.002;
+    let text = format!(
+        "[body.bar]\ngenerate = {{ block = {{ size = [20.0, 1.0, 1.0], cells = [40, 2, 2] }} }}\n\
+         material = {{ young = 1.0e3, poisson = 0.0 }}\nthermal = {{ expansion = 1e-4, difference = {} }}\n\
+         control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+         control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
+        warm / 1e-4
+    );
+    let scene = Scene::parse(&text, Path::new("bar.toml")).unwrap();
+    let required = Requirements::of(&[STIFFNESS, LOADS]);
+    let mut body = green::precompute(&scene, "bar", &required, &Silent).unwrap();
+    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let told = errors.loaded.as_ref().unwrap().at.force.unwrap();
+    assert!((told / (warm / (2.0 + warm)) - 1.0).abs() < 0.05, "{told}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bar.green");
+    green::write(&path, std::slice::from_ref(&body)).unwrap();
+    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "bar", "linear").unwrap();
+    let mut loads = PoseLoads::of_scene(&scene.body["bar"]).applied(&deformer).unwrap();
+    let mut force = |share: f64, pull: f64| {
+        loads.coefficients = vec![share * warm];
+        deformer.apply(&loads);
+        let translation = Vector3::new(pull, 0.0, 0.0);
+        deformer.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
+        errors.in_pose(&deformer).and_then(|at| at.force)
+    };
+    assert_eq!(force(1.0, 0.0), Some(told));
+    let half = force(0.5, 0.0).unwrap();
+    assert!((0.49..0.51).contains(&(half / told)), "{half}");
+    assert_eq!(force(2.0, 0.0), None, "warmer than measured");
+    assert!(force(1.0, 0.02).unwrap() > told, "pulled too");
+    assert_eq!(force(0.0, 0.0), Some(0.0), "at rest without loads");
+}
