@@ -30,7 +30,7 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
             [part(at.force), part(at.torque), percent(at.shape)]
         };
         if let Some(loaded) = &errors.loaded {
-            let [force, torque, shape] = parts(&loaded.at);
+            let [force, torque, shape] = parts(loaded);
             table.row(&[name, "none", "the scene's loads alone", &of_model, &force, &torque, &shape]);
         }
         for moved in &errors.moved {

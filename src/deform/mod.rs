@@ -19,7 +19,7 @@ mod helicoidal;
 mod legs;
 mod limiter;
 mod linear;
-mod loaded_errors;
+mod load_share;
 mod loads;
 mod mean_frame;
 mod mesh_errors;
@@ -59,7 +59,6 @@ pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
-pub use loaded_errors::LoadedErrors;
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
 pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{

@@ -35,6 +35,8 @@ fn frame(corners: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
 pub struct Reach {
     /// The largest turn of a piece of the surface, or of another control element, against the first control element, rad.
     pub turn: f64,
+    /// The largest turn of two control elements against each other, rad.
+    pub turned: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
     /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
@@ -105,6 +107,7 @@ pub fn reach(deformer: &Deformer) -> Reach {
     let step = triangles.len().div_ceil(PIECES).max(1);
     let mut reach = Reach {
         turn: deformer.largest_turn(),
+        turned: deformer.largest_turn(),
         stretch: 0.0,
         off: off_the_arc(deformer),
         is_pulled: is_pulled(deformer),

@@ -36,7 +36,7 @@ pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> Strin
             match body.loads().is_empty() && body.surface_compliance.is_none() {
                 true => pose.to_owned(),
                 false => format!(
-                    "{pose}, or loads act in another way than the scene has them, as which they were measured"
+                    "{pose}, or loads or forces at points act that the scene does not have so, under whose loads it was measured"
                 ),
             }
         }

@@ -39,7 +39,9 @@ pub fn wrench_error_of(
         let others = deformer.poses.iter().zip(freedom).filter(|(_, freedom)| !freedom.is_any());
         others.into_iter().all(|(pose, _)| *pose == ControlPose::REST)
     };
-    let hung = expected.hung(&names, freedom).filter(|hung| is_alone() && !hung.at.is_empty());
+    let hung = expected
+        .hung(&names, freedom)
+        .filter(|hung| is_alone() && !hung.at.is_empty() && expected.is_under_its_loads(deformer));
     let of_model = expected.moved.iter().any(|moved| !moved.bent.is_empty() || !moved.shifted.is_empty());
     let (force, moment) = match of_model {
         true => {

@@ -13,9 +13,7 @@ mod tests;
 use super::entry::{EffectEntry, Listed};
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
-use crate::deform::{
-    ErrorsAt, ExpectedErrors, Hung, Kind, LoadedErrors, MeshErrors, MovedErrors, find_model,
-};
+use crate::deform::{ErrorsAt, ExpectedErrors, Hung, Kind, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Method, Scene};
 use crate::solve::Progress;
@@ -187,8 +185,7 @@ pub fn measure(
         errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
-    let (model, loaded) = model_errors(scene, body, (moved, kinds), progress, &mut errors.left_out);
-    errors.loaded = loaded;
+    let model = model_errors(scene, body, (moved, kinds), progress, &mut errors);
     let of_one = |((e, model), (mesh, better)): ((&usize, ModelErrors), (_, Option<[f64; 3]>))| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
         bent: model.bent,
@@ -241,29 +238,30 @@ fn mesh_errors(
     }
 }
 
-/// Of each moved control element, bent and shifted, and where all rest; nothing of a model that is static equilibrium itself.
+/// Of each moved control element, bent and shifted, and into `errors` what its loads do where all rest; nothing of a model that is
+/// static equilibrium itself.
 fn model_errors(
     scene: &Scene,
     body: &mut Precomputed,
     (moved, kinds): (&[usize], Kinds),
     progress: &dyn Progress,
-    left_out: &mut Vec<String>,
-) -> (Vec<ModelErrors>, Option<LoadedErrors>) {
+    errors: &mut ExpectedErrors,
+) -> Vec<ModelErrors> {
+    let left_out = &mut errors.left_out;
     let model = &scene.body[&body.name].model;
     if find_model(model).is_ok_and(|entry| matches!(entry.kind, Kind::Background(_))) {
         left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
-        return (moved.iter().map(|_| ModelErrors::default()).collect(), None);
+        return moved.iter().map(|_| ModelErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
-    let loaded = moved.first().zip(measured.as_mut().ok()).map(|(&e, measured)| {
-        measured.loaded(e, progress, &mut |why| left_out.push(why)).map_err(|error| error.to_string())
-    });
-    let loaded = loaded.unwrap_or(Ok(None)).unwrap_or_else(|why| {
-        left_out.push(why);
-        None
-    });
-    let loaded = loaded.map(|loaded| LoadedErrors { at: three_digits(&loaded.at), ..loaded });
+    if let (Ok(measured), Some(&e)) = (&mut measured, moved.first()) {
+        errors.loads = measured.loads.clone();
+        match measured.loaded(e, progress, &mut |why| left_out.push(why)) {
+            Ok(loaded) => errors.loaded = loaded.as_ref().map(three_digits),
+            Err(error) => left_out.push(error.to_string()),
+        }
+    }
     let mut all = Vec::new();
     for &e in moved {
         let control = body.solution.controls[e].name.clone();
@@ -284,7 +282,7 @@ fn model_errors(
         all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), pulled: digits(pulled), hung });
     }
     progress.end();
-    (all, loaded)
+    all
 }
 
 fn three_digits(at: &ErrorsAt) -> ErrorsAt {

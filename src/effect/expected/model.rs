@@ -9,7 +9,7 @@ use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{
-    Deformer, ErrorsAt, Frame, Hung, LoadedErrors, Motion, Moved, Statics, Trial, find_model, reach, trials,
+    Deformer, ErrorsAt, Frame, Hung, Motion, Moved, Statics, Trial, find_model, reach, trials,
 };
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed, Solution};
@@ -25,7 +25,8 @@ struct Level {
 
 /// An end that is turned in place by more than some 40° mostly has no equilibrium: at 60° it is turned where the arc would bring it
 /// sideways, which stretches the body as well.
-const LEVELS: [Level; 4] = [
+const LEVELS: [Level; 5] = [
+    Level { angle: 1.0, shifts: &[Motion::Mixed(1.0, 0.0), Motion::Mixed(0.0, 0.01)] },
     Level { angle: 10.0, shifts: &[Motion::Mixed(10.0, 0.0), Motion::Mixed(0.0, 0.1)] },
     Level {
         angle: 30.0,
@@ -68,8 +69,8 @@ pub struct Measured {
     deformer: Deformer,
     nodes: Vec<usize>,
     is_linear: bool,
-    /// Coefficients of the scene's loads, for each column.
-    loads: Vec<f64>,
+    /// Coefficients of the scene's loads, for each column; none where none acts.
+    pub loads: Vec<f64>,
 }
 
 impl Measured {
@@ -96,7 +97,8 @@ impl Measured {
         statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
         let is_linear = find_model(model).is_ok_and(|model| model.frame == Frame::Rest);
-        Ok(Measured { statics, deformer, nodes, is_linear, loads: loads.coefficients })
+        let loads = if loads.is_none() { Vec::new() } else { loads.coefficients };
+        Ok(Measured { statics, deformer, nodes, is_linear, loads })
     }
 
     /// The errors where all control elements rest; `None` of a body without loads, and where it has no equilibrium under them, which
@@ -106,17 +108,16 @@ impl Measured {
         e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-    ) -> Result<Option<LoadedErrors>, Failure> {
+    ) -> Result<Option<ErrorsAt>, Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
-        let Some(moved) = Moved::new(&origins, e).filter(|_| self.loads.iter().any(|load| *load != 0.0))
-        else {
+        let Some(moved) = Moved::new(&origins, e).filter(|_| !self.loads.is_empty()) else {
             progress.advance(1000);
             return Ok(None);
         };
         let mut told = |_, why: String| left_out(format!("its loads alone: {why}"));
         let rest = [Motion::Shift([0.0; 2])];
         let held = trials(&mut self.statics, &moved, &rest, progress, &mut told).map_err(Failure::work)?;
-        Ok(held.first().map(|trial| LoadedErrors { loads: self.loads.clone(), at: self.at(trial) }))
+        Ok(held.first().map(|trial| self.at(trial)))
     }
 
     /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
@@ -220,6 +221,9 @@ mod tests {
             shape: 0.0,
         };
         let mut found = vec![
+            (Motion::Bend(1.0), at(1.0, 0.001, 0.01)),
+            (Motion::Twist(1.0), at(1.0, 0.001, 0.02)),
+            (Motion::Skew(1.0), at(1.0, 0.001, 0.01)),
             (Motion::Bend(10.0), at(10.0, 0.01, 0.1)),
             (Motion::Twist(10.0), at(10.0, 0.02, 0.2)),
             (Motion::Bend(30.0), at(30.0, 0.03, 0.15)),
@@ -232,16 +236,17 @@ mod tests {
         let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
             by_level(found, Level::bends).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
         };
-        assert_eq!(told(&found), [(10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))], "no twist by 60°");
+        let levels = [(1.0, 0.001, Some(0.02)), (10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))];
+        assert_eq!(told(&found), levels, "no twist by 60°");
         let shifts: Vec<_> =
             LEVELS[0].shifts().into_iter().map(|motion| (motion, at(7.0, 0.1, 0.7))).collect();
         found.extend(shifts);
-        assert_eq!(told(&found).len(), 2, "shifts say nothing of bends");
+        assert_eq!(told(&found).len(), 3, "shifts say nothing of bends");
         let shifted = by_level(&found, Level::shifts);
-        assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 10.0, Some(0.7)));
+        assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 1.0, Some(0.7)));
         assert_eq!(pulled(&found), [], "no pull is among them");
         found.pop();
         assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 20);
+        assert_eq!(motions(), 25);
     }
 }
