@@ -207,10 +207,10 @@ fn between(measured: &[ErrorsAt], reach: Reach, begin_at_zero: bool) -> Option<E
 const ARC: f64 = 0.001;
 
 impl MovedErrors {
-    /// Of a pull its own; else, on an arc those of bends. Off it those of a bend by which the elements turn and of the first shift that
+    /// Of a pull its own; else, on an arc those of bends. Off it those of the bend that is in the motion and of the first shift that
     /// is off as far, and beyond that on the way to those of the shifts that go as far.
     fn at(&self, reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
-        let Reach { turn, turned, stretch, off, is_pulled } = reach;
+        let Reach { turn, arc, stretch, off, is_pulled } = reach;
         let pull = Reach { turn: 0.0, ..reach };
         if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin_at_zero) {
             return Some(pulled);
@@ -221,7 +221,7 @@ impl MovedErrors {
         if off <= on_arc && !near {
             return between(&self.bent, Reach { turn, stretch, ..Reach::default() }, begin_at_zero);
         }
-        let bent = between(&self.bent, Reach { turn: turned, ..Reach::default() }, begin_at_zero)?;
+        let bent = between(&self.bent, Reach { turn: arc, ..Reach::default() }, begin_at_zero)?;
         let aside = Reach { off, ..Reach::default() };
         let least = bent.and(&if begin_at_zero { first.begun(aside) } else { first });
         if near {
@@ -353,7 +353,7 @@ mod tests {
         let measured = measured();
         let force = |degrees: f64, stretch: f64, off: f64| {
             let turn = f64::to_radians(degrees);
-            let found = measured.at(Reach { turn, turned: turn, stretch, off, is_pulled: false })?;
+            let found = measured.at(Reach { turn, arc: turn, stretch, off, is_pulled: false })?;
             Some((1e4 * found.wrench()?).round() / 1e4)
         };
         for (degrees, stretch, off, expected, what) in [
@@ -399,13 +399,13 @@ mod tests {
         let measured = ExpectedErrors { begin_at_zero: true, ..measured() };
         let force = |degrees: f64, stretch: f64, off: f64| {
             let turn = f64::to_radians(degrees);
-            measured.at(Reach { turn, turned: turn, stretch, off, is_pulled: false })?.wrench()
+            measured.at(Reach { turn, arc: turn, stretch, off, is_pulled: false })?.wrench()
         };
         assert_eq!(force(0.0, 0.0, 0.0), Some(0.0));
         let [near, far] = [force(0.1, 0.0, 0.0), force(5.0, 0.0, 0.0)].map(Option::unwrap);
         assert!(near < 1e-3 && far > 0.01 && far <= 0.02, "{near} {far}");
-        let [aside, bent] = [0.0, 5.0].map(|turned| {
-            let reach = Reach { turn: 0.1, turned: f64::to_radians(turned), off: 0.05, ..Reach::default() };
+        let [aside, bent] = [0.0, 5.0].map(|arc| {
+            let reach = Reach { turn: 0.1, arc: f64::to_radians(arc), off: 0.05, ..Reach::default() };
             measured.at(reach).and_then(|at| at.wrench()).unwrap()
         });
         assert!(
@@ -426,7 +426,7 @@ mod tests {
         let at = |degrees: f64| {
             both.at(Reach {
                 turn: f64::to_radians(degrees),
-                turned: f64::to_radians(degrees),
+                arc: f64::to_radians(degrees),
                 ..Reach::default()
             })
         };

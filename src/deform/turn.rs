@@ -35,8 +35,9 @@ fn frame(corners: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
 pub struct Reach {
     /// The largest turn of a piece of the surface, or of another control element, against the first control element, rad.
     pub turn: f64,
-    /// The largest turn of two control elements against each other, rad.
-    pub turned: f64,
+    /// The largest turn by which two control elements are bent along an arc, and twisted, against each other, rad: of an end that is
+    /// turned in place the twist alone, of one that is shifted nothing.
+    pub arc: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
     /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
@@ -84,17 +85,37 @@ pub fn rests(deformer: &Deformer) -> bool {
     })
 }
 
-fn off_the_arc(deformer: &Deformer) -> f64 {
+/// The largest of all pairs of control elements: `of` their way at rest, the turn of the one as the other sees it, and its shift then.
+fn largest(deformer: &Deformer, of: fn(&Vector3<f64>, &Vector3<f64>, &Vector3<f64>) -> f64) -> f64 {
     let Deformer { controls, poses, .. } = deformer;
-    let off = |a: usize, b: usize| {
+    let pair = |a: usize, b: usize| {
         let way = controls[b].origin - controls[a].origin;
         let to_a = nearest_turn(&poses[a].matrix).inverse();
         let turn = (to_a * nearest_turn(&poses[b].matrix)).scaled_axis();
-        let arrived = to_a * (way + poses[b].translation - poses[a].translation);
-        (arrived - slide_matrix(&turn) * way).norm() / way.norm()
+        let shift = to_a * (way + poses[b].translation - poses[a].translation) - way;
+        of(&way, &turn, &shift)
     };
     let pairs = (0..controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
-    pairs.map(|(a, b)| off(a, b)).filter(|off| off.is_finite()).fold(0.0, f64::max)
+    pairs.map(|(a, b)| pair(a, b)).filter(|found| found.is_finite()).fold(0.0, f64::max)
+}
+
+/// How far the shift is from that of an arc, as a part of the way.
+fn off_the_arc(way: &Vector3<f64>, turn: &Vector3<f64>, shift: &Vector3<f64>) -> f64 {
+    (shift - arc_shift(way, turn)).norm() / way.norm()
+}
+
+/// The twist, and as much of the bend as the shift is of an arc's.
+fn along_the_arc(way: &Vector3<f64>, turn: &Vector3<f64>, shift: &Vector3<f64>) -> f64 {
+    let twist = turn.dot(way) / way.norm();
+    let bend = (turn.norm_squared() - twist * twist).max(0.0).sqrt();
+    let of_arc = arc_shift(way, turn);
+    let part = shift.dot(&of_arc) / of_arc.norm_squared();
+    twist.hypot(if part.is_finite() { bend * part.clamp(0.0, 1.0) } else { bend })
+}
+
+/// Where an arc of the way's length brings its end with this turn, against where it was.
+fn arc_shift(way: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
+    slide_matrix(turn) * way - way
 }
 
 /// So many triangles are looked at, spread over the surface: where errors are measured and where they are told.
@@ -105,11 +126,13 @@ pub fn reach(deformer: &Deformer) -> Reach {
     let base = deformer.poses.first().map_or(UnitQuaternion::identity(), |pose| nearest_turn(&pose.matrix));
     let triangles = deformer.triangles();
     let step = triangles.len().div_ceil(PIECES).max(1);
+    let turn = deformer.largest_turn();
     let mut reach = Reach {
-        turn: deformer.largest_turn(),
-        turned: deformer.largest_turn(),
+        turn,
+        // A half turn and one more are the same matrix.
+        arc: if turn < std::f64::consts::PI { largest(deformer, along_the_arc) } else { turn },
         stretch: 0.0,
-        off: off_the_arc(deformer),
+        off: largest(deformer, off_the_arc),
         is_pulled: is_pulled(deformer),
     };
     for triangle in triangles.iter().step_by(step) {

@@ -288,9 +288,9 @@ fn model_errors(
 fn three_digits(at: &ErrorsAt) -> ErrorsAt {
     ErrorsAt {
         angle: at.angle,
-        turn: rounded(at.turn),
-        stretch: rounded(at.stretch),
-        off: rounded(at.off),
+        turn: no_less(at.turn),
+        stretch: no_less(at.stretch),
+        off: no_less(at.off),
         force: at.force.map(rounded),
         torque: at.torque.map(rounded),
         shape: rounded(at.shape),
@@ -300,6 +300,11 @@ fn three_digits(at: &ErrorsAt) -> ErrorsAt {
 /// A part, to three digits, and to 0 what is nothing: the last digits of a float depend on how many threads summed it.
 fn rounded(value: f64) -> f64 {
     if value < 1e-9 { 0.0 } else { three_digits_of(value) }
+}
+
+/// A reach, to three digits: the pose in which it was measured is within.
+fn no_less(value: f64) -> f64 {
+    rounded(1.005 * value)
 }
 
 fn three_digits_of(value: f64) -> f64 {
