@@ -73,9 +73,12 @@ fn told(error: &toml::de::Error, text: &str, path: &Path) -> ConfigError {
     if let Some(message) = foreign::advice(text) {
         return ConfigError::Parse { path: path.to_owned(), line: 1, column: 1, message };
     }
-    let advice =
-        if has_decimal_comma(text, at) { "; a number is written with a point, as 0.063" } else { "" };
-    let message = explain(error.message()) + advice;
+    let advice = match error.message() {
+        _ if has_decimal_comma(text, at) => "; a number is written with a point, as 0.063".to_owned(),
+        "invalid type: map, expected a sequence" => several(text, at).unwrap_or_default(),
+        _ => String::new(),
+    };
+    let message = explain(error.message()) + &advice;
     ConfigError::Parse { path: path.to_owned(), line, column, message }
 }
 
@@ -98,6 +101,17 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
     let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |i| i + 1);
     (line, before.len() - start + 1)
+}
+
+/// What to write for `[key]` or `[key.name]` where there can be several tables `key`.
+fn several(text: &str, at: usize) -> Option<String> {
+    let start = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
+    let (heading, _) = text.get(start..)?.trim_start().strip_prefix('[')?.split_once(']')?;
+    let (key, name) = heading.split_once('.').map_or((heading, None), |(key, name)| (key, Some(name)));
+    let below =
+        name.map(|name| format!(", and below it name = \"{}\"", name.trim().trim_matches(['"', '\''])));
+    let (key, below) = (key.trim(), below.unwrap_or_default());
+    Some(format!("; each {key} is a table of its own: write [[{key}]]{below}"))
 }
 
 /// Whether an error stands at the comma of `key = 0,063`.
@@ -205,6 +219,28 @@ mod tests {
         }
         let text = parse::<Body>("material = 3\n", Path::new("a.toml")).unwrap_err().to_string();
         assert_eq!(text, "a.toml:1:12: invalid type: integer `3`, expected a table");
+    }
+
+    #[test]
+    fn one_table_where_there_can_be_several_is_told_with_the_heading_to_write() {
+        #[derive(Debug, serde::Deserialize)]
+        struct Poses {
+            #[allow(dead_code, reason = "only parsed")]
+            pose: Vec<Material>,
+        }
+        for (heading, words) in [
+            (
+                "pose.\"far up\"",
+                "; each pose is a table of its own: write [[pose]], and below it name = \"far up\"",
+            ),
+            ("pose", "expected an array; each pose is a table of its own: write [[pose]]"),
+        ] {
+            let told = parse::<Poses>(&format!("\n[{heading}]\nyoung = 1.0\n"), Path::new("a.toml"));
+            let told = told.unwrap_err().to_string();
+            assert!(told.starts_with("a.toml:2:") && told.ends_with(words), "{told}");
+        }
+        let plain = parse::<Poses>("pose = { young = 1.0 }", Path::new("a.toml")).unwrap_err().to_string();
+        assert!(plain.ends_with("expected an array"), "{plain}");
     }
 
     #[test]

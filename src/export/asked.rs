@@ -6,11 +6,13 @@ use crate::deform::{ControlPoses, Deformer, Freedom, Way};
 use crate::green::STIFFNESS;
 use crate::prepare;
 use crate::scene::Scene;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A pose, and the body that it is for.
 #[derive(Clone)]
 pub struct Asked<'a> {
+    /// The pose file.
+    pub path: PathBuf,
     pub pose: &'a str,
     pub body: &'a str,
     pub control: ControlPoses,
@@ -21,6 +23,13 @@ pub struct Asked<'a> {
     pub loads: PoseLoads,
     /// Which of the poses asked for it goes on from; rest, where there is none.
     pub after: Option<usize>,
+}
+
+impl Asked<'_> {
+    /// File, pose and body, as what is told of them begins.
+    pub fn place(&self) -> String {
+        format!("{}: pose \"{}\": body.{}", self.path.display(), self.pose, self.body)
+    }
 }
 
 /// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
@@ -47,6 +56,7 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
     }
     let loads = pose_file::loads(pose, body, &scene.body[body], path)?;
     Ok(Asked {
+        path: path.to_owned(),
         pose: &pose.name,
         body,
         control: given.clone(),

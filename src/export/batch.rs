@@ -62,7 +62,7 @@ pub fn solve(
             doubt.filter(|_| !takes_matrices(body) && asked.after.is_none())
         };
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
-            notice!("note: pose \"{}\": body.{name}: {doubt}", asked.pose);
+            notice!("note: {}: {doubt}", asked.place());
         }
         let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
             (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
@@ -221,7 +221,7 @@ fn surface_results(
     let expected = expected::read(file, name)?.filter(|errors| errors.model == body.model);
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
     let mut applied = own.iter().map(|asked| {
-        let wrong = |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+        let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
         asked.loads.applied(&deformer).map_err(wrong)
     });
     let applied: Vec<AppliedLoads> = applied.by_ref().collect::<Result<_, _>>()?;
@@ -267,11 +267,10 @@ fn surface_result(
     lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
-            "warning: pose \"{}\": body.{}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
+            "warning: {}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
              turned too far against each other or too far apart, and keeps one of before: the result is not to be trusted; \
              model = \"stvk\" solves such a pose anew",
-            asked.pose,
-            body.body,
+            asked.place(),
             scene_body.model
         );
     }
@@ -300,7 +299,7 @@ fn volume_results(
     }
     if let Some(asked) = asked.iter().find(|asked| !asked.loads.forces.is_empty()) {
         let message = "forces at points are summed from the .green file: leave --all-nodes out";
-        return Err(Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose)));
+        return Err(Failure::wrong(format!("{}: {message}", asked.place())));
     }
     let solution = green::solve(scene, name, &prepare::requirements(scene, name, body)?, &Silent)?;
     for notice in &solution.notices {
@@ -314,7 +313,7 @@ fn volume_results(
             Ok(asked) => asked,
             Err(why) => {
                 let (pose, body) = (asked.pose.to_owned(), name.to_owned());
-                missed.push(Missed { why: format!("pose \"{pose}\": body.{name}: {why}"), pose, body });
+                missed.push(Missed { why: format!("{}: {why}", asked.place()), pose, body });
                 continue;
             }
         };
@@ -437,7 +436,7 @@ fn static_results(
                 told.pushed = Pushed::of(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
                     let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
-                    statics::apply(asked, &name, &mut solved.statics)?;
+                    statics::apply(asked, &mut solved.statics)?;
                     told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &parts);
                 }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });

@@ -95,8 +95,7 @@ pub(super) fn found<'a>(
         for place in (0..all.len()).filter(|&place| is_own(&asked[place])) {
             let one = all[place].clone();
             let loads = |asked: &Asked<'_>, body: &Deformer| {
-                let wrong =
-                    |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+                let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
                 asked.loads.applied(body).map_err(wrong)
             };
             let is_missed = |asked: &Asked<'_>| {
@@ -126,7 +125,7 @@ pub(super) fn found<'a>(
                 Err(why) => missed.push(Missed {
                     pose: one.pose.to_owned(),
                     body: name.clone(),
-                    why: format!("pose \"{}\": body.{name}: {why}", one.pose),
+                    why: format!("{}: {why}", one.place()),
                 }),
             }
         }

@@ -51,8 +51,8 @@ pub fn solve(
     bars.begin("Newton", 1000 * poses.len() as u64);
     for (i, pose) in poses.iter().enumerate() {
         let started = Instant::now();
-        let place = format!("pose \"{}\": body.{name}", pose.asked.pose);
-        apply(pose.asked, name, &mut statics)?;
+        let place = pose.asked.place();
+        apply(pose.asked, &mut statics)?;
         let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
         let body = &scene.body[name];
         let at =
@@ -103,17 +103,16 @@ pub fn solve(
         }
     }
     bars.end();
-    let found =
-        poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose.asked.pose, found.as_ref().ok()?)));
+    let found = poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose, found.as_ref().ok()?)));
     for (pose, found) in found.filter(|(_, found)| !found.inverted.is_empty()) {
-        notice!("warning: pose \"{pose}\": body.{name}: {}", inverted(&statics, found));
+        notice!("warning: {}: {}", pose.asked.place(), inverted(&statics, found));
     }
     Ok(Solved { statics, settled, control, table })
 }
 
 /// The loads of the pose act from now on.
-pub fn apply(asked: &Asked<'_>, name: &str, statics: &mut Statics) -> Result<(), Failure> {
-    let wrong = |message| Failure::wrong(format!("pose \"{}\": body.{name}: {message}", asked.pose));
+pub fn apply(asked: &Asked<'_>, statics: &mut Statics) -> Result<(), Failure> {
+    let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
     let forces = asked.loads.on_mesh(statics).map_err(wrong)?;
     statics.apply(&forces).map_err(failure)
 }

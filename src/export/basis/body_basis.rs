@@ -157,8 +157,7 @@ fn pose(
     all: &[Asked<'_>],
     mut body: Deformer,
 ) -> Result<(Vec<f64>, Isometry3<f64>), Failure> {
-    let wrong =
-        |message: &str| Failure::wrong(format!("pose \"{}\": body.{}: {message}", asked.pose, asked.body));
+    let wrong = |message: &str| Failure::wrong(format!("{}: {message}", asked.place()));
     let as_surface = "write the surface of the pose instead: -o OUT.stl, OUT.ply or OUT.obj";
     if !asked.loads.forces.is_empty() {
         return Err(wrong(&format!("forces at points are no sum of columns; {as_surface}")));

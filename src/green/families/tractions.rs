@@ -15,6 +15,9 @@ type V3 = Vector3<f64>;
 /// At a point of a face, N/m² for 1 of the pattern's unit.
 type Traction = Box<dyn Fn(&FacePoint) -> V3>;
 
+/// A field's vector at a point of a face, or why there is none.
+type VectorAt = Box<dyn Fn(&FacePoint) -> Result<V3, String>>;
+
 /// The faces on which a pattern acts, and what it does there.
 pub struct Tractions {
     /// Their numbers among [`outer_faces`], and their nodes.
@@ -125,11 +128,7 @@ fn along_field(mesh: &TetMesh, faces: &[Vec<u32>], field: DirectionField) -> Res
 
 /// The vector of a field at a point of a face: by the elements' own functions where the field has one at every corner of the
 /// faces, else by the places nearest to the point.
-fn vectors(
-    mesh: &TetMesh,
-    faces: &[Vec<u32>],
-    field: DirectionField,
-) -> Box<dyn Fn(&FacePoint) -> Result<V3, String>> {
+fn vectors(mesh: &TetMesh, faces: &[Vec<u32>], field: DirectionField) -> VectorAt {
     let Some(known) = at_nodes(mesh, faces, &field) else {
         return Box::new(move |at| field.at(&at.place));
     };
