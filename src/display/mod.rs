@@ -7,6 +7,7 @@
 pub mod application;
 pub mod bodies;
 pub mod caption;
+mod contact_sheet;
 pub mod desk;
 pub mod device;
 pub mod film;

@@ -1,5 +1,6 @@
 //! Writes a session as PNG files: every picture of every frame, and a contact sheet.
 
+use super::contact_sheet::{SheetFrame, contact_sheet};
 use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
 use crate::base::failure::Failure;
@@ -9,14 +10,11 @@ use crate::base::table::seconds;
 use crate::render::Samples;
 use crate::session::{Playback, Session};
 use crate::stage::{Stage, Stereo};
-use image::{ImageFormat, RgbaImage, imageops};
+use image::{ImageFormat, RgbaImage};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Width of one picture on the contact sheet.
-const SHEET_PICTURE: u32 = 400;
-const SHEET_GAP: u32 = 8;
 const SHEET: &str = "contact-sheet.png";
 
 pub const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
@@ -63,7 +61,7 @@ impl PictureRequest {
         notice!("{}: drawing on {}", session.world.stage.name, device::describe(&targets.gpu, self.samples));
         let shown = [0, self.frames / 2, self.frames - 1];
         let bar = indicatif::ProgressBar::new(self.frames as u64).with_message("frames");
-        let mut sheet: Vec<Vec<RgbaImage>> = Vec::new();
+        let mut sheet: Vec<SheetFrame> = Vec::new();
         let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
         let started = Instant::now();
         let mut playback = Playback::new(session, self.frames)?;
@@ -79,7 +77,7 @@ impl PictureRequest {
                 count += 1;
             }
             if shown.contains(&frame) {
-                sheet.push(images.into_iter().map(|(_, image)| small(&image)).collect());
+                sheet.push(SheetFrame::new(frame, &images));
             }
             bar.inc(1);
         }
@@ -125,43 +123,4 @@ pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).map_err(Failure::work)?;
     Ok(output::write(path, &PNG, |file| file.write_all(bytes.get_ref()))?)
-}
-
-fn small(image: &RgbaImage) -> RgbaImage {
-    let width = SHEET_PICTURE.min(image.width());
-    let height = (u64::from(image.height()) * u64::from(width) / u64::from(image.width())).max(1) as u32;
-    imageops::resize(image, width, height, imageops::FilterType::Triangle)
-}
-
-/// Frames from left to right, in each one column per eye; a column shows the screens from the highest to the lowest,
-/// so that a wall stands on the table before it. Each row is as high as its highest picture.
-fn contact_sheet(frames: &[Vec<RgbaImage>], from_top: &[usize]) -> RgbaImage {
-    let screens = from_top.len();
-    let pictures = frames.iter().map(Vec::len).max().unwrap_or(0);
-    let eyes = pictures.checked_div(screens).unwrap_or(0).max(1);
-    let width = frames.iter().flatten().map(RgbaImage::width).max().unwrap_or(1);
-    let heights: Vec<u32> = from_top
-        .iter()
-        .map(|&screen| {
-            let row = frames.iter().flat_map(|frame| frame.iter().skip(screen * eyes).take(eyes));
-            row.map(RgbaImage::height).max().unwrap_or(0) + 1
-        })
-        .collect();
-    let frame_width = eyes as u32 * (width + SHEET_GAP) + 2 * SHEET_GAP;
-    let background = image::Rgba([24, 26, 30, 255]);
-    let mut sheet = RgbaImage::from_pixel(
-        frames.len() as u32 * frame_width + SHEET_GAP,
-        heights.iter().sum::<u32>() + 2 * SHEET_GAP,
-        background,
-    );
-    for (f, frame) in frames.iter().enumerate() {
-        for (p, image) in frame.iter().enumerate() {
-            let (screen, eye) = (p / eyes, p % eyes);
-            let x = 2 * SHEET_GAP + f as u32 * frame_width + eye as u32 * (width + SHEET_GAP);
-            let row = from_top.iter().position(|&s| s == screen).unwrap_or(screen);
-            let y = SHEET_GAP + heights.iter().take(row).sum::<u32>();
-            imageops::replace(&mut sheet, image, i64::from(x), i64::from(y));
-        }
-    }
-    sheet
 }

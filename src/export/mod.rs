@@ -21,6 +21,7 @@ pub mod obj;
 pub mod ply;
 pub mod pose_picture;
 pub mod pose_text;
+pub mod raster;
 pub mod result_set;
 pub mod shape;
 pub mod statics;

@@ -4,10 +4,10 @@
 //! In: the results of one pose. Out: a PNG file. Beside the body stand only its axes and
 //! a bar of a round length; words and the legend have bands of their own.
 
-mod raster;
 mod view;
 
 use super::exporter::{Exporter, Spread};
+use super::raster::{Raster, SAMPLES, linear};
 use super::result_set::{Geometry, Needs, PoseResult, ResultSet};
 use super::{pose_text, shape};
 use crate::base::legend::{round_up, ticks};
@@ -18,7 +18,6 @@ use crate::render::map_color;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use image::RgbaImage;
 use nalgebra::Vector3;
-use raster::{Raster, SAMPLES, linear};
 use view::View;
 
 const SIZE: [usize; 2] = [1280, 960];
@@ -122,17 +121,7 @@ fn draw(geometry: &Geometry, result: &PoseResult, words: &Words) -> Option<RgbaI
     body(&mut raster, &fit, &triangles, &rest, &|_, _| GHOST.map(linear));
     raster.forget_depth();
     body(&mut raster, &fit, &triangles, &shown, &|node, weights| colours.at(node, weights));
-    let context = egui::Context::default();
-    let screen = Rect::from_min_size(Pos2::ZERO, vec2(SIZE[0] as f32, SIZE[1] as f32));
-    let mut input = egui::RawInput { screen_rect: Some(screen), ..Default::default() };
-    input.viewports.entry(input.viewport_id).or_default().native_pixels_per_point = Some(SAMPLES as f32);
-    let output = context.run_pass(input, |context| {
-        let painter = context.layer_painter(egui::LayerId::background());
-        let page = Page { painter: &painter, fit: &fit, words, larger };
-        page.paint(&colours);
-    });
-    let primitives = context.tessellate(output.shapes, output.pixels_per_point);
-    raster.painted(&primitives, &output.textures_delta);
+    raster.paint(|painter| Page { painter, fit: &fit, words, larger }.paint(&colours));
     Some(raster.picture())
 }
 

@@ -1,7 +1,7 @@
 //! Triangles drawn in software, with hidden parts hidden where that is asked for, and what egui paints: no graphics device.
 
 use egui::epaint::{ClippedPrimitive, ImageData, Primitive, textures::TexturesDelta};
-use egui::{Rgba, TextureId};
+use egui::{Painter, Pos2, Rect, Rgba, TextureId, vec2};
 use image::RgbaImage;
 
 /// Samples of a pixel along each axis.
@@ -70,8 +70,21 @@ impl Raster {
         }
     }
 
+    /// Lines and words over what is there; a point of egui's is a pixel.
+    pub fn paint(&mut self, paint: impl Fn(&Painter)) {
+        let context = egui::Context::default();
+        let [wide, high] = self.size.map(|size| (size / SAMPLES) as f32);
+        let screen = Rect::from_min_size(Pos2::ZERO, vec2(wide, high));
+        let mut input = egui::RawInput { screen_rect: Some(screen), ..Default::default() };
+        input.viewports.entry(input.viewport_id).or_default().native_pixels_per_point = Some(SAMPLES as f32);
+        let output =
+            context.run_pass(input, |context| paint(&context.layer_painter(egui::LayerId::background())));
+        let primitives = context.tessellate(output.shapes, output.pixels_per_point);
+        self.painted(&primitives, &output.textures_delta);
+    }
+
     /// What egui has painted, at [`SAMPLES`] pixels per point.
-    pub fn painted(&mut self, primitives: &[ClippedPrimitive], textures: &TexturesDelta) {
+    fn painted(&mut self, primitives: &[ClippedPrimitive], textures: &TexturesDelta) {
         let image_of = |id: &TextureId| {
             let whole = textures.set.get(id)?.iter().rev().find(|delta| delta.pos.is_none())?;
             let ImageData::Color(image) = &whole.image;
