@@ -70,7 +70,9 @@ pub fn refuse_other(
 fn told(error: &toml::de::Error, text: &str, path: &Path) -> ConfigError {
     let at = error.span().map_or(0, |span| span.start);
     let (line, column) = line_and_column(text, at);
-    if let Some(message) = foreign::advice(text) {
+    if text.parse::<toml::Table>().is_err()
+        && let Some(message) = foreign::advice(text)
+    {
         return ConfigError::Parse { path: path.to_owned(), line: 1, column: 1, message };
     }
     let advice = match error.message() {
@@ -103,15 +105,19 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (line, before.len() - start + 1)
 }
 
-/// What to write for `[key]` or `[key.name]` where there can be several tables `key`.
+/// What to write for the heading `[key]` or `[key.name]` that an error stands at, where there can be several such tables.
 fn several(text: &str, at: usize) -> Option<String> {
     let start = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
     let (heading, _) = text.get(start..)?.trim_start().strip_prefix('[')?.split_once(']')?;
-    let (key, name) = heading.split_once('.').map_or((heading, None), |(key, name)| (key, Some(name)));
-    let below =
-        name.map(|name| format!(", and below it name = \"{}\"", name.trim().trim_matches(['"', '\''])));
-    let (key, below) = (key.trim(), below.unwrap_or_default());
-    Some(format!("; each {key} is a table of its own: write [[{key}]]{below}"))
+    let parts: Vec<&str> = heading.split('.').map(|part| part.trim().trim_matches(['"', '\''])).collect();
+    let (kind, written) = match parts[..] {
+        [key] => (key, format!("[[{key}]]")),
+        // One table of several has several of another kind.
+        [key, below] if text.contains(&format!("[[{key}]]")) => (below, format!("[[{key}.{below}]]")),
+        [key, name] => (key, format!("[[{key}]], and below it name = \"{name}\"")),
+        _ => return None,
+    };
+    Some(format!("; each {kind} is a table of its own: write {written}"))
 }
 
 /// Whether an error stands at the comma of `key = 0,063`.
@@ -239,6 +245,14 @@ mod tests {
             let told = told.unwrap_err().to_string();
             assert!(told.starts_with("a.toml:2:") && told.ends_with(words), "{told}");
         }
+        #[derive(Debug, serde::Deserialize)]
+        struct Windows {
+            #[allow(dead_code, reason = "only parsed")]
+            window: Vec<Poses>,
+        }
+        let below = parse::<Windows>("[[window]]\n[window.pose]\nyoung = 1.0\n", Path::new("a.toml"));
+        let below = below.unwrap_err().to_string();
+        assert!(below.ends_with("; each pose is a table of its own: write [[window.pose]]"), "{below}");
         let plain = parse::<Poses>("pose = { young = 1.0 }", Path::new("a.toml")).unwrap_err().to_string();
         assert!(plain.ends_with("expected an array"), "{plain}");
     }

@@ -3,6 +3,7 @@
 use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
 use crate::effect::expected;
+use crate::effect::expected::model::PULLS;
 use crate::green::{GreenError, GreenFile};
 use crate::prepare;
 use crate::scene::{Body, Method, Scene};
@@ -10,13 +11,15 @@ use crate::scene::{Body, Method, Scene};
 /// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
 
+const PULLED: &str = "pulled away";
+
 type Of = fn(&MovedErrors) -> &[ErrorsAt];
 
 /// What is done to a control element, as the table says it, and what of its errors that is.
 const MOTIONS: [(&str, Of); 4] = [
     ("bent, twisted", |moved| &moved.bent),
     ("turned in place, shifted", |moved| &moved.shifted),
-    ("pulled away", |moved| &moved.pulled),
+    (PULLED, |moved| &moved.pulled),
     ("pushed, free to turn,", |moved| moved.hung.as_ref().map_or(&[], |hung| &hung.at)),
 ];
 
@@ -35,14 +38,9 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
         }
         for moved in &errors.moved {
             for (motion, of) in MOTIONS {
-                for at in of(moved) {
+                for (i, at) in of(moved).iter().enumerate() {
                     let [force, torque, shape] = parts(at);
-                    let far = if at.angle > 0.0 {
-                        format!("to {}°", at.angle)
-                    } else {
-                        format!("by {}", percent(at.off))
-                    };
-                    let by = format!("{motion} {far}");
+                    let by = format!("{motion} {}", far(motion, i, at));
                     table.row(&[name, &moved.control, &by, &of_model, &force, &torque, &shape]);
                 }
             }
@@ -56,26 +54,44 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
     table
 }
 
+/// How far a motion goes in its row `i`.
+fn far(motion: &str, i: usize, at: &ErrorsAt) -> String {
+    match PULLS.get(i).filter(|_| motion == PULLED) {
+        Some(part) => format!("by {}", percent(*part)),
+        None => format!("to {}°", at.angle),
+    }
+}
+
 /// What the table's numbers are parts of.
 pub const PARTS: &str = "model: force, and torque over the length, as parts of the largest of both in static equilibrium on the \
                          same mesh, shape as a part of the length; mesh: relative, by a better solution of the linear body";
 
-/// A sentence on each kind of motion, one on the mesh, and what could not be measured.
+/// A sentence on each kind of motion, one on the loads, one on the mesh, and what could not be measured.
 pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
     let mut text = String::new();
     for (motion, of) in MOTIONS {
-        let worst = |angle: f64| {
-            let at = |moved: &MovedErrors| of(moved).iter().find(|at| at.angle == angle).copied();
-            let found = errors.moved.iter().map(at).collect::<Option<Vec<ErrorsAt>>>()?;
-            found.into_iter().reduce(|a, b| a.and(&b))
+        let worst = |i: usize| {
+            let found = errors.moved.iter().map(|moved| of(moved).get(i).copied());
+            found.collect::<Option<Vec<ErrorsAt>>>()?.into_iter().reduce(|a, b| a.and(&b))
         };
-        let parts: Vec<String> = NAMED.into_iter().filter_map(worst).map(|at| within(&at)).collect();
+        let is_named = |at: &ErrorsAt| motion == PULLED || NAMED.contains(&at.angle);
+        let parts: Vec<String> = (0..)
+            .map_while(|i| Some((i, worst(i)?)))
+            .filter(|(_, at)| is_named(at))
+            .map(|(i, at)| within(&far(motion, i, &at), &at))
+            .collect();
         if !parts.is_empty() {
             let (parts, model) = (parts.join(", "), &errors.model);
             text.push_str(&format!(
                 "{name}: {motion} {parts}: model {model} against static equilibrium, measured on this body\n"
             ));
         }
+    }
+    if let Some(loaded) = &errors.loaded {
+        let (within, model) = (within("under the scene's loads alone", loaded), &errors.model);
+        text.push_str(&format!(
+            "{name}: {within}: model {model} against static equilibrium, measured on this body\n"
+        ));
     }
     if let Some(mesh) = errors.mesh() {
         let (element, wrench, shape) = (&errors.element, percent(mesh.wrench), percent(mesh.shape));
@@ -90,10 +106,10 @@ pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
     text
 }
 
-fn within(at: &ErrorsAt) -> String {
+fn within(far: &str, at: &ErrorsAt) -> String {
     let forces =
         at.wrench().map_or("no forces".into(), |wrench| format!("errors of {} in forces", percent(wrench)));
-    format!("to {}° expect {forces} and of {} in shapes", at.angle, percent(at.shape))
+    format!("{far} expect {forces} and of {} in shapes", percent(at.shape))
 }
 
 /// What is known of a scene's body by its .green file; or what to do to know it.

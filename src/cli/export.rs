@@ -12,6 +12,7 @@ use crate::export::{
     Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, VIEWER_MOTIONS, basis,
     batch, chosen, surfaces,
 };
+use crate::green::ColumnSource;
 use crate::prepare;
 use crate::scene::Scene;
 use crate::tuning;
@@ -203,9 +204,14 @@ fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisF
     let bodies = basis::read(scene, &green, &names, Choice { columns: &args.columns, asked: &asked })?;
     if let Some(body) = bodies.iter().find(|body| body.columns.is_empty()) {
         let names: Vec<&str> = body.vanishing.iter().map(|column| column.name.as_str()).collect();
+        let is_load = body.vanishing.iter().any(|column| column.source == ColumnSource::Load);
+        let why = if is_load {
+            "all that it loads is held"
+        } else {
+            "a flat control element does not move by them"
+        };
         return Err(Failure::wrong(format!(
-            "--columns: {} of body {} {} zero, and nothing is left to write: a flat control element does not move by them; name \
-             others, or leave --columns out",
+            "--columns: {} of body {} {} zero, and nothing is left to write: {why}; name others, or leave --columns out",
             names.join(", "),
             body.body,
             if names.len() == 1 { "is" } else { "are" }

@@ -56,8 +56,13 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
             output::try_path(&path(&screen.name, eye), &PNG, &[PathBuf::from(named)])?;
         }
     }
-    for tile in stage.layout().iter().flat_map(|window| &window.tiles).filter(|tile| tile.overscan != [0; 4])
-    {
+    let windows = stage.layout();
+    let mut hidden: Vec<_> = windows.iter().flat_map(|window| &window.tiles).collect();
+    hidden.retain(|tile| tile.overscan != [0; 4]);
+    // A screen may have a tile for each eye.
+    hidden.sort_by_key(|tile| tile.screen);
+    hidden.dedup_by_key(|tile| (tile.screen, tile.overscan));
+    for tile in hidden {
         let [left, right, top, bottom] = tile.overscan;
         notice!(
             "note: {}: its picture has all pixels of the screen, with the {left}, {right}, {top}, {bottom} at its left, right, top and bottom \

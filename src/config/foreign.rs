@@ -71,7 +71,7 @@ pub fn display_at(path: &Path) -> Option<String> {
 
 /// What [`display`] tells, or that the text is XML or JSON, of one that is no TOML.
 pub fn advice(text: &str) -> Option<String> {
-    let language = match text.trim_start().chars().next() {
+    let language = match text.trim_start_matches('\u{feff}').trim_start().chars().next() {
         Some('<') => "XML",
         Some('{') => "JSON",
         _ => return display(text),

@@ -8,8 +8,11 @@ use super::force::Wrench;
 use super::freedom::Freedom;
 use super::load_share;
 use super::mesh_errors::MeshErrors;
+use super::model::Kind;
+use super::models::find_model;
 use super::trial::Deviation;
 use super::turn::{Reach, reach, rests};
+use crate::fem::nearest_turn;
 use serde::{Deserialize, Serialize};
 
 /// What was measured on a body for its model, by moving some of its control elements alone.
@@ -148,7 +151,7 @@ pub fn percent(part: f64) -> String {
 impl Hung {
     /// The errors at a reach; `None` beyond what was measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        between(&self.at, Reach { off: 0.0, ..reach }, false)
+        between(&self.at, Reach { off: 0.0, ..reach }, None)
     }
 }
 
@@ -165,34 +168,48 @@ fn begun(e: f64, share: f64) -> f64 {
 }
 
 impl ErrorsAt {
-    /// At the share of the way from rest at which the reach stands, of errors that begin there with nothing.
-    fn begun(&self, reach: Reach) -> ErrorsAt {
+    /// Nothing.
+    const NONE: ErrorsAt = ErrorsAt {
+        angle: 0.0,
+        turn: 0.0,
+        stretch: 0.0,
+        off: 0.0,
+        force: Some(0.0),
+        torque: Some(0.0),
+        shape: 0.0,
+    };
+
+    /// At the share of the way from rest at which the reach stands, of errors that begin there with these.
+    fn begun(&self, reach: Reach, begin: &ErrorsAt) -> ErrorsAt {
         let share = |x: f64, whole: f64| if x > 0.0 { x / whole } else { 0.0 };
         let shares =
             [share(reach.turn, self.turn), share(reach.stretch, self.stretch), share(reach.off, self.off)];
-        self.begun_by(shares.into_iter().fold(0.0, f64::max).min(1.0))
+        self.begun_by(shares.into_iter().fold(0.0, f64::max).min(1.0), begin)
     }
 
     /// The same at this share of the way from rest.
-    pub(super) fn begun_by(&self, share: f64) -> ErrorsAt {
-        let of = |error: f64| begun(error, share);
+    fn begun_by(&self, share: f64, begin: &ErrorsAt) -> ErrorsAt {
+        let left = 1.0 - share;
+        let of = |error: Option<f64>, begin: Option<f64>| {
+            error.zip(begin).map(|(error, begin)| begun(error, share) + left * begin)
+        };
         ErrorsAt {
-            force: self.force.map(of),
-            torque: self.torque.map(of),
-            shape: share * self.shape,
+            force: of(self.force, begin.force),
+            torque: of(self.torque, begin.torque),
+            shape: share * self.shape + left * begin.shape,
             ..*self
         }
     }
 }
 
-/// The errors at a reach: between the measured ones, up to the first its own or, where they begin with nothing at rest, what they
-/// can have grown to; `None` beyond the last.
-fn between(measured: &[ErrorsAt], reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
+/// The errors at a reach: between the measured ones, up to the first its own or, where it is known with what they begin at rest, what
+/// they can have grown to; `None` beyond the last.
+fn between(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
     let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
     let next = measured.iter().position(covers)?;
     let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
         let first = measured[next];
-        return Some(if begin_at_zero { first.begun(reach) } else { first });
+        return Some(begin.map_or(first, |begin| first.begun(reach, begin)));
     };
     let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
     let shares = [
@@ -209,25 +226,25 @@ const ARC: f64 = 0.001;
 impl MovedErrors {
     /// Of a pull its own; else, on an arc those of bends. Off it those of the bend that is in the motion and of the first shift that
     /// is off as far, and beyond that on the way to those of the shifts that go as far.
-    fn at(&self, reach: Reach, begin_at_zero: bool) -> Option<ErrorsAt> {
+    fn at(&self, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
         let Reach { turn, arc, stretch, off, is_pulled } = reach;
         let pull = Reach { turn: 0.0, ..reach };
-        if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin_at_zero) {
+        if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin) {
             return Some(pulled);
         }
         let first = *self.shifted.first().or(self.bent.first())?;
-        let near = begin_at_zero && turn <= first.turn && stretch <= first.stretch && off <= first.off;
+        let near = begin.is_some() && turn <= first.turn && stretch <= first.stretch && off <= first.off;
         let on_arc = self.bent.last()?.off + ARC;
         if off <= on_arc && !near {
-            return between(&self.bent, Reach { turn, stretch, ..Reach::default() }, begin_at_zero);
+            return between(&self.bent, Reach { turn, stretch, ..Reach::default() }, begin);
         }
-        let bent = between(&self.bent, Reach { turn: arc, ..Reach::default() }, begin_at_zero)?;
+        let bent = between(&self.bent, Reach { turn: arc, ..Reach::default() }, begin)?;
         let aside = Reach { off, ..Reach::default() };
-        let least = bent.and(&if begin_at_zero { first.begun(aside) } else { first });
+        let least = bent.and(&begin.map_or(first, |begin| first.begun(aside, begin)));
         if near {
             return Some(least);
         }
-        let shifted = between(&self.shifted, reach, begin_at_zero)?;
+        let shifted = between(&self.shifted, reach, begin)?;
         Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
     }
 }
@@ -239,10 +256,21 @@ impl ExpectedErrors {
         let share = self.load_share(deformer)?;
         let is_loaded = deformer.acting().coefficients.iter().any(|load| *load != 0.0);
         if is_loaded && rests(deformer) {
-            return self.loaded.map(|at| if self.begin_at_zero { at.begun_by(share) } else { at });
+            let begun = |at: ErrorsAt| at.begun_by(share, &ErrorsAt::NONE);
+            return self.loaded.map(|at| if self.begin_at_zero { begun(at) } else { at });
         }
-        let moved = self.at(reach(deformer)).filter(|_| load_share::is_whole(share))?;
-        Some(self.loaded.map_or(moved, |loaded| moved.and(&loaded)))
+        self.at(reach(deformer)).filter(|_| load_share::is_whole(share))
+    }
+
+    /// With what errors begin where the control elements rest; `None` where that is not known.
+    fn begin(&self) -> Option<ErrorsAt> {
+        let at_rest = if self.loads.is_empty() { Some(ErrorsAt::NONE) } else { self.loaded };
+        at_rest.filter(|_| self.begin_at_zero)
+    }
+
+    /// Whether the model is static equilibrium itself, and has no errors of its own.
+    pub fn is_equilibrium(&self) -> bool {
+        find_model(&self.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)))
     }
 
     /// Whether the loads act under which the errors were measured, and no others.
@@ -252,14 +280,18 @@ impl ExpectedErrors {
 
     /// The part of the loads under which errors were measured that acts; `None` where others do.
     fn load_share(&self, deformer: &Deformer) -> Option<f64> {
-        load_share::share(&self.loads, &deformer.acting(), deformer.load_metas())
+        let (acting, metas) = (deformer.acting(), deformer.load_metas());
+        // One control element was moved and the others rested, against which the loads' directions stood as they are.
+        let turns = deformer.poses.iter().map(|pose| nearest_turn(&pose.matrix));
+        turns.filter_map(|turn| load_share::share(&self.loads, &acting, metas, &turn)).reduce(f64::max)
     }
 
     /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where
     /// that was not measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        let begin = self.begin();
         let found =
-            self.moved.iter().map(|moved| moved.at(reach, self.begin_at_zero)).collect::<Option<Vec<_>>>()?;
+            self.moved.iter().map(|moved| moved.at(reach, begin.as_ref())).collect::<Option<Vec<_>>>()?;
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
@@ -294,8 +326,14 @@ impl ExpectedErrors {
         if let Some(wrong) = self.loaded.iter().flat_map(ErrorsAt::numbers).find(|x| !is_error(*x)) {
             return Err(format!("under the loads: {wrong} is no error"));
         }
+        if let Some(wrong) = self.loads.iter().find(|load| !load.is_finite()) {
+            return Err(format!("under the loads: {wrong} is no load"));
+        }
         for MovedErrors { control, bent, shifted, pulled, hung, mesh } in &self.moved {
             let pushed = hung.as_ref().map_or(&[][..], |hung| &hung.at);
+            if let Some(wrong) = hung.as_ref().map(|hung| hung.along).filter(|along| *along > 2) {
+                return Err(format!("{control}: pushed along axis {wrong}, where a body has 0 to 2"));
+            }
             for at in bent.iter().chain(shifted).chain(pulled).chain(pushed) {
                 if let Some(wrong) = at.numbers().into_iter().find(|x| !is_error(*x)) {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));

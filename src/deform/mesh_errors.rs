@@ -9,8 +9,9 @@ use super::force::Wrench;
 use super::pose::ControlPose;
 use super::se3::inverse_slide_matrix;
 use super::trial::Moved;
+use super::turn::{RESTS, Relative};
 use crate::fem::nearest_turn;
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -54,13 +55,14 @@ impl RigidStiffness {
         RigidStiffness { own: rows(own), better: rows(better) }
     }
 
-    /// To six digits, and 0 for what is nothing beside its row and column: the last digits depend on how many threads summed it.
+    /// To twelve digits, for what bends a slender body can be a hundred-thousandth of what stretches it, and 0 for what is nothing
+    /// beside its row and column.
     pub fn rounded(&self) -> RigidStiffness {
         let round = |k: [[f64; 6]; 6]| {
             let is_noise = |i: usize, j: usize| k[i][j].powi(2) < 1e-16 * (k[i][i] * k[j][j]).abs();
             let number = |i: usize, j: usize| match is_noise(i, j) {
                 true => 0.0,
-                false => format!("{:.5e}", k[i][j]).parse().unwrap_or(k[i][j]),
+                false => format!("{:.11e}", k[i][j]).parse().unwrap_or(k[i][j]),
             };
             [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|j| number(i, j)))
         };
@@ -122,9 +124,6 @@ struct Loads {
     wrench: Vector6<f64>,
 }
 
-/// Others may move so much against each other and count as resting, of their distance and in rad.
-const RESTS: f64 = 1e-6;
-
 impl Against {
     /// `None` where others move against each other too, where one is not moved rigidly, or by more than half a turn.
     fn of(deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<Against> {
@@ -136,34 +135,27 @@ impl Against {
             return None;
         }
         let base = (0..controls.len()).find(|e| *e != element)?;
-        let base_turn = turn_of(&poses[base]);
-        // By the axes of the first of the others: how another is turned, the way to it at rest, and as it is.
-        let from_base = |e: usize| {
-            let way = controls[e].origin - controls[base].origin;
-            let arrived = base_turn.inverse() * (way + poses[e].translation - poses[base].translation);
-            (base_turn.inverse() * turn_of(&poses[e]), way, arrived)
-        };
-        let rests = |e: usize| {
-            let (turn, way, arrived) = from_base(e);
-            turn.angle() < RESTS && (arrived - way).norm() <= RESTS * way.norm()
-        };
-        if !(0..controls.len()).all(|e| e == element || rests(e)) {
+        let rests = |e: usize| Relative::of(deformer, base, e).rests();
+        if !(0..controls.len()).all(|e| e == element || e == base || rests(e)) {
             return None;
         }
-        let (turn, way, arrived) = from_base(element);
-        let turn = turn.scaled_axis();
-        let shift = inverse_slide_matrix(&turn) * arrived - way + 0.5 * turn.cross(&way);
-        let half: Matrix3<f64> =
-            (UnitQuaternion::from_scaled_axis(-0.5 * turn) * base_turn.inverse()).to_rotation_matrix().into();
+        let Relative { way, turn, shift } = Relative::of(deformer, base, element);
+        let shift = inverse_slide_matrix(&turn) * (way + shift) - way + 0.5 * turn.cross(&way);
+        let half = UnitQuaternion::from_scaled_axis(-0.5 * turn) * turn_of(&poses[base]).inverse();
         let wrench = wrenches.get(element)?.about_the_place(&poses[element]);
         let (coefficients, by_loads) = deformer.resting_loads(element);
+        // What the columns hold turns with the frame in which they are summed.
+        let half_from_columns = half * deformer.body_from_surface().rotation;
         let join = |a: Vector3<f64>, b: Vector3<f64>| Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z);
         let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
         Some(Against {
             motion: join(shift, turn),
             wrench: join(half * wrench.force, half * wrench.moment),
             length: Moved::new(&origins, element)?.length,
-            loads: Loads { coefficients, wrench: join(half * by_loads.force, half * by_loads.moment) },
+            loads: Loads {
+                coefficients,
+                wrench: join(half_from_columns * by_loads.force, half_from_columns * by_loads.moment),
+            },
         })
     }
 }
@@ -172,5 +164,31 @@ impl MeshErrors {
     /// The part of the wrench on a control element that is the mesh's, in the pose as it is; `None` where that was not measured of it.
     pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<f64> {
         self.at(&Against::of(deformer, wrenches, element)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// A strip that lies oblique: what bends it is 10⁻⁵ of what stretches it, and both are in every number of K.
+    #[test]
+    fn what_is_written_tells_the_error_of_a_soft_motion_of_an_oblique_body() {
+        let along = Matrix6::from_diagonal(&Vector6::new(1.0, 1e-3, 1e-5, 1e-5, 1e-5, 1e-3));
+        let turn = Rotation3::new(Vector3::new(0.3, -0.8, 0.5));
+        let turned = |v: &Vector6<f64>, turn: &Rotation3<f64>| {
+            let [a, b] = [v.fixed_rows::<3>(0), v.fixed_rows::<3>(3)].map(|part| turn * part);
+            Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
+        };
+        let rotation = Matrix6::from_fn(|i, j| turned(&Vector6::ith(j, 1.0), &turn)[i]);
+        let own = rotation * along * rotation.transpose() * 2.1e6;
+        // By 1.7 % too stiff against bending, and not against a stretch.
+        let less = Matrix6::from_diagonal(&Vector6::new(1.0, 0.99, 1.0 / 1.017, 1.0 / 1.017, 0.98, 0.97));
+        let better = rotation * along * less * rotation.transpose() * 2.1e6;
+        let soft = turned(&Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), &turn);
+        let [own, better] = RigidStiffness::new(&own, &better).rounded().of(&soft);
+        let told = wrench_size(&(own - better), 1.0) / wrench_size(&better, 1.0);
+        assert!((told / 0.017 - 1.0).abs() < 1e-3, "{told}");
     }
 }

@@ -47,29 +47,81 @@ pub struct Reach {
     pub is_pulled: bool,
 }
 
+/// How one control element stands to another, by the axes of that one.
+pub(super) struct Relative {
+    /// From the origin of that one to its own at rest, m.
+    pub way: Vector3<f64>,
+    /// rad.
+    pub turn: Vector3<f64>,
+    /// m.
+    pub shift: Vector3<f64>,
+}
+
+impl Relative {
+    /// Of control element `b` to `a`.
+    pub fn of(deformer: &Deformer, a: usize, b: usize) -> Relative {
+        let Deformer { controls, poses, .. } = deformer;
+        let way = controls[b].origin - controls[a].origin;
+        let to_a = nearest_turn(&poses[a].matrix).inverse();
+        let turn = (to_a * nearest_turn(&poses[b].matrix)).scaled_axis();
+        let shift = to_a * (way + poses[b].translation - poses[a].translation) - way;
+        Relative { way, turn, shift }
+    }
+
+    /// Whether it stands as at rest; not known of two that have one origin.
+    pub fn rests(&self) -> bool {
+        self.turn.norm() < RESTS && self.shift.norm() < RESTS * self.way.norm()
+    }
+
+    /// Whether it is pulled straight away.
+    fn is_pulled(&self) -> bool {
+        let along = self.shift.dot(&self.way) / self.way.norm();
+        let aside = (self.shift.norm_squared() - along * along).max(0.0).sqrt();
+        let most = ASIDE * along;
+        along > 0.0 && aside <= most && self.turn.norm() * self.way.norm() <= most
+    }
+
+    /// How far the shift is from that of an arc, as a part of the way.
+    fn off_the_arc(&self) -> f64 {
+        (self.shift - self.arc_shift()).norm() / self.way.norm()
+    }
+
+    /// The twist, and as much of the bend as the shift is of an arc's, rad.
+    fn along_the_arc(&self) -> f64 {
+        let Relative { way, turn, shift } = self;
+        let twist = turn.dot(way) / way.norm();
+        let bend = (turn.norm_squared() - twist * twist).max(0.0).sqrt();
+        let of_arc = self.arc_shift();
+        let part = shift.dot(&of_arc) / of_arc.norm_squared();
+        twist.hypot(if part.is_finite() { bend * part.clamp(0.0, 1.0) } else { bend })
+    }
+
+    /// Where an arc of the way's length brings its end with this turn, against where it was.
+    fn arc_shift(&self) -> Vector3<f64> {
+        slide_matrix(&self.turn) * self.way - self.way
+    }
+}
+
 /// What turns an element that is pulled away from the others, in rad, and shifts it aside is at most this part of the pull.
 const ASIDE: f64 = 0.02;
 /// Others may move so much against each other and count as resting, of their distance and in rad.
-const RESTS: f64 = 1e-6;
+pub(super) const RESTS: f64 = 1e-6;
 
 fn is_pulled(deformer: &Deformer) -> bool {
-    let Deformer { controls, poses, .. } = deformer;
-    // Whether b rests against a, and whether it is pulled away from it.
-    let pull = |a: usize, b: usize| {
-        let way = controls[b].origin - controls[a].origin;
-        let to_a = nearest_turn(&poses[a].matrix).inverse();
-        let turn = (to_a * nearest_turn(&poses[b].matrix)).angle();
-        let shift = (to_a * (way + poses[b].translation - poses[a].translation) - way) / way.norm();
-        let along = shift.dot(&way.normalize());
-        let aside = (shift.norm_squared() - along * along).max(0.0).sqrt();
-        (turn.max(shift.norm()) < RESTS, along > 0.0 && turn.max(aside) <= ASIDE * along)
-    };
+    let count = deformer.controls.len();
     let is_alone = |e: usize| {
-        let others = || (0..controls.len()).filter(move |&a| a != e);
-        let rest = others().all(|b| others().all(|a| a == b || pull(a, b).0));
-        rest && others().all(|a| pull(a, e).1)
+        let others = || (0..count).filter(move |&a| a != e);
+        let rest = others().all(|b| others().all(|a| a == b || Relative::of(deformer, a, b).rests()));
+        rest && others().all(|a| Relative::of(deformer, a, e).is_pulled())
     };
-    controls.len() > 1 && (0..controls.len()).any(is_alone)
+    count > 1 && (0..count).any(is_alone)
+}
+
+/// The largest of all pairs of control elements.
+fn largest(deformer: &Deformer, of: fn(&Relative) -> f64) -> f64 {
+    let pairs = (0..deformer.controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    let found = pairs.map(|(a, b)| of(&Relative::of(deformer, a, b)));
+    found.filter(|found| found.is_finite()).fold(0.0, f64::max)
 }
 
 /// Whether all control elements stand as they do at rest, but for a shift of all.
@@ -85,39 +137,6 @@ pub fn rests(deformer: &Deformer) -> bool {
     })
 }
 
-/// The largest of all pairs of control elements: `of` their way at rest, the turn of the one as the other sees it, and its shift then.
-fn largest(deformer: &Deformer, of: fn(&Vector3<f64>, &Vector3<f64>, &Vector3<f64>) -> f64) -> f64 {
-    let Deformer { controls, poses, .. } = deformer;
-    let pair = |a: usize, b: usize| {
-        let way = controls[b].origin - controls[a].origin;
-        let to_a = nearest_turn(&poses[a].matrix).inverse();
-        let turn = (to_a * nearest_turn(&poses[b].matrix)).scaled_axis();
-        let shift = to_a * (way + poses[b].translation - poses[a].translation) - way;
-        of(&way, &turn, &shift)
-    };
-    let pairs = (0..controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
-    pairs.map(|(a, b)| pair(a, b)).filter(|found| found.is_finite()).fold(0.0, f64::max)
-}
-
-/// How far the shift is from that of an arc, as a part of the way.
-fn off_the_arc(way: &Vector3<f64>, turn: &Vector3<f64>, shift: &Vector3<f64>) -> f64 {
-    (shift - arc_shift(way, turn)).norm() / way.norm()
-}
-
-/// The twist, and as much of the bend as the shift is of an arc's.
-fn along_the_arc(way: &Vector3<f64>, turn: &Vector3<f64>, shift: &Vector3<f64>) -> f64 {
-    let twist = turn.dot(way) / way.norm();
-    let bend = (turn.norm_squared() - twist * twist).max(0.0).sqrt();
-    let of_arc = arc_shift(way, turn);
-    let part = shift.dot(&of_arc) / of_arc.norm_squared();
-    twist.hypot(if part.is_finite() { bend * part.clamp(0.0, 1.0) } else { bend })
-}
-
-/// Where an arc of the way's length brings its end with this turn, against where it was.
-fn arc_shift(way: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
-    slide_matrix(turn) * way - way
-}
-
 /// So many triangles are looked at, spread over the surface: where errors are measured and where they are told.
 const PIECES: usize = 256;
 
@@ -130,9 +149,9 @@ pub fn reach(deformer: &Deformer) -> Reach {
     let mut reach = Reach {
         turn,
         // A half turn and one more are the same matrix.
-        arc: if turn < std::f64::consts::PI { largest(deformer, along_the_arc) } else { turn },
+        arc: if turn < std::f64::consts::PI { largest(deformer, Relative::along_the_arc) } else { turn },
         stretch: 0.0,
-        off: largest(deformer, off_the_arc),
+        off: largest(deformer, Relative::off_the_arc),
         is_pulled: is_pulled(deformer),
     };
     for triangle in triangles.iter().step_by(step) {

@@ -12,9 +12,9 @@ use crate::base::notice::notice;
 use crate::base::output::Kind;
 use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
-use crate::deform::{ControlPose, FollowedTurn, Wrench, percent};
+use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
-use crate::world::{Highlight, PlacedBody, World};
+use crate::world::{Highlight, PlacedBody, World, wrench_error};
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -78,7 +78,7 @@ struct Sample {
     /// as long as there is none.
     force: Option<f64>,
     torque: Option<f64>,
-    /// Errors to expect of both, as parts of them.
+    /// Errors to expect of both, N and N·m.
     errors: Option<[f64; 2]>,
     /// Nothing joins it with the sample before.
     is_first: bool,
@@ -89,6 +89,7 @@ struct Sample {
 enum Errors {
     Unmeasured,
     Beyond,
+    /// N and N·m.
     Known([f64; 2]),
 }
 
@@ -227,7 +228,7 @@ impl Trace {
         self.work[1] > self.work[0]
     }
 
-    /// x and y of a sample, and the error of y as a part of it; `None` while nothing says along what the force is meant.
+    /// x and y of a sample, and the error of y; `None` while nothing says along what the force is meant.
     fn point(&self, sample: &Sample) -> Option<([f64; 2], Option<f64>)> {
         Some(match self.is_by_turn() {
             true => ([sample.turn.to_degrees(), sample.torque?], sample.errors.map(|errors| errors[1])),
@@ -260,11 +261,14 @@ impl Trace {
     }
 
     fn error_line(&self) -> Vec<(String, Tone)> {
-        let quantity = usize::from(self.is_by_turn());
+        let (by_turn, unit) = if self.is_by_turn() { (1, "N·m") } else { (0, "N") };
         match self.errors {
             _ if self.is_undefined => vec![("the model has no force in this pose".into(), Tone::Bad)],
             Errors::Known(errors) => {
-                vec![("expected error ".into(), Tone::Quiet), (percent(errors[quantity]), Tone::Plain)]
+                vec![
+                    ("expected error ± ".into(), Tone::Quiet),
+                    (quantity(errors[by_turn], unit), Tone::Plain),
+                ]
             }
             Errors::Beyond => {
                 vec![("beyond the poses of which the error is known".into(), Tone::Bad)]
@@ -297,8 +301,7 @@ impl Trace {
                 bands.push(Vec::new());
             }
             if let (Some(error), Some(band)) = (error, bands.last_mut()) {
-                let half = (error * y).abs();
-                band.push([x, y - half, y + half]);
+                band.push([x, y - error, y + error]);
             }
         }
         bands
@@ -337,19 +340,11 @@ fn radius(places: &[[f32; 3]]) -> f64 {
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
 fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Errors {
-    let Some(expected) = &body.expected else { return Errors::Unmeasured };
-    let mesh = expected.mesh_at(&body.deformer, wrenches);
-    let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
-    let model = match is_measured {
-        // The model is static equilibrium itself.
-        false if mesh.is_some() => [0.0; 2],
-        false => return Errors::Unmeasured,
-        true => match expected.in_pose(&body.deformer).and_then(|at| at.force.zip(at.torque)) {
-            Some((force, torque)) => [force, torque],
-            None => return Errors::Beyond,
-        },
-    };
-    Errors::Known(model.map(|error| error + mesh.unwrap_or(0.0)))
+    match wrench_error(body, wrenches) {
+        Some(error) => Errors::Known([error.force, error.moment]),
+        None if body.expected.as_ref().is_some_and(|expected| !expected.moved.is_empty()) => Errors::Beyond,
+        None => Errors::Unmeasured,
+    }
 }
 
 #[cfg(test)]

@@ -59,7 +59,7 @@ pub fn moves(result: &PoseResult) -> Vec<String> {
         let moved = quantity(pose.translation.norm(), "m");
         let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
         let force = wrench.map_or(String::new(), |(_, wrench)| {
-            let moment = wrench.about_the_place(pose).moment.norm();
+            let moment = as_found(wrench.about_the_place(pose), told.freedom.get(e)).moment.norm();
             let moment = if moment > floor { moment } else { 0.0 };
             format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
         });
@@ -139,7 +139,7 @@ fn loads(result: &PoseResult) -> Option<String> {
     let acting: Vec<String> = acting.map(|(name, value)| format!("{name} = {value}")).collect();
     let most = result.displacement.iter().map(Vector3::norm).fold(0.0, f64::max);
     (!acting.is_empty())
-        .then(|| format!("under {}; no place moves by more than {}", acting.join(", "), quantity(most, "m")))
+        .then(|| format!("under {}; the surface moves by up to {}", acting.join(", "), quantity(most, "m")))
 }
 
 /// Where a force at a point went.
@@ -148,7 +148,7 @@ fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
         .try_normalize(0.0)
         .map_or(String::new(), |way| format!(", {} of it along the force", quantity(moved.dot(&way), "m")));
     let (force, rest) = (quantity(force.norm(), "N"), vector(rest, "m"));
-    format!("at the force of {force} on {rest} the surface moves by {}{along}", vector(moved, "m"))
+    format!("where {force} act, at {rest}, the surface moves by {}{along}", vector(moved, "m"))
 }
 
 /// With what pushes along the free directions, which is what their pose was found by: in a model of small strain the moments of the

@@ -35,9 +35,9 @@ pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> Strin
             let pose = "the pose is beyond those in which it was measured";
             match body.loads().is_empty() && body.surface_compliance.is_none() {
                 true => pose.to_owned(),
-                false => format!(
-                    "{pose}, or loads or forces at points act that the scene does not have so, under whose loads it was measured"
-                ),
+                false => {
+                    format!("{pose}, or other loads act than those of the scene, under which it was measured")
+                }
             }
         }
         Looked::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),

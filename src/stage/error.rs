@@ -2,6 +2,7 @@
 
 use crate::config::ConfigError;
 use nalgebra::Point3;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 /// Why a stage was refused.
@@ -33,7 +34,7 @@ pub enum StageFault {
         "a second screen is named `{screen}` (the first stands in line {first_line}): rename one of them"
     )]
     Duplicate { screen: String, first_line: usize },
-    #[error("{what} is {value}: it must be a number of metres between {min} and {max}{}", small_unit(*value))]
+    #[error("{what} is {value}: it must be a number of metres between {min} and {max}{}", small_unit(*value, *min..=*max))]
     Length { what: String, value: f64, min: f64, max: f64 },
     #[error("the viewer has both `target` and `direction`: keep one")]
     TwoDirections,
@@ -165,12 +166,12 @@ fn did_you_mean(nearest: &Option<&'static str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
-/// A number of metres as it would be if it was in millimetres or centimetres.
-fn small_unit(value: f64) -> String {
+/// A number of metres as it would be if it was in millimetres or centimetres, where that is within the limits.
+fn small_unit(value: f64, limits: RangeInclusive<f64>) -> String {
     // Six digits are a micrometre, and print no rounding.
     let metres = |unit: f64| (value * unit * 1e6).round() / 1e6;
     match value.abs() {
-        size if !(100.0..1e5).contains(&size) => String::new(),
+        size if !(100.0..1e5).contains(&size) || !limits.contains(&metres(0.001)) => String::new(),
         size if size < 1000.0 => format!(
             "; was it in centimetres? Then write {} (in millimetres: {})",
             metres(0.01),

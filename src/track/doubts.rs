@@ -69,13 +69,16 @@ fn numbers(stage: &Stage, report: &TrackerReport) -> Vec<Doubt> {
         return Vec::new();
     }
     let fits = |by: &i32| unheard.iter().all(|(_, id)| unnamed.contains(&id.saturating_add(*by)));
-    let shift = [-1, 1].into_iter().find(fits);
+    // Where one was heard under its number, the others count as it does.
+    let none_heard = report.sensors.iter().all(|sensor| sensor.name.is_none() || sensor.count == 0);
+    let shift = [-1, 1].into_iter().find(fits).filter(|_| none_heard);
     let those: Vec<String> = unnamed.iter().take(MOST_NAMED).map(i32::to_string).collect();
     let those = those.join(", ");
     let doubt = |(name, id): (&String, i32)| {
         let advice = match shift {
             Some(by) => format!("write id = {}{}", id + by, buttons(stage, report, by)),
-            None => "move each thing in turn to see which number is which".to_owned(),
+            None if none_heard => "move each thing in turn to see which number is which".to_owned(),
+            None => "it may be off or out of sight; else move it to see which number it has".to_owned(),
         };
         let from_zero =
             if shift == Some(-1) && unnamed.contains(&0) { ", for its numbers count from 0" } else { "" };

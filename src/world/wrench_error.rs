@@ -42,9 +42,9 @@ pub fn wrench_error_of(
     let hung = expected
         .hung(&names, freedom)
         .filter(|hung| is_alone() && !hung.at.is_empty() && expected.is_under_its_loads(deformer));
-    let of_model = expected.moved.iter().any(|moved| !moved.bent.is_empty() || !moved.shifted.is_empty());
-    let (force, moment) = match of_model {
-        true => {
+    let (force, moment) = match expected.is_equilibrium() {
+        true => (0.0, 0.0),
+        false => {
             let at = match hung {
                 Some(hung) => hung.at(reach(deformer))?,
                 // What is free in another way was not measured.
@@ -53,10 +53,9 @@ pub fn wrench_error_of(
             };
             (at.force?, at.torque?)
         }
-        false => (0.0, 0.0),
     };
     let mesh = hung.and_then(|hung| hung.mesh).or_else(|| expected.mesh_at(deformer, wrenches));
-    if mesh.is_none() && !of_model {
+    if mesh.is_none() && expected.is_equilibrium() {
         return None;
     }
     let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
@@ -68,7 +67,6 @@ pub fn wrench_error_of(
     let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
     let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
     let of_mesh = mesh.unwrap_or(0.0);
-    // An equilibrium has no error of a model.
     let is_whole = mesh.is_some();
     Some(WrenchError {
         force: (force + of_mesh) * size,

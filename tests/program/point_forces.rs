@@ -25,7 +25,7 @@ fn where_the_points_of_forces_went_is_printed() {
         );
         let arguments = ["deform", "scene.toml", "--poses", "poses.toml", "-o", "out"];
         let told = text(&greenstage(&folder, &arguments).stdout);
-        let line = told.lines().find(|line| line.contains("at the force of 5.00 N")).unwrap_or_default();
+        let line = told.lines().find(|line| line.contains("where 5.00 N act")).unwrap_or_default();
         let rows = csv_rows(&folder.join("out.csv"), 2);
         let along = |u: &[f64]| u.iter().zip(FORCE).map(|(u, f)| 1e3 * u * f / 5.0).sum::<f64>();
         let is_told = |tag: &str, u: &[f64]| {

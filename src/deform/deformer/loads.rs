@@ -60,10 +60,10 @@ impl Deformer {
         shared.map_or_else(AppliedLoads::default, |applied| applied.clone())
     }
 
-    /// The coefficients of the loads' columns, along the axes of the body, and what they alone do to a control element while all
-    /// rest: its moment is about its origin.
+    /// The coefficients of the loads' columns as they were summed last, and what they alone do to a control element while all rest,
+    /// both in the frame of the columns: its moment is about its origin.
     pub fn resting_loads(&self, element: usize) -> (Vec<f64>, Wrench) {
-        let AppliedLoads { mut coefficients, .. } = self.applied();
+        let mut coefficients = self.load_coefficients().to_vec();
         let nothing = Wrench { force: V3::zeros(), moment: V3::zeros() };
         let Some(reaction) = self.file.table(&self.body, REACTION) else { return (Vec::new(), nothing) };
         coefficients.resize(reaction.ncols(), 0.0);

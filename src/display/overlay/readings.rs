@@ -155,8 +155,8 @@ fn hands(world: &World) -> Vec<HandReading> {
 /// `None` where nothing of the body was measured.
 fn error_reading(body: &PlacedBody, wrenches: Option<&[Wrench]>) -> Option<ErrorReading> {
     let expected = body.expected.as_ref()?;
-    let is_measured = expected.moved.iter().any(|moved| !moved.bent.is_empty());
-    let model = is_measured.then(|| expected.in_pose(&body.deformer));
+    let has_errors = !expected.is_equilibrium() && !expected.moved.is_empty();
+    let model = has_errors.then(|| expected.in_pose(&body.deformer));
     let most = || Some(expected.mesh()?.wrench);
     let mesh = wrenches.map_or_else(most, |wrenches| expected.mesh_at(&body.deformer, wrenches));
     (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })

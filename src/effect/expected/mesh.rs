@@ -90,14 +90,14 @@ impl BetterBody {
         let shape = largest_ratio(square(&(&u - &better)), square(&better))?.sqrt();
         let [of_load, shape_of_load] = self.loads_apart(solution, e, &nodes).unwrap_or_default();
         let (wrench, shape) = (wrench.max(of_load), shape.max(shape_of_load));
-        let loads = self.of_loads(solution, e)?;
+        let loads = self.of_loads(solution, e);
         Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness, loads })
     }
 
-    /// By how much the wrench on control element `e` is wrong for a unit of each of the scene's loads, in N, while all elements rest.
-    fn of_loads(&self, solution: &Solution, e: usize) -> Option<Vec<f64>> {
+    /// By how much the wrench on control element `e` is wrong for a unit of each of the scene's loads, in N, while all elements rest;
+    /// nothing of a body without loads, and of an element that stands in the middle of the others, which has no length.
+    fn of_loads(&self, solution: &Solution, e: usize) -> Vec<f64> {
         let origins: Vec<Vector3<f64>> = solution.controls.iter().map(|control| control.origin).collect();
-        let length = Moved::new(&origins, e)?.length;
         let wrenches = |of: &Solution| {
             let reaction = of.tables.get(REACTION)?;
             Some(
@@ -105,16 +105,15 @@ impl BetterBody {
                     * reaction.rows(FIELDS * e, FIELDS),
             )
         };
-        let Some((own, better)) = wrenches(solution).zip(wrenches(&self.solution)) else {
-            return Some(Vec::new());
-        };
+        let both = wrenches(solution).zip(wrenches(&self.solution));
+        let Some(((own, better), moved)) = both.zip(Moved::new(&origins, e)) else { return Vec::new() };
         let rest = if self.is_cut { 1.0 + 1.0 / (ORDER.exp2() - 1.0) } else { 1.0 };
-        let of = |w: DVector<f64>| wrench_size(&Vector6::from_column_slice(w.as_slice()), length);
+        let of = |w: DVector<f64>| wrench_size(&Vector6::from_column_slice(w.as_slice()), moved.length);
         let apart = |k: usize| {
             let (apart, whole) = (of(own.column(k) - better.column(k)), of(better.column(k).into_owned()));
             if apart > NOISE * whole { rest * apart } else { 0.0 }
         };
-        Some((0..own.ncols()).map(apart).collect())
+        (0..own.ncols()).map(apart).collect()
     }
 
     /// K' without the error that is left when a cut takes away 1 - 2^-1.5 of it.

@@ -5,6 +5,8 @@
 //! [`HAPTIC_ENTRIES`], `expected_errors` of all. It is shown by `check`, `precompute` and `inspect`, and in the overlay.
 
 mod hung;
+#[cfg(test)]
+mod loaded_tests;
 pub mod mesh;
 pub mod model;
 #[cfg(test)]

@@ -37,7 +37,7 @@ const LEVELS: [Level; 5] = [
 ];
 
 /// Parts of the length by which it is pulled away; the farther ones are shifts of the levels too.
-const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
+pub const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
 
 impl Level {
     fn bends(&self) -> Vec<Motion> {
