@@ -386,6 +386,6 @@ mod tests {
             Ok(vec![Wrench { force, moment: Vector3::zeros() }])
         };
         let why = Search::new(&free, 0.5, false, &rest).follow(&mut loose).unwrap_err();
-        assert!(why.starts_with("nothing holds it there") && why.contains("of the 1st"), "{why}");
+        assert!(why.starts_with("nothing holds it there") && why.contains("the 1st of the scene"), "{why}");
     }
 }

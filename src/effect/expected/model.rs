@@ -26,7 +26,10 @@ struct Level {
 /// An end that is turned in place by more than some 40° mostly has no equilibrium: at 60° it is turned where the arc would bring it
 /// sideways, which stretches the body as well.
 const LEVELS: [Level; 5] = [
-    Level { angle: 1.0, shifts: &[Motion::Mixed(1.0, 0.0), Motion::Mixed(0.0, 0.01)] },
+    Level {
+        angle: 1.0,
+        shifts: &[Motion::Mixed(1.0, 0.0), Motion::Mixed(0.0, 0.01), Motion::Shift([PULLS[0], 0.0])],
+    },
     Level { angle: 10.0, shifts: &[Motion::Mixed(10.0, 0.0), Motion::Mixed(0.0, 0.1)] },
     Level {
         angle: 30.0,
@@ -36,7 +39,7 @@ const LEVELS: [Level; 5] = [
     Level { angle: 90.0, shifts: &[] },
 ];
 
-/// Parts of the length by which it is pulled away; the farther ones are shifts of the levels too.
+/// Parts of the length by which it is pulled away, which are shifts of the levels too.
 pub const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
 
 impl Level {
@@ -51,7 +54,7 @@ impl Level {
 
 /// Motions of one control element.
 pub fn motions() -> usize {
-    1 + LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum::<usize>()
+    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum::<usize>()
 }
 
 /// What was measured of a control element.
@@ -141,7 +144,7 @@ impl Measured {
         let [bends, twists, both] =
             [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
         let shifts: Vec<Vec<Motion>> = LEVELS.iter().map(Level::shifts).collect();
-        for kind in [bends, twists, both, shifts, vec![vec![Motion::Shift([PULLS[0], 0.0])]]] {
+        for kind in [bends, twists, both, shifts] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
@@ -244,8 +247,9 @@ mod tests {
         assert_eq!(told(&found).len(), 3, "shifts say nothing of bends");
         let shifted = by_level(&found, Level::shifts);
         assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 1.0, Some(0.7)));
-        assert_eq!(pulled(&found), [], "no pull is among them");
+        assert_eq!(pulled(&found).len(), 1, "of the pulls the first is among them");
         found.pop();
+        assert_eq!(pulled(&found), []);
         assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
         assert_eq!(motions(), 25);
     }
