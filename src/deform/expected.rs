@@ -1,16 +1,16 @@
 //! What errors to expect of a body, as they were measured on it.
 //!
-//! In: [`Trial`](super::Trial)s of a body with their [`Deviation`]s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
-//! at a reach, between the measured ones, and nothing beyond them.
+//! In: [`Trial`](super::Trial)s of a body with their [`Deviation`](super::Deviation)s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
+//! at a reach and in a pose, between the measured ones ([`ErrorsAt`]), and nothing beyond them.
 
 use super::deformer::Deformer;
+use super::errors_at::{ErrorsAt, between};
 use super::force::Wrench;
 use super::freedom::Freedom;
 use super::load_share;
 use super::mesh_errors::MeshErrors;
 use super::model::Kind;
 use super::models::find_model;
-use super::trial::Deviation;
 use super::turn::{Reach, reach, rests};
 use crate::fem::nearest_turn;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub struct ExpectedErrors {
 }
 
 /// Of one control element.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovedErrors {
     pub control: String,
@@ -76,148 +76,11 @@ impl Hung {
     }
 }
 
-/// The largest errors of all motions up to a reach.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ErrorsAt {
-    /// Of the turns, °.
-    pub angle: f64,
-    /// The reach, rad and 1.
-    pub turn: f64,
-    pub stretch: f64,
-    pub off: f64,
-    /// As [`Deviation`] has them; `None` where the model has no forces.
-    pub force: Option<f64>,
-    pub torque: Option<f64>,
-    pub shape: f64,
-}
-
-impl ErrorsAt {
-    pub fn new(angle: f64, reach: Reach, deviation: &Deviation) -> ErrorsAt {
-        let Deviation { force, torque, shape, .. } = *deviation;
-        let Reach { turn, stretch, off, .. } = reach;
-        ErrorsAt { angle, turn, stretch, off, force, torque, shape }
-    }
-
-    /// The larger of each of both; no forces where one has none.
-    pub fn and(&self, other: &ErrorsAt) -> ErrorsAt {
-        ErrorsAt {
-            angle: self.angle.max(other.angle),
-            turn: self.turn.max(other.turn),
-            stretch: self.stretch.max(other.stretch),
-            off: self.off.max(other.off),
-            force: self.force.zip(other.force).map(|(a, b)| a.max(b)),
-            torque: self.torque.zip(other.torque).map(|(a, b)| a.max(b)),
-            shape: self.shape.max(other.shape),
-        }
-    }
-
-    /// `share` of the way to `next`.
-    fn towards(&self, next: &ErrorsAt, share: f64) -> ErrorsAt {
-        let between = |a: f64, b: f64| a + share * (b - a);
-        let both = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| between(a, b));
-        ErrorsAt {
-            angle: between(self.angle, next.angle),
-            turn: between(self.turn, next.turn),
-            stretch: between(self.stretch, next.stretch),
-            off: between(self.off, next.off),
-            force: both(self.force, next.force),
-            torque: both(self.torque, next.torque),
-            shape: between(self.shape, next.shape),
-        }
-    }
-
-    fn numbers(&self) -> [f64; 7] {
-        let ErrorsAt { angle, turn, stretch, off, force, torque, shape } = *self;
-        [off, angle, turn, stretch, shape, force.unwrap_or(0.0), torque.unwrap_or(0.0)]
-    }
-
-    /// The larger of the errors of force and torque.
-    pub fn wrench(&self) -> Option<f64> {
-        self.force.zip(self.torque).map(|(force, torque)| force.max(torque))
-    }
-}
-
-/// An error as a part, in per cent: `13 %`, `0.4 %`, `<0.1 %`.
-pub fn percent(part: f64) -> String {
-    match 100.0 * part {
-        value if value < 0.1 => "<0.1 %".into(),
-        value if value < 9.95 => format!("{value:.1} %"),
-        value if value < 1000.0 => format!("{value:.0} %"),
-        _ => ">1000 %".into(),
-    }
-}
-
 impl Hung {
     /// The errors at a reach; `None` beyond what was measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
         between(&self.at, Reach { off: 0.0, ..reach }, None)
     }
-}
-
-/// The part of an equilibrium's force that a model is taken to have at least, where less is not told from nothing.
-const LEAST: f64 = 0.01;
-
-/// An error that is nothing at rest, at a share of the way to where it is `e`: not larger than the forces that the model has too
-/// much, which grow as the way does, nor than those that it misses. Of forces f (1 + q) it has f, with q growing so, and misses
-/// q/(1 + q) of them.
-fn begun(e: f64, share: f64) -> f64 {
-    let missing = e.min(1.0 - LEAST);
-    let q = share * missing / (1.0 - missing);
-    (share * e).max(q / (1.0 + q)).min(e)
-}
-
-impl ErrorsAt {
-    /// Nothing.
-    const NONE: ErrorsAt = ErrorsAt {
-        angle: 0.0,
-        turn: 0.0,
-        stretch: 0.0,
-        off: 0.0,
-        force: Some(0.0),
-        torque: Some(0.0),
-        shape: 0.0,
-    };
-
-    /// At the share of the way from rest at which the reach stands, of errors that begin there with these.
-    fn begun(&self, reach: Reach, begin: &ErrorsAt) -> ErrorsAt {
-        let share = |x: f64, whole: f64| if x > 0.0 { x / whole } else { 0.0 };
-        let shares =
-            [share(reach.turn, self.turn), share(reach.stretch, self.stretch), share(reach.off, self.off)];
-        self.begun_by(shares.into_iter().fold(0.0, f64::max).min(1.0), begin)
-    }
-
-    /// The same at this share of the way from rest.
-    fn begun_by(&self, share: f64, begin: &ErrorsAt) -> ErrorsAt {
-        let left = 1.0 - share;
-        let of = |error: Option<f64>, begin: Option<f64>| {
-            error.zip(begin).map(|(error, begin)| begun(error, share) + left * begin)
-        };
-        ErrorsAt {
-            force: of(self.force, begin.force),
-            torque: of(self.torque, begin.torque),
-            shape: share * self.shape + left * begin.shape,
-            ..*self
-        }
-    }
-}
-
-/// The errors at a reach: between the measured ones, up to the first its own or, where it is known with what they begin at rest, what
-/// they can have grown to; `None` beyond the last.
-fn between(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
-    let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
-    let next = measured.iter().position(covers)?;
-    let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
-        let first = measured[next];
-        return Some(begin.map_or(first, |begin| first.begun(reach, begin)));
-    };
-    let share = |x: f64, from: f64, to: f64| if x > from { (x - from) / (to - from) } else { 0.0 };
-    let shares = [
-        share(reach.turn, from.turn, to.turn),
-        share(reach.stretch, from.stretch, to.stretch),
-        share(reach.off, from.off, to.off),
-    ];
-    Some(from.towards(&to, shares.into_iter().fold(0.0, f64::max)))
 }
 
 /// So near an arc a body counts as bent along it.
@@ -376,14 +239,8 @@ mod tests {
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] });
         let moved =
-            vec![MovedErrors { control: "right".into(), bent, shifted, pulled: vec![], hung: None, mesh }];
+            vec![MovedErrors { control: "right".into(), bent, shifted, mesh, ..MovedErrors::default() }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
-    }
-
-    #[test]
-    fn parts_are_told_in_per_cent() {
-        let told = [0.0, 0.00094, 0.004, 0.0994, 0.0996, 0.13, 9.4, 38.58].map(percent);
-        assert_eq!(told, ["<0.1 %", "<0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "940 %", ">1000 %"]);
     }
 
     #[test]
@@ -417,23 +274,8 @@ mod tests {
         assert_eq!(ExpectedErrors::default().mesh(), None);
     }
 
-    /// Where a body of forces x + a x² is shown as x, or one of x as x + a x², the error at a part of the way is no larger than told.
     #[test]
-    fn errors_that_begin_at_zero_are_no_smaller_than_those_of_forces_of_second_order() {
-        for a in [1e-3, 0.2, 3.0, 80.0_f64] {
-            for share in [1e-6, 1e-3, 0.1, 0.7, 1.0] {
-                let missing = |x: f64| a * x / (1.0 + a * x);
-                let too_much = |x: f64| a * x;
-                for error in [&missing as &dyn Fn(f64) -> f64, &too_much] {
-                    let told = begun(error(1.0), share);
-                    assert!(
-                        told >= error(share) * (1.0 - 1e-12) && told <= error(1.0),
-                        "{a} {share}: {told}"
-                    );
-                }
-                assert!((begun(missing(1.0), share) - missing(share)).abs() < 1e-12 || missing(1.0) > 0.5);
-            }
-        }
+    fn near_rest_errors_begin_with_nothing() {
         let measured = ExpectedErrors { begin_at_zero: true, ..measured() };
         let force = |degrees: f64, stretch: f64, off: f64| {
             let turn = f64::to_radians(degrees);

@@ -55,8 +55,6 @@ pub(super) fn is_whole(share: f64) -> bool {
 mod tests {
     use super::*;
     use crate::deform::{PointLoad, Pull};
-    use crate::green::Turning;
-    use nalgebra::Vector3;
 
     #[test]
     fn the_same_part_of_each_load_is_known_and_no_other() {

@@ -473,12 +473,10 @@ mod tests {
             shape: 0.0,
         };
         let moved = MovedErrors {
-            pulled: vec![],
-            hung: None,
             control: "right".into(),
             bent: vec![at(1.0, 0.02)],
             shifted: vec![at(1.0, 0.02)],
-            mesh: None,
+            ..MovedErrors::default()
         };
         let body = &mut world.bodies[0];
         body.expected = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });

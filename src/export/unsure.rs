@@ -108,15 +108,8 @@ mod tests {
         let lists = body("effects = [\"haptics\"]", &BOTH);
         let mut errors = ExpectedErrors { left_out: vec!["too large".into()], ..ExpectedErrors::default() };
         assert_eq!(why(&lists, Looked::InFile(Some(&errors)), &[]), "too large");
-        let (control, nothing) = ("xmax".to_owned(), Vec::new);
-        errors.moved.push(MovedErrors {
-            control,
-            bent: nothing(),
-            shifted: nothing(),
-            pulled: vec![],
-            hung: None,
-            mesh: None,
-        });
+        let control = "xmax".to_owned();
+        errors.moved.push(MovedErrors { control, ..MovedErrors::default() });
         assert!(why(&lists, Looked::InFile(Some(&errors)), &[]).contains("beyond those"));
         let free = [Freedom { free: [true; 6], ..Freedom::default() }];
         let told = |errors: &ExpectedErrors| why(&lists, Looked::InFile(Some(errors)), &free);

@@ -307,12 +307,11 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         shape: 0.1 * force,
     };
     let moved = MovedErrors {
-        pulled: vec![],
-        hung: None,
         control: "right".into(),
         bent: vec![at(10.0, 0.02), at(30.0, 0.12)],
         shifted: vec![at(10.0, 0.01), at(30.0, 0.03)],
         mesh: Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] }),
+        ..MovedErrors::default()
     };
     let measured = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });
     assert_eq!(told(None, 5.0), Vec::<String>::new());

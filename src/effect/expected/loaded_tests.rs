@@ -1,9 +1,9 @@
 //! What is measured of bodies under loads, against answers from elsewhere.
 
-use super::tests::beam;
+use super::tests::{beam, deformer_of};
 use super::*;
+use crate::deform::ControlPose;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{ControlPose, Deformer};
 use crate::green::{self, LOADS, Requirements};
 use crate::solve::Silent;
 use crate::world::wrench_error_of;
@@ -25,20 +25,10 @@ fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
     let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
     let most = mesh.as_ref().unwrap().wrench;
-    let moved = MovedErrors {
-        control: "high".into(),
-        bent: vec![],
-        shifted: vec![],
-        pulled: vec![],
-        hung: None,
-        mesh,
-    };
+    let moved = MovedErrors { control: "high".into(), mesh, ..MovedErrors::default() };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
-    let folder = tempfile::tempdir().unwrap();
     let shown = |body: &Precomputed| {
-        let path = folder.path().join("beam.green");
-        green::write(&path, std::slice::from_ref(body)).unwrap();
-        let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "linear").unwrap();
+        let mut deformer = deformer_of(body, "linear");
         deformer.apply(&PoseLoads::of_scene(&scene.body["beam"]).applied(&deformer).unwrap());
         deformer.evaluate(&[ControlPose::REST; 2]);
         let wrenches = deformer.wrenches().unwrap().0;
@@ -73,10 +63,7 @@ fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
     let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
     let told = errors.loaded.unwrap().force.unwrap();
     assert!((told / (warm / (2.0 + warm)) - 1.0).abs() < 0.05, "{told}");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("bar.green");
-    green::write(&path, std::slice::from_ref(&body)).unwrap();
-    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "bar", "linear").unwrap();
+    let mut deformer = deformer_of(&body, "linear");
     let mut loads = PoseLoads::of_scene(&scene.body["bar"]).applied(&deformer).unwrap();
     let mut force = |share: f64, pull: f64| {
         loads.coefficients = vec![share * warm];
@@ -107,10 +94,7 @@ fn a_loaded_body_that_is_turned_as_a_whole_has_the_errors_of_its_loads_direction
         families.map(Requirements::of).into_iter().fold(Requirements::default(), Requirements::and);
     let mut body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
     let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("beam.green");
-    green::write(&path, std::slice::from_ref(&body)).unwrap();
-    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "rotation").unwrap();
+    let mut deformer = deformer_of(&body, "rotation");
     deformer.apply(&PoseLoads::of_scene(&scene.body["beam"]).applied(&deformer).unwrap());
     let mut turned = |axis: Vector3<f64>| {
         let turn = Rotation3::new(axis);

@@ -15,7 +15,7 @@ mod tests;
 use super::entry::{EffectEntry, Listed};
 use super::running::RunningEffect;
 use crate::base::failure::Failure;
-use crate::deform::{ErrorsAt, ExpectedErrors, Hung, Kind, MeshErrors, MovedErrors, find_model};
+use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Method, Scene};
 use crate::solve::Progress;
@@ -249,10 +249,10 @@ fn model_errors(
     progress: &dyn Progress,
     errors: &mut ExpectedErrors,
 ) -> Vec<ModelErrors> {
+    let is_equilibrium = errors.is_equilibrium();
     let left_out = &mut errors.left_out;
-    let model = &scene.body[&body.name].model;
-    if find_model(model).is_ok_and(|entry| matches!(entry.kind, Kind::Background(_))) {
-        left_out.push(format!("the model \"{model}\" is static equilibrium itself"));
+    if is_equilibrium {
+        left_out.push(format!("the model \"{}\" is static equilibrium itself", errors.model));
         return moved.iter().map(|_| ModelErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);

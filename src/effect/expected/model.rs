@@ -54,7 +54,7 @@ impl Level {
 
 /// Motions of one control element.
 pub fn motions() -> usize {
-    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum::<usize>()
+    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
 }
 
 /// What was measured of a control element.

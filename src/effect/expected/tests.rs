@@ -25,6 +25,14 @@ fn solved(scene: &Scene) -> Precomputed {
     green::precompute(scene, "beam", &required, &Silent).unwrap()
 }
 
+/// What a session makes of a body, whose file is gone afterwards.
+pub(super) fn deformer_of(body: &Precomputed, model: &str) -> Deformer {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("body.green");
+    green::write(&path, std::slice::from_ref(body)).unwrap();
+    Deformer::new(GreenFile::open(&path).unwrap().into(), &body.name, model).unwrap()
+}
+
 /// Force in N that moves one end by 1 m sideways, E = 1 kPa, ν = 0.4999, by cells through the thickness, against 14.2 N with eight
 /// of tet10 and 14.4 N with 24 of tet4_anp (chapter `method`). The softest motion is nearly this one.
 #[test]
@@ -169,22 +177,9 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
     let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
     let most = mesh.as_ref().unwrap().wrench;
-    let moved = MovedErrors {
-        control: "high".into(),
-        bent: vec![],
-        shifted: vec![],
-        pulled: vec![],
-        hung: None,
-        mesh,
-    };
+    let moved = MovedErrors { control: "high".into(), mesh, ..MovedErrors::default() };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
-    let folder = tempfile::tempdir().unwrap();
-    let deformer = |body: &Precomputed, name: &str| {
-        let path = folder.path().join(name);
-        green::write(&path, std::slice::from_ref(body)).unwrap();
-        Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "rotation").unwrap()
-    };
-    let (mut coarse, mut fine) = (deformer(&body, "coarse.green"), deformer(&fine, "fine.green"));
+    let [mut coarse, mut fine] = [&body, &fine].map(|body| deformer_of(body, "rotation"));
     let wrenches = |deformer: &mut Deformer, [x, y, z, a, b, c]: [f64; 6]| {
         let turn = Rotation3::new(Vector3::new(a, b, c));
         let pose = ControlPose { translation: Vector3::new(x, y, z), matrix: *turn.matrix() };
@@ -247,10 +242,7 @@ fn a_pull_has_the_errors_of_pulls() {
         assert!((told / (1.0 - e / right(e)) - 1.0).abs() < 0.02, "{e}: {told}");
     }
     assert_eq!(told.len(), 3);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("beam.green");
-    green::write(&path, std::slice::from_ref(&body)).unwrap();
-    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "beam", "linear").unwrap();
+    let mut deformer = deformer_of(&body, "linear");
     let mut at = |x: f64, y: f64, turn: f64| {
         let matrix = *Rotation3::new(Vector3::z() * turn).matrix();
         let pose = ControlPose { translation: Vector3::new(x, y, 0.0), matrix };
@@ -277,10 +269,7 @@ fn an_end_that_is_moved_aside_has_the_errors_of_the_string_in_the_bar() {
     let scene = Scene::parse(text, Path::new("bar.toml")).unwrap();
     let mut body = green::precompute(&scene, "bar", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
     let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("bar.green");
-    green::write(&path, std::slice::from_ref(&body)).unwrap();
-    let mut deformer = Deformer::new(GreenFile::open(&path).unwrap().into(), "bar", "linear").unwrap();
+    let mut deformer = deformer_of(&body, "linear");
     for aside in [1e-3, 3e-3, 1e-2] {
         let translation = Vector3::new(0.0, 10.0 * aside, 0.0);
         deformer.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
