@@ -1,6 +1,6 @@
 //! What the graph of fields costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput, criterion_group};
 use greenstage::base::columns::{Storage, StoredColumns};
 use greenstage::deform::{Superposition, vertex_normals};
 use greenstage::field::{Each, Field, FieldError, Graph, Value};
@@ -115,4 +115,15 @@ fn graph(c: &mut Criterion) {
 }
 
 criterion_group!(benches, superposition, normals, graph);
-criterion_main!(benches);
+
+fn main() {
+    // `cargo bench` passes --bench; `cargo test --bench online` runs each benchmark once and measures nothing.
+    if std::env::args().any(|argument| argument == "--bench")
+        && let Err(refused) = greenstage::base::machine::expect_full_speed(false)
+    {
+        eprintln!("online: {refused}");
+        std::process::exit(2);
+    }
+    benches();
+    Criterion::default().configure_from_args().final_summary();
+}

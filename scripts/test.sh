@@ -20,11 +20,9 @@ step() { # name, command…
 }
 times=""
 step format cargo fmt --check
-step lints cargo clippy --release --locked --all-targets -- -D warnings
-RUSTDOCFLAGS="-D warnings" step documentation cargo doc --release --locked --no-deps --document-private-items
-# The dependencies are those of the program; our own code is compiled in half the time, and checked all the same.
-quick="--config profile.release.package.greenstage.opt-level=1"
-step build cargo $quick test --release --locked --no-run
-step tests cargo $quick test --release --locked -- --nocapture --test-threads 2
-step benches cargo $quick test --release --locked --bench online
+step lints cargo clippy --profile quick --locked --all-targets -- -D warnings
+RUSTDOCFLAGS="-D warnings" step documentation cargo doc --profile quick --locked --no-deps --document-private-items
+step build cargo test --profile quick --locked --no-run
+step tests cargo test --profile quick --locked -- --nocapture --test-threads 2
+step benches cargo test --profile quick --locked --bench online
 echo "── all passed in $(($(date +%s) - began)) s:$times"

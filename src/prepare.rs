@@ -287,7 +287,9 @@ fn precompute_telling(
         .map(|(name, body)| {
             let requirements = requirements(scene, name, body)?;
             let progress = teller(name);
-            let mut precomputed = green::precompute_kept(scene, name, &requirements, journal, &*progress)?;
+            let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+            let mut precomputed =
+                green::precompute_kept(scene, name, &requirements, fits, journal, &*progress)?;
             effect::add_sections(scene, effects(body), &mut precomputed, &*progress)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
@@ -381,8 +383,11 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let mut precomputed = green::precompute(scene, name, required, progress)?;
-                effect::add_sections(scene, effects(&scene.body[*name]), &mut precomputed, progress)?;
+                let body = &scene.body[*name];
+                let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+                let mut precomputed =
+                    green::precompute_kept(scene, name, required, fits, None, progress)?;
+                effect::add_sections(scene, effects(body), &mut precomputed, progress)?;
                 for notice in &precomputed.solution.notices {
                     notice!("{notice}");
                 }

@@ -245,10 +245,25 @@ pub fn processor() -> String {
     name.map_or(std::env::consts::ARCH, |(_, name)| name.trim()).to_owned()
 }
 
-/// Processor, threads and operating system in words.
+/// Whether this program was compiled with debug assertions, as by the profiles `quick` and `dev`: its times are not those
+/// of the program that people run.
+pub const IS_TEST_BUILD: bool = cfg!(debug_assertions);
+
+/// Refusal to measure times with a test build.
+#[derive(Debug, thiserror::Error)]
+#[error("this program was compiled for tests and runs several times slower. Measure with target/release/greenstage (`make demo` builds it)")]
+pub struct TestBuild;
+
+/// Returns an error in a test build, unless `anyway`.
+pub fn expect_full_speed(anyway: bool) -> Result<(), TestBuild> {
+    if IS_TEST_BUILD && !anyway { Err(TestBuild) } else { Ok(()) }
+}
+
+/// Processor, threads and operating system in words, and whether this is a test build.
 pub fn description() -> String {
     let name = processor();
-    format!("{name}, {} threads, {}", rayon::current_num_threads(), std::env::consts::OS)
+    let build = if IS_TEST_BUILD { ", test build" } else { "" };
+    format!("{name}, {} threads, {}{build}", rayon::current_num_threads(), std::env::consts::OS)
 }
 
 #[cfg(test)]

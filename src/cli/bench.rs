@@ -62,6 +62,9 @@ pub struct Args {
     /// Write the tables between the marks of this Markdown file
     #[arg(long)]
     pub readme: Option<PathBuf>,
+    /// Measure although this program was compiled for tests, whose times mean nothing
+    #[arg(long, hide = true)]
+    pub test_build: bool,
     #[command(flatten)]
     pub device: device::Args,
 }
@@ -70,7 +73,9 @@ pub struct Args {
 const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let full_speed = machine::expect_full_speed(args.test_build);
     let Some(scene) = &args.scene else {
+        full_speed.map_err(Failure::request)?;
         let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
             .map_err(Failure::request)?;
         return super::sizes::run(&super::sizes::Request {
@@ -89,6 +94,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
     let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
     let stage = open()?.world.stage;
+    full_speed.map_err(Failure::request)?;
     let offline = prepare::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();
     let loops = loops();

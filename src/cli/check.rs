@@ -6,17 +6,21 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, find_model};
+use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry, stress};
 use crate::green::{self, Forecast, GreenError, Prepared};
+use crate::mesh::Surface;
+use crate::mesh::diagnostics::digits;
+use crate::mesh::surface_files::TriangleSurface;
 use crate::prepare::{self, unknown_names};
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::survey::State;
 use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
 use crate::stage::Stage;
+use crate::world::overlap::overlaps;
 use crate::world::place;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Similarity3, Vector3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -104,8 +108,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     check_stage::verdict(&findings, &args.scene)
 }
 
-/// A body with the corners of its mesh, where it would be seen.
-type Standing<'a> = (&'a String, &'a Body, Vec<Point3<f64>>);
+/// A body with its surface, in the mesh's frame.
+struct Standing<'a> {
+    name: &'a String,
+    body: &'a Body,
+    points: Vec<Point3<f64>>,
+    triangles: Vec<[u32; 3]>,
+}
 
 /// What is found wrong with a body whose keys are sound.
 fn of_body<'a>(
@@ -116,13 +125,19 @@ fn of_body<'a>(
 ) -> Result<Vec<Diagnostic>, Failure> {
     let entity = format!("body.{name}");
     let mut findings = Vec::new();
-    if unknown_names(scene, name, body).is_empty()
-        && let Err(failure) = prepare::requirements(scene, name, body)
+    let has_known_names = unknown_names(scene, name, body).is_empty();
+    let required = prepare::requirements(scene, name, body);
+    if let Err(failure) = required.as_ref()
+        && has_known_names
     {
-        let (Failure::Request(error) | Failure::Work(error)) = &failure;
+        let (Failure::Request(error) | Failure::Work(error)) = failure;
         let found = error.downcast_ref().map(SceneError::finding);
-        findings
-            .push(found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string())));
+        let mut found =
+            found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string()));
+        if is_solved_anew(scene, name, body) {
+            found.severity = Severity::Warning;
+        }
+        findings.push(found);
     }
     findings.extend(unwatched_limit(name, body));
     findings.extend(holds(name, body));
@@ -142,6 +157,11 @@ fn of_body<'a>(
         Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
         Err(wrong) => findings.push(Diagnostic::new(Severity::Error, &entity, wrong.to_string())),
     }
+    if let Ok(required) = &required
+        && let Err(refused) = green::suits(scene, name, &prepared, required)
+    {
+        findings.push(Diagnostic::new(Severity::Error, format!("{entity}.model"), refused.to_string()));
+    }
     findings.extend(forecast(name, body, &prepared));
     // A mesh that is refused tells nothing of the shape that is meant.
     let is_refused = prepared.findings.iter().any(|finding| finding.severity == Severity::Error);
@@ -152,8 +172,16 @@ fn of_body<'a>(
         findings.push(Diagnostic::new(severity, format!("{entity}.model"), why));
     }
     findings.extend(prepared.findings);
-    meshes.push((name, body, prepared.mesh.nodes.into_iter().map(Point3::from).collect()));
+    let Surface { triangles, nodes } = Surface::of(&prepared.mesh);
+    let points = nodes.iter().map(|&node| Point3::from(prepared.mesh.nodes[node as usize])).collect();
+    meshes.push(Standing { name, body, points, triangles });
     Ok(findings)
+}
+
+/// Whether `deform` solves the body although no session shows it: with the loads of a model of large strain.
+fn is_solved_anew(scene: &Scene, name: &str, body: &Body) -> bool {
+    let law = prepare::law(scene, name, body).ok().flatten();
+    law.is_some_and(|law| body.updates.is_none() && Statics::suits(scene, name, law).is_ok())
 }
 
 /// What precomputing the body will take.
@@ -191,15 +219,30 @@ fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
     findings
 }
 
-/// Which bodies are not where the viewer of the stage sees them.
+/// Bodies that the viewer of the stage does not see, and bodies that are inside each other.
 fn places(meshes: &[Standing<'_>], stage: &Stage) -> Vec<Diagnostic> {
-    let standing: Vec<_> = meshes.iter().map(|(_, body, points)| (*body, &points[..])).collect();
-    let found = place::rooms_from_meshes(&standing, stage);
-    let fault = |((name, _, points), at): (&Standing<'_>, _)| {
-        let message = format!("on stage {}, {}", stage.name, place::fault(points, &at, stage)?);
-        Some(Diagnostic::new(Severity::Warning, format!("body.{name}.place"), message))
+    let standing: Vec<_> = meshes.iter().map(|of| (of.body, &of.points[..])).collect();
+    let rooms = place::rooms_from_meshes(&standing, stage);
+    let unseen = |(of, at): (&Standing<'_>, &Similarity3<f64>)| {
+        let message = format!("on stage {}, {}", stage.name, place::fault(&of.points, at, stage)?);
+        Some(Diagnostic::new(Severity::Warning, format!("body.{}.place", of.name), message))
     };
-    meshes.iter().zip(found).filter_map(fault).collect()
+    let mut findings: Vec<Diagnostic> = meshes.iter().zip(&rooms).filter_map(unseen).collect();
+    let in_room = |(of, at): (&Standing<'_>, &Similarity3<f64>)| TriangleSurface {
+        vertices: of.points.iter().map(|x| (at * x).coords).collect(),
+        triangles: of.triangles.clone(),
+    };
+    let surfaces: Vec<TriangleSurface> = meshes.iter().zip(&rooms).map(in_room).collect();
+    findings.extend(overlaps(&surfaces).into_iter().map(|([one, other], depth)| {
+        let message = format!(
+            "on stage {}, it reaches {} m into body {}, and bodies pass through each other. Give one of them another place",
+            stage.name,
+            digits(depth),
+            meshes[other].name
+        );
+        Diagnostic::new(Severity::Warning, format!("body.{}.place", meshes[one].name), message)
+    }));
+    findings
 }
 
 /// A word about a turn by more than once around, which degrees would make.

@@ -11,8 +11,7 @@ use crate::mesh::length_unit::implausible;
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
 use crate::scene::built_in::{self, BUILT_IN};
-use crate::scene::materials::implausible_young;
-use crate::scene::{Method, Scene};
+use crate::scene::{Material, Method, Scene};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::tuning;
@@ -301,7 +300,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
         let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
         let materials = std::iter::once(&body.material).chain(body.region.values());
-        let doubts = materials.filter_map(|material| implausible_young(material.young));
+        let doubts = materials.filter_map(Material::doubt);
         for doubt in doubts.chain(implausible((high - low).amax())) {
             text.push_str(&format!("  note: {doubt}\n"));
         }

@@ -35,6 +35,9 @@ pub struct Args {
     /// Show no progress bars
     #[arg(short, long)]
     pub quiet: bool,
+    /// Measure although this program was compiled for tests, whose times mean nothing
+    #[arg(long, hide = true)]
+    pub test_build: bool,
 }
 
 const CSV: Kind = Kind {
@@ -64,6 +67,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             scale::LEAST
         )));
     }
+    machine::expect_full_speed(args.test_build).map_err(Failure::request)?;
     let request = Request { up_to: args.up_to, tolerance: args.tolerance, limit_s: args.limit };
     let (rows, left) = scale::measure(&request, &Bars::new("box", args.quiet));
     let mut text = format!("{}\n\n{}", machine::description(), scale::table(&rows).text());

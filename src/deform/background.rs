@@ -234,8 +234,8 @@ impl HeldVolume {
         let body =
             Hyperelastic::new(volume.element, law, mesh, &volume.lame).map_err(|error| error.to_string())?;
         let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
-        if partition.free.is_empty() || partition.controlled.is_empty() {
-            return Err("its nodes are all held, or none is: there is no equilibrium to find".into());
+        if partition.controlled.is_empty() {
+            return Err("no control element holds a node of it: there is no equilibrium to find".into());
         }
         let mean = |held: &Vec<u32>| {
             let sum: Vector3<f64> = held.iter().map(|&node| mesh.nodes[node as usize]).sum();

@@ -2,10 +2,9 @@
 
 use super::frames::PoseSlope;
 use super::pose::ControlPose;
-use crate::base::diagnostic::Severity;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{AFFINE, CUBIC, Family, Prepared, REDUCED};
+use crate::green::{AFFINE, CUBIC, Family, Fits, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::time::Duration;
 
@@ -84,9 +83,6 @@ pub struct ModelEntry {
     /// Whether a body's shape is one for it, where that can be told without solving.
     pub fits: Option<Fits>,
 }
-
-/// Judges a body that is not solved yet: an error that the model refuses it, or a warning that it may.
-pub type Fits = fn(&Prepared) -> Result<(), (Severity, String)>;
 
 impl ModelEntry {
     /// Whether the columns of control elements are summed as in the theory of small strain, in a frame that may turn along; a model

@@ -9,10 +9,11 @@ use super::family::{Assembled, FamilyEntry};
 use super::journal::Journal;
 use super::judge;
 use super::kept::{Keep, Kept};
-use super::prepare::Prepared;
+use super::prepare::{Fits, Prepared};
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
 use super::solution::{Precomputed, Solution, StepTimes};
+use crate::base::diagnostic::Severity;
 use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
@@ -29,14 +30,15 @@ pub fn precompute(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
-    precompute_kept(scene, name, requirements, None, progress)
+    precompute_kept(scene, name, requirements, None, None, progress)
 }
 
-/// [`precompute`] that keeps finished columns in a journal, and takes from it those that are there.
+/// [`precompute`] of a body that its model judges first; finished columns are kept in a journal and taken from there.
 pub fn precompute_kept(
     scene: &Scene,
     name: &str,
     requirements: &Requirements,
+    fits: Option<Fits>,
     journal: Option<&Journal<'_>>,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
@@ -44,6 +46,10 @@ pub fn precompute_kept(
     let fingerprint = super::fingerprint(scene, name, requirements)?;
     let keep = journal.map(|journal| Keep { journal, fingerprint: &fingerprint });
     let (prepared, mesh_s) = prepared(scene, name, progress)?;
+    if let Some(Err((Severity::Error, why))) = fits.map(|fits| fits(&prepared)) {
+        refuse(scene, &prepared.findings)?;
+        return Err(scene.invalid(&format!("body.{name}.model"), why).into());
+    }
     let mut solution = solve_kept(scene, name, prepared, requirements, keep, progress)?;
     solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
@@ -109,6 +115,19 @@ fn add_families(
     Ok(())
 }
 
+/// Refuses a body for which a family that it requires cannot be made.
+pub fn suits(
+    scene: &Scene,
+    name: &str,
+    prepared: &Prepared,
+    requirements: &Requirements,
+) -> Result<(), GreenError> {
+    let place = format!("{}: body.{name}", scene.path.display());
+    let required = FAMILIES.iter().filter(|entry| requirements.has(entry.family));
+    let mut judges = required.filter_map(|entry| entry.suits);
+    judges.try_for_each(|suits| suits(&place, &scene.body[name], prepared))
+}
+
 fn solve_kept(
     scene: &Scene,
     name: &str,
@@ -121,6 +140,7 @@ fn solve_kept(
     if body.method == scene::Method::Bem {
         return super::boundary::solve(scene, name, prepared, requirements, progress);
     }
+    suits(scene, name, &prepared, requirements)?;
     let place = format!("{}: body.{name}", scene.path.display());
     let started = Instant::now();
     let Prepared { mesh, controls, lame, findings: mut notices } = prepared;

@@ -11,8 +11,7 @@ use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::length_unit::implausible;
 use crate::mesh::walls::{ThinWalls, thin_walls};
 use crate::mesh::{TetMesh, quality};
-use crate::scene::materials::implausible_young;
-use crate::scene::{Body, Material, Scene};
+use crate::scene::{Body, Material, Method, Scene};
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
 
@@ -105,11 +104,12 @@ pub fn materials(
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
     for (key, material) in named.clone() {
-        if let Some(message) = implausible_young(material.young) {
-            findings.push(Diagnostic::new(Severity::Note, format!("{entity}.{key}"), message));
+        if let Some(message) = material.doubt() {
+            findings.push(Diagnostic::new(Severity::Warning, format!("{entity}.{key}"), message));
         }
     }
-    for (key, Material { poisson, .. }) in named.filter(|(_, material)| material.poisson > LOCKING) {
+    let locks = |material: &Material| body.method == Method::Fem && material.poisson > LOCKING;
+    for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks(material)) {
         let (severity, advice) = nearly_incompressible(body.element);
         let message = format!("Poisson's ratio {poisson} is nearly incompressible: {advice}");
         findings.push(Diagnostic::new(severity, format!("{entity}.{key}"), message));

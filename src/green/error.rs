@@ -24,8 +24,8 @@ pub enum GreenError {
     #[error("{body}: {source}")]
     Parts { body: String, source: BodyError },
     #[error(
-        "{body}: has {count} control elements, and model = \"{model}\" takes {allowed}: its tables grow with the fourth power \
-         of their number; write model = \"rotation\", or join elements that move together"
+        "{body}: has {count} control elements, but model \"{model}\" takes {allowed}. Write model = \"rotation\"{}",
+        if *count > 4 { ", or join elements that move together" } else { "" }
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]

@@ -2,6 +2,7 @@
 
 use super::error::GreenError;
 use super::file::{BodyMeta, GreenFile};
+use super::prepare::Prepared;
 use super::requirements::Family;
 use super::solution::{Precomputed, Solution};
 use super::tensor::Tensor;
@@ -31,11 +32,16 @@ pub struct Assembled<'a> {
 /// Makes the numbers of a family from what was solved, and leaves them in the solution.
 pub type Compute = fn(&Assembled<'_>, &mut Solution, &dyn Progress) -> Result<(), GreenError>;
 
+/// Judges a body by what is known before it is solved; `place` is `scene: body.name`, for errors.
+pub type Suits = fn(place: &str, body: &Body, prepared: &Prepared) -> Result<(), GreenError>;
+
 /// One entry of the list of families.
 pub struct FamilyEntry {
     pub family: Family,
     /// What its numbers are, in one line.
     pub holds: &'static str,
+    /// Refuses bodies that cannot have the family; `None` where every body can.
+    pub suits: Option<Suits>,
     /// `None` where its numbers are the solved fields themselves.
     pub compute: Option<Compute>,
     /// Whether it solves with A, whose factor is then kept until it is made.

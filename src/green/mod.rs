@@ -44,7 +44,7 @@ mod validate;
 mod write;
 
 pub use acting::acting;
-pub use basis::{precompute, precompute_kept, solve, solve_prepared};
+pub use basis::{precompute, precompute_kept, solve, solve_prepared, suits};
 pub use check::refuse;
 pub use column_names::{ColumnName, ColumnSource, column_names_of, is_numbered};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
@@ -65,7 +65,7 @@ pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
 pub use on_demand::Yield;
 pub use pack::{pack, packed, packed_path, unpack};
-pub use prepare::{Prepared, materials_of_tets, prepare, prepare_mesh, unjudged};
+pub use prepare::{Fits, Prepared, materials_of_tets, prepare, prepare_mesh, unjudged};
 pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};

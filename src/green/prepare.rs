@@ -19,6 +19,9 @@ pub struct Prepared {
     pub findings: Vec<Diagnostic>,
 }
 
+/// Judgement of a model about a body that is not solved yet: an error where it refuses the body, a warning where it may.
+pub type Fits = fn(&Prepared) -> Result<(), (Severity, String)>;
+
 /// Loads body `name` and judges it without solving. Errors where it cannot even be judged: no mesh, a selection that
 /// is empty, a region that is not there.
 pub fn prepare(scene: &Scene, name: &str) -> Result<Prepared, GreenError> {

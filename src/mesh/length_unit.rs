@@ -46,8 +46,8 @@ impl<'de> Deserialize<'de> for &'static LengthUnit {
     }
 }
 
-/// Longest sides of bodies that hands bend, m.
-pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
+/// Longest sides of bodies that hands bend, m: the upper one is the width of a CAVE.
+pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=3.0;
 
 /// The units but the metre in which a body of `extent` units would be plausible, the likeliest first: CAD and medical
 /// images are in millimetres.

@@ -4,12 +4,21 @@
 //! which everything else uses, and the library's entry that they started from.
 
 use super::limit::Limit;
-use super::materials::{Known, find_material};
+use super::materials::{Known, MATERIALS, find_material};
+use crate::base::quantity::quantity;
 use crate::fem::Lame;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
+
+/// Young's moduli that are softer than any tissue and look like gigapascals, as data sheets write them, Pa.
+const GIGAPASCALS: std::ops::RangeInclusive<f64> = 2.0..=500.0;
+/// Entries of the library above this modulus have moduli that are often written in MPa, Pa.
+const STIFF: f64 = 1e9;
+/// Nothing heavier than this, kg/m³, is softer than that, Pa.
+const HEAVY: f64 = 2000.0;
+const SOFT: f64 = 1e6;
 
 /// Permitted Young's moduli, Pa: from far below any jelly to far above diamond.
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
@@ -66,11 +75,47 @@ impl Material {
         Lame::from_young_poisson(self.young, self.poisson)
     }
 
+    /// Doubt about a modulus that was probably written in another unit than Pa.
+    pub fn doubt(&self) -> Option<String> {
+        let Material { known, young, poisson, density, .. } = *self;
+        let modulus = quantity(young, "Pa");
+        if GIGAPASCALS.contains(&young) {
+            return Some(format!(
+                "Young's modulus {modulus} is softer than any tissue. If {young} GPa is meant, write {young}e9"
+            ));
+        }
+        let is_like = |entry: &&Known| match known {
+            Some(known) => known == *entry,
+            None => entry.young > STIFF && (entry.poisson - poisson).abs() < 0.03,
+        };
+        let in_megapascals = |entry: &&Known| (1e6 * young / entry.young).ln().abs() < 0.2;
+        if let Some(entry) = MATERIALS.iter().filter(is_like).find(in_megapascals) {
+            return Some(format!(
+                "Young's modulus {modulus} is that of a soft rubber, and {} has {}. If {young} MPa is meant, write {:e}",
+                entry.name,
+                quantity(entry.young, "Pa"),
+                1e6 * young
+            ));
+        }
+        if let Some(known) = known.filter(|known| !(0.01..=100.0).contains(&(young / known.young))) {
+            return Some(format!(
+                "Young's modulus {modulus} is not that of {}, which has {}. Moduli are in Pa",
+                known.name,
+                quantity(known.young, "Pa")
+            ));
+        }
+        let density = density.filter(|density| *density > HEAVY && young < SOFT)?;
+        Some(format!(
+            "{density} kg/m³ is as heavy as stone or metal, but Young's modulus {modulus} is that of a soft rubber. Moduli \
+             are in Pa"
+        ))
+    }
+
     /// Errors name the key below the material and what is wrong with it.
     pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
         let Material { young, poisson, density, limit, .. } = *self;
         if !YOUNG.contains(&young) {
-            return Err(("", format!("Young's modulus {young} Pa must lie between 1e-12 and 1e24")));
+            return Err(("", format!("Young's modulus {young:e} Pa must lie between 1e-12 and 1e24")));
         }
         if poisson == 0.5 {
             let message = "Poisson's ratio 0.5 is exactly incompressible: λ is infinite and the displacement method cannot \
@@ -79,7 +124,7 @@ impl Material {
         }
         if !(poisson > -1.0 && poisson < 0.5) {
             let message =
-                format!("Poisson's ratio {poisson} is not physical; it must lie between -1 and 0.5");
+                format!("Poisson's ratio {poisson:e} is not physical; it must lie between -1 and 0.5");
             return Err(("", message));
         }
         if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
@@ -130,5 +175,53 @@ impl<'de> Deserialize<'de> for Written {
             }
         }
         deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn material(written: &str) -> Material {
+        toml::from_str(written).unwrap()
+    }
+
+    #[test]
+    fn a_modulus_in_another_unit_is_doubted() {
+        for written in [
+            "name = \"steel\"\nyoung = 210000.0",
+            "young = 210000.0\npoisson = 0.3",
+            "young = 7.0e4\npoisson = 0.33\ndensity = 2700.0",
+            "name = \"liver\"\nyoung = 5.5",
+            "name = \"rubber\"\nyoung = 2.0e9",
+            "young = 210.0\npoisson = 0.3",
+            "young = 5.0e4\npoisson = 0.4\ndensity = 8900.0",
+        ] {
+            let said = material(written).doubt().unwrap_or_else(|| panic!("{written} passes"));
+            assert!(said.len() < 160, "{said}");
+        }
+        let steel = material("name = \"steel\"\nyoung = 210000.0").doubt().unwrap();
+        assert!(steel.contains("210 kPa") && steel.ends_with("write 2.1e11"), "{steel}");
+    }
+
+    #[test]
+    fn plausible_moduli_pass() {
+        for known in MATERIALS {
+            assert_eq!(Material::from(known).doubt(), None, "{}", known.name);
+        }
+        for written in [
+            "young = 1.0e6\npoisson = 0.3",
+            "name = \"steel\"\nyoung = 193.0e9",
+            "young = 2.5e4\npoisson = 0.49\ndensity = 1100.0",
+            "young = 600.0\npoisson = 0.3",
+        ] {
+            assert_eq!(material(written).doubt(), None, "{written}");
+        }
+    }
+
+    #[test]
+    fn a_modulus_beyond_all_is_not_printed_in_300_digits() {
+        let (_, said) = material("young = 1.0e300\npoisson = 0.3").check().unwrap_err();
+        assert!(said.len() < 100 && said.contains("1e300"), "{said}");
     }
 }

@@ -111,16 +111,6 @@ pub fn find_material(name: &str) -> Result<&'static Known, String> {
     found.ok_or_else(|| unknown_name("material", name, MATERIALS.iter().map(|known| known.name)))
 }
 
-/// Young's moduli that are softer than any tissue and look like gigapascals, as data sheets write them.
-const GIGAPASCALS: std::ops::RangeInclusive<f64> = 2.0..=500.0;
-
-/// What to think of a modulus that is likely to have been written in another unit.
-pub fn implausible_young(young: f64) -> Option<String> {
-    GIGAPASCALS.contains(&young).then(|| {
-        format!("Young's modulus {young} Pa is softer than any tissue: did you mean {young}e9 (GPa)? Steel has 210e9 Pa")
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,6 +14,7 @@ pub mod frame;
 pub mod hand;
 pub mod highlight;
 pub mod measure;
+pub mod overlap;
 pub mod place;
 pub mod ruler;
 pub mod state_hash;

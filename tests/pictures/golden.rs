@@ -1,7 +1,7 @@
 //! Pictures of every stage against those that people looked at, and what pictures must have in common: parallax of
 //! the right sign, and a tube that passes from the table to the wall without a break.
 //!
-//! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden` writes tests/golden/*.png anew; look at them then.
+//! `GREENSTAGE_BLESS=1 cargo test --profile quick --test pictures golden` writes tests/golden/*.png anew; look at them then.
 
 use crate::common::{coarse_demo, folder, greenstage};
 use crate::render_common::require_gpu;

@@ -1,7 +1,7 @@
 //! Hands against a picture that people looked at: a held element with its ray bent and the arrow of its force, and one
 //! that another hand points at.
 //!
-//! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_hands` writes tests/golden/hands.png anew; look at it then.
+//! `GREENSTAGE_BLESS=1 cargo test --profile quick --test pictures golden_hands` writes tests/golden/hands.png anew; look at it then.
 
 use crate::common::{coarse_demo, folder, greenstage};
 use crate::golden::{golden_picture, likeness};

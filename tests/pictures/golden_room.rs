@@ -1,6 +1,6 @@
 //! Pictures for lab engineers against those that people looked at: rooms from outside, and the test pattern.
 //!
-//! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_room` writes tests/golden/room-*.png and pattern-*.png anew;
+//! `GREENSTAGE_BLESS=1 cargo test --profile quick --test pictures golden_room` writes tests/golden/room-*.png and pattern-*.png anew;
 //! look at them then.
 
 use crate::common::{folder, greenstage};

@@ -1,6 +1,6 @@
 //! Every kind of stereo against pictures that people looked at, as `greenstage render --stereo KIND` makes them.
 //!
-//! `GREENSTAGE_BLESS=1 cargo test --release --test pictures golden_stereo` writes tests/golden/stereo/*.png anew; look at them then.
+//! `GREENSTAGE_BLESS=1 cargo test --profile quick --test pictures golden_stereo` writes tests/golden/stereo/*.png anew; look at them then.
 
 use crate::common::{coarse_demo, folder, greenstage};
 use crate::golden::{golden_picture, likeness};

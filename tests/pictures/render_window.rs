@@ -1,5 +1,5 @@
 //! Windows of one process. A process has one event loop, so the test that opens them runs in a process of its own,
-//! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --release --test
+//! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --profile quick --test
 //! pictures -- --ignored render_window
 
 use crate::display_common::Display;

@@ -2,8 +2,10 @@
 
 use crate::render_common;
 
+use greenstage::base::machine::IS_TEST_BUILD;
 use render_common::require_gpu;
 use serde_json::Value;
+use std::path::Path;
 use std::process::Command;
 
 #[test]
@@ -12,7 +14,7 @@ fn sizes_are_told_as_json_by_where_the_body_deforms() {
         return;
     }
     let asked = ["bench", "--sizes", "300,3000", "--stage", "desktop", "--frames", "1", "--storage", "int16"];
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(asked).arg("--json").output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(asked).args(["--json", "--test-build"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(
@@ -32,5 +34,22 @@ fn sizes_are_told_as_json_by_where_the_body_deforms() {
         // Of one frame, so the medians add up.
         assert!((number("frame_s") - sum).abs() < 1e-9 * sum + 1e-12, "{row}");
         assert!((number("frames_per_s") * number("frame_s") - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_test_build_measures_nothing() {
+    let program = env!("CARGO_BIN_EXE_greenstage");
+    let is_in_release = Path::new(program).parent().unwrap().ends_with("release");
+    assert_eq!(IS_TEST_BUILD, !is_in_release, "{program}: README calls target/release/greenstage the program");
+    if is_in_release {
+        return;
+    }
+    for command in [&["bench", "--sizes", "300"][..], &["scale", "--up-to", "1000"], &["bench", "tube"]] {
+        let output = Command::new(program).args(command).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");
+        assert!(said.contains("target/release/greenstage"), "{command:?}: {said}");
+        assert!(output.stdout.is_empty(), "{command:?}: {}", String::from_utf8_lossy(&output.stdout));
     }
 }

@@ -65,7 +65,10 @@ impl Middle {
         middle.find_parts(&rays);
         let width = middle.plane.size.y;
         let (thickness, [along, across]) = (middle.thickness, cells);
-        if thickness.is_nan() || thickness > THIN * width {
+        if thickness.is_nan() {
+            return Err("no line across its thinnest direction meets it between the control elements".into());
+        }
+        if thickness > THIN * width {
             return Err(format!(
                 "it is {thickness:.3e} m thick and {width:.3e} m wide, 1 : {:.1}; a plate is 1 : {:.0} at least",
                 width / thickness,

@@ -19,6 +19,7 @@ pub const AFFINE: Family = Family { name: "affine", from: &[] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: AFFINE,
     holds: "displacements of the surface for the twelve unit affine motions of each control element",
+    suits: None,
     compute: None,
     solves: false,
     write,

@@ -36,6 +36,7 @@ pub const COMPLIANCE: Family = Family { name: "compliance", from: &[AFFINE] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: COMPLIANCE,
     holds: "how the surface yields to forces at its single nodes: a part of the inverse of K",
+    suits: None,
     compute: Some(compute),
     solves: true,
     write,

@@ -33,6 +33,7 @@ pub const COMPRESSED: Family = Family { name: "compressed", from: &[AFFINE] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: COMPRESSED,
     holds: "how the surface yields to forces at its single nodes, compressed within an error",
+    suits: None,
     compute: Some(compute),
     solves: true,
     write,

@@ -20,6 +20,7 @@ pub const CUBIC: Family = Family { name: "cubic", from: &[AFFINE] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: CUBIC,
     holds: "the cubic part of the strain energy of the affine fields, for forces at large rotations",
+    suits: None,
     compute: Some(compute),
     solves: false,
     write: |body, _| table::write(body, CUBIC.name),

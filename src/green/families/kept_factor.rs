@@ -31,6 +31,7 @@ pub const KEPT_FACTOR: Family = Family { name: "kept_factor", from: &[AFFINE] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: KEPT_FACTOR,
     holds: "how the surface yields to forces at its single nodes: the factor that tells it",
+    suits: None,
     compute: Some(compute),
     solves: true,
     write,

@@ -44,6 +44,7 @@ pub const TORQUES: &str = "loads/torques";
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: LOADS,
     holds: "displacements of the surface for gravity, other body loads and force patterns, and their reactions",
+    suits: None,
     compute: Some(compute),
     solves: true,
     write,

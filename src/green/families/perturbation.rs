@@ -15,6 +15,7 @@
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
+use super::super::prepare::Prepared;
 use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::dense_fields::{add, products};
@@ -22,6 +23,7 @@ use super::reduced::{FIELDS_TABLE, REDUCED};
 use super::screw_paths::{Path, bend, lifted_order, paths};
 use super::table;
 use crate::fem::{NodeFields, RestPoints};
+use crate::scene::Body;
 use crate::solve::{Progress, Silent};
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -34,6 +36,7 @@ pub const RADIUS: &str = "perturbation/radius";
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: PERTURBATION,
     holds: "the equilibrium as a power series in the relative motion, and its radius of convergence",
+    suits: Some(suits),
     compute: Some(compute),
     solves: true,
     write: |body, _| [table::write(body, SERIES), table::write(body, RADIUS)].concat(),
@@ -57,16 +60,19 @@ const LAST_ORDER: usize = 9;
 /// The radius is that of the line through the orders from here on.
 const FIRST_ORDER: usize = 4;
 
+fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
+    let count = prepared.controls.len();
+    if count == 2 {
+        return Ok(());
+    }
+    Err(GreenError::ControlCount { body: place.to_owned(), model: "perturbation", count, allowed: "2" })
+}
+
 fn compute(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let elements = solution.controls.len();
-    if elements != 2 {
-        let (body, model) = (assembled.place.to_owned(), "perturbation");
-        return Err(GreenError::ControlCount { body, model, count: elements, allowed: "2" });
-    }
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let fields = solution.tables.get(FIELDS_TABLE).filter(|fields| fields.ncols() > 0).cloned();
     let Some(fields) = fields else {

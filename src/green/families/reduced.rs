@@ -11,6 +11,7 @@ use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
 use super::super::lift::Lift;
+use super::super::prepare::Prepared;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::super::tensor::Tensor;
@@ -21,6 +22,7 @@ use super::screw_paths::{bend, lifted_order, paths};
 use super::table;
 use crate::base::columns::ColumnGroup;
 use crate::fem::{NodeFields, QuarticShape, RestPoints};
+use crate::scene::Body;
 use crate::solve::Progress;
 use nalgebra::DMatrix;
 
@@ -38,6 +40,7 @@ fn names() -> Names {
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: REDUCED,
     holds: "fields of second and third order, and the strain energy as a quartic in all fields",
+    suits: Some(suits),
     compute: Some(compute),
     solves: true,
     write,
@@ -67,6 +70,14 @@ fn most_fields(control_elements: usize) -> usize {
 const SECOND_ORDER_PART: f64 = 0.65;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
+fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
+    let count = prepared.controls.len();
+    if count <= MOST_ELEMENTS {
+        return Ok(());
+    }
+    Err(GreenError::ControlCount { body: place.to_owned(), model: "reduced", count, allowed: "1 to 4" })
+}
+
 fn compute(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
@@ -74,10 +85,6 @@ fn compute(
 ) -> Result<(), GreenError> {
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
-    if elements > MOST_ELEMENTS {
-        let (body, model) = (assembled.place.to_owned(), "reduced");
-        return Err(GreenError::ControlCount { body, model, count: elements, allowed: "1 to 4" });
-    }
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let basis = basis(assembled, solution, &points, progress)?;
 

@@ -20,6 +20,7 @@ pub const STIFFNESS: Family = Family { name: "stiffness", from: &[AFFINE] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: STIFFNESS,
     holds: "the 12E × 12E handle stiffness S: forces and moments on the control elements",
+    suits: None,
     compute: Some(compute),
     solves: false,
     write,

@@ -6,12 +6,14 @@
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
+use super::super::prepare::Prepared;
 use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::super::substructure::{self, Body, StoredParts, TABLES};
 use super::affine::AFFINE;
 use super::table;
 use crate::mesh::quality;
+use crate::scene;
 use crate::solve::Progress;
 
 pub const SUBSTRUCTURES: Family = Family { name: "substructures", from: &[AFFINE] };
@@ -19,6 +21,7 @@ pub const SUBSTRUCTURES: Family = Family { name: "substructures", from: &[AFFINE
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: SUBSTRUCTURES,
     holds: "the body's parts: their ends, strain energies to fourth order and displacements to second",
+    suits: Some(suits),
     compute: Some(compute),
     solves: false,
     write: |body, _| TABLES.iter().flat_map(|name| table::write(body, name)).collect(),
@@ -27,6 +30,11 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     // Eight parts in a row: six inside with 6 coordinates, the two at the ends with 12.
     fixed_bytes: |_| 8 * (6 * (36 + 6 * 21 + 21 * 21) + 2 * (144 + 12 * 78 + 21 * 21)),
 };
+
+fn suits(place: &str, body: &scene::Body, _: &Prepared) -> Result<(), GreenError> {
+    let failed = |source| GreenError::Parts { body: place.to_owned(), source };
+    substructure::suits(body.element).map_err(failed)
+}
 
 fn compute(
     assembled: &Assembled<'_>,
@@ -37,7 +45,6 @@ fn compute(
     let Solution { element, mesh, surface, controls, .. } = &*solution;
     let failed = |source| GreenError::Parts { body: place.clone(), source };
     let unsolved = |source| GreenError::Solve { body: place.clone(), source };
-    substructure::suits(element).map_err(failed)?;
     let parts = settings.parts.unwrap_or_default();
     let cut = substructure::cut(mesh, controls, parts, &settings.solver, progress).map_err(unsolved)?;
     let lame = assembled.lame;

@@ -29,6 +29,7 @@ pub const UPDATES: Family = Family { name: "updates", from: &[AFFINE, STIFFNESS]
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: UPDATES,
     holds: "fields and reactions by which control elements are released and moduli changed while the body is shown",
+    suits: None,
     compute: Some(compute),
     solves: true,
     write: |body, _| TABLES.iter().flat_map(|name| table::write(body, name)).collect(),

@@ -21,6 +21,7 @@ pub const VOLUME: Family = Family { name: "volume", from: &[] };
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: VOLUME,
     holds: "the mesh with its materials, for models that find static equilibrium while the body is moved",
+    suits: None,
     compute: Some(compute),
     solves: false,
     write,

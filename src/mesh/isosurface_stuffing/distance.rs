@@ -32,6 +32,7 @@ impl<'a> Depth<'a> {
         Ok(Depth { surface, tree, centre, size })
     }
 
+    /// How far the point is below the surface, m; negative outside.
     pub fn at(&self, point: &Vector3<f64>) -> f64 {
         let scaled = unit((point - self.centre) / self.size);
         let (nearest, (triangle, location)) = self.tree.project_local_point_and_get_location(scaled, false);

@@ -5,7 +5,7 @@
 //! are too coarse for.
 
 pub mod core;
-mod distance;
+pub mod distance;
 pub mod lattice;
 mod sides;
 mod stencil;
