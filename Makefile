@@ -34,6 +34,7 @@ manual:
 # A Debian package, into target/debian; cargo-deb is installed into target/tools where it is missing.
 deb: man
 	@command -v cargo-deb > /dev/null || test -x target/tools/bin/cargo-deb || cargo install cargo-deb --version 2.12.1 --locked --root target/tools
+	sh scripts/notices.sh target/package/third-party.txt
 	PATH="$$PWD/target/tools/bin:$$PATH" cargo deb --no-build
 
 # The program for this user, into ~/.cargo/bin; it needs no other file.

@@ -20,6 +20,7 @@ step() { # name, command…
 }
 times=""
 step format cargo fmt --check
+step crates sh scripts/crates.sh
 step lints cargo clippy --profile quick --locked --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" step documentation cargo doc --profile quick --locked --no-deps --document-private-items
 step build cargo test --profile quick --locked --no-run

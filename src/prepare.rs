@@ -385,8 +385,7 @@ fn changed_base(
             None => {
                 let body = &scene.body[*name];
                 let fits = find_model(&body.model).ok().and_then(|model| model.fits);
-                let mut precomputed =
-                    green::precompute_kept(scene, name, required, fits, None, progress)?;
+                let mut precomputed = green::precompute_kept(scene, name, required, fits, None, progress)?;
                 effect::add_sections(scene, effects(body), &mut precomputed, progress)?;
                 for notice in &precomputed.solution.notices {
                     notice!("{notice}");

@@ -251,7 +251,9 @@ pub const IS_TEST_BUILD: bool = cfg!(debug_assertions);
 
 /// Refusal to measure times with a test build.
 #[derive(Debug, thiserror::Error)]
-#[error("this program was compiled for tests and runs several times slower. Measure with target/release/greenstage (`make demo` builds it)")]
+#[error(
+    "this program was compiled for tests and runs several times slower. Measure with target/release/greenstage (`make demo` builds it)"
+)]
 pub struct TestBuild;
 
 /// Returns an error in a test build, unless `anyway`.

@@ -6,7 +6,7 @@ use crate::base::failure::Failure;
 use crate::base::output;
 use crate::base::output::Kind;
 use crate::deform::find_model;
-use crate::effect::{find_effect, haptics, stress};
+use crate::effect::find_effect;
 use crate::mesh::formats::files_of;
 use crate::scene::proposal::pull::{self, length, poses_path};
 use crate::scene::proposal::{Proposal, Wishes};
@@ -52,8 +52,8 @@ pub struct Args {
     /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress); `greenstage manual scene` lists them
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
     pub effects: Vec<String>,
-    /// How much force does this take? Lists the effects haptics and stress, and writes poses that pull and push each control
-    /// element that can be grabbed by so much, such as 5mm, for `greenstage deform`
+    /// How much force does this take? Takes the element, model and effects that are made for forces, and writes poses that pull
+    /// and push each control element that can be grabbed by so much, such as 5mm, for `greenstage deform`
     #[arg(long, value_name = "LENGTH", value_parser = super::parsers::length)]
     pub pull: Option<f64>,
     /// Where it is shown: a built-in stage or a stage file
@@ -67,8 +67,6 @@ pub struct Args {
     pub force: bool,
 }
 
-/// The effects that answer how much force something takes.
-const ANSWER: [&str; 2] = [haptics::live::ENTRY.name, stress::NAME];
 const POSES: Kind =
     Kind { name: "a pose file", recognizes: |head| head.windows(8).any(|window| window == b"[[pose]]") };
 
@@ -95,11 +93,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         output::try_path(poses, &POSES, &files_of(&args.mesh))?;
     }
-    let mut effects = args.effects.clone();
-    let asked = ANSWER.iter().filter(|_| args.pull.is_some()).map(|name| (*name).to_owned());
-    effects.extend(asked.filter(|name| !args.effects.contains(name)));
     let wishes = Wishes {
-        effects,
+        effects: args.effects.clone(),
+        pull_m: args.pull,
         scale: args.scale,
         model: args.model.clone(),
         stage: args.stage.clone(),
@@ -158,4 +154,17 @@ fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
     ];
     let next: String = next.iter().map(|(command, what)| format!("  {command}\n      {what}\n")).collect();
     format!("{named}: written\n{reasons}{warnings}\nNext:\n{next}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::proposal::choice::{ERRORS, FORCES};
+
+    #[test]
+    fn the_effects_that_a_pull_lists_are_there() {
+        for name in FORCES.into_iter().chain([ERRORS]) {
+            assert_eq!(effect(name).as_deref(), Ok(name));
+        }
+    }
 }

@@ -64,8 +64,8 @@ pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
 pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput,
-    PointResult, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, PointResult,
+    Response, StateAge,
 };
 pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;

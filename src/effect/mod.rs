@@ -19,6 +19,7 @@ pub use entry::{EffectEntry, Listed, Precompute};
 pub use running::RunningEffect;
 
 use crate::base::failure::Failure;
+use crate::config;
 use crate::deform::ModelEntry;
 use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
 use crate::scene::{Body, Scene};
@@ -37,11 +38,26 @@ pub const EFFECTS: &[EffectEntry] = &[
 
 /// The effect called `name`, or what there is instead.
 pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
-    EFFECTS
-        .iter()
-        .find(|entry| entry.name == name)
-        .ok_or_else(|| crate::config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name)))
+    let found = EFFECTS.iter().find(|entry| entry.name == name);
+    found.ok_or_else(|| {
+        let absent = ABSENT.iter().find(|(names, _)| names.contains(&name));
+        if let Some((_, fact)) = absent {
+            return format!("there is no effect \"{name}\": {fact}");
+        }
+        if config::keys::<Body>().iter().any(|key| key == name) {
+            return format!("\"{name}\" is no effect but a key: write {name} = … below [body.NAME]");
+        }
+        config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name))
+    })
 }
+
+/// Effects that people look for by these names and that the program does not have, with what it does instead.
+const ABSENT: &[(&[&str], &str)] = &[
+    (&["contact", "collision"], "bodies pass through each other and through tools"),
+    (&["dynamics", "inertia", "vibration", "modes"], "bodies follow the hands without inertia"),
+    (&["cut", "cutting"], "bodies cannot be cut"),
+    (&["sound", "audio"], "bodies are silent"),
+];
 
 /// What must be precomputed for a body of this model with these effects.
 pub fn requirements<'a>(

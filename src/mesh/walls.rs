@@ -1,9 +1,15 @@
 //! How thick a body is under its triangles.
 //!
-//! In: a [`TetMesh`] without tetrahedra. Out: the walls that are thinner than the edges of the triangles on them.
+//! In: a [`TetMesh`] without tetrahedra, or a closed [`TriangleSurface`]. Out: the walls that are thinner than the edges of the
+//! triangles on them; the thickness of the thinnest walls.
 
+use super::quality::bounding_box;
+use super::surface_files::TriangleSurface;
 use super::tet_mesh::TetMesh;
+use glamx::Vec3;
 use nalgebra::Vector3;
+use parry3d::query::{Ray, RayCast};
+use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
 /// Walls thinner than the edges on them.
@@ -79,10 +85,61 @@ pub fn thin_walls(mesh: &TetMesh, times: f64) -> Option<ThinWalls> {
     Some(ThinWalls { share: own / all, edge: facet.longest, thickness: *thickness })
 }
 
+/// Places on the surface where its thickness is measured.
+const PLACES: usize = 2000;
+
+/// Thickness, m, that a closed surface falls below under `share` of its area: measured straight inward to the other side, from
+/// places spread evenly over the area. `None` where nothing is met.
+pub fn wall_thickness(surface: &TriangleSurface, share: f64) -> Option<f64> {
+    let (low, high) = bounding_box(&surface.vertices);
+    let (centre, size) = ((low + high) / 2.0, (high - low).amax());
+    let unit = |v: &Vector3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
+    let at = |x: &Vector3<f64>| (x - centre) / size;
+    let corners = surface.vertices.iter().map(|x| unit(&at(x))).collect();
+    let tree = TriMesh::new(corners, surface.triangles.clone()).ok()?;
+    let across = |[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|&node| surface.vertices[node as usize]);
+        (b - a).cross(&(c - a))
+    };
+    let areas: Vec<f64> = surface.triangles.iter().map(|triangle| across(triangle).norm()).collect();
+    let step = areas.iter().sum::<f64>() / PLACES as f64;
+    let (mut triangle, mut below) = (0, 0.0);
+    let mut found = Vec::with_capacity(PLACES);
+    for place in 0..PLACES {
+        while triangle + 1 < areas.len() && below + areas[triangle] < (place as f64 + 0.5) * step {
+            below += areas[triangle];
+            triangle += 1;
+        }
+        // Roberts' sequence spreads the places over the triangle.
+        let [mut u, mut v] =
+            [0.754_877_666_246_693, 0.569_840_290_998_053].map(|r| (r * place as f64).fract());
+        if u + v > 1.0 {
+            (u, v) = (1.0 - u, 1.0 - v);
+        }
+        let [a, b, c] = surface.triangles[triangle].map(|node| at(&surface.vertices[node as usize]));
+        let Some(inward) = (-across(&surface.triangles[triangle])).try_normalize(0.0) else { continue };
+        // Off the triangle itself by more than f32 rounds.
+        let from = a + (b - a) * u + (c - a) * v + inward * 1e-5;
+        let ray = Ray::new(unit(&from), unit(&inward));
+        found.extend(tree.cast_local_ray(&ray, f32::MAX, false).map(|way| f64::from(way) * size));
+    }
+    found.sort_by(f64::total_cmp);
+    found.get((share * found.len() as f64) as usize).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Block, block, surface_body};
+    use crate::mesh::{Block, Surface, block, surface_body};
+
+    #[test]
+    fn the_thinnest_wall_of_a_block_is_its_shortest_side() {
+        let mesh = block(&Block { size: [80.0, 40.0, 6.0], cells: [3, 2, 1] }).unwrap();
+        let Surface { triangles, nodes } = Surface::of(&mesh);
+        let vertices = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
+        let found = wall_thickness(&TriangleSurface { vertices, triangles }, 0.05).unwrap();
+        assert!((found - 6.0).abs() < 0.01, "{found}");
+    }
 
     #[test]
     fn a_plates_thickness_is_found_under_its_large_triangles() {

@@ -20,7 +20,26 @@ fn wrong<T>(key: &str, message: impl Into<String>) -> Result<T, Wrong> {
     Err((key.to_owned(), message.into()))
 }
 
+/// Keys of a body that its `accuracy` or `budget` chooses.
+const CHOSEN: [&str; 5] = ["element", "refine", "storage", "solver", "model"];
+
 impl Scene {
+    /// Keys that the scene's text writes although the body's `accuracy` or `budget` chooses them: defaults, which the parsed
+    /// scene does not tell from what is left out.
+    pub(super) fn chosen_and_written(&self, text: &str) -> Vec<SceneError> {
+        let table = text.parse::<toml::Table>().unwrap_or_default();
+        let body = |name: &String| table.get("body")?.get(name)?.as_table();
+        let fault = |(name, known): (&String, &Body)| {
+            let key = known.accuracy_target()?.key();
+            let body = body(name)?;
+            let written: Vec<&str> = CHOSEN.into_iter().filter(|key| body.contains_key(*key)).collect();
+            let (are, them) = if written.len() > 1 { ("are", "them") } else { ("is", "it") };
+            let message = format!("{} {are} chosen by it: leave {them} out", written.join(", "));
+            (!written.is_empty()).then(|| self.invalid(&format!("body.{name}.{key}"), message))
+        };
+        self.body.iter().filter_map(fault).collect()
+    }
+
     pub(super) fn check(&self) -> Result<(), SceneError> {
         self.faults().into_iter().next().map_or(Ok(()), Err)
     }
@@ -155,7 +174,7 @@ impl Body {
         if is_free {
             return Ok(());
         }
-        wrong(&key, "element, refine, storage, solver and model are chosen by it: leave them out")
+        wrong(&key, format!("{} are chosen by it: leave them out", CHOSEN.join(", ")))
     }
 
     fn check_any_control(&self) -> Result<(), Wrong> {

@@ -252,7 +252,8 @@ impl Scene {
                      --stage` and its path";
         config::refuse_other(text, path, "body", ["screen", "viewer"], stage)?;
         let scene: Scene = config::parse(text, path).map_err(of_a_body)?;
-        scene.begin(path)
+        let scene = scene.begin(path)?;
+        scene.chosen_and_written(text).into_iter().next().map_or(Ok(scene), Err)
     }
 
     fn begin(mut self, path: &Path) -> Result<Scene, SceneError> {

@@ -72,6 +72,13 @@ impl Scene {
         let is_own =
             |fault: &SceneError| !matches!(fault, SceneError::Invalid { entity, .. } if has_lost(entity));
         faults.extend(scene.faults().into_iter().filter(is_own));
+        let entity = |fault: &SceneError| match fault {
+            SceneError::Invalid { entity, .. } => Some(entity.clone()),
+            _ => None,
+        };
+        let known: Vec<_> = faults.iter().filter_map(entity).collect();
+        let is_new = |fault: &SceneError| entity(fault).is_none_or(|entity| !known.contains(&entity));
+        faults.extend(scene.chosen_and_written(&text).into_iter().filter(is_new));
         let states = scene.body.keys().map(|name| state(name, &taken, &faults)).collect();
         scene.body.values_mut().for_each(Body::begin_updates);
         Ok(Survey { scene: Some(scene), faults, states })

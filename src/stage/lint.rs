@@ -36,7 +36,7 @@ const GRAZING: f64 = 0.087;
 
 /// All findings about `stage` except for those of the loader. Windows are checked if `monitors` are known.
 pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
-    let mut found = Vec::new();
+    let mut found: Vec<Diagnostic> = upright::lint(stage).into_iter().collect();
     for screen in &stage.screens {
         screens(stage, screen, &mut found);
     }
@@ -407,6 +407,7 @@ fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]
 
 mod tracking;
 mod turned;
+mod upright;
 
 #[cfg(test)]
 mod tests;

@@ -14,7 +14,11 @@ fn sizes_are_told_as_json_by_where_the_body_deforms() {
         return;
     }
     let asked = ["bench", "--sizes", "300,3000", "--stage", "desktop", "--frames", "1", "--storage", "int16"];
-    let output = Command::new(env!("CARGO_BIN_EXE_greenstage")).args(asked).args(["--json", "--test-build"]).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_greenstage"))
+        .args(asked)
+        .args(["--json", "--test-build"])
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(
@@ -41,7 +45,10 @@ fn sizes_are_told_as_json_by_where_the_body_deforms() {
 fn a_test_build_measures_nothing() {
     let program = env!("CARGO_BIN_EXE_greenstage");
     let is_in_release = Path::new(program).parent().unwrap().ends_with("release");
-    assert_eq!(IS_TEST_BUILD, !is_in_release, "{program}: README calls target/release/greenstage the program");
+    assert_eq!(
+        IS_TEST_BUILD, !is_in_release,
+        "{program}: README calls target/release/greenstage the program"
+    );
     if is_in_release {
         return;
     }

@@ -3,6 +3,7 @@
 
 mod architecture;
 mod bench;
+mod check_agrees;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;

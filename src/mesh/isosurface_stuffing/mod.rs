@@ -68,9 +68,11 @@ pub fn tetrahedralise(
         .collect();
     notices.extend(sides::agree(&lattice, &mut values)?);
     let mut mesh = fill(&lattice, &values, |at| depth.at(at));
-    let hint = format!("take a smaller cell, such as {:.1e}", cell / 3.0);
     if mesh.tets.is_empty() {
-        return Err(format!("no tetrahedron of cell {cell} m fits inside: {hint}"));
+        return Err(format!(
+            "its walls are thinner than the cells of {cell} m. Take cell = {:.1e}",
+            cell / 3.0
+        ));
     }
     let pieces = drop_crumbs(&mut mesh, notices);
     told(surface, report, &mesh, cell, pieces, notices);

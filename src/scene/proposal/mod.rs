@@ -3,6 +3,7 @@
 //! In: the file, where the scene is to stand, and [`Wishes`]. Out: a [`Proposal`]: the scene, the comments with which it is
 //! written, and what was guessed in words; or the question which unit the file is in ([`UnitDoubt`]).
 
+pub mod choice;
 mod doubt;
 mod ends;
 mod filling;
@@ -17,11 +18,11 @@ pub use wishes::Wishes;
 use super::materials::{MATERIALS, find_material};
 use super::write::{self, Comments};
 use super::{Body, Material, Scene, SceneError, Tetrahedralise};
-use crate::fem::{TET4, TET4_ANP};
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::Scale;
 use crate::mesh::{self, Loaded, TetMesh, quality, surface_files};
 use doubt::plausible;
+use filling::Filled;
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 use telling::Telling;
@@ -39,10 +40,6 @@ pub struct Proposal {
     pub mesh: TetMesh,
 }
 
-/// Length over mean thickness from which a body is slender.
-const SLENDER: f64 = 6.0;
-/// Poisson's ratio above which linear tetrahedra are too stiff.
-const INCOMPRESSIBLE: f64 = 0.45;
 /// What a body is made of where neither the user nor the file's name says so.
 pub const USUAL_MATERIAL: &str = "rubber";
 
@@ -52,9 +49,9 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     let name = body_name(file);
     let key = |key: &str| format!("body.{name}.{key}");
     let asked = wishes.asked_scale();
-    let (loaded, tetrahedralise) = if surface_files::is_surface_file(file) {
-        let filled = filling::fill(file, wishes)?;
-        (filled.loaded, Some(Tetrahedralise { cell: filled.cell }))
+    let (loaded, filling) = if surface_files::is_surface_file(file) {
+        let Filled { loaded, cell, wall } = filling::fill(file, wishes)?;
+        (loaded, Some((Tetrahedralise { cell }, wall)))
     } else {
         let loaded = mesh::load(file)?;
         plausible(file, pull::extent(&loaded.mesh), asked)?;
@@ -62,26 +59,21 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     };
     let Loaded { mesh, notices } = loaded;
     telling.warnings.extend(notices);
-    size(&mut telling, &key, &mesh, wishes, tetrahedralise);
+    size(&mut telling, &key, &mesh, wishes, filling);
     let material = material(&mut telling, &key, file, wishes)?;
-    let element = if material.poisson > INCOMPRESSIBLE { &TET4_ANP } else { &TET4 };
-    if element == &TET4_ANP {
-        telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
-    }
-    let model = model(&mut telling, &key, &mesh, element == &TET4, wishes);
-    effects(&mut telling, &key, wishes);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
+    let choice = choice::choose(&mut telling, &key, &mesh, &material, control.len(), wishes);
     let body = Body {
         method: Default::default(),
         longest_edge: None,
         mesh: Some(relative(file, scene_path)),
         unit: wishes.unit,
         scale: wishes.scale,
-        tetrahedralise,
-        element,
+        tetrahedralise: filling.map(|(filling, _)| filling),
+        element: choice.element,
         material,
-        model,
-        effects: wishes.effects.clone(),
+        model: choice.model,
+        effects: choice.effects,
         control,
         ..least_body()?
     };
@@ -145,7 +137,7 @@ fn size(
     key: &impl Fn(&str) -> String,
     mesh: &TetMesh,
     wishes: &Wishes,
-    tetrahedralise: Option<Tetrahedralise>,
+    filling: Option<(Tetrahedralise, Option<f64>)>,
 ) {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let sides: Vec<String> = (high - low).iter().map(|side| digits(*side)).collect();
@@ -166,16 +158,27 @@ fn size(
     };
     let (nodes, tets) = (mesh.nodes.len(), mesh.tets.len());
     telling.reason(format!("size: {sides}; {unit}"));
-    match tetrahedralise {
-        Some(Tetrahedralise { cell }) => {
+    match filling {
+        Some((Tetrahedralise { cell }, wall)) => {
             let comment = format!(
                 "m; fills the surface with {tets} tetrahedra, {nodes} nodes; half of it makes eight times as many"
             );
             telling.comment(&key("tetrahedralise"), &comment);
+            let walls = wall.map_or(String::new(), |wall| {
+                format!(", {:.1} through the thinnest walls ({} m)", wall / cell, digits(wall))
+            });
             telling.reason(format!(
-                "filling: the file is a surface; cells of {cell} m fill it with {tets} tetrahedra and {nodes} nodes, which \
-                 are solved in seconds"
+                "filling: the file is a surface; cells of {cell} m{walls} make {tets} tetrahedra and {nodes} nodes"
             ));
+            if let Some(wall) = wall.filter(|wall| *wall < 1.5 * cell) {
+                telling.warnings.push(format!(
+                    "the thinnest walls are {} m thick and the cells {cell} m: such walls come out too stiff or torn. --cell \
+                     {:.1e} resolves them, with about {:.0} nodes",
+                    digits(wall),
+                    wall / 2.0,
+                    nodes as f64 * (2.0 * cell / wall).powi(3)
+                ));
+            }
         }
         None => telling.reason(format!("mesh: {nodes} nodes, {tets} tetrahedra, as in the file")),
     }
@@ -222,49 +225,6 @@ pub fn pascals(value: f64) -> String {
 fn digits_of(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     format!("{rounded}")
-}
-
-fn model(
-    telling: &mut Telling,
-    key: &impl Fn(&str) -> String,
-    mesh: &TetMesh,
-    can_reduce: bool,
-    wishes: &Wishes,
-) -> String {
-    if let Some(model) = &wishes.model {
-        telling.reason(format!("model: {model}, as you asked"));
-        return model.clone();
-    }
-    let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
-    let length = ends::length(mesh);
-    let slender = length / (volume / length).sqrt();
-    if slender >= SLENDER && can_reduce {
-        telling.comment(&key("model"), "bends far, with forces; \"rotation\" is quicker to precompute");
-        telling.reason(format!(
-            "model: reduced, because the body is slender ({slender:.0} times as long as thick) and bends far; \"rotation\" \
-             takes less time to precompute"
-        ));
-        return "reduced".to_owned();
-    }
-    telling.comment(&key("model"), "for large rotations; \"reduced\" for forces, and to bend far");
-    telling.reason(
-        "model: rotation, quick and good for shapes; for forces take \"reduced\" (`greenstage manual scene`)"
-            .into(),
-    );
-    "rotation".to_owned()
-}
-
-fn effects(telling: &mut Telling, key: &impl Fn(&str) -> String, wishes: &Wishes) {
-    if wishes.effects.is_empty() {
-        telling.comment(&key("effects"), "[\"haptics\", \"stress\"]: forces in newtons, colours by stress");
-        return;
-    }
-    let known = [("haptics", "forces in newtons"), ("stress", "colours by stress")];
-    let listed = known.into_iter().filter(|(name, _)| wishes.effects.iter().any(|effect| effect == name));
-    let mut told: Vec<&str> = listed.map(|(_, what)| what).collect();
-    told.push("all effects: `greenstage manual scene`");
-    telling.comment(&key("effects"), &told.join(", "));
-    telling.reason(format!("effects: {}, as you asked", wishes.effects.join(", ")));
 }
 
 /// A body at all its defaults.

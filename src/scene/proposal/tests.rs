@@ -1,4 +1,5 @@
 use super::*;
+use crate::mesh::length_unit::find_unit;
 use crate::mesh::{Block, Tube, block, save, tube};
 use crate::scene::{Grab, Nodes};
 
@@ -214,4 +215,55 @@ fn poses_pull_push_and_move_across_what_can_be_grabbed() {
     assert_eq!(moved.collect::<Vec<_>>(), expected);
     let written = [0.0025, 1.5, 0.5].map(pull::length);
     assert_eq!(written, ["2.5 mm", "1.5 m", "500 mm"]);
+}
+
+/// A plate with the corners of a block, in millimetres, as STL.
+fn plate_in_millimetres(size: [f64; 3]) -> std::path::PathBuf {
+    let mesh = block(&Block { size, cells: [8, 6, 1] }).unwrap();
+    let crate::mesh::Surface { triangles, nodes } = crate::mesh::Surface::of(&mesh);
+    let corner = |node: u32| {
+        let x = mesh.nodes[nodes[node as usize] as usize];
+        format!("vertex {} {} {}\n", x.x, x.y, x.z)
+    };
+    let facet = |corners: &[u32; 3]| {
+        let loops: String = corners.iter().map(|node| corner(*node)).collect();
+        format!("facet normal 0 0 0\nouter loop\n{loops}endloop\nendfacet\n")
+    };
+    let text: String = triangles.iter().map(facet).collect();
+    let path = tempfile::tempdir().unwrap().keep().join("plate.stl");
+    std::fs::write(&path, format!("solid plate\n{text}endsolid plate\n")).unwrap();
+    path
+}
+
+#[test]
+fn a_surface_in_millimetres_is_filled_by_its_thinnest_wall() {
+    let file = plate_in_millimetres([80.0, 60.0, 2.0]);
+    for pull_m in [None, Some(1e-3)] {
+        let wishes = Wishes { unit: find_unit("mm").ok(), pull_m, ..Wishes::default() };
+        let proposal = propose(&file, &file.with_extension("toml"), &wishes).unwrap();
+        let cell = proposal.scene.body["plate"].tetrahedralise.unwrap().cell;
+        assert!((5e-4..=1e-3).contains(&cell), "{cell} m for walls of 2 mm");
+        assert!(proposal.mesh.nodes.len() < 60_000, "{}", proposal.mesh.nodes.len());
+        let volume: f64 = (0..proposal.mesh.tets.len())
+            .map(|tet| quality::signed_volume(&proposal.mesh.corners(tet)))
+            .sum();
+        assert!((volume / 9.6e-6 - 1.0).abs() < 0.02, "{volume} m³ of 9.6e-6");
+        assert!(proposal.reasons.iter().any(|reason| reason.contains("through the thinnest walls")));
+    }
+    std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
+}
+
+#[test]
+fn a_pull_takes_what_is_made_for_forces() {
+    let choice = |material: &str, pull_m: Option<f64>| {
+        let wishes = Wishes { material: Some(material.to_owned()), pull_m, ..Wishes::default() };
+        let mut proposal = proposed("part.msh", &bar([0.2, 0.1, 0.1], [8, 4, 4]), &wishes).unwrap();
+        let body = proposal.scene.body.shift_remove("part").unwrap();
+        (body.element.name, body.model, body.effects.join(" "))
+    };
+    let expected = |element, model: &str, effects: &str| (element, model.to_owned(), effects.to_owned());
+    assert_eq!(choice("steel", None), expected("tet4", "rotation", ""));
+    assert_eq!(choice("steel", Some(1e-3)), expected("tet10", "reduced", "haptics stress expected_errors"));
+    assert_eq!(choice("rubber", Some(1e-3)), expected("tet10", "reduced", "haptics stress expected_errors"));
+    assert_eq!(choice("liver", Some(0.015)), expected("tet4", "neo_hookean", "haptics stress"));
 }

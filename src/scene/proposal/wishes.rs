@@ -17,6 +17,8 @@ pub struct Wishes {
     /// Node groups of the file.
     pub fixed: Vec<String>,
     pub grab: Vec<String>,
+    /// How far the ends are to be pulled, m, where forces are asked for.
+    pub pull_m: Option<f64>,
     /// Of a surface: the cell that it is filled with, m.
     pub cell: Option<f64>,
 }

@@ -1,0 +1,114 @@
+//! The element, model and effects that suit a body and what is asked of it.
+//!
+//! In: a mesh, its material and [`Wishes`]. Out: a [`Choice`], with its reasons told.
+
+use super::super::Material;
+use super::ends;
+use super::telling::Telling;
+use super::wishes::Wishes;
+use crate::fem::{Element, TET4, TET4_ANP, TET10};
+use crate::mesh::{TetMesh, quality};
+
+/// What was chosen.
+pub struct Choice {
+    pub element: &'static Element,
+    pub model: String,
+    pub effects: Vec<String>,
+}
+
+/// Length over mean thickness from which a body is slender.
+const SLENDER: f64 = 6.0;
+/// Poisson's ratio above which linear tetrahedra are too stiff.
+const INCOMPRESSIBLE: f64 = 0.45;
+/// Young's modulus below which bodies are pulled by a large part of their size, as organs are, Pa.
+const SOFT: f64 = 1e5;
+/// With more corners than this, elements of ten nodes take minutes.
+const MOST_CORNERS: usize = 15_000;
+/// The model `reduced` takes so many control elements.
+const MOST_CONTROLS: usize = 4;
+/// Effects that answer how much force something takes; a model of equilibrium is measured against no other.
+pub const FORCES: [&str; 2] = ["haptics", "stress"];
+pub const ERRORS: &str = "expected_errors";
+
+/// Chooses for a body of so many control elements.
+pub fn choose(
+    telling: &mut Telling,
+    key: &impl Fn(&str) -> String,
+    mesh: &TetMesh,
+    material: &Material,
+    controls: usize,
+    wishes: &Wishes,
+) -> Choice {
+    let asks_forces = wishes.pull_m.is_some();
+    let is_soft = material.young < SOFT && asks_forces;
+    let can_reduce = controls <= MOST_CONTROLS;
+    let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
+    let length = ends::length(mesh);
+    let slender = length / (volume / length).sqrt();
+    let (model, comment, why) = match &wishes.model {
+        Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
+        None if is_soft => (
+            "neo_hookean",
+            "static equilibrium at large strain, found anew for every pose".to_owned(),
+            "because a soft body stretches far: it is solved for every pose, and follows a hand with a delay"
+                .to_owned(),
+        ),
+        None if asks_forces && can_reduce => (
+            "reduced",
+            "made for forces, and bends far; \"rotation\" is quicker to precompute".to_owned(),
+            "because you ask for forces".to_owned(),
+        ),
+        None if slender >= SLENDER && can_reduce && material.poisson <= INCOMPRESSIBLE => (
+            "reduced",
+            "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(),
+            format!("because the body is slender ({slender:.0} times as long as thick) and bends far"),
+        ),
+        None => (
+            "rotation",
+            "for large rotations; \"reduced\" for forces, and to bend far".to_owned(),
+            "quick and good for shapes; for forces take \"reduced\" (`greenstage manual scene`)".to_owned(),
+        ),
+    };
+    let element = match model {
+        "neo_hookean" | "stvk" | "corotational" | "substructured" => &TET4,
+        _ if asks_forces && mesh.nodes.len() <= MOST_CORNERS => &TET10,
+        _ if material.poisson > INCOMPRESSIBLE => &TET4_ANP,
+        _ => &TET4,
+    };
+    if element == &TET4_ANP {
+        telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
+    }
+    if element == &TET10 {
+        telling.comment(&key("element"), "least error of forces for its nodes");
+        telling.reason("element: tet10, because you ask for forces".to_owned());
+    }
+    if !comment.is_empty() {
+        telling.comment(&key("model"), &comment);
+    }
+    telling.reason(format!("model: {model}, {why}"));
+    let mut effects = wishes.effects.clone();
+    let measured = (!is_soft).then_some(ERRORS);
+    let asked = FORCES.into_iter().chain(measured).filter(|_| asks_forces);
+    for effect in asked {
+        if !effects.iter().any(|known| known == effect) {
+            effects.push(effect.to_owned());
+        }
+    }
+    tell_effects(telling, key, &effects, asks_forces);
+    Choice { element, model: model.to_owned(), effects }
+}
+
+fn tell_effects(telling: &mut Telling, key: &impl Fn(&str) -> String, effects: &[String], asks_forces: bool) {
+    if effects.is_empty() {
+        telling.comment(&key("effects"), "[\"haptics\", \"stress\"]: forces in newtons, colours by stress");
+        return;
+    }
+    let known =
+        [("haptics", "forces in newtons"), ("stress", "colours by stress"), (ERRORS, "errors of the forces")];
+    let listed = known.into_iter().filter(|(name, _)| effects.iter().any(|effect| effect == name));
+    let mut told: Vec<&str> = listed.map(|(_, what)| what).collect();
+    told.push("all effects: `greenstage manual scene`");
+    telling.comment(&key("effects"), &told.join(", "));
+    let why = if asks_forces { "because you ask for forces" } else { "as you asked" };
+    telling.reason(format!("effects: {}, {why}", effects.join(", ")));
+}

@@ -1,0 +1,144 @@
+//! `greenstage check` passes no scene that a session refuses, and refuses none that a session shows.
+
+use crate::common;
+
+use common::{folder, program, text};
+use greenstage::deform::MODELS;
+use greenstage::scene::Scene;
+use greenstage::session::{Request, Session};
+
+const ENDS: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+const MIDDLE: &str = "control.middle = { nodes = { box = { min = [-0.1, -9.0, -9.0], max = [0.1, 9.0, 9.0] } }, grab = \"fixed\" }\n";
+const QUARTERS: &str = "control.a = { nodes = { box = { min = [-0.6, -9.0, -9.0], max = [-0.4, 9.0, 9.0] } }, grab = \"fixed\" }\n\
+     control.b = { nodes = { box = { min = [0.4, -9.0, -9.0], max = [0.6, 9.0, 9.0] } }, grab = \"fixed\" }\n";
+const ALL: &str = "control.all = { nodes = { box = { min = [-9.0, -9.0, -9.0], max = [9.0, 9.0, 9.0] } }, grab = \"dragger\" }\n";
+const LEFT: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"dragger\" }\n";
+
+#[test]
+fn check_and_a_session_agree_for_every_model() {
+    let place = folder("check-agrees");
+    let variants = [
+        ("ends", ENDS.to_owned()),
+        ("one", LEFT.to_owned()),
+        ("three", ENDS.to_owned() + MIDDLE),
+        ("five", ENDS.to_owned() + MIDDLE + QUARTERS),
+        ("all-held", ALL.to_owned()),
+        ("heavy", "material.density = 1000.0\ngravity = [0.0, -9.81, 0.0]\n".to_owned() + ENDS),
+        ("quadratic", "element = \"tet10\"\n".to_owned() + ENDS),
+        ("iterated", "solver = { method = \"pcg\" }\n".to_owned() + ENDS),
+    ];
+    let mut refused = 0;
+    for model in MODELS {
+        for (variant, lines) in &variants {
+            let name = format!("{}-{variant}.toml", model.name);
+            let scene = format!(
+                "[body.b]\ngenerate = {{ block = {{ size = [2.0, 0.5, 0.5], cells = [16, 4, 4] }} }}\n\
+                 material.young = 1.0e6\nmaterial.poisson = 0.3\nmodel = \"{}\"\n{lines}",
+                model.name
+            );
+            std::fs::write(place.join(&name), scene).unwrap();
+            let output = program(&place, &["check", &name]).output().unwrap();
+            let said = text(&output.stdout) + &text(&output.stderr);
+            let scene = Scene::load(&place.join(&name)).unwrap();
+            let opened = Session::open(&Request::of(&scene)).map(drop).map_err(|error| error.to_string());
+            let has_error = output.status.code() == Some(2);
+            let has_warning = said.contains("warning: body.b");
+            match &opened {
+                Ok(()) => assert!(!has_error, "{name}: check refuses what a session shows\n{said}"),
+                // How the parts turn out is known when they are solved.
+                Err(why) if why.contains("body.b: part ") => {}
+                // Loads of a model of large strain are for `deform` alone: a warning.
+                Err(why) => assert!(
+                    has_error || has_warning,
+                    "{name}: check passes, a session refuses: {why}\n{said}"
+                ),
+            }
+            refused += usize::from(opened.is_err());
+        }
+    }
+    assert!(refused > 5, "only {refused} scenes were refused");
+}
+
+#[test]
+fn a_scene_that_deform_solves_is_no_error() {
+    let place = folder("check-heavy");
+    let scene = format!(
+        "[body.b]\ngenerate = {{ block = {{ size = [1.0, 0.2, 0.2], cells = [5, 1, 1] }} }}\n\
+         material = {{ young = 1.0e6, poisson = 0.3, density = 1000.0 }}\nmodel = \"stvk\"\n\
+         gravity = [0.0, -9.81, 0.0]\n{ENDS}"
+    );
+    std::fs::write(place.join("heavy.toml"), scene).unwrap();
+    std::fs::write(place.join("poses.toml"), "[[pose]]\nname = \"rest\"\n").unwrap();
+    let run = |arguments: &[&str]| program(&place, arguments).output().unwrap();
+    assert_eq!(run(&["deform", "heavy.toml", "--poses", "poses.toml", "-o", "out"]).status.code(), Some(0));
+    let check = run(&["check", "heavy.toml"]);
+    assert_eq!(check.status.code(), Some(0), "{}", text(&check.stdout));
+    assert!(
+        text(&check.stdout).contains("warning: body.b.model: \"stvk\" has loads"),
+        "{}",
+        text(&check.stdout)
+    );
+}
+
+/// Two blocks, the second at `x` from the first.
+fn two_blocks(x: f64) -> String {
+    let body = |name: &str, x: f64| {
+        format!(
+            "[body.{name}]\ngenerate = {{ block = {{ size = [0.2, 0.2, 0.2], cells = [3, 3, 3] }} }}\n\
+             material = {{ young = 1.0e6, poisson = 0.3 }}\n\
+             place = {{ position = [{x}, 1.2, 0.4], rotation = [0.0, 0.0, 0.0], scale = 1.0 }}\n{ENDS}"
+        )
+    };
+    format!("stage = \"workbench\"\n{}{}", body("one", 0.0), body("other", x))
+}
+
+#[test]
+fn bodies_through_each_other_are_a_warning() {
+    let place = folder("check-overlap");
+    for (name, x, is_doubted) in
+        [("apart.toml", 0.3, false), ("touching.toml", 0.2, false), ("inside.toml", 0.1, true)]
+    {
+        std::fs::write(place.join(name), two_blocks(x)).unwrap();
+        let said = text(&program(&place, &["check", name]).output().unwrap().stdout);
+        assert_eq!(
+            said.contains("m into body other, and bodies pass through each other"),
+            is_doubted,
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn what_is_not_there_is_said_in_one_sentence() {
+    let place = folder("check-absent");
+    let scene = |lines: &str| {
+        format!(
+            "[body.b]\ngenerate = {{ block = {{ size = [1.0, 0.2, 0.2], cells = [5, 1, 1] }} }}\n\
+             material = {{ young = 1.0e6, poisson = 0.3 }}\n{lines}\n{ENDS}"
+        )
+    };
+    for (lines, part) in [
+        ("effects = [\"contact\"]", "there is no effect \"contact\": bodies pass through each other"),
+        ("effects = [\"sound\"]", "there is no effect \"sound\": bodies are silent"),
+        (
+            "effects = [\"gravity\"]",
+            "\"gravity\" is no effect but a key: write gravity = … below [body.NAME]",
+        ),
+        ("accuracy = { force = 0.1 }\nmodel = \"linear\"", "model is chosen by it: leave it out"),
+        (
+            "budget = { file_mb = 1.0 }\nelement = \"tet4\"\nrefine = 0",
+            "element, refine are chosen by it: leave them out",
+        ),
+    ] {
+        std::fs::write(place.join("scene.toml"), scene(lines)).unwrap();
+        for command in ["check", "view"] {
+            let output = program(&place, &[command, "scene.toml"]).output().unwrap();
+            let said = text(&output.stdout) + &text(&output.stderr);
+            assert!(
+                output.status.code() == Some(2) && said.contains(part),
+                "{command}: no `{part}` in {said}"
+            );
+        }
+    }
+}
