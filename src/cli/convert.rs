@@ -4,7 +4,7 @@ use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::count;
-use crate::mesh::length_unit::{LengthUnit, Scale, find_unit, implausible};
+use crate::mesh::length_unit::{LARGEST_M, LengthUnit, Scale, find_unit, implausible};
 use crate::mesh::{self, formats, quality};
 use std::path::PathBuf;
 
@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let mesh = &loaded.mesh;
     let (low, high) = quality::bounding_box(&mesh.nodes);
-    if let Some(doubt) = implausible((high - low).amax()).filter(|_| asked.is_none()) {
+    if let Some(doubt) = implausible((high - low).amax(), LARGEST_M).filter(|_| asked.is_none()) {
         notice!("note: {doubt}; `convert --unit mm` writes metres");
     }
     let regions: std::collections::BTreeSet<u32> = mesh.regions.iter().copied().collect();

@@ -7,7 +7,7 @@ use crate::base::table::{Table, bytes, count};
 use crate::config::foreign;
 use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
-use crate::mesh::length_unit::implausible;
+use crate::mesh::length_unit::{LARGEST_M, implausible};
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
 use crate::prepare;
 use crate::scene::built_in::{self, BUILT_IN};
@@ -138,7 +138,7 @@ fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     for line in &found {
         text.push_str(&format!("  {}: {}\n", line.severity, line.message));
     }
-    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max));
+    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max), LARGEST_M);
     for notice in loaded.notices.iter().chain(&doubt) {
         text.push_str(&format!("note: {notice}\n"));
     }
@@ -183,7 +183,7 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let wrong = faults.iter().map(|fault| format!("wrong: {fault}\n"));
     let notes = notices.iter().map(|notice| format!("note: {notice}\n"));
     text.extend(wrong.chain(notes));
-    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max));
+    let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max), LARGEST_M);
     text.extend(doubt.map(|doubt| format!("note: {doubt}\n")));
     let cell = isosurface_stuffing::suggested_cell(&surface);
     if report.holes.is_empty() && report.unorientable_edges == 0 {
@@ -301,7 +301,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
         let materials = std::iter::once(&body.material).chain(body.region.values());
         let doubts = materials.filter_map(Material::doubt);
-        for doubt in doubts.chain(implausible((high - low).amax())) {
+        for doubt in doubts.chain(implausible((high - low).amax(), body.material.largest_m())) {
             text.push_str(&format!("  note: {doubt}\n"));
         }
     }

@@ -21,17 +21,17 @@ const LOCKING: f64 = 0.45;
 const STIFF: [f64; 2] = [1e8, 1e12];
 
 /// What is wrong with the mesh itself; pieces are judged by [`support`].
-pub fn mesh(entity: &str, mesh: &TetMesh) -> Vec<Diagnostic> {
+pub fn mesh(entity: &str, mesh: &TetMesh, material: &Material) -> Vec<Diagnostic> {
     let found = diagnostics::find(mesh).into_iter().filter(|found| found.severity < Severity::Note);
     let found = found.map(|found| Diagnostic::new(found.severity, entity, found.message));
-    found.chain(unit(entity, mesh)).collect()
+    found.chain(unit(entity, mesh, material)).collect()
 }
 
 /// A word about bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
-fn unit(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
+fn unit(entity: &str, mesh: &TetMesh, material: &Material) -> Option<Diagnostic> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let side = (high - low).max();
-    implausible(side).map(|message| Diagnostic::new(Severity::Note, entity, message))
+    implausible(side, material.largest_m()).map(|message| Diagnostic::new(Severity::Warning, entity, message))
 }
 
 /// Control elements that span no volume, all that are alike in one note.
@@ -181,12 +181,14 @@ pub fn refuse(scene: &Scene, findings: &[Diagnostic]) -> Result<(), GreenError> 
 mod tests {
     use super::*;
     use crate::mesh::{Block, block};
+    use crate::scene::materials::find_material;
 
     #[test]
     fn a_body_of_unlikely_size_is_told_of() {
+        let material = Material::from(find_material("steel").unwrap());
         let told = |size: [f64; 3]| {
             let body = block(&Block { size, cells: [1; 3] }).unwrap();
-            unit("body.part", &body).map(|finding| finding.message)
+            unit("body.part", &body, &material).map(|finding| finding.message)
         };
         assert_eq!(told([0.2, 0.05, 0.02]), None);
         let far_too_long = told([93.0, 20.0, 20.0]).unwrap();

@@ -37,7 +37,7 @@ pub fn prepare_mesh(scene: &Scene, name: &str, loaded: Loaded) -> Result<Prepare
     let entity = format!("body.{name}");
     let mut findings: Vec<Diagnostic> =
         loaded.notices.into_iter().map(|notice| Diagnostic::new(Severity::Note, &entity, notice)).collect();
-    findings.extend(check::mesh(&entity, &mesh));
+    findings.extend(check::mesh(&entity, &mesh, &body.material));
     findings.extend(check::support(&entity, &mesh, &controls));
     findings.extend(check::materials(&entity, body, &mesh, &controls, &lame));
     if body.method == Method::Bem {

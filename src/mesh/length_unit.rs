@@ -46,22 +46,28 @@ impl<'de> Deserialize<'de> for &'static LengthUnit {
     }
 }
 
-/// Longest sides of bodies that hands bend, m: the upper one is the width of a CAVE.
-pub const PLAUSIBLE_M: std::ops::RangeInclusive<f64> = 1e-3..=3.0;
+/// Longest side of the smallest and of the largest body that hands bend, m: the latter is the width of a CAVE.
+const SMALLEST_M: f64 = 1e-3;
+pub const LARGEST_M: f64 = 3.0;
+
+/// Whether a body whose longest side is `extent` may be meant, of a material whose bodies reach `largest`, m.
+pub fn is_plausible(extent: f64, largest: f64) -> bool {
+    (SMALLEST_M..=largest).contains(&extent)
+}
 
 /// The units but the metre in which a body of `extent` units would be plausible, the likeliest first: CAD and medical
 /// images are in millimetres.
-pub fn candidates(extent: f64) -> impl Iterator<Item = &'static LengthUnit> {
+pub fn candidates(extent: f64, largest: f64) -> impl Iterator<Item = &'static LengthUnit> {
     let likely = ["mm", "um", "cm", "in"].into_iter().filter_map(|name| find_unit(name).ok());
-    likely.filter(move |unit| PLAUSIBLE_M.contains(&(extent * unit.metres)))
+    likely.filter(move |unit| is_plausible(extent * unit.metres, largest))
 }
 
 /// What to think of a body whose longest side is not one of bodies that hands bend.
-pub fn implausible(longest: f64) -> Option<String> {
-    if PLAUSIBLE_M.contains(&longest) {
+pub fn implausible(longest: f64, largest: f64) -> Option<String> {
+    if is_plausible(longest, largest) {
         return None;
     }
-    let guess = candidates(longest).next().map_or("another unit".to_owned(), |unit| {
+    let guess = candidates(longest, largest).next().map_or("another unit".to_owned(), |unit| {
         format!(
             "unit = \"{}\" beside mesh makes it {} m, if the file is in {}",
             unit.name,

@@ -7,6 +7,7 @@ use super::limit::Limit;
 use super::materials::{Known, MATERIALS, find_material};
 use crate::base::quantity::quantity;
 use crate::fem::Lame;
+use crate::mesh::length_unit::LARGEST_M;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -73,6 +74,11 @@ impl TryFrom<Written> for Material {
 impl Material {
     pub fn lame(&self) -> Lame {
         Lame::from_young_poisson(self.young, self.poisson)
+    }
+
+    /// Longest side of a body made of it, m.
+    pub fn largest_m(&self) -> f64 {
+        self.known.map_or(LARGEST_M, |known| known.largest_m)
     }
 
     /// Doubt about a modulus that was probably written in another unit than Pa.

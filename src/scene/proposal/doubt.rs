@@ -4,7 +4,7 @@ use super::super::SceneError;
 use crate::base::failure::Failure;
 use crate::mesh::MeshError;
 use crate::mesh::diagnostics::digits;
-use crate::mesh::length_unit::{LengthUnit, PLAUSIBLE_M, Scale, candidates, find_unit};
+use crate::mesh::length_unit::{LengthUnit, Scale, candidates, find_unit, is_plausible};
 use std::path::{Path, PathBuf};
 
 /// The file's extent is implausible in metres, and in which units it would be plausible.
@@ -46,14 +46,14 @@ impl From<ProposalError> for Failure {
     }
 }
 
-/// Whether a file of that extent is taken for metres, or `asked` says what it is in.
-pub fn plausible(file: &Path, extent: f64, asked: Option<Scale>) -> Result<(), ProposalError> {
-    if asked.is_some() || PLAUSIBLE_M.contains(&extent) {
+/// Whether a file of that extent is taken for metres, or `asked` says what it is in; bodies of its material reach `largest`, m.
+pub fn plausible(file: &Path, extent: f64, largest: f64, asked: Option<Scale>) -> Result<(), ProposalError> {
+    if asked.is_some() || is_plausible(extent, largest) {
         return Ok(());
     }
     Err(ProposalError::Unit(UnitDoubt {
         mesh: file.to_owned(),
         extent,
-        candidates: candidates(extent).take(1).chain(find_unit("m")).collect(),
+        candidates: candidates(extent, largest).take(1).chain(find_unit("m")).collect(),
     }))
 }

@@ -32,11 +32,11 @@ const THINNEST: f64 = 0.05;
 /// Trials.
 const TRIALS: usize = 6;
 
-/// Reads the surface at `file` and fills it; asks back which unit it is in.
-pub fn fill(file: &Path, wishes: &Wishes) -> Result<Filled, ProposalError> {
+/// Reads the surface at `file` and fills it; asks back which unit it is in where it would be more than `largest` m long.
+pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
     let extent = |(low, high)| -> f64 { nalgebra::Vector3::amax(&(high - low)) };
-    plausible(file, extent(quality::bounding_box(&surface.vertices)), wishes.asked_scale())?;
+    plausible(file, extent(quality::bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
     wishes.asked_scale().unwrap_or(Scale::ONE).apply(&mut surface.vertices);
     let report = surface_check::check(&mut surface, &mut notices);
     let filled = |cell: f64| -> Result<(TetMesh, Vec<String>), MeshError> {

@@ -15,7 +15,7 @@ mod wishes;
 pub use doubt::{ProposalError, UnitDoubt};
 pub use wishes::Wishes;
 
-use super::materials::{MATERIALS, find_material};
+use super::materials::{Known, MATERIALS, find_material};
 use super::write::{self, Comments};
 use super::{Body, Material, Scene, SceneError, Tetrahedralise};
 use crate::mesh::diagnostics::digits;
@@ -49,18 +49,19 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     let name = body_name(file);
     let key = |key: &str| format!("body.{name}.{key}");
     let asked = wishes.asked_scale();
+    let (known, why) = known_material(file, wishes)?;
     let (loaded, filling) = if surface_files::is_surface_file(file) {
-        let Filled { loaded, cell, wall } = filling::fill(file, wishes)?;
+        let Filled { loaded, cell, wall } = filling::fill(file, known.largest_m, wishes)?;
         (loaded, Some((Tetrahedralise { cell }, wall)))
     } else {
         let loaded = mesh::load(file)?;
-        plausible(file, pull::extent(&loaded.mesh), asked)?;
+        plausible(file, pull::extent(&loaded.mesh), known.largest_m, asked)?;
         (asked.unwrap_or(Scale::ONE).applied(loaded), None)
     };
     let Loaded { mesh, notices } = loaded;
     telling.warnings.extend(notices);
     size(&mut telling, &key, &mesh, wishes, filling);
-    let material = material(&mut telling, &key, file, wishes)?;
+    let material = material(&mut telling, &key, known, why);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let choice = choice::choose(&mut telling, &key, &mesh, &material, control.len(), wishes);
     let body = Body {
@@ -184,31 +185,33 @@ fn size(
     }
 }
 
+/// The material of the library that is asked for or that the file's name has, and why it was taken.
+fn known_material(file: &Path, wishes: &Wishes) -> Result<(&'static Known, &'static str), ProposalError> {
+    if let Some(name) = &wishes.material {
+        return Ok((find_material(name).map_err(ProposalError::Wrong)?, "as you asked"));
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_named = |known: &&Known| stem.split(|c: char| !c.is_alphabetic()).any(|word| word == known.name);
+    match MATERIALS.iter().find(is_named) {
+        Some(known) => Ok((known, "after the file's name")),
+        None => {
+            let usual = find_material(USUAL_MATERIAL).map_err(ProposalError::Wrong)?;
+            Ok((usual, "as a placeholder; choose with --material"))
+        }
+    }
+}
+
 fn material(
     telling: &mut Telling,
     key: &impl Fn(&str) -> String,
-    file: &Path,
-    wishes: &Wishes,
-) -> Result<Material, ProposalError> {
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-    let said = |name: &&'static super::materials::Known| {
-        stem.split(|c: char| !c.is_alphabetic()).any(|word| word == name.name)
-    };
-    let (known, why) = match &wishes.material {
-        Some(name) => (find_material(name).map_err(ProposalError::Wrong)?, "as you asked"),
-        None => match MATERIALS.iter().find(said) {
-            Some(known) => (known, "after the file's name"),
-            None => {
-                let usual = find_material(USUAL_MATERIAL).map_err(ProposalError::Wrong)?;
-                (usual, "which nothing in the file says: choose with --material")
-            }
-        },
-    };
+    known: &'static Known,
+    why: &str,
+) -> Material {
     let modulus = pascals(known.young);
     let comment = format!("E = {modulus}, ν = {}; others: `greenstage manual materials`", known.poisson);
     telling.comment(&key("material"), &comment);
     telling.reason(format!("material: {} (E = {modulus}, ν = {}), {why}", known.name, known.poisson));
-    Ok(Material::from(known))
+    Material::from(known)
 }
 
 /// A modulus in the unit that suits it.
