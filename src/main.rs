@@ -1,7 +1,7 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
-use greenstage::base::{memory, notice, signal};
+use greenstage::base::{fault, guard, memory, notice, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -12,8 +12,12 @@ use tracing_subscriber::util::SubscriberInitExt;
 static ALLOCATOR: memory::Watched = memory::Watched;
 
 fn main() -> ExitCode {
+    if let Some(status) = guard::run_if_asked() {
+        return status;
+    }
     quieten_mesa();
     memory::end_in_order();
+    fault::end_by_what_is_sent();
     if let Err(error) = signal::watch() {
         notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
     }

@@ -10,7 +10,6 @@ use super::device::Device;
 use super::elastic::Elastic;
 use super::grasp::{Held, HoldConstraint};
 use super::haply::Haply;
-use super::interrupt;
 use super::loop_state::{LoopFaults, LoopState};
 use super::reading::HapticReading;
 use super::simulated::{Hand, Simulated};
@@ -142,7 +141,6 @@ impl HapticSession {
             })
         };
         let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
-        interrupt::end_without_force();
         Ok(Some(HapticSession { links }))
     }
 
