@@ -45,16 +45,16 @@ impl OnEnd {
     pub fn keep(self) {
         std::mem::forget(self);
     }
+}
 
-    /// Runs `last`, after which the function is no longer needed, and unregisters it; a signal meanwhile waits.
-    pub fn settle<T>(self, last: impl FnOnce() -> T) -> T {
-        let mut acts = acts();
-        let result = last();
-        acts.1.retain(|(number, _)| *number != self.number);
-        drop(acts);
-        self.keep();
-        result
-    }
+/// Runs `last`, after which these functions are no longer needed, and unregisters them; a signal meanwhile waits.
+pub fn settle<T>(all: Vec<OnEnd>, last: impl FnOnce() -> T) -> T {
+    let mut acts = acts();
+    let result = last();
+    acts.1.retain(|(number, _)| all.iter().all(|settled| settled.number != *number));
+    drop(acts);
+    all.into_iter().for_each(OnEnd::keep);
+    result
 }
 
 impl Drop for OnEnd {
@@ -161,7 +161,7 @@ mod tests {
         assert!(!registered(number));
         let act = on_end(|| None);
         let number = act.number;
-        assert_eq!(act.settle(|| 7), 7);
+        assert_eq!(settle(vec![act], || 7), 7);
         assert!(!registered(number));
     }
 }

@@ -10,6 +10,7 @@ mod configs;
 mod demo;
 mod effects;
 mod export;
+mod faults;
 mod kills;
 mod outputs;
 mod point_forces;
