@@ -1,7 +1,7 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
-use greenstage::base::{memory, notice, signal};
+use greenstage::base::{fault, guard, memory, notice, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -11,12 +11,30 @@ use tracing_subscriber::util::SubscriberInitExt;
 #[global_allocator]
 static ALLOCATOR: memory::Watched = memory::Watched;
 
+/// Of the thread that works, and of those that libraries start, bytes: that of the first one is what the shell allows
+/// (`ulimit -s`).
+const STACK: usize = 8 << 20;
+
 fn main() -> ExitCode {
+    if let Some(status) = guard::run_if_asked() {
+        return status;
+    }
     quieten_mesa();
+    give_libraries_a_stack();
     memory::end_in_order();
+    fault::end_by_what_is_sent();
     if let Err(error) = signal::watch() {
         notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
     }
+    match std::thread::Builder::new().name("work".into()).stack_size(STACK).spawn(work) {
+        // A thread that panicked has said so.
+        Ok(worker) => worker.join().unwrap_or(ExitCode::from(101)),
+        // No thread can be had: the first one works, on its own stack.
+        Err(_) => work(),
+    }
+}
+
+fn work() -> ExitCode {
     let text = std::env::var("GREENSTAGE_LOG").unwrap_or_else(|_| greenstage::render::LOGGED.to_owned());
     let filter: Targets = match text.parse() {
         Ok(filter) => filter,
@@ -38,6 +56,27 @@ fn main() -> ExitCode {
         Err(failure) => {
             notice::say(format_args!("error: {failure}"));
             ExitCode::from(failure.status())
+        }
+    }
+}
+
+/// Threads that a library starts without a word have the stack that the shell allows the first one, with which Mesa's drivers
+/// overflow where that is small.
+fn give_libraries_a_stack() {
+    #[cfg(target_env = "gnu")]
+    {
+        use std::mem::MaybeUninit;
+        unsafe extern "C" {
+            fn pthread_setattr_default_np(attributes: *const libc::pthread_attr_t) -> libc::c_int;
+        }
+        let mut attributes = MaybeUninit::<libc::pthread_attr_t>::uninit();
+        // SAFETY: the first call fills the attributes, which outlive the others; glibc has the last one since 2.18.
+        unsafe {
+            if libc::pthread_attr_init(attributes.as_mut_ptr()) == 0 {
+                libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
+                pthread_setattr_default_np(attributes.as_ptr());
+                libc::pthread_attr_destroy(attributes.as_mut_ptr());
+            }
         }
     }
 }

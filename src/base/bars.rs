@@ -43,6 +43,21 @@ impl Drop for Bars {
     }
 }
 
+/// Moves the bar's clock until it is finished. Without a thread to spare, the bar moves only as the work advances.
+fn keep_ticking(bar: &ProgressBar) {
+    if bar.is_hidden() {
+        return;
+    }
+    let bar = bar.clone();
+    let tick = move || {
+        while !bar.is_finished() {
+            bar.tick();
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    let _ = std::thread::Builder::new().name("bar".into()).spawn(tick);
+}
+
 impl Progress for Bars {
     fn begin(&self, step: &str, units: u64) {
         let bar = if self.quiet || !std::io::stderr().is_terminal() {
@@ -58,7 +73,7 @@ impl Progress for Bars {
                 ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             bar.with_style(style).with_prefix(self.body.clone()).with_message(step.to_owned())
         };
-        bar.enable_steady_tick(Duration::from_millis(100));
+        keep_ticking(&bar);
         self.with_step(|current| {
             *current = Some(Step { name: step.to_owned(), started: Instant::now(), bar });
         });

@@ -68,14 +68,15 @@ pub fn give_back() {
     }
 }
 
-/// Any other abort goes on when this returns.
-extern "C" fn on_abort(_signal: c_int) {
+/// Any other abort ends the program as one without this handler, also where another process sent the signal.
+extern "C" fn on_abort(signal: c_int) {
     conclude();
+    super::fault::send_again(signal);
 }
 
 /// If an allocation of this thread was refused, writes the sentence and ends the program. It calls only functions that are
 /// allowed in a signal handler.
-pub fn conclude() {
+fn conclude() {
     let bytes = REFUSED.get();
     if bytes == 0 {
         return;

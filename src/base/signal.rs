@@ -1,7 +1,7 @@
 //! Answers requests to end the program (Ctrl-C, SIGTERM, SIGHUP): first it cleans up what must not be left behind, then the
 //! program ends as the signal would have ended it.
 //!
-//! In: clean-up functions, registered by code that would leave something behind, such as a pushing device or a half-written
+//! In: clean-up functions, registered by code that would leave something behind, such as a half-written
 //! file. One thread waits for the signals, and all others block them. No signal handler ever runs, so neither does the one
 //! that METIS installs for SIGTERM while it orders; that one would jump out of whatever a thread was doing.
 
@@ -45,16 +45,16 @@ impl OnEnd {
     pub fn keep(self) {
         std::mem::forget(self);
     }
+}
 
-    /// Runs `last`, after which the function is no longer needed, and unregisters it; a signal meanwhile waits.
-    pub fn settle<T>(self, last: impl FnOnce() -> T) -> T {
-        let mut acts = acts();
-        let result = last();
-        acts.1.retain(|(number, _)| *number != self.number);
-        drop(acts);
-        self.keep();
-        result
-    }
+/// Runs `last`, after which these functions are no longer needed, and unregisters them; a signal meanwhile waits.
+pub fn settle<T>(all: Vec<OnEnd>, last: impl FnOnce() -> T) -> T {
+    let mut acts = acts();
+    let result = last();
+    acts.1.retain(|(number, _)| all.iter().all(|settled| settled.number != *number));
+    drop(acts);
+    all.into_iter().for_each(OnEnd::keep);
+    result
 }
 
 impl Drop for OnEnd {
@@ -82,7 +82,6 @@ pub fn watch() -> io::Result<()> {
 }
 
 /// Blocks the signals in this thread alone.
-#[cfg(test)]
 pub fn block() -> io::Result<()> {
     change_mask(SIG_BLOCK, &set(|_| true))
 }
@@ -107,8 +106,6 @@ fn wait(set: &sigset_t) {
 
 /// Ends the program as the signal ends one without a handler.
 fn end_by(signal: c_int) {
-    // Where the acts were not all done.
-    super::last_word::speak();
     // Cannot fail for these signals; it ends the program in any case.
     let _ = signal_hook::low_level::emulate_default_handler(signal);
 }
@@ -164,7 +161,7 @@ mod tests {
         assert!(!registered(number));
         let act = on_end(|| None);
         let number = act.number;
-        assert_eq!(act.settle(|| 7), 7);
+        assert_eq!(settle(vec![act], || 7), 7);
         assert!(!registered(number));
     }
 }

@@ -104,7 +104,7 @@ fn handle(time_s: f64) -> Isometry3<f64> {
 }
 
 /// A loop on a body of so many control elements, one of them held, S full and of the demo's size.
-pub(crate) fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> {
+pub fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> {
     let rest = |e: usize| ControlRest {
         name: e.to_string(),
         origin: Vector3::new((e as f64).cos(), (e as f64).sin(), 0.1 * e as f64) * 0.5,

@@ -74,7 +74,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
-        files.write(&set, |path| print(&format!("{}\n", path.display())))?;
+        let written = files.write(&set)?;
+        // Once all of them are there: what cannot be printed keeps none of them away.
+        print(&written.iter().map(|path| format!("{}\n", path.display())).collect::<String>())?;
         print(&tables)?;
         print(&pose_text::of_set(&set))?;
     }

@@ -1,6 +1,7 @@
 //! Writes tables between the marks of a Markdown file: the lines `<!-- NAME: begin -->` and `<!-- NAME: end -->`.
 
 use crate::base::failure::Failure;
+use crate::base::input;
 use crate::base::output::{self, Kind};
 use anyhow::Context;
 use std::path::Path;
@@ -23,7 +24,8 @@ pub fn write_between(path: &Path, name: &str, text: &str) -> Result<(), Failure>
 /// What stands before and behind the lines between the marks, with the marks.
 fn around(path: &Path, name: &str) -> Result<[String; 2], Failure> {
     let (first, last) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
-    let text = std::fs::read_to_string(path)
+    let text = input::open(path)
+        .and_then(std::io::read_to_string)
         .with_context(|| path.display().to_string())
         .map_err(Failure::Request)?;
     match text.find(&first).zip(text.find(&last)) {

@@ -6,7 +6,7 @@
 
 mod accuracy;
 mod bench;
-pub(crate) mod bench_haptics;
+pub mod bench_haptics;
 mod bent;
 mod check;
 mod check_stage;

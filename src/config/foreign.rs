@@ -3,7 +3,6 @@
 //! In: the text of a file that is no TOML. Out: a sentence. Known by what the file begins with, not by its name.
 
 use crate::base::input;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -63,9 +62,8 @@ pub fn display(text: &str) -> Option<String> {
 
 /// The same of a file, of which no more than the beginning is read, and nothing of a device or a pipe.
 pub fn display_at(path: &Path) -> Option<String> {
-    input::regular(path).ok()?;
     let mut head = Vec::new();
-    File::open(path).ok()?.take(HEAD as u64).read_to_end(&mut head).ok()?;
+    input::open(path).ok()?.take(HEAD as u64).read_to_end(&mut head).ok()?;
     display(&String::from_utf8_lossy(&head))
 }
 

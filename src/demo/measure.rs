@@ -4,7 +4,7 @@ use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
 use crate::deform::ControlPose;
 use crate::scene::{Generate, Scene};
-use crate::world::{Highlight, PlacedBody, World};
+use crate::world::{Highlight, PlacedBody, World, why_unknown};
 use nalgebra::Vector3;
 
 /// The control element that a hand holds, else the one that is farthest from its place; `None` at rest.
@@ -26,17 +26,17 @@ fn expected_part(body: &PlacedBody) -> Option<f64> {
     Some(of_model + expected.mesh_at(&body.deformer, &wrenches).unwrap_or(0.0))
 }
 
-/// The bend of the first body in degrees, and the force in newtons with the error to expect of it.
+/// The bend of the first body in degrees, and the force in newtons with the error to expect.
 pub fn bend(_: &Scene, world: &World, _: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let angle = body.deformer.largest_turn().to_degrees();
     let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
-    match (force, expected_part(body)) {
-        (Some(force), Some(part)) => {
-            format!("bent by {angle:.0}°     force {} ± {}", newtons(force), per_cent(part))
-        }
-        _ => format!("bent by {angle:.0}°"),
-    }
+    let Some(force) = force else { return format!("bent by {angle:.0}°") };
+    let error = expected_part(body).map_or_else(
+        || format!(", error unknown ({})", why_unknown(body)),
+        |part| format!(" ± {}", per_cent(part)),
+    );
+    format!("bent by {angle:.0}°     force {}{error}", newtons(force))
 }
 
 /// The pull of the first body, a generated block without lateral contraction, along x: the model's force beside E A ΔL / L, and
@@ -126,6 +126,22 @@ fn per_cent(part: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::{self, EFFECTS};
+
+    /// Without a measured error the caption had no force.
+    #[test]
+    fn a_caption_has_the_force_whether_or_not_its_error_is_known() {
+        let (scene, file, mut world) =
+            effect::ghost_equilibrium::tests::bar("demo-bend", "linear", &["haptics"]);
+        effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
+        let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
+        world.bodies[0].deformer.evaluate(&[ControlPose::REST, pull]);
+        let told = bend(&scene, &world, 0.0);
+        assert!(
+            told.ends_with(" N, error unknown (list expected_errors)") && told.contains("force "),
+            "{told}"
+        );
+    }
 
     #[test]
     fn forces_have_three_digits_and_no_minus_zero() {

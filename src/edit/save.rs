@@ -4,7 +4,7 @@
 //! file, a file of node tags for each painted element that is long, and the .green file if there is one already.
 
 use crate::base::failure::Failure;
-use crate::base::output::{self, Kind};
+use crate::base::output::{self, Kind, OutputError, Staged};
 use crate::green::{self, GreenFile};
 use crate::prepare;
 use crate::scene::proposal::relative;
@@ -45,6 +45,7 @@ pub fn save(
     }
     moved.script =
         scene.script.as_ref().map(|script| if is_file(script) { there(script) } else { script.clone() });
+    let mut staged = Vec::new();
     for (name, body) in &mut moved.body {
         body.mesh = body.mesh.as_deref().map(there);
         for (control_name, control) in &mut body.control {
@@ -52,7 +53,8 @@ pub fn save(
                 Nodes::File(tags) => *tags = there(tags),
                 Nodes::List(tags) if tags.len() > LONG => {
                     let named = PathBuf::from(format!("{stem}.{control_name}.nodes"));
-                    write_tags(&moved_beside(path, &named), &format!("{name}, {control_name}"), tags)?;
+                    let place = moved_beside(path, &named);
+                    staged.push(stage_tags(&place, &format!("{name}, {control_name}"), tags)?);
                     control.nodes = Nodes::File(named);
                 }
                 _ => {}
@@ -60,7 +62,8 @@ pub fn save(
         }
     }
     let text = write::text(&moved, comments)?;
-    output::write(path, &SCENE, |file| file.write_all(text.as_bytes()))?;
+    staged.push(output::stage(path, &SCENE, |file| file.write_all(text.as_bytes()))?);
+    output::put_all(staged, &[])?;
     let moved = Scene::load(path)?;
     if let Some(file) = file.filter(|file| file.path.exists()) {
         keep_green(&moved, file)?;
@@ -72,11 +75,10 @@ fn moved_beside(path: &Path, named: &Path) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(named)
 }
 
-fn write_tags(path: &Path, of: &str, tags: &[u64]) -> Result<(), Failure> {
+fn stage_tags(path: &Path, of: &str, tags: &[u64]) -> Result<Staged, OutputError> {
     let mut text = format!("{}{of}, one tag a line\n", String::from_utf8_lossy(TAGS_HEAD));
     tags.iter().for_each(|tag| text.push_str(&format!("{tag}\n")));
-    output::write(path, &TAGS, |file| file.write_all(text.as_bytes()))?;
-    Ok(())
+    output::stage(path, &TAGS, |file| file.write_all(text.as_bytes()))
 }
 
 /// Copies the .green file beside the scene, which then opens at once.

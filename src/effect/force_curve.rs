@@ -14,7 +14,7 @@ use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
 use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
-use crate::world::{Highlight, PlacedBody, World, wrench_error};
+use crate::world::{Highlight, PlacedBody, World, why_unknown, wrench_error};
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -56,7 +56,8 @@ struct Trace {
     is_held: bool,
     /// The model has no force in the pose as it is.
     is_undefined: bool,
-    errors: Errors,
+    /// Errors to expect, N and N·m; or why they are unknown.
+    errors: Result<[f64; 2], &'static str>,
     samples: Vec<Sample>,
     last: Option<(ControlPose, Wrench)>,
     /// Work by translation and by turn, counted without sign, J.
@@ -82,15 +83,6 @@ struct Sample {
     errors: Option<[f64; 2]>,
     /// Nothing joins it with the sample before.
     is_first: bool,
-}
-
-/// What is known of the errors.
-#[derive(Clone, Copy, PartialEq)]
-enum Errors {
-    Unmeasured,
-    Beyond,
-    /// N and N·m.
-    Known([f64; 2]),
 }
 
 impl ForceCurve {
@@ -151,7 +143,7 @@ impl Trace {
             control: body.deformer.controls[place.1].name.clone(),
             is_held: true,
             is_undefined: false,
-            errors: Errors::Unmeasured,
+            errors: Err(why_unknown(body)),
             samples: Vec::new(),
             last: None,
             work: [0.0; 2],
@@ -198,7 +190,7 @@ impl Trace {
             wrench,
             force: None,
             torque: None,
-            errors: if let Errors::Known(errors) = self.errors { Some(errors) } else { None },
+            errors: self.errors.ok(),
             is_first,
         });
         self.project();
@@ -264,18 +256,13 @@ impl Trace {
         let (by_turn, unit) = if self.is_by_turn() { (1, "N·m") } else { (0, "N") };
         match self.errors {
             _ if self.is_undefined => vec![("the model has no force in this pose".into(), Tone::Bad)],
-            Errors::Known(errors) => {
+            Ok(errors) => {
                 vec![
                     ("expected error ± ".into(), Tone::Quiet),
                     (quantity(errors[by_turn], unit), Tone::Plain),
                 ]
             }
-            Errors::Beyond => {
-                vec![("beyond the poses of which the error is known".into(), Tone::Bad)]
-            }
-            Errors::Unmeasured => {
-                vec![("error not measured: list \"expected_errors\"".into(), Tone::Fair)]
-            }
+            Err(why) => vec![(format!("error unknown ({why})"), Tone::Fair)],
         }
     }
 
@@ -339,12 +326,9 @@ fn radius(places: &[[f32; 3]]) -> f64 {
 }
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
-fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Errors {
-    match wrench_error(body, wrenches) {
-        Some(error) => Errors::Known([error.force, error.moment]),
-        None if body.expected.as_ref().is_some_and(|expected| !expected.moved.is_empty()) => Errors::Beyond,
-        None => Errors::Unmeasured,
-    }
+fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Result<[f64; 2], &'static str> {
+    let error = wrench_error(body, wrenches).ok_or_else(|| why_unknown(body))?;
+    Ok([error.force, error.moment])
 }
 
 #[cfg(test)]
@@ -391,7 +375,10 @@ mod tests {
             assert!((y / (stiffness * x) - 1.0).abs() < 1e-5, "{y} N at {x} m, {stiffness} N/m");
         }
         assert!(words(&world).contains("1.25 N at 5.00 mm"), "{}", words(&world));
-        assert!(words(&world).contains("not measured") && plot(&world).band.iter().all(Vec::is_empty));
+        assert!(
+            words(&world).contains("error unknown (list expected_errors)")
+                && plot(&world).band.iter().all(Vec::is_empty)
+        );
         let table = running.table().unwrap();
         let row: Vec<f64> =
             table.lines().last().unwrap().split(',').skip(3).take(3).map(|x| x.parse().unwrap()).collect();

@@ -7,7 +7,6 @@ use super::result_set::ResultSet;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output;
-use anyhow::Context;
 use std::path::{Path, PathBuf};
 
 /// Files that share one name, to which each exporter appends its suffix.
@@ -77,13 +76,10 @@ impl Files {
         })
     }
 
-    /// Writes the files, and removes those of an earlier run that this run has no results for. `tell` is called with the path
-    /// of each file once it is there.
-    pub fn write(
-        &self,
-        set: &ResultSet,
-        mut tell: impl FnMut(&Path) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
+    /// Writes the files, and removes those of an earlier run that this run has no results for: all of it, or nothing. Returns
+    /// the paths of the files.
+    pub fn write(&self, set: &ResultSet) -> Result<Vec<PathBuf>, Failure> {
+        let mut written = Vec::new();
         let (mut staged, mut old) = (Vec::new(), Vec::new());
         for exporter in EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses) {
             let path = self.path(exporter.suffix);
@@ -92,27 +88,23 @@ impl Files {
                 continue;
             }
             let contents = (exporter.write)(set);
-            staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
+            staged.push(output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?);
+            written.push(path);
         }
         let is_found = |pose: &str| set.results.iter().any(|result| result.pose == pose);
         for (exporter, pose, path) in self.of_poses().filter(|(_, pose, _)| is_found(pose)) {
             let contents = (exporter.write)(&set.of_pose(pose));
-            staged.push((output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?, path));
+            staged.push(output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?);
+            written.push(path);
         }
-        for (staged, path) in staged {
-            staged.put()?;
-            tell(&path)?;
-        }
+        output::put_all(staged, &old)?;
         for old in old {
-            std::fs::remove_file(&old)
-                .with_context(|| old.display().to_string())
-                .map_err(Failure::Request)?;
             notice!(
                 "note: {} is left over from an earlier run that wrote more, and is removed",
                 old.display()
             );
         }
-        Ok(())
+        Ok(written)
     }
 }
 

@@ -324,7 +324,7 @@ fn sureness(result: &PoseResult) -> Vec<String> {
         return Vec::new();
     }
     match &result.told.error {
-        Sureness::Unknown(why) => vec![format!("error of forces not measured: {why}")],
+        Sureness::Unknown(why) => vec![format!("force error unknown: {why}")],
         Sureness::Measured(error) => {
             let [model, mesh] = error.parts;
             let of_mesh = if error.is_whole { percent(mesh) } else { "not known".to_owned() };

@@ -82,9 +82,8 @@ fn loads(body: &Body) -> String {
 }
 
 fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Result<()> {
-    input::regular(path)?;
-    let file = std::fs::File::open(path)?;
-    hasher.update(&file.metadata()?.len().to_le_bytes());
+    let file = input::open(path)?;
+    hasher.update(&file.limit().to_le_bytes());
     hasher.update_reader(file)?;
     Ok(())
 }

@@ -38,7 +38,10 @@ pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
 
 /// Packs the .green file at `from` into `to`, which is there whole or not at all; returns both sizes.
 pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
-    let bytes = std::fs::read(from).map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
+    let mut bytes = Vec::new();
+    input::open(from)
+        .and_then(|mut file| file.read_to_end(&mut bytes))
+        .map_err(|source| GreenError::Io { path: from.to_owned(), source })?;
     // What is shipped is sound.
     GreenFile::open(from)?.verify()?;
     let failed = |source| GreenError::Io { path: to.to_owned(), source };
@@ -51,9 +54,9 @@ pub fn pack(from: &Path, to: &Path) -> Result<(u64, u64), GreenError> {
 /// grow with what the file claims, but with what it holds, up to 64 MiB or 100 times the packed size.
 pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let unread = |source| GreenError::Io { path: from.to_owned(), source };
-    let packed_size = input::regular(from).map_err(unread)?;
+    let file = input::open(from).map_err(unread)?;
+    let packed_size = file.limit();
     let largest = LARGEST.max(LARGEST_RATIO * packed_size);
-    let file = std::fs::File::open(from).map_err(unread)?;
     let damaged = |reason: String| GreenError::Damaged { path: from.to_owned(), reason };
     let unpacked = |error: std::io::Error| damaged(format!("it does not unpack ({error})"));
     let packed = zstd::Decoder::new(file).map_err(unpacked)?;

@@ -83,7 +83,7 @@ pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshE
 
 /// Writes `mesh` to the file at `path`, in the format of its extension: by the writer of that name in
 /// [`formats::writers`], else by the first for the extension. Returns what the format could not keep, one sentence
-/// each. Either all files of the format are written completely, or none ([`output::stage`]).
+/// each. Either all files of the format are written completely, or none ([`output::put_all`]).
 pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<String>, MeshError> {
     let writer = formats::writer_of(path, encoding)?;
     let encoded = (writer.encode)(mesh)?;
@@ -91,7 +91,7 @@ pub fn save(path: &Path, mesh: &TetMesh, encoding: Option<&str>) -> Result<Vec<S
     for ((target, kind), bytes) in writer.targets(path).zip(&encoded.files) {
         staged.push(output::stage(&target, kind, |file| file.write_all(bytes))?);
     }
-    staged.into_iter().try_for_each(output::Staged::put)?;
+    output::put_all(staged, &[])?;
     Ok(encoded.lost)
 }
 

@@ -5,7 +5,8 @@ use super::data::{Report, SCHEMA};
 use super::page::page;
 use super::plots::{PLOTS, pictures};
 use crate::base::failure::Failure;
-use crate::base::output::{self, Kind, OutputError, Staged};
+use crate::base::input;
+use crate::base::output::{self, Kind, OutputError};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +70,7 @@ pub fn try_folder(dir: &Path, inputs: &[PathBuf]) -> Result<(), OutputError> {
 }
 
 /// Writes accuracy.json, accuracy.csv, models.csv, index.html and plots/*.svg below `dir`, which is made where it does not exist.
-/// Either all files are written whole, or none is ([`output::stage`]). An older plot that this report has no data for is
+/// Either all files are written whole, or none is ([`output::put_all`]). An older plot that this report has no data for is
 /// removed. Returns the paths, index.html first.
 ///
 /// Errors: no rows; a number that is NaN, infinite or negative; a file that cannot be written, or that would replace one
@@ -89,13 +90,9 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
         staged.push(output::stage(&path, kind, |file| file.write_all(text.as_bytes()))?);
         written.push(path);
     }
-    staged.into_iter().try_for_each(Staged::put)?;
-    for entry in PLOTS {
-        let path = plot_path(dir, entry.name);
-        if !written.contains(&path) && output::is(&path, &PLOT) {
-            std::fs::remove_file(&path).map_err(|source| ReportError::Io { path, source })?;
-        }
-    }
+    let plots = PLOTS.into_iter().map(|entry| plot_path(dir, entry.name));
+    let old: Vec<PathBuf> = plots.filter(|path| !written.contains(path) && output::is(path, &PLOT)).collect();
+    output::put_all(staged, &old)?;
     Ok(written)
 }
 
@@ -106,8 +103,9 @@ pub fn read(path: &Path) -> Result<Report, ReportError> {
         schema: u32,
     }
     let json = |source| ReportError::Json { path: path.to_owned(), source };
-    let text =
-        std::fs::read_to_string(path).map_err(|source| ReportError::Io { path: path.to_owned(), source })?;
+    let text = input::open(path)
+        .and_then(std::io::read_to_string)
+        .map_err(|source| ReportError::Io { path: path.to_owned(), source })?;
     let Version { schema } = serde_json::from_str(&text).map_err(json)?;
     if schema != SCHEMA {
         return Err(ReportError::Schema { path: path.to_owned(), found: schema });

@@ -1,8 +1,7 @@
 //! Tells a mesh or surface file from a scene file.
 
-use crate::base::output;
+use crate::base::{input, output};
 use crate::mesh::{formats, surface_files};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -12,7 +11,7 @@ pub fn is_mesh_or_surface(path: &Path) -> bool {
     let is_text = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
     let begins = || {
         let mut head = Vec::new();
-        let read = File::open(path).and_then(|file| file.take(output::HEAD).read_to_end(&mut head));
+        let read = input::open(path).and_then(|file| file.take(output::HEAD).read_to_end(&mut head));
         let is_known = formats::FORMATS.iter().any(|format| (format.recognizes)(&head));
         read.is_ok() && (is_known || formats::advice(path, &head).is_some())
     };

@@ -231,6 +231,39 @@ mod tests {
         assert_eq!(session.world.bodies[0].deformer.poses[1].translation.x, 0.1);
     }
 
+    /// Loads went back to those of the scene, so forces were others, and V's field to the first one.
+    #[test]
+    fn a_remade_body_bears_the_same_loads_and_shows_the_same_field() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = Scene::parse(SCENE, &folder.path().join("scene.toml")).unwrap();
+        let body = &mut scene.body["a"];
+        body.effects = vec!["haptics".into(), "stress".into()];
+        body.material.density = Some(1000.0);
+        body.gravity = Some(crate::scene::Gravity::Earth(true));
+        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
+        let field = session.world.fields.bodies[0].poses[1];
+        session.world.graph.restore(field, pose);
+        let heavier = Vector3::new(1.0, -30.0, 2.0);
+        for (column, value) in heavier.iter().enumerate() {
+            session.world.act(crate::interact::Action::SetLoad { body: 0, column, value: *value });
+        }
+        session.world.field_changes = 2;
+        session.advance(0.0).unwrap();
+        let seen = |session: &Session| {
+            let (world, body) = (&session.world, &session.world.bodies[0]);
+            let loads: Vec<Option<f64>> = (0..3).map(|column| world.load(0, column)).collect();
+            (body.deformer.wrenches().unwrap(), body.field.clone().unwrap(), loads, world.field_changes)
+        };
+        let before = seen(&session);
+        assert_eq!(before.2, heavier.iter().map(|value| Some(*value)).collect::<Vec<_>>());
+        change(&mut session, folder.path(), |scene| scene.body["b"].model = "rotation".into()).unwrap();
+        assert_eq!(seen(&session), before, "the world is another one, this body is not");
+        change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        let after = seen(&session);
+        assert!(after.0 != before.0 && (&after.2, after.3) == (&before.2, before.3));
+    }
+
     #[test]
     fn what_cannot_be_leaves_the_session_as_it_was() {
         let folder = tempfile::tempdir().unwrap();

@@ -5,6 +5,7 @@
 //! once, so that a crash costs the last few at most; a file that ends in the middle of a line is read up to there.
 
 use crate::base::failure::Failure;
+use crate::base::input;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::field::{StreamError, read_line};
@@ -16,7 +17,7 @@ use crate::track::TrackerState;
 use crate::world::World;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Take};
 use std::path::{Component, Path, PathBuf};
 
 const VERSION: u32 = 3;
@@ -160,7 +161,7 @@ fn line(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
 /// Replays a session, and compares its states with those that were recorded.
 pub struct Replay {
     path: PathBuf,
-    input: BufReader<File>,
+    input: BufReader<Take<File>>,
     line: u64,
     header: Header,
     /// Frames played so far.
@@ -178,7 +179,7 @@ pub struct Replay {
 impl Replay {
     pub fn open(path: &Path) -> Result<Replay, Failure> {
         let refused = |error: String| Failure::wrong(format!("{}: {error}", path.display()));
-        let file = File::open(path).map_err(|error| refused(error.to_string()))?;
+        let file = input::open(path).map_err(|error| refused(error.to_string()))?;
         let mut input = BufReader::new(file);
         let text = read_line(&mut input, 1).map_err(|error| refused(error.to_string()))?.unwrap_or_default();
         let header: Header = serde_json::from_slice(&text).map_err(|error| {
@@ -255,7 +256,7 @@ impl Replay {
     /// How many whole frames follow, and whether one that was cut off comes after them.
     fn left(&self) -> Result<(u64, bool), Failure> {
         let refused = |error: std::io::Error| self.wrong(&error.to_string());
-        let mut file = BufReader::new(File::open(&self.path).map_err(refused)?);
+        let mut file = BufReader::new(input::open(&self.path).map_err(refused)?);
         let (mut lines, mut last) = (0, b'\n');
         loop {
             let part = file.fill_buf().map_err(refused)?;

@@ -3,6 +3,7 @@
 //! In: two worlds. Out: the new one, in which every control element of the same name that holds the same nodes stands as it
 //! stood in the old one. On the same stage the scene stays where it was moved to.
 
+use super::body::PlacedBody;
 use super::edit_state::Posed;
 use super::frame::World;
 use std::collections::BTreeSet;
@@ -26,6 +27,8 @@ impl World {
         }
         self.put_targets(posed);
         self.change_hands(|hands| hands.mode = old.mode());
+        self.field_changes = old.field_changes;
+        self.carry_loads(old);
         if self.stage == old.stage {
             self.edit.navigation = old.edit.navigation.clone();
             for (b, body) in self.bodies.iter().enumerate() {
@@ -40,6 +43,24 @@ impl World {
         }
         let told: BTreeSet<String> = self.warnings.iter().map(|(_, told)| told.clone()).collect();
         self.warnings.extend(old.warnings.iter().filter(|(_, warning)| !told.contains(warning)).cloned());
+    }
+
+    /// Loads of the same body and of the same names act as they did.
+    fn carry_loads(&mut self, old: &World) {
+        let names = |body: &PlacedBody| -> Vec<String> {
+            body.deformer.load_metas().iter().map(|load| load.name.clone()).collect()
+        };
+        for b in 0..self.bodies.len() {
+            let body = &self.bodies[b];
+            let is_same = |other: &&PlacedBody| {
+                other.deformer.body == body.deformer.body && names(other) == names(body)
+            };
+            let same = old.bodies.iter().position(|other| is_same(&other));
+            let before = same.and_then(|same| Some(old.graph.get(old.fields.bodies[same].loads?).clone()));
+            if let Some((field, loads)) = self.fields.bodies[b].loads.zip(before) {
+                self.put(field, loads);
+            }
+        }
     }
 
     /// Whether a control element is that of another world: of the same names, and of as many nodes at the same place.

@@ -34,7 +34,7 @@ pub use highlight::Highlight;
 pub use ruler::SurfacePoint;
 pub use times::StepTimes;
 pub use turn_limits::{TurnLimits, Verdict, out_of_range, out_of_range_of};
-pub use wrench_error::{WrenchError, wrench_error, wrench_error_of};
+pub use wrench_error::{WrenchError, why_unknown, wrench_error, wrench_error_of};
 
 #[cfg(test)]
 pub mod tests;

@@ -1,6 +1,6 @@
 //! By how much the forces and torques of a body may be wrong, in newtons, as its errors were measured.
 //!
-//! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or nothing beyond what was measured.
+//! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or why it is unknown.
 
 use super::body::PlacedBody;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, Freedom, Moved, Wrench, reach};
@@ -24,6 +24,15 @@ pub struct WrenchError {
 /// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
 pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchError> {
     wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches, &[])
+}
+
+/// Why [`wrench_error`] is `None`, in words that follow "error unknown".
+pub fn why_unknown(body: &PlacedBody) -> &'static str {
+    match &body.expected {
+        None => "list expected_errors",
+        Some(expected) if expected.moved.is_empty() => "not measured on this body",
+        Some(_) => "beyond the measured poses",
+    }
 }
 
 /// The same of a body that is in no world, whose control elements have this freedom: none of them where it is empty. Of an end that

@@ -3,11 +3,16 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../display_common/mod.rs"]
+mod display_common;
+mod ends;
 mod field;
 mod haptics;
 mod haptics_devices;
 mod haptics_passive;
 mod interact_bend;
 mod interact_pick;
+#[path = "../render_common/mod.rs"]
+mod render_common;
 mod tracking;
 mod vrpn;

@@ -11,6 +11,7 @@ mod configs;
 mod demo;
 mod effects;
 mod export;
+mod faults;
 mod kills;
 mod outputs;
 mod point_forces;

@@ -11,7 +11,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
-use tempfile::{Builder, NamedTempFile, TempDir};
+use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 
 const PREFIX: &str = ".greenstage-";
 const FILE: &str = ".part";
@@ -31,6 +31,12 @@ pub fn temporary(folder: &Path) -> Result<NamedTempFile> {
         .tempfile_in(folder)?;
     hold(file.as_file());
     Ok(file)
+}
+
+/// A temporary name in `folder` for a file that `make` puts there.
+pub fn aside(folder: &Path, make: impl FnMut(&Path) -> Result<()>) -> Result<TempPath> {
+    let made = Builder::new().prefix(PREFIX).suffix(FILE).rand_bytes(RANDOM).make_in(folder, make)?;
+    Ok(made.into_temp_path())
 }
 
 /// A folder for files that are needed during one run; removed with all that is in it.

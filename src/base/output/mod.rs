@@ -6,19 +6,21 @@
 //! descriptors are written to and never replaced.
 //!
 //! An existing file is overwritten only where it is empty or its first bytes are those of the kind being written.
-//! [`try_path`] checks all of this before the work; [`stage`] and [`Staged::put`] write several files of which all or none
+//! [`try_path`] checks all of this before the work; [`stage`] and [`put_all`] write several files of which all or none
 //! are there; [`stream`] writes a file that grows for a long time.
 
+mod commit;
 mod leftovers;
 mod place;
 
+pub use commit::put_all;
 pub use leftovers::Scratch;
 
 use super::signal::{self, OnEnd};
 use leftovers::temporary;
 use place::{Place, folder_of};
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
+use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::NamedTempFile;
@@ -117,7 +119,9 @@ pub fn is(path: &Path, kind: &Kind) -> bool {
 
 fn head(file: File) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    file.take(HEAD).read_to_end(&mut bytes)?;
+    // No more than it has: some files of /proc wait for ever.
+    let length = file.metadata()?.len();
+    file.take(HEAD.min(length)).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -204,29 +208,7 @@ impl Staged {
 
     /// Puts it in its place, for good.
     pub fn put(self) -> Result<(), OutputError> {
-        self.placed().map(drop)
-    }
-
-    /// The file in its place, open at its end; `None` where it went into a device or a pipe.
-    fn placed(mut self) -> Result<Option<File>, OutputError> {
-        match &self.place {
-            Place::File(target) => {
-                let failed = |source| OutputError::Write { path: self.path.clone(), source };
-                place::keep_attributes(target, self.file.as_file()).map_err(failed)?;
-                let persisted = self.unwritten.settle(|| self.file.persist(target));
-                let file = persisted.map_err(|error| failed(error.error))?;
-                sync(&File::open(folder_of(target)).map_err(failed)?).map_err(failed)?;
-                Ok(Some(file))
-            }
-            Place::Stream(to) => {
-                let failed = |source| OutputError::Stream { path: self.path.clone(), source };
-                let bytes = self.file.as_file_mut();
-                bytes.rewind().map_err(failed)?;
-                let mut device = place::open_stream(to).map_err(failed)?;
-                std::io::copy(bytes, &mut device).map_err(failed)?;
-                Ok(None)
-            }
-        }
+        put_all(vec![self], &[]).map(drop)
     }
 }
 
@@ -248,7 +230,7 @@ pub struct Stream(File);
 pub fn stream(path: &Path, kind: &Kind, head: &[u8]) -> Result<Stream, OutputError> {
     match look(path, kind, &[])? {
         Place::File(_) => {
-            let file = stage(path, kind, |file| file.write_all(head))?.placed()?;
+            let file = put_all(vec![stage(path, kind, |file| file.write_all(head))?], &[])?.pop().flatten();
             let missing = || OutputError::of_place(path, ErrorKind::NotFound.into());
             file.map(Stream).ok_or_else(missing)
         }

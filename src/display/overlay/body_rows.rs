@@ -42,23 +42,21 @@ fn age_row(age: StateAge) -> Row {
     }
 }
 
-/// What errors to expect, as they were measured on this body; no number beyond what was measured.
+/// What errors to expect, as they were measured on this body; or why they are unknown.
 pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
     let part = |name: &str, part: String| [(format!("{part:<7}"), INK), (name.to_owned(), QUIET)];
-    let of_model = |at: &Option<ErrorsAt>| match at {
-        Some(at) => {
-            let force = at.wrench().map_or("none".into(), percent);
-            let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
-            std::iter::once(("errors ~".into(), QUIET)).chain(parts).collect()
-        }
-        None => vec![("errors ".into(), QUIET), ("not measured here".into(), BAD)],
+    let of_model = |at: &ErrorsAt| {
+        let force = at.wrench().map_or("none".into(), percent);
+        let parts = part("force  ", force).into_iter().chain(part("shape", percent(at.shape)));
+        std::iter::once(("errors ~".into(), QUIET)).chain(parts).collect()
     };
     let of_mesh = |mesh: &f64| {
         let parts = part("force", percent(*mesh));
         std::iter::once(("of mesh ~".into(), QUIET)).chain(parts).collect()
     };
+    let unknown = |why: &&str| vec![("error unknown: ".into(), QUIET), ((*why).to_owned(), FAIR)];
     let (model, mesh) = (errors.model.iter().map(of_model), errors.mesh.iter().map(of_mesh));
-    model.chain(mesh).map(Row::Words).collect()
+    model.chain(mesh).chain(errors.unknown.iter().map(unknown)).map(Row::Words).collect()
 }
 
 /// Above this part of the largest force an error of the forces is told beside the verdict on the shape.
@@ -67,7 +65,7 @@ const DOUBTFUL: f64 = 0.1;
 /// What is expected to be wrong with the forces, where it is much; shapes may be good all the same.
 fn doubtful_force(body: &BodyReading) -> Option<f64> {
     let errors = body.errors?;
-    let part = errors.model.flatten()?.wrench()? + errors.mesh.unwrap_or(0.0);
+    let part = errors.model?.wrench()? + errors.mesh.unwrap_or(0.0);
     (part > DOUBTFUL).then_some(part)
 }
 
@@ -132,40 +130,31 @@ pub(super) fn control_rows(control: &ControlReading) -> Vec<Ranked> {
         ]);
     }
     rows.push(Row::Table(table).ranked(Rank::Detail));
-    if let Some(ForceReading { wrench, error, share }) = &control.force {
-        match error {
-            Some(error) => {
-                let force = (FORCE, wrench.force, error.force);
-                let torque = (TORQUE, wrench.moment, error.moment);
-                for (name, (unit, vector, error_by)) in [("force ", force), ("torque", torque)] {
-                    let [whole, parts] = force_rows(name, unit, &vector, error_by, error.is_whole);
-                    rows.push(whole.ranked(first));
-                    rows.push(parts.ranked(then));
-                }
-            }
-            None => {
-                let row = vec![("force ".into(), QUIET), ("not measured here".into(), BAD)];
-                rows.push(Row::Words(row).ranked(first));
-                rows.push(Row::Gauge { share: *share, marks: Vec::new(), ink: QUIET }.ranked(first));
-            }
+    if let Some(ForceReading { wrench, error }) = &control.force {
+        let is_whole = error.is_none_or(|error| error.is_whole);
+        let force = (FORCE, wrench.force, error.map(|error| error.force));
+        let torque = (TORQUE, wrench.moment, error.map(|error| error.moment));
+        for (name, (unit, vector, error)) in [("force ", force), ("torque", torque)] {
+            let [whole, parts] = force_rows(name, unit, &vector, error, is_whole);
+            rows.push(whole.ranked(first));
+            rows.push(parts.ranked(then));
         }
     }
     rows
 }
 
 /// `force    12.34 N  ±   0.30`, and its components in the same unit. Where a part of the error is not known, `>` stands before it.
-fn force_rows(name: &str, unit: Unit, vector: &Vector3<f64>, error: f64, is_whole: bool) -> [Row; 2] {
-    let scale: Scale = unit.scale(vector.norm().max(error));
+fn force_rows(name: &str, unit: Unit, vector: &Vector3<f64>, error: Option<f64>, is_whole: bool) -> [Row; 2] {
+    let scale: Scale = unit.scale(vector.norm().max(error.unwrap_or(0.0)));
     let least = if is_whole { "" } else { ">" };
     let parts: String = vector.iter().map(|part| scale.part(*part)).collect();
+    let [sign, by] = match error {
+        Some(error) => [(format!(" ±{least:>1}"), QUIET), (fixed(scale.value(error), 6, 2), INK)],
+        None => [(" error ".to_owned(), QUIET), ("unknown".to_owned(), FAIR)],
+    };
+    let size = (scale.number(vector.norm()), INK);
     [
-        Row::Words(vec![
-            (name.to_owned(), QUIET),
-            (scale.number(vector.norm()), INK),
-            (format!(" {}", scale.name()), QUIET),
-            (format!(" ±{least:>1}"), QUIET),
-            (fixed(scale.value(error), 6, 2), INK),
-        ]),
+        Row::Words(vec![(name.to_owned(), QUIET), size, (format!(" {}", scale.name()), QUIET), sign, by]),
         words(format!("  x y z {parts}"), QUIET),
     ]
 }

@@ -5,7 +5,7 @@ use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
-use crate::world::{Highlight, PlacedBody, TurnLimits, World, WrenchError, wrench_error};
+use crate::world::{Highlight, PlacedBody, TurnLimits, World, WrenchError, why_unknown, wrench_error};
 
 /// The readings that the overlay shows beside times.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -70,17 +70,19 @@ pub struct BodyReading {
     pub age: Option<StateAge>,
     /// Strain energy, J, where the scene asks for forces.
     pub energy: Option<f64>,
-    /// What errors to expect here, where they were measured for the body.
+    /// What errors to expect here, of a body that shows forces or was measured.
     pub errors: Option<ErrorReading>,
 }
 
 /// What errors to expect of a body in its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorReading {
-    /// Of a model that is no static equilibrium itself: those in the body's pose, or `None` beyond what was measured.
-    pub model: Option<Option<ErrorsAt>>,
-    /// The part of forces that the mesh adds, where that could be told.
+    /// Those of the model in the body's pose; `None` of a model that is static equilibrium itself.
+    pub model: Option<ErrorsAt>,
+    /// The part of forces that the mesh adds.
     pub mesh: Option<f64>,
+    /// Why the error of the forces, or of the model, is unknown in this pose.
+    pub unknown: Option<&'static str>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -95,10 +97,8 @@ pub struct ControlReading {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceReading {
     pub wrench: Wrench,
-    /// What it may be wrong by. It is not told in newtons where that is not known.
+    /// What it may be wrong by, where that is known.
     pub error: Option<WrenchError>,
-    /// Of the force of the longest arrow.
-    pub share: f64,
 }
 
 impl SensorReading {
@@ -152,14 +152,24 @@ fn hands(world: &World) -> Vec<HandReading> {
     world.fields.styli.iter().enumerate().filter_map(of).collect()
 }
 
-/// `None` where nothing of the body was measured.
-fn error_reading(body: &PlacedBody, wrenches: Option<&[Wrench]>) -> Option<ErrorReading> {
-    let expected = body.expected.as_ref()?;
-    let has_errors = !expected.is_equilibrium() && !expected.moved.is_empty();
-    let model = has_errors.then(|| expected.in_pose(&body.deformer));
-    let most = || Some(expected.mesh()?.wrench);
-    let mesh = wrenches.map_or_else(most, |wrenches| expected.mesh_at(&body.deformer, wrenches));
-    (model.is_some() || mesh.is_some()).then_some(ErrorReading { model, mesh })
+/// `None` of a body that shows no forces and was not measured.
+fn error_reading(
+    body: &PlacedBody,
+    forces: Option<(&[Wrench], Option<WrenchError>)>,
+) -> Option<ErrorReading> {
+    let expected = body.expected.as_ref().filter(|expected| !expected.moved.is_empty());
+    let of_model = expected.filter(|expected| !expected.is_equilibrium());
+    let model = of_model.and_then(|expected| expected.in_pose(&body.deformer));
+    let mesh = expected.and_then(|expected| match forces {
+        Some((wrenches, _)) => expected.mesh_at(&body.deformer, wrenches),
+        None => Some(expected.mesh()?.wrench),
+    });
+    let is_unknown = match forces {
+        Some((_, error)) => error.is_none(),
+        None => of_model.is_some() && model.is_none(),
+    };
+    let unknown = is_unknown.then(|| why_unknown(body));
+    (model.is_some() || mesh.is_some() || is_unknown).then_some(ErrorReading { model, mesh, unknown })
 }
 
 pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
@@ -169,11 +179,8 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
     let (wrenches, energy) = deformer.wrenches().filter(|_| felt).unzip();
     let error = wrenches.as_ref().and_then(|wrenches| wrench_error(body, wrenches));
     let force = |c: usize, pose: &ControlPose| {
-        let wrench = wrenches.as_ref()?.get(c)?;
-        let full_n = body.force_scale.as_ref()?.full_n.get(c)?;
-        let share = (wrench.force.norm() / full_n).clamp(0.0, 1.0);
         // A hand feels the torque about where the element is.
-        Some(ForceReading { wrench: wrench.about_the_place(pose), error, share })
+        Some(ForceReading { wrench: wrenches.as_ref()?.get(c)?.about_the_place(pose), error })
     };
     let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).enumerate();
     let (turn, limits) = TurnLimits::of_body(body);
@@ -193,6 +200,6 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
         limits,
         age: deformer.age(),
         energy,
-        errors: error_reading(body, wrenches.as_deref()),
+        errors: error_reading(body, wrenches.as_deref().map(|wrenches| (wrenches, error))),
     }
 }

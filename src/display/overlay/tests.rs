@@ -32,7 +32,6 @@ fn readings(turn: f64) -> Readings {
                 is_whole: true,
                 parts: [0.0; 2],
             }),
-            share: 0.6,
         }),
     };
     let sensor = |name: &str, age_s: f64, signal| SensorReading {
@@ -199,7 +198,6 @@ proptest! {
             force: Some(ForceReading {
                 wrench: Wrench { force: vector(12), moment: vector(15) },
                 error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0, parts: [0.0; 2] }),
-                share: 0.5,
             }),
         };
         let rows = body_rows::control_rows(&control);
@@ -209,7 +207,7 @@ proptest! {
         let lengths: Vec<usize> =
             rows.iter().flat_map(|(_, row)| texts(row)).map(|text| text.chars().count()).collect();
         let rest = Wrench { force: Vector3::zeros(), moment: Vector3::zeros() };
-        let force = ForceReading { wrench: rest, error: control.force.unwrap().error, share: 0.0 };
+        let force = ForceReading { wrench: rest, error: control.force.unwrap().error };
         let at_rest = ControlReading { pose: ControlPose::REST, force: Some(force), ..control };
         prop_assert_eq!(&lengths, &of(at_rest), "as long at rest");
         let mut haptic = readings(0.3).haptics[0].clone();
@@ -230,7 +228,7 @@ proptest! {
 }
 
 #[test]
-fn forces_stand_with_their_error_or_not_in_newtons() {
+fn forces_stand_with_their_error_or_without_one() {
     let control = |error| ControlReading {
         force: Some(ForceReading { error, ..force() }),
         ..readings(0.3).bodies[0].controls[1].clone()
@@ -248,8 +246,9 @@ fn forces_stand_with_their_error_or_not_in_newtons() {
     let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false, parts: [0.0; 2] }));
     assert_eq!(partly[5], "force     0.01 kN ±>  1.30");
     let unknown = told(None);
-    assert_eq!(unknown[5], "force not measured here");
-    assert!(unknown.len() == 7 && !unknown.concat().contains(" N"), "{unknown:?}");
+    assert_eq!(unknown[5], "force    12.34 N  error unknown");
+    assert_eq!(unknown[6], "  x y z     1.5  -12.2    0.0");
+    assert_eq!(unknown[7], "torque    3.01 N·m  error unknown");
 }
 
 /// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
@@ -320,7 +319,7 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     assert_eq!((&first[..], &mesh[..]), ("errors ~2.0 %  force  0.2 %  shape", "of mesh ~9.0 %  force"));
     let between = told(measured.clone(), 20.0);
     assert!(between[0].starts_with("errors ~7."), "{between:?}");
-    assert_eq!(told(measured, 35.0)[0], "errors not measured here");
+    assert_eq!(told(measured, 35.0), ["of mesh ~9.0 %  force", "error unknown: beyond the measured poses"]);
 }
 
 /// `shape good, forces off by 27 %` ran out of its plate.
@@ -339,12 +338,30 @@ fn a_doubtful_force_is_told_within_the_column() {
                 torque: Some(wrench),
                 shape: 0.0,
             };
-            body.errors = Some(ErrorReading { model: Some(Some(at)), mesh: None });
+            body.errors = Some(ErrorReading { model: Some(at), mesh: None, unknown: None });
             let row = text(&body_rows::gauge_rows(&body)[0].1);
             assert!(row.chars().count() <= row::LETTERS, "{row}");
             assert!(row.contains(told), "{row}");
         }
     }
+}
+
+/// A body of which nothing was measured had no newtons: the overlay said "force not measured here".
+#[test]
+fn a_force_without_a_measured_error_is_a_number_and_says_what_to_list() {
+    use crate::effect::ghost_equilibrium::tests::bar;
+    let (scene, file, mut world) = bar("overlay-unmeasured", "linear", &["haptics"]);
+    crate::effect::attach(crate::effect::EFFECTS, &scene, &file, &mut world).unwrap();
+    let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
+    world.bodies[0].deformer.evaluate(&[ControlPose::REST, pull]);
+    let reading = readings::body_reading(&world.bodies[0]);
+    let force = reading.controls[1].force.unwrap();
+    assert!(force.wrench.force.norm() > 0.0 && force.error.is_none());
+    let rows: Vec<String> = body_rows::body_rows(&reading).iter().flat_map(|(_, row)| texts(row)).collect();
+    let forces: Vec<&String> = rows.iter().filter(|row| row.starts_with("force")).collect();
+    let shown = |row: &&String| row.contains("N  error unknown");
+    assert!(forces.len() == 2 && forces.iter().all(shown), "{rows:?}");
+    assert!(rows.contains(&"error unknown: list expected_errors".to_owned()), "{rows:?}");
 }
 
 #[test]

@@ -60,7 +60,7 @@ fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
     let scene = Scene::parse(&text, Path::new("bar.toml")).unwrap();
     let required = Requirements::of(&[STIFFNESS, LOADS]);
     let mut body = green::precompute(&scene, "bar", &required, &Silent).unwrap();
-    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let errors = measure(&scene, &mut body, &Silent);
     let told = errors.loaded.unwrap().force.unwrap();
     assert!((told / (warm / (2.0 + warm)) - 1.0).abs() < 0.05, "{told}");
     let mut deformer = deformer_of(&body, "linear");
@@ -93,7 +93,7 @@ fn a_loaded_body_that_is_turned_as_a_whole_has_the_errors_of_its_loads_direction
     let required =
         families.map(Requirements::of).into_iter().fold(Requirements::default(), Requirements::and);
     let mut body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
-    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let errors = measure(&scene, &mut body, &Silent);
     let mut deformer = deformer_of(&body, "rotation");
     deformer.apply(&PoseLoads::of_scene(&scene.body["beam"]).applied(&deformer).unwrap());
     let mut turned = |axis: Vector3<f64>| {

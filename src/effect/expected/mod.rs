@@ -1,8 +1,8 @@
 //! What errors of force and shape to expect of a body, measured on it while it is precomputed.
 //!
 //! In: a body of a scene and its solution. Out: a section of the .green file with [`ExpectedErrors`]: of the model against static
-//! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). The effect `haptics` has it of bodies of up to
-//! [`HAPTIC_ENTRIES`], `expected_errors` of all. It is shown by `check`, `precompute` and `inspect`, and in the overlay.
+//! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). Only this effect measures. `check`, `precompute`, `inspect`,
+//! `deform` and the overlay show what was measured.
 
 mod hung;
 #[cfg(test)]
@@ -17,20 +17,15 @@ use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
-use crate::scene::{Body, Grab, Method, Scene};
+use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::World;
 use mesh::BetterBody;
 use model::{Measured, ModelErrors, motions};
 
-/// Entries of K up to which `haptics` measures, within some ten to twenty seconds on one thread: of about 4000 nodes of tet4, 1600 of
-/// tet10, and 700 of tet4_anp.
-pub const HAPTIC_ENTRIES: usize = 400_000;
-
 /// So many control elements are moved, the first ones that a hand can grab.
 pub const MOST_MOVED: usize = 2;
 
-/// Asks for what `haptics` has of small bodies alone.
 pub const NAME: &str = "expected_errors";
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
@@ -50,42 +45,22 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 /// The one tensor of a section: [`ExpectedErrors`] as JSON, numbers with three digits.
 const TENSOR: &str = "errors";
 
-/// The section of `expected_errors`.
+/// The section of the .green file.
 fn section(
     scene: &Scene,
     body: &mut Precomputed,
     progress: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
-    Ok(vec![(TENSOR.into(), written(&measure(scene, body, Kinds::All, progress)))])
-}
-
-/// The section of `haptics`: the same of small bodies, and nothing where the body lists `expected_errors` too.
-pub(super) fn haptic_section(
-    scene: &Scene,
-    body: &mut Precomputed,
-    progress: &dyn Progress,
-) -> Result<Vec<(String, Tensor)>, GreenError> {
-    let entries = body.solution.matrix_entries;
-    let lists_both = scene.body[&body.name].effects.iter().any(|effect| effect == NAME);
-    let mut errors = of(&scene.body[&body.name]);
-    if lists_both {
-        errors.left_out.push(format!("stands in the section {}", NAME));
-    } else if body.solution.method == Method::Bem {
-        errors.left_out.push("they are measured in tetrahedra, which boundary elements do not have".into());
-    } else if entries > HAPTIC_ENTRIES {
-        errors.left_out.push(format!(
-            "the stiffness matrix has {entries} entries, and haptics measures bodies of up to {HAPTIC_ENTRIES}: list \
-             the effect \"{NAME}\" too, which takes its time, or measure the same body on a coarser mesh"
-        ));
-    } else {
-        errors = measure(scene, body, Kinds::Held, progress);
-    }
-    Ok(vec![(TENSOR.into(), written(&errors))])
+    Ok(vec![(TENSOR.into(), written(&measure(scene, body, progress)))])
 }
 
 /// Whether a tensor of a section, `EFFECT/TENSOR`, holds what was measured.
 pub(super) fn is_measured(tensor: &str) -> bool {
-    tensor.ends_with(&format!("/{TENSOR}"))
+    tensor == name_in_section()
+}
+
+fn name_in_section() -> String {
+    format!("{NAME}/{TENSOR}")
 }
 
 /// Why errors that were measured of a body are not shown after a change of it.
@@ -105,25 +80,20 @@ fn written(errors: &ExpectedErrors) -> Tensor {
 
 /// What was measured of a body that is not written yet.
 pub fn of_precomputed(body: &Precomputed) -> Option<ExpectedErrors> {
-    let section = |effect: &str| body.sections.get(&format!("{effect}/{TENSOR}"));
-    let all: Vec<&Tensor> = body.requirements.sections().filter_map(section).collect();
-    serde_json::from_slice(&section(NAME).or(all.first().copied())?.bytes).ok()
+    serde_json::from_slice(&body.sections.get(&name_in_section())?.bytes).ok()
 }
 
 /// What was measured of a body, where the file holds it. Errors where that is not what [`measure`] writes.
 pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, GreenError> {
     let Some(meta) = file.meta.bodies.get(body) else { return Ok(None) };
-    let name = |effect: &str| format!("{body}/{effect}/{TENSOR}");
-    let has = |effect: &&str| file.tensors().any(|(tensor, ..)| tensor == name(effect));
-    let all: Vec<&str> = meta.requirements.sections().filter(has).collect();
-    let Some(effect) = all.iter().find(|effect| **effect == NAME).or(all.first()) else {
+    if !meta.requirements.sections().any(|section| section == NAME) {
         return Ok(None);
-    };
+    }
     let damaged = |reason: String| GreenError::Damaged {
         path: file.path.clone(),
-        reason: format!("tensor {}: {reason}", name(effect)),
+        reason: format!("tensor {body}/{}: {reason}", name_in_section()),
     };
-    let (_, text) = file.section::<u8>(body, effect, TENSOR)?;
+    let (_, text) = file.section::<u8>(body, NAME, TENSOR)?;
     let errors: ExpectedErrors = serde_json::from_slice(text).map_err(|error| damaged(error.to_string()))?;
     errors.check().map_err(damaged)?;
     let known = |moved: &MovedErrors| meta.controls.iter().any(|control| control.name == moved.control);
@@ -157,22 +127,8 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
     (!can_be_grabbed).then_some("no control element can be grabbed")
 }
 
-/// What is measured of an end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kinds {
-    /// It is held in its pose, as a hand holds it.
-    Held,
-    /// The same, and pushed while it is free in all else (`hung`), which takes several times as long.
-    All,
-}
-
 /// Measures the body. What cannot be measured is left out with the reason; nothing of it keeps the body from being written.
-pub fn measure(
-    scene: &Scene,
-    body: &mut Precomputed,
-    kinds: Kinds,
-    progress: &dyn Progress,
-) -> ExpectedErrors {
+pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
     let mut errors = of(asked);
     if let Some(why) = unmeasurable(asked) {
@@ -187,7 +143,7 @@ pub fn measure(
         errors.left_out.push(format!("of {all} control elements that can be grabbed, {most} were moved"));
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
-    let model = model_errors(scene, body, (moved, kinds), progress, &mut errors);
+    let model = model_errors(scene, body, moved, progress, &mut errors);
     let of_one = |((e, model), (mesh, better)): ((&usize, ModelErrors), (_, Option<[f64; 3]>))| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
         bent: model.bent,
@@ -245,7 +201,7 @@ fn mesh_errors(
 fn model_errors(
     scene: &Scene,
     body: &mut Precomputed,
-    (moved, kinds): (&[usize], Kinds),
+    moved: &[usize],
     progress: &dyn Progress,
     errors: &mut ExpectedErrors,
 ) -> Vec<ModelErrors> {
@@ -269,9 +225,9 @@ fn model_errors(
         let control = body.solution.controls[e].name.clone();
         let mut told = |why: String| left_out.push(format!("{control}: {why}"));
         let found = match &mut measured {
-            Ok(measured) => measured
-                .errors(&body.solution, (e, kinds == Kinds::All), progress, &mut told)
-                .map_err(|error| error.to_string()),
+            Ok(measured) => {
+                measured.errors(&body.solution, e, progress, &mut told).map_err(|error| error.to_string())
+            }
             Err(error) => Err(error.to_string()),
         };
         let found = found.unwrap_or_else(|why| {

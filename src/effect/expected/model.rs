@@ -124,11 +124,11 @@ impl Measured {
     }
 
     /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
-    /// solved as `solution`, `hung` where that is asked for; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
+    /// solved as `solution`; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
         solution: &Solution,
-        (e, is_pushed): (usize, bool),
+        e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
     ) -> Result<ModelErrors, Failure> {
@@ -150,7 +150,7 @@ impl Measured {
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
         let pulled = pulled(&found);
         let model = (&mut self.deformer, self.is_linear);
-        let hung = is_pushed.then(|| hung(&mut self.statics, model, &self.nodes, &moved, left_out));
+        let hung = Some(hung(&mut self.statics, model, &self.nodes, &moved, left_out));
         Ok(ModelErrors { bent, shifted, pulled, hung })
     }
 

@@ -57,7 +57,7 @@ fn models_are_measured_on_the_body_itself() {
         let settings = format!("material = {{ young = 1.0e3, poisson = 0.3 }}\nmodel = \"{model}\"");
         let scene = beam(2, &settings, "fixed", "dragger");
         let mut body = solved(&scene);
-        let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+        let errors = measure(&scene, &mut body, &Silent);
         assert_eq!((errors.moved.len(), errors.left_out.len()), (1, 0), "{errors:?}");
         assert_eq!(errors.check(), Ok(()));
         assert!(body.requirements.sections().next().is_none(), "they are as they were");
@@ -79,7 +79,7 @@ fn models_are_measured_on_the_body_itself() {
 fn what_cannot_be_measured_is_said() {
     let said = |settings: &str, low: &str, high: &str| {
         let scene = beam(1, &format!("material = {{ young = 1.0e3, poisson = 0.3 }}\n{settings}"), low, high);
-        let errors = measure(&scene, &mut solved(&scene), Kinds::Held, &Silent);
+        let errors = measure(&scene, &mut solved(&scene), &Silent);
         (errors.moved.len(), errors.left_out)
     };
     let (moved, left_out) = said("", "fixed", "fixed");
@@ -89,17 +89,6 @@ fn what_cannot_be_measured_is_said() {
     assert!(left_out[0].contains("\"stvk\" is static equilibrium itself"), "{left_out:?}");
     let (moved, left_out) = said("solver = { method = \"pcg\" }", "dragger", "dragger");
     assert_eq!((moved, left_out.len()), (2, 0), "{left_out:?}");
-
-    let mut scene = beam(1, "material = { young = 1.0, poisson = 0.3 }", "fixed", "dragger");
-    let mut body = solved(&scene);
-    scene.body["beam"].effects = vec!["haptics".into(), NAME.into()];
-    let [(_, section)] = &haptic_section(&scene, &mut body, &Silent).unwrap()[..] else { panic!() };
-    body.sections.insert(format!("haptics/{TENSOR}"), section.clone());
-    body.requirements = body.requirements.with_section("haptics").with_section(NAME);
-    assert_eq!(of_precomputed(&body).unwrap().left_out, [format!("stands in the section {NAME}")]);
-    let [(_, section)] = &super::section(&scene, &mut body, &Silent).unwrap()[..] else { panic!() };
-    body.sections.insert(format!("{NAME}/{TENSOR}"), section.clone());
-    assert_eq!(of_precomputed(&body).unwrap().moved.len(), 1, "that of its own effect goes before");
 }
 
 #[test]
@@ -147,7 +136,7 @@ fn an_end_that_is_pushed_has_the_errors_of_pushed_ends() {
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
     let scene = Scene::parse(text, Path::new("beam.toml")).unwrap();
     let mut body = solved(&scene);
-    let errors = measure(&scene, &mut body, Kinds::All, &Silent);
+    let errors = measure(&scene, &mut body, &Silent);
     let moved = &errors.moved[0];
     let hung = moved.hung.as_ref().unwrap();
     println!("{hung:?}\n{:?}", moved.shifted);
@@ -235,7 +224,7 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
 fn a_pull_has_the_errors_of_pulls() {
     let scene = beam(2, "material = { young = 1.0e3, poisson = 0.0 }", "fixed", "dragger");
     let mut body = solved(&scene);
-    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let errors = measure(&scene, &mut body, &Silent);
     let right = |e: f64| 0.5 * ((1.0 + e).powi(3) - (1.0 + e));
     let told: Vec<f64> = errors.moved[0].pulled.iter().map(|at| at.force.unwrap()).collect();
     for (told, e) in told.iter().zip([0.01, 0.05, 0.1]) {
@@ -268,7 +257,7 @@ fn an_end_that_is_moved_aside_has_the_errors_of_the_string_in_the_bar() {
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
     let scene = Scene::parse(text, Path::new("bar.toml")).unwrap();
     let mut body = green::precompute(&scene, "bar", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
-    let errors = measure(&scene, &mut body, Kinds::Held, &Silent);
+    let errors = measure(&scene, &mut body, &Silent);
     let mut deformer = deformer_of(&body, "linear");
     for aside in [1e-3, 3e-3, 1e-2] {
         let translation = Vector3::new(0.0, 10.0 * aside, 0.0);

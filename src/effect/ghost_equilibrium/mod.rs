@@ -8,7 +8,7 @@
 
 mod solving;
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;
 
 use super::entry::{EffectEntry, Listed};
 use super::ghost_rest::Outlined;

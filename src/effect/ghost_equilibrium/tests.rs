@@ -17,7 +17,7 @@ pub(in crate::effect) const BAR: [f64; 2] = [4.0, 1.0];
 pub(in crate::effect) const YOUNG: f64 = 1.0e3;
 
 /// A bar along x, held at both end faces, with these effects; its scene, its file and a world.
-pub(in crate::effect) fn bar(name: &str, model: &str, effects: &[&str]) -> (Scene, Arc<GreenFile>, World) {
+pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Scene, Arc<GreenFile>, World) {
     let [length, side] = BAR;
     let text = format!(
         "[body.bar]\n\

@@ -10,7 +10,7 @@
 
 use super::device::{Device, Push, Reading, SampleInfo};
 use super::haply_messages::{ForceKey, State, force_command, parse};
-use crate::base::last_word::LastWord;
+use crate::base::guard::Guard;
 use crate::base::peak::Peak;
 use crate::stage::GripButton;
 use crate::track::device::{DeviceState, Stamp, now_s};
@@ -36,7 +36,8 @@ const NO_ARM: &str =
     "the service is up, but has no Inverse3 that says where it is; it is asked again until one is plugged in";
 /// The most different warnings per connection.
 const MOST_TOLD: usize = 16;
-const WAKE: Duration = Duration::from_millis(50);
+/// How often a thread that hears nothing looks around: often enough to tell the guard that the program lives.
+const WAKE: Duration = Duration::from_millis(5);
 /// The assumed time until an answer before the first one has come, s.
 const UNHEARD_S: f64 = 2e-3;
 
@@ -185,6 +186,9 @@ impl Link {
         let mut heard = DeviceState::default();
         let (mut commanded_s, mut echo) = (None, Peak::default());
         while !self.shared.stop.load(Relaxed) {
+            if let Some(Err(error)) = arm.as_mut().map(|arm| arm.guard.beat()) {
+                return format!("the guard of its force is gone: {error}");
+            }
             if arm.is_none() && now_s() - asked_s > self.timing.ask_s {
                 asked_s = now_s();
                 if let Err(error) = socket.send(Message::text(ASK)) {
@@ -215,7 +219,7 @@ impl Link {
                         }
                     }
                     // Whatever it said: it may say nothing more until it is answered.
-                    if let Some(arm) = &arm {
+                    if let Some(arm) = &mut arm {
                         let (push, at_s) = *self.commands.read();
                         let is_new = now_s() - at_s <= COMMAND_S;
                         let push = if is_new { push } else { Push::NONE };
@@ -235,7 +239,7 @@ impl Link {
                 Err(error) => return error.to_string(),
             }
         }
-        if let Some(arm) = &arm {
+        if let Some(arm) = &mut arm {
             // Nobody hears of it if the connection is gone.
             let _ = arm.send(socket, &Push::NONE);
         }
@@ -243,11 +247,11 @@ impl Link {
     }
 }
 
-/// The arm that is commanded. However the program ends, its force is taken back.
+/// The arm that is commanded. However the program ends, its guard takes the force back.
 struct Commanded {
     id: String,
     key: ForceKey,
-    last_word: LastWord,
+    guard: Guard,
 }
 
 impl Commanded {
@@ -262,20 +266,31 @@ impl Commanded {
         // A service that has once used 3.5's keys is 3.5, because not every message has all keys.
         let key =
             before.as_ref().filter(|before| before.key == ForceKey::Vector).map_or(key, |_| ForceKey::Vector);
-        match before {
-            Some(before) if before.id == id && before.key == key => return Ok(Some(before)),
-            // Nobody hears of it if that arm is gone.
-            Some(before) => drop(before.send(socket, &Push::NONE)),
-            None => {}
-        }
         let none = masked_text(&force_command(&id, key, &Push::NONE));
-        Ok(Some(Commanded { last_word: LastWord::new(socket.get_ref(), &none)?, id, key }))
+        let guard = match before {
+            Some(before) if before.id == id && before.key == key => return Ok(Some(before)),
+            Some(mut before) => {
+                // Nobody hears of it if that arm is gone.
+                let _ = before.send(socket, &Push::NONE);
+                before.guard.sends(&none)?;
+                before.guard
+            }
+            None => Guard::start(socket.get_ref(), &none)?,
+        };
+        Ok(Some(Commanded { id, key, guard }))
     }
 
-    fn send(&self, socket: &mut WebSocket<TcpStream>, push: &Push) -> Result<(), String> {
+    fn send(&mut self, socket: &mut WebSocket<TcpStream>, push: &Push) -> Result<(), String> {
+        let is_force = *push != Push::NONE;
+        let said = |said: std::io::Result<()>| {
+            said.map_err(|error| format!("the guard of its force is gone: {error}"))
+        };
+        if is_force {
+            said(self.guard.pushes())?;
+        }
         let command = Message::text(force_command(&self.id, self.key, push));
-        let sent = self.last_word.before(|| socket.send(command)).ok_or("the program ends")?;
-        sent.map_err(|error| error.to_string())
+        socket.send(command).map_err(|error| error.to_string())?;
+        if is_force { Ok(()) } else { said(self.guard.rests()) }
     }
 }
 
@@ -312,13 +327,11 @@ fn counted(heard: &mut DeviceState, reading: Reading) -> Reading {
 mod tests {
     use super::*;
 
-    /// The longest name an arm may have, each character escaped, fits the last word.
     #[test]
-    fn the_last_word_is_a_frame_that_a_server_reads() {
+    fn the_last_message_is_a_frame_that_a_server_reads() {
         for id in ["049D".to_owned(), "\u{1}".repeat(64)] {
             let text = force_command(&id, ForceKey::Values, &Push::NONE);
             let frame = masked_text(&text);
-            assert!(frame.len() <= 512, "{}", frame.len());
             let pipe = std::io::Cursor::new(frame);
             let role = tungstenite::protocol::Role::Server;
             let heard = WebSocket::from_raw_socket(pipe, role, None).read().unwrap();

@@ -5,13 +5,11 @@
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, Listed};
-use super::super::expected;
 use super::super::running::RunningEffect;
 use super::device::Device;
 use super::elastic::Elastic;
 use super::grasp::{Held, HoldConstraint};
 use super::haply::Haply;
-use super::interrupt;
 use super::loop_state::{LoopFaults, LoopState};
 use super::reading::HapticReading;
 use super::simulated::{Hand, Simulated};
@@ -96,7 +94,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: false,
-    precompute: Some(expected::haptic_section),
+    precompute: None,
     attach: Some(show_forces),
     start: Some(|listed, world| {
         Ok(HapticSession::start(listed, world)?.map(|session| Box::new(session) as Box<dyn RunningEffect>))
@@ -110,7 +108,6 @@ fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn 
         body.deformer.feel();
         body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
     }
-    expected::show(listed, world)?;
     Ok(None)
 }
 
@@ -144,7 +141,6 @@ impl HapticSession {
             })
         };
         let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
-        interrupt::end_without_force();
         Ok(Some(HapticSession { links }))
     }
 

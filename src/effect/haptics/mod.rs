@@ -17,7 +17,6 @@ pub mod grasp;
 pub mod haply;
 pub mod haply_messages;
 pub mod haptic_source;
-pub mod interrupt;
 pub mod live;
 pub mod loop_state;
 mod passivity;

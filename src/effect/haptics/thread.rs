@@ -39,18 +39,6 @@ impl Drop for Counted {
     }
 }
 
-/// Ends all loops of the process, each with a last push of no force; waits `patience` for them. False if some have not ended.
-pub fn stop_all(patience: Duration) -> bool {
-    STOPPED.store(true, Ordering::SeqCst);
-    let started = Instant::now();
-    while running() > 0 && started.elapsed() < patience {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    running() == 0
-}
-
-static STOPPED: AtomicBool = AtomicBool::new(false);
-
 /// A loop's timing since its start. Lateness is measured only while something is held, because otherwise the loop sleeps
 /// less precisely.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -151,7 +139,7 @@ fn run(
     // Percentiles are computed about thirty times a second.
     let summary = (control.haptic.rate_hz / 30.0).max(1.0) as u64;
     let mut is_felt = false;
-    while !stop.load(Ordering::Relaxed) && !STOPPED.load(Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) {
         due += period;
         if is_felt {
             sleeper.sleep_until(due);

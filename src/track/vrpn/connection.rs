@@ -3,7 +3,7 @@
 use super::codec::{self, Header};
 use super::listener::Listener;
 use super::payload::{ForceField, MessageKind, Payload};
-use crate::base::last_word::LastWord;
+use crate::base::guard::Guard;
 use crate::track::device::{DeviceState, Link};
 use crate::track::publisher::StatePublisher;
 use crate::track::rate_limiter::RateLimiter;
@@ -29,8 +29,8 @@ pub struct Hearing {
 }
 
 struct Writer {
-    /// The command that ends the force, prepared before the first force is sent. It is dropped before the stream.
-    last_word: Option<LastWord>,
+    /// Of a device that has been sent a force.
+    guard: Option<Guard>,
     stream: TcpStream,
 }
 
@@ -50,43 +50,34 @@ impl Control {
 
     /// Writes go to this stream from now on.
     pub fn connected(&self, stream: TcpStream) {
-        *lock(&self.writer) = Some(Writer { last_word: None, stream });
+        *lock(&self.writer) = Some(Writer { guard: None, stream });
     }
 
-    /// Sends a force field to the device; false if there is no connection. Before the first one, makes sure that the force is
-    /// taken back however the program ends.
+    /// Sends a force field to the device; false if there is no connection. A guard takes the force back however the program ends.
     pub fn push(&self, field: &ForceField) -> bool {
-        let none = message(&Payload::ForceField(ForceField::default()));
-        let prepared = match &mut *lock(&self.writer) {
-            Some(Writer { last_word: last_word @ None, stream }) => LastWord::new(stream, &none)
-                .map(|made| *last_word = Some(made))
-                .inspect_err(|error| tracing::warn!("vrpn: no force is sent: {error}")),
-            _ => Ok(()),
-        };
-        if prepared.is_err() {
-            self.hang_up();
-            return false;
-        }
-        self.send(&message(&Payload::ForceField(*field)))
+        let bytes = message(&Payload::ForceField(*field));
+        let is_force = field.force != [0.0; 3];
+        self.write(|writer| {
+            if is_force {
+                writer.guarded()?.pushes()?;
+            }
+            writer.stream.write_all(&bytes)?;
+            writer.guard.as_mut().filter(|_| !is_force).map_or(Ok(()), Guard::rests)
+        })
     }
 
     pub fn send(&self, bytes: &[u8]) -> bool {
-        let mut writer = lock(&self.writer);
-        let sent = writer.as_mut().map_or(Some(false), |Writer { last_word, stream }| {
-            let mut write = || stream.write_all(bytes).is_ok();
-            match last_word {
-                Some(last_word) => last_word.before(write),
-                None => Some(write()),
-            }
-        });
-        drop(writer);
-        // The program is ending; the connection is left to the handler that sends the last word.
-        let Some(sent) = sent else { return false };
-        if !sent {
+        self.write(|writer| writer.stream.write_all(bytes))
+    }
+
+    fn write(&self, write: impl FnOnce(&mut Writer) -> std::io::Result<()>) -> bool {
+        let written = lock(&self.writer).as_mut().map(write);
+        if let Some(Err(error)) = &written {
+            tracing::debug!("vrpn: the connection ends: {error}");
             // A stream that was cut in the middle of a message cannot go on.
             self.hang_up();
         }
-        sent
+        matches!(written, Some(Ok(())))
     }
 
     /// Ends the connection, if there is one; its reader wakes up.
@@ -94,6 +85,19 @@ impl Control {
         if let Some(writer) = lock(&self.writer).take() {
             let _ = writer.stream.shutdown(Shutdown::Both);
         }
+    }
+}
+
+impl Writer {
+    fn guarded(&mut self) -> std::io::Result<&mut Guard> {
+        let guard = match self.guard.take() {
+            Some(guard) => guard,
+            None => Guard::start(&self.stream, &message(&Payload::ForceField(ForceField::default())))
+                .inspect_err(|error| {
+                    tracing::warn!("vrpn: no force is sent: its guard does not start ({error})")
+                })?,
+        };
+        Ok(self.guard.insert(guard))
     }
 }
 

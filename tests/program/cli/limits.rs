@@ -208,6 +208,27 @@ fn files_without_end_are_no_meshes() {
     assert!(greenstage(&folder, &["inspect", "block.msh"]).status.success());
 }
 
+/// It is a regular file by its mode, and reading waits for the next message of the kernel.
+#[test]
+fn files_of_the_system_that_wait_are_not_waited_for() {
+    let folder = project("cli-waiting");
+    refuse_in_time(&folder, &["inspect", "/proc/kmsg"], "/proc/kmsg");
+    refuse_in_time(&folder, &["check", "/proc/kmsg"], "/proc/kmsg");
+}
+
+/// The stack overflowed in the first thread, whose size is what the shell allows.
+#[test]
+fn a_small_stack_of_the_shell_is_enough() {
+    let folder = block("cli-stack", 6);
+    for arguments in ["precompute scene.toml", "check scene.toml", "render scene.toml -o picture"] {
+        let command = format!("ulimit -s 64 && exec \"$0\" {arguments}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &command, env!("CARGO_BIN_EXE_greenstage")]).current_dir(&folder);
+        let output = shell.output().unwrap();
+        assert!(output.status.success(), "{arguments}: {:?} {}", output.status, text(&output.stderr));
+    }
+}
+
 /// [`refuse`] of a program that may hang.
 fn refuse_in_time(folder: &Path, arguments: &[&str], expected: &str) {
     let mut command = program(folder, arguments);
