@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session = Session::new(World::of_stage(stage)?, None);
     let (limit_s, device) = (args.seconds, device::Args::default());
     let options = Options { samples: Samples::Exactly(1), vsync: true, limit_s, device };
-    application::run(session, Shows::Screens(Box::new(screens)), options)?;
+    application::run(session, None, Shows::Screens(Box::new(screens)), options)?;
     Ok(())
 }
 

@@ -30,6 +30,8 @@ pub struct PlacedBody {
     pub room_from_body: Similarity3<f64>,
     /// Where it stands before anybody navigates.
     pub home: Similarity3<f64>,
+    /// It has no place of its own.
+    pub is_fitted: bool,
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
     /// Per control element: whether a hand can take it, which part of it a ray can hit, and its highlight now.
@@ -106,6 +108,7 @@ pub fn place(
             pattern: pattern(scene, body, &deformer)?,
             room_from_body: home,
             home,
+            is_fitted: body.place.is_none(),
             ball,
             field: None,
             force_scale: None,
