@@ -9,6 +9,7 @@ struct Varyings {
     @location(1) normal: vec3<f32>,
     @location(2) plain: vec3<f32>,
     @location(3) marked: vec4<f32>,
+    @location(4) stripe: f32,
 }
 
 @vertex
@@ -21,6 +22,7 @@ fn vertex(
     @location(4) room_from_body_1: vec4<f32>,
     @location(5) room_from_body_2: vec4<f32>,
     @location(6) room_from_body_3: vec4<f32>,
+    @location(7) scale: vec4<f32>,
 ) -> Varyings {
     let room_from_body = mat4x4<f32>(room_from_body_0, room_from_body_1, room_from_body_2, room_from_body_3);
     let position_in_room = room_from_body * vec4<f32>(position, 1.0);
@@ -31,6 +33,7 @@ fn vertex(
     out.normal = (room_from_body * vec4<f32>(normal, 0.0)).xyz;
     out.plain = plain_of_vertex(color.rgb) * (1.0 - color.a);
     out.marked = vec4<f32>(rgb * color.a, color.a);
+    out.stripe = stripe_at(position, scale.w);
     return out;
 }
 
@@ -40,6 +43,6 @@ fn fragment(
     in: Varyings,
     @builtin(front_facing) counter_clockwise: bool,
 ) -> @location(0) vec4<f32> {
-    let albedo = surface_albedo(in.plain, in.marked, vec3<f32>(1.0));
+    let albedo = hatched(surface_albedo(in.plain, in.marked, vec3<f32>(1.0)), in.stripe);
     return surface_color(albedo, in.position, in.normal, counter_clockwise, views[eye]);
 }

@@ -10,6 +10,7 @@ struct Varyings {
     @location(4) rest: vec3<f32>,
     // Lines a metre; repetitions of the image a metre along u and v.
     @location(5) @interpolate(flat) scale: vec3<f32>,
+    @location(6) stripe: f32,
 }
 
 @vertex
@@ -36,6 +37,7 @@ fn vertex(
     out.marked = vec4<f32>(rgb * color.a, color.a);
     out.rest = rest;
     out.scale = scale.xyz;
+    out.stripe = stripe_at(position, scale.w);
     return out;
 }
 
@@ -71,6 +73,6 @@ fn fragment(
     let pixel = max((abs(along_x) + abs(along_y)) * in.scale.x, vec3<f32>(1e-6));
     let lines = line_coverage(cell, pixel, slope);
     let image = image_color(in.rest, in.scale.yz, flat_normal);
-    let albedo = surface_albedo(in.plain, in.marked, image) * (1.0 - 0.5 * lines);
+    let albedo = hatched(surface_albedo(in.plain, in.marked, image) * (1.0 - 0.5 * lines), in.stripe);
     return surface_color(albedo, in.position, in.normal, counter_clockwise, views[eye]);
 }

@@ -32,3 +32,12 @@ fn painted(plain: vec3<f32>) -> vec3<f32> {
     let color = mix(color_map(plain.x), vec3<f32>(0.745, 0.0, 0.262), saturate(beyond / pixel + 0.5));
     return color * (1.0 - 0.7 * saturate(1.6 - abs(beyond) / pixel));
 }
+
+// Black, which is no colour of the map.
+const HATCHING = vec3<f32>(0.0);
+
+// What an eye sees of a colour: the legend's own, whatever light falls on it. Only towards the outline, where the surface
+// is turned from the eye by more than 66°, it darkens, so that the form can be read.
+fn seen_color(albedo: vec3<f32>, position: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>, outside: f32) -> vec3<f32> {
+    return albedo * (0.4 + 0.6 * saturate(2.5 * dot(normal, to_eye)));
+}

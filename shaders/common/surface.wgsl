@@ -1,4 +1,4 @@
-// A deformed surface: its colours with control elements cut out crisply, lit on both sides.
+// A deformed surface: its colours with control elements cut out crisply, seen from both sides.
 
 // The colour that was interpolated with this weight. The weight may leave 0 to 1, because multisampling extrapolates
 // at the middle of a pixel that lies outside its triangle.
@@ -30,7 +30,10 @@ fn surface_color(
     let outside = select(-1.0, 1.0, counter_clockwise) * view_of_eye.front_sign;
     let normal = normalize(smooth_normal) * outside;
     let to_eye = normalize(view_of_eye.eye_in_room - position);
-    // The inside of a wall is the same material with less of the room to see.
-    let radiance = shade(albedo, normal, to_eye, seen_from(position, normal)) * (0.75 + 0.25 * outside);
-    return vec4<f32>(tone(radiance), 1.0);
+    return vec4<f32>(seen_color(albedo, position, normal, to_eye, outside), 1.0);
+}
+
+// Which line of a hatching with so many lines a metre a place in the body lies at.
+fn stripe_at(position: vec3<f32>, lines_per_m: f32) -> f32 {
+    return dot(position, vec3<f32>(0.48, 0.64, 0.6)) * lines_per_m;
 }

@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session = Session::new(World::of_stage(stage)?, None);
     let (limit_s, device) = (args.seconds, device::Args::default());
     let options = Options { samples: Samples::Exactly(1), vsync: true, limit_s, device };
-    application::run(session, Shows::Screens(Box::new(screens)), options)?;
+    application::run(session, None, Shows::Screens(Box::new(screens)), options)?;
     Ok(())
 }
 
@@ -82,11 +82,10 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
                 &[target.picture(&Viewport::full(screen.pixels, None))],
                 &FrameContents::default(),
             )?;
-            let sheet = overlay.lay_out(screen.pixels, |painter| {
+            overlay.paint(&gpu, &target.image.view, screen.pixels, |painter| {
                 let (rect, on_screen) = (painter.clip_rect(), [-1.0, 1.0, -1.0, 1.0]);
                 Pattern { painter, rect, on_screen, stage: &stage.name, screen, eye }.paint();
-            });
-            overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
+            })?;
             let (image, _) = target.read(&gpu)?;
             save(&image, &path(&screen.name, eye))?;
             count += 1;

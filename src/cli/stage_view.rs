@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         limit_s: args.seconds,
         device: device::Args::default(),
     };
-    application::run(session, shows, options)?;
+    application::run(session, None, shows, options)?;
     Ok(())
 }
 

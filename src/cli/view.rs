@@ -6,14 +6,16 @@ use super::print::print;
 use super::session_args::SessionArgs;
 use super::track::Redirects;
 use crate::base::failure::Failure;
-use crate::display::application::{self, Finished, Options, Shows};
+use crate::display::application::{self, Finished, Opening, Options, Shows};
 use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
 use crate::render::{Samples, window};
-use crate::session::{Session, keys, playback};
+use crate::scene::Scene;
+use crate::session::{Making, Session, keys, open, playback};
 use crate::tuning;
+use crate::world::World;
 use std::path::PathBuf;
 
 /// Show the scene and let you bend it, in windows; render it offscreen where there is no display
@@ -75,6 +77,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let shown = Some(&pictures).filter(|_| display.is_err() && !args.check);
     args.session.try_outputs(&scene, shown)?;
     let scene = tuning::settle(scene, false, false)?;
+    if display.is_ok() && !args.check && !args.session.is_recorded() {
+        return show(args, &scene, device);
+    }
     let mut session = Session::open(&args.session.request(&scene))?;
     session.curve.clone_from(&args.session.curve);
     if args.check {
@@ -90,18 +95,43 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     // A recording has its own head and hands.
     if args.session.replay.is_none() {
-        print(&format!("{}\n", keys::bindings()))?;
-        session.attach_mouse();
-        session.start_effects(&scene)?;
-        args.redirects.apply(&mut session.world.stage)?;
-        session.start_trackers()?;
+        start(args, &scene, &mut session)?;
     }
+    let (shows, options) = windows(args, &session, device);
+    report(application::run(session, None, shows, options)?)
+}
+
+/// Opens the windows at once; the scene is put into them when it is ready.
+fn show(args: &Args, scene: &Scene, device: device::Args) -> Result<(), Failure> {
+    let request = args.session.request(scene);
+    let stage = open::stage(scene, request.stage)?;
+    let making = Making::begin(scene.clone(), args.session.green.clone())?;
+    let open = move |file| {
+        let mut session = Session::open_with(&request, || Ok(file))?;
+        session.curve.clone_from(&args.session.curve);
+        start(args, scene, &mut session)?;
+        Ok(session)
+    };
+    let session = Session::new(World::of_stage(stage)?, None);
+    let (shows, options) = windows(args, &session, device);
+    let opening = Opening { making, open: Box::new(open) };
+    report(application::run(session, Some(opening), shows, options)?)
+}
+
+fn start(args: &Args, scene: &Scene, session: &mut Session) -> Result<(), Failure> {
+    print(&format!("{}\n", keys::bindings()))?;
+    session.attach_mouse();
+    session.start_effects(scene)?;
+    args.redirects.apply(&mut session.world.stage)?;
+    session.start_trackers()
+}
+
+fn windows(args: &Args, session: &Session, device: device::Args) -> (Shows, Options) {
     let stage = &session.world.stage;
     let screens = ScreenWindows::new(stage, args.scale);
     let screens = if args.overlay { screens.with_overlay(stage) } else { screens };
     let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };
-    let finished = application::run(session, Shows::Screens(Box::new(screens)), options)?;
-    report(finished)
+    (Shows::Screens(Box::new(screens)), options)
 }
 
 fn report(Finished { mut session, frames, lasted_s }: Finished) -> Result<(), Failure> {

@@ -75,7 +75,7 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "bear",
         title: "A soft bear in two hands",
-        text: "Three control elements, 36 Green's functions. A frame costs the same however many nodes lie inside.",
+        text: "Three control elements, 60 precomputed fields. A frame costs the same however many nodes lie inside.",
         scene: "bear",
         script: None,
         effects: &[],

@@ -21,9 +21,6 @@ pub struct Options {
     pub device: device::Args,
 }
 
-/// A frame that took longer counts as this long, so that a story does not jump over what it tells, s.
-const LONGEST_STEP_S: f64 = 0.1;
-
 /// Opens the window and tells the story until it is closed.
 pub fn run(options: Options) -> Result<(), Failure> {
     let all = CHAPTERS.len();
@@ -66,7 +63,7 @@ impl WindowApp for Application {
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
-        let step_s = self.last.elapsed().as_secs_f64().min(LONGEST_STEP_S);
+        let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
         if let Err(failure) = self.story.frame(windows, step_s) {
             self.failure = Some(failure);

@@ -28,6 +28,8 @@ use std::sync::Arc;
 
 /// The last moment of a script that is told, s after its end: before it would begin anew.
 const AFTER_S: f64 = 0.5;
+/// A frame that took longer moves the story on by so much, so that it does not jump over what it tells, s.
+const LONGEST_STEP_S: f64 = 0.1;
 /// How long the keys are shown at the start, after their first use, and how long they fade, s.
 const KEYS_S: f64 = 12.0;
 const KEYS_USED_S: f64 = 2.5;
@@ -174,14 +176,15 @@ impl Story {
         true
     }
 
-    /// Moves on by `step_s` and draws.
+    /// Moves on and draws, `step_s` after the frame before.
     pub fn frame(&mut self, windows: &mut Windows, step_s: f64) -> Result<(), Failure> {
-        self.keys_s = (self.keys_s - step_s).max(0.0);
+        let told_s = step_s.min(LONGEST_STEP_S);
+        self.keys_s = (self.keys_s - told_s).max(0.0);
         let readiness = self.preparation.of(self.chapter);
         if self.shown.as_ref().is_none_or(|shown| shown.scene.is_none()) {
             self.open(&windows.gpu, &readiness)?;
         }
-        self.advance(step_s)?;
+        self.advance(told_s)?;
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
         // The caption stands where these would, and says what they say.

@@ -11,9 +11,11 @@ use super::screen_windows::ScreenWindows;
 use super::window_frame::WindowFrame;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::green::GreenFile;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, WindowSpec, Windows};
 use crate::render::{Gpu, Samples};
-use crate::session::{Session, SessionProgress};
+use crate::session::{Making, Session, SessionProgress};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What the windows show.
@@ -63,14 +65,29 @@ pub struct Finished {
     pub lasted_s: f64,
 }
 
-/// Opens the windows and runs the session until they close.
-pub fn run(session: Session, shows: Shows, options: Options) -> Result<Finished, Failure> {
+/// A session whose scene is not ready yet.
+pub struct Opening<'a> {
+    pub making: Making,
+    /// Opens the session on the stage that is shown, with the file that was made.
+    pub open: Box<dyn FnOnce(Arc<GreenFile>) -> Result<Session, Failure> + 'a>,
+}
+
+/// Opens the windows and runs the session until they close. It is that of an empty stage where its scene is still `opening`.
+pub fn run(
+    session: Session,
+    opening: Option<Opening<'_>>,
+    shows: Shows,
+    options: Options,
+) -> Result<Finished, Failure> {
     let specs = shows.specs(&session);
-    let is_scene = session.scene.is_some() && matches!(shows, Shows::Screens(_));
-    let desk = is_scene.then(Desk::default);
+    let is_scene = (session.scene.is_some() || opening.is_some()) && matches!(shows, Shows::Screens(_));
+    let making = opening.as_ref().map(|opening| opening.making.steps.clone());
+    let mut desk = is_scene.then(Desk::default);
+    desk.iter_mut().for_each(|desk| desk.making.clone_from(&making));
     let now = Instant::now();
     let mut app = Application {
         session,
+        opening,
         shows,
         options,
         bodies: None,
@@ -93,8 +110,9 @@ pub fn run(session: Session, shows: Shows, options: Options) -> Result<Finished,
     }
 }
 
-struct Application {
+struct Application<'a> {
     session: Session,
+    opening: Option<Opening<'a>>,
     shows: Shows,
     options: Options,
     bodies: Option<GpuBodies>,
@@ -107,7 +125,7 @@ struct Application {
     failure: Option<Failure>,
 }
 
-impl WindowApp for Application {
+impl WindowApp for Application<'_> {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         let world = &mut self.session.world;
         notice!("{}: drawing on {}", world.stage.name, device::describe(gpu, self.options.samples));
@@ -136,6 +154,12 @@ impl WindowApp for Application {
     }
 
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError> {
+        if let Some(opening) = self.opening.take_if(|opening| opening.making.is_done())
+            && let Err(failure) = self.open(opening, &windows.gpu)?
+        {
+            self.failure = Some(failure);
+            return Ok(Flow::Quit);
+        }
         let Some(bodies) = &mut self.bodies else { return Ok(Flow::Continue) };
         let step_s = self.last.elapsed().as_secs_f64();
         self.last = Instant::now();
@@ -164,12 +188,26 @@ impl WindowApp for Application {
         self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, covered, step_s, track_s })?;
         self.frames += 1;
         self.change(windows)?;
-        let is_over = |limit_s| self.started.elapsed().as_secs_f64() >= limit_s;
+        let is_shown = self.opening.is_none();
+        let is_over = |limit_s| is_shown && self.started.elapsed().as_secs_f64() >= limit_s;
         Ok(if self.options.limit_s.is_some_and(is_over) { Flow::Quit } else { Flow::Continue })
     }
 }
 
-impl Application {
+impl Application<'_> {
+    /// Shows the scene that was made in place of the empty stage; its time begins now.
+    fn open(&mut self, opening: Opening<'_>, gpu: &Gpu) -> Result<Result<(), Failure>, AppError> {
+        let Opening { making, open } = opening;
+        match making.finish().and_then(open) {
+            Ok(session) => self.session = session,
+            Err(failure) => return Ok(Err(failure)),
+        }
+        self.bodies = Some(GpuBodies::new(gpu, &mut self.session.world, self.options.device)?);
+        self.desk.iter_mut().for_each(|desk| desk.making = None);
+        (self.started, self.last, self.frames) = (Instant::now(), Instant::now(), 0);
+        Ok(Ok(()))
+    }
+
     /// Carries out what was asked for at the desk, between two frames.
     fn change(&mut self, windows: &mut Windows) -> Result<(), AppError> {
         let Some(desk) = &mut self.desk else { return Ok(()) };

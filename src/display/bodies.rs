@@ -10,6 +10,9 @@ use crate::world::{PlacedBody, World};
 use std::borrow::Cow;
 use std::time::Instant;
 
+/// Lines of the hatching of a body that is bent beyond its model, along the radius of the ball about it.
+const HATCH_LINES: f64 = 12.0;
+
 /// The buffers of all bodies of a world.
 pub struct GpuBodies {
     buffers: Vec<BodyBuffers>,
@@ -43,10 +46,12 @@ impl GpuBodies {
     /// Uploads what changed; returns the time it took, s.
     pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
         for (watch, body) in self.watches.iter_mut().zip(&mut world.bodies) {
-            watch.look(body, body.moved, self.looks_at_each);
+            watch.look(body, self.looks_at_each);
         }
         let started = Instant::now();
-        for (buffers, body) in self.buffers.iter_mut().zip(&mut world.bodies) {
+        let watched = self.buffers.iter_mut().zip(&self.watches);
+        for ((buffers, watch), body) in watched.zip(&mut world.bodies) {
+            buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.ball.1) as f32);
             let moved = std::mem::take(&mut body.moved);
             if moved && buffers.is_deformed_here() {
                 device::deform(gpu, buffers, body)?;
@@ -54,7 +59,7 @@ impl GpuBodies {
                 buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
             }
             if std::mem::take(&mut body.recolour) {
-                buffers.shows_field = body.shows_field();
+                buffers.shows_field = body.field.is_some();
                 buffers.set_colors(gpu, &body.colours())?;
             }
         }

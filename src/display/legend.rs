@@ -4,7 +4,7 @@ use super::lettering::{INK, QUIET};
 use crate::base::legend::{Legend, ticks};
 use crate::base::quantity;
 use crate::render::{beyond_color, map_color};
-use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rangef, Rect, Shape, Stroke, Vec2, pos2, vec2};
 
 /// Of lines that say that a limit is passed.
 const WARNS: Color32 = Color32::from_rgb(255, 120, 200);
@@ -45,7 +45,7 @@ impl Paint<'_> {
         let beyond = if self.legend.has_limit { 2.2 * size } else { 0.0 };
         let place = inside.min + vec2(0.0, line);
         let bar = Rect::from_min_size(place, vec2(inside.width() - beyond, bar_height(size)));
-        self.bar(bar, size);
+        self.bar(bar, size, inside.x_range());
         if self.legend.has_limit {
             let patch =
                 Rect::from_min_max(pos2(bar.max.x + 0.5 * size, bar.min.y), pos2(inside.max.x, bar.max.y));
@@ -82,7 +82,7 @@ impl Paint<'_> {
         if self.legend.unit.is_empty() { (0.01, "") } else { quantity::scale_of(self.legend.to) }
     }
 
-    fn bar(&self, bar: Rect, size: f32) {
+    fn bar(&self, bar: Rect, size: f32, within: Rangef) {
         const STEPS: u32 = 64;
         let mut mesh = Mesh::default();
         let at = |part: f32| bar.min.x + bar.width() * part;
@@ -99,7 +99,7 @@ impl Paint<'_> {
             let x = place(tick);
             let below = pos2(x, bar.max.y + 0.25 * size);
             self.painter.line_segment([pos2(x, bar.max.y), below], Stroke::new(1.0, QUIET));
-            self.words((below, Align2::CENTER_TOP), &quantity::short(tick / unit), size, INK);
+            self.number(below, &quantity::short(tick / unit), size, within);
         }
         let [r, g, b] = beyond_color();
         for limit in self.legend.limits.iter().filter(|limit| **limit <= self.legend.to * (1.0 + 1e-9)) {
@@ -110,6 +110,15 @@ impl Paint<'_> {
             );
             self.painter.rect_filled(mark, 0.0, Color32::from_rgb(r, g, b));
         }
+    }
+
+    /// A number below the bar, in the middle of its tick where it ends within the plate.
+    fn number(&self, at: Pos2, text: &str, size: f32, within: Rangef) {
+        let galley = self.painter.layout_no_wrap(text.to_owned(), FontId::monospace(size), INK);
+        let width = galley.size().x;
+        let most = (within.max - width).max(within.min);
+        let left = (at.x - 0.5 * width).clamp(within.min, most);
+        self.painter.galley(pos2(left, at.y).round(), galley, INK);
     }
 
     fn words(&self, (place, anchor): (Pos2, Align2), text: &str, size: f32, ink: Color32) {
@@ -141,6 +150,34 @@ fn clipped(text: &str, letters: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::legend::LegendLine;
+
+    /// The last number below the bar stood half outside the plate.
+    #[test]
+    fn all_words_of_a_legend_stand_within_its_plate() {
+        for (to, has_limit) in [(1.0, false), (125e6, false), (0.25, true), (2.5e-7, false), (1e15, false)] {
+            let legend = Legend {
+                title: "largest principal strain".into(),
+                unit: "Pa".into(),
+                to,
+                range: "largest so far (C: reset)".into(),
+                limits: vec![to],
+                has_limit,
+                lines: vec![LegendLine { text: "b: at most 1.2 MPa".repeat(4), warns: false }],
+            };
+            let (letter, room) = (14.0, vec2(1240.0, 700.0));
+            let plate =
+                Rect::from_min_size(pos2(20.0, 30.0), size(letter, room, &legend) + vec2(1.2 * letter, 0.0));
+            let output = egui::Context::default().run_pass(egui::RawInput::default(), |context| {
+                paint(&context.layer_painter(egui::LayerId::background()), plate, letter, &legend);
+            });
+            let words = output.shapes.iter().filter(|clipped| matches!(clipped.shape, Shape::Text(_)));
+            let words: Vec<Rect> = words.map(|clipped| clipped.shape.visual_bounding_rect()).collect();
+            assert!(words.len() > 4, "{words:?}");
+            let outside = words.iter().find(|rect| !plate.expand(0.5).contains_rect(**rect));
+            assert_eq!(outside, None, "{to}: outside {plate}");
+        }
+    }
 
     /// A legend of displacements had a magenta patch without a word.
     #[test]

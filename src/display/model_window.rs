@@ -56,10 +56,9 @@ impl ModelWindow {
         let overlay = &mut self.overlay;
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
-            let sheet = overlay.lay_out(picture.texture_size, |painter| {
+            overlay.paint(gpu, picture.texture, picture.texture_size, |painter| {
                 view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model, &[]));
-            });
-            overlay.draw(gpu, [(picture.texture, &sheet)])
+            })
         };
         windows.draw(&[tiles], |_| &contents, Some(&mut paint))?;
         Ok(())
@@ -96,11 +95,9 @@ pub fn picture(
     let instances = bodies.instances(&session.world);
     let contents = model.contents(contents(&session.world, &instances));
     renderer.draw(&gpu, &[target.picture(&Viewport::full(size, view))], &contents)?;
-    let mut overlay = Overlay::new(COLOR_FORMAT);
-    let sheet = overlay.lay_out(size, |painter| {
+    Overlay::new(COLOR_FORMAT).paint(&gpu, &target.image.view, size, |painter| {
         view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model, &[]));
-    });
-    overlay.draw(&gpu, [(&target.image.view, &sheet)])?;
+    })?;
     Ok(target.read(&gpu)?.0)
 }
 
@@ -128,6 +125,35 @@ id = 1
 [stylus.right]
 sensor = \"wand\"
 ";
+
+    /// Names, measures and heights lay over each other where edges meet.
+    #[test]
+    fn no_words_lie_over_others_or_beyond_the_picture() {
+        for (name, size) in BUILT_IN.iter().flat_map(|(name, _)| [(*name, [1280, 960]), (*name, [960, 600])])
+        {
+            let stage = Stage::find(name).unwrap();
+            let camera = Camera::of(&stage);
+            let mut room = StageModel::new(&stage, &stage.viewer.room_from_head, &camera.eye());
+            room.add_measures(&stage);
+            room.note.clear();
+            let [width, height] = size.map(|side| side as f32);
+            let picture = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(width, height));
+            let view = camera.view(f64::from(width / height)).unwrap();
+            let input = egui::RawInput { screen_rect: Some(picture), ..Default::default() };
+            let output = egui::Context::default().run_pass(input, |context| {
+                let painter = context.layer_painter(egui::LayerId::background());
+                write_names(&painter, picture, &view, &room, &[]);
+            });
+            let words = output.shapes.iter().filter(|clipped| matches!(clipped.shape, egui::Shape::Text(_)));
+            let words: Vec<_> = words.map(|clipped| clipped.shape.visual_bounding_rect()).collect();
+            assert!(words.len() >= stage.screens.len(), "{name}");
+            for (k, rect) in words.iter().enumerate() {
+                assert!(picture.contains_rect(*rect), "{name}, {size:?}: {rect}");
+                let over = words[..k].iter().find(|other| other.shrink(0.5).intersects(rect.shrink(0.5)));
+                assert_eq!(over, None, "{name}, {size:?}: over {rect}");
+            }
+        }
+    }
 
     #[test]
     fn an_installer_sees_head_stylus_and_every_sensor_where_the_calibration_puts_them() {

@@ -246,7 +246,7 @@ impl Over<'_> {
         let mut none = PlateSeats::default();
         let seats = if is_faced { &mut *self.seats } else { &mut none };
         let mut panel = self.panel.as_mut().filter(|_| is_faced);
-        let sheet = overlay.lay_out(picture.texture_size, |painter| {
+        overlay.paint(gpu, picture.texture, picture.texture_size, |painter| {
             let mut taken = Vec::new();
             if let Some((readings, (history, seats))) = &mut panel {
                 let (rect, held) = (part.rect, part.pixels(&clear.held));
@@ -254,8 +254,7 @@ impl Over<'_> {
             }
             let plates = Plates { stage, room_from_head, plates, lift: 0.0, taken: &taken, clear, time_s };
             plates.paint(painter, &part, seats);
-        });
-        overlay.draw(gpu, [(picture.texture, &sheet)])
+        })
     }
 }
 

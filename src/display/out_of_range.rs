@@ -1,4 +1,4 @@
-//! A plate above each body that is bent further than its model holds; the body itself is red then.
+//! A plate above each body that is bent further than its model holds; the body itself is hatched then.
 //!
 //! In: bodies whose poses have changed. Out: [`Plate`]s beside places in the room. Without such a body nothing of it is made.
 
@@ -20,14 +20,12 @@ pub struct Watch {
 
 impl Watch {
     /// Looks at a body that may have moved: at each move, or at every fourth and after the last.
-    pub fn look(&mut self, body: &mut PlacedBody, moved: bool, at_each: bool) {
-        self.unseen = self.unseen.saturating_add(u8::from(moved));
-        let is_due = self.unseen > 0 && (at_each || !moved || self.unseen >= EVERY);
+    pub fn look(&mut self, body: &PlacedBody, at_each: bool) {
+        self.unseen = self.unseen.saturating_add(u8::from(body.moved));
+        let is_due = self.unseen > 0 && (at_each || !body.moved || self.unseen >= EVERY);
         if is_due {
             self.unseen = 0;
             self.text = out_of_range(body);
-            body.recolour |= body.out_of_range != self.text.is_some();
-            body.out_of_range = self.text.is_some();
         }
     }
 

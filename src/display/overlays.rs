@@ -14,10 +14,10 @@ use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout::{self, Part};
 use crate::base::plates::Plate;
 use crate::render::window::{Input, Key, WindowTimes, Windows};
-use crate::render::{EyePicture, FrameContents, Gpu, Overlay, OverlayMesh, RenderError, Tile};
+use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::tracker_set::TrackerReport;
-use egui::{Painter, Rect};
+use egui::{Id, LayerId, Order, Painter, Rect};
 use nalgebra::Isometry3;
 
 /// The overlays of all windows of a stage.
@@ -46,6 +46,9 @@ struct ScreenSeats {
     panel: Seats,
     plates: PlateSeats,
 }
+
+/// The layer of what nothing else is painted over.
+const ABOVE: LayerId = LayerId { order: Order::Foreground, id: Id::NULL };
 
 /// The stage as it is in this frame.
 pub struct StageFrame<'a> {
@@ -86,10 +89,6 @@ struct Below<'a> {
 }
 
 impl Below<'_> {
-    fn is_any(&self) -> bool {
-        self.room.is_some() || self.is_pattern || !self.frame.plates.is_empty()
-    }
-
     /// `lift` is the part of the height that a caption takes.
     fn paint(&self, painter: &Painter, lift: f32, seats: &mut PlateSeats) {
         let StageFrame { stage, room_from_head, plates, time_s, .. } = self.frame;
@@ -237,8 +236,7 @@ impl Overlays {
         let outer: Vec<Option<FrameContents<'_>>> =
             rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
         let readings = panels.contains(&true).then(|| readings(&windows.gpu));
-        // Both eyes get the same overlay.
-        let mut panel: Option<(OverlayMesh, Vec<Rect>)> = None;
+        let is_captioned = caption.is_some();
         let nothing = KeepClear::default();
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let Some((window, &size)) = frame.layout.get(picture.window).zip(frame.sizes.get(picture.window))
@@ -252,39 +250,27 @@ impl Overlays {
             let room = rooms[leader[picture.window]].as_ref();
             let is_scene = room.is_none() && !*pattern;
             let clear = frame.clear.get(part.screen).filter(|_| is_scene).unwrap_or(&nothing);
-            let mut taken = frame.covered(picture, size);
-            // What is written below leaves room for the overlay.
-            if let Some(readings) = readings.as_ref().filter(|_| panels[part.screen]) {
-                let is_same = |sheet: &OverlayMesh| sheet.size == picture.texture_size && picture.slot == 1;
-                let kept = panel.take().filter(|(sheet, _)| is_same(sheet)).unwrap_or_else(|| {
-                    let (held, seats) = (part.pixels(&clear.held), &mut seats[part.screen].panel);
-                    let mut rects = Vec::new();
-                    let sheet = overlay.lay_out(picture.texture_size, |painter| {
-                        let (rect, clear, taken) = (part.rect, &held[..], &taken[..]);
-                        rects = Panel { painter, rect, readings, history, clear, taken }.paint(seats);
-                    });
-                    (sheet, rects)
-                });
-                taken.extend(&kept.1);
-                panel = Some(kept);
-            }
-            let below = Below { frame, part: &part, room, is_pattern: *pattern, clear, taken: &taken };
-            if below.is_any() {
-                let lift = if caption.is_some() { Caption::MOST_HEIGHT } else { 0.0 };
-                let seats = &mut seats[part.screen].plates;
-                let sheet =
-                    overlay.lay_out(picture.texture_size, |painter| below.paint(painter, lift, seats));
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            }
-            if let Some((sheet, _)) = panel.as_ref().filter(|_| panels[part.screen]) {
-                overlay.draw(gpu, [(picture.texture, sheet)])?;
-            }
-            if let Some(caption) = caption.as_ref().filter(|_| picture.tile == last[picture.window]) {
-                let whole = caption::whole(picture.texture_size);
-                let sheet = overlay.lay_out(picture.texture_size, |painter| caption.paint(painter, whole));
-                overlay.draw(gpu, [(picture.texture, &sheet)])?;
-            }
-            Ok(())
+            let covered = frame.covered(picture, size);
+            let readings = readings.as_ref().filter(|_| panels[part.screen]);
+            let caption = caption.as_ref().filter(|_| picture.tile == last[picture.window]);
+            let lift = if is_captioned { Caption::MOST_HEIGHT } else { 0.0 };
+            let ScreenSeats { panel: seat, plates } = &mut seats[part.screen];
+            overlay.paint(gpu, picture.texture, picture.texture_size, |painter| {
+                let mut taken = covered.clone();
+                // The rest leaves room for the overlay, which lies above it.
+                if let Some(readings) = readings {
+                    let painter = &painter.clone().with_layer_id(ABOVE);
+                    let (rect, held) = (part.rect, part.pixels(&clear.held));
+                    let panel = Panel { painter, rect, readings, history, clear: &held, taken: &covered };
+                    taken.extend(panel.paint(seat));
+                }
+                let below = Below { frame, part: &part, room, is_pattern: *pattern, clear, taken: &taken };
+                below.paint(painter, lift, plates);
+                if let Some(caption) = caption {
+                    let painter = &painter.clone().with_layer_id(ABOVE);
+                    caption.paint(painter, caption::whole(picture.texture_size));
+                }
+            })
         };
         windows.draw(&tiles, |window| outer[leader[window]].as_ref().unwrap_or(contents), Some(&mut paint))
     }

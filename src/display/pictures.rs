@@ -86,17 +86,17 @@ impl PictureRequest {
         let stage = &session.world.stage;
         let screens = stage.screens.len();
         // Windows lie as they are listed.
-        let (count_of_frame, name, from_top) = match self.pictures {
-            Pictures::Windows => (targets.count(), "windows", (0..targets.count()).collect()),
-            _ => (screens, pictures_name(stage), stage.screens_from_top()),
+        let (each, from_top) = match self.pictures {
+            Pictures::Windows => (format!("{} windows", targets.count()), (0..targets.count()).collect()),
+            _ => (pictures_of_frame(stage, screens), stage.screens_from_top()),
         };
         save(&contact_sheet(&sheet, &from_top), &path)?;
         let drawn = format!(
             "{count} pictures in {} (all steps, PNG files too: {})\n\
-             drawing {:.1} {name}/s, a frame of {screens} screen(s) {}; its mechanics {}\ncontact sheet {}\n",
+             drawing {:.1} frames/s, each of {each} {}; its mechanics {}\ncontact sheet {}\n",
             folder.display(),
             seconds(started.elapsed().as_secs_f64()),
-            (self.frames * count_of_frame) as f64 / drawn_s,
+            self.frames as f64 / drawn_s,
             seconds(drawn_s / self.frames as f64),
             seconds(mechanics_s / self.frames as f64),
             path.display()
@@ -114,9 +114,10 @@ fn is_frame(path: &Path, frames: usize) -> bool {
     number.is_some_and(|number| number < frames)
 }
 
-/// What is counted as one: both eyes of a screen, or its one picture.
-pub fn pictures_name(stage: &Stage) -> &'static str {
-    if stage.stereo == Stereo::Mono { "pictures" } else { "stereo pairs" }
+/// What a frame of so many screens consists of: both eyes of a screen are a pair.
+pub fn pictures_of_frame(stage: &Stage, screens: usize) -> String {
+    let what = if stage.stereo == Stereo::Mono { "picture" } else { "stereo pair" };
+    format!("{screens} {what}{}", if screens == 1 { "" } else { "s" })
 }
 
 pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {

@@ -78,6 +78,8 @@ pub struct Sketch {
     stroke: Option<Stroke>,
     /// The elements before each change, and which was chosen.
     history: Vec<(Vec<Element>, usize)>,
+    /// As they were in the scene, or were saved.
+    first: Vec<Element>,
     /// Counts the changes of what is held.
     pub version: u64,
 }
@@ -95,8 +97,10 @@ impl Sketch {
             nodes: Some(control.nodes.clone()),
         };
         let radius = rounded(BRUSH * canvas.extent(), canvas.extent());
+        let elements: Vec<Element> = body.control.iter().map(element).collect();
         Sketch {
-            elements: body.control.iter().map(element).collect(),
+            first: elements.clone(),
+            elements,
             chosen: 0,
             tool: Tool::Paint,
             radius,
@@ -115,6 +119,26 @@ impl Sketch {
 
     pub fn can_undo(&self) -> bool {
         !self.history.is_empty()
+    }
+
+    /// Whether it differs from what a scene or a file holds.
+    pub fn is_changed(&self) -> bool {
+        fn made(elements: &[Element]) -> impl Iterator<Item = &Element> {
+            elements.iter().filter(|element| !element.held.is_empty())
+        }
+        !made(&self.elements).eq(made(&self.first))
+    }
+
+    pub fn was_saved(&mut self) {
+        self.first.clone_from(&self.elements);
+    }
+
+    /// Back to what the scene or a file holds; this can be undone.
+    pub fn throw_away(&mut self) {
+        self.remember();
+        self.elements.clone_from(&self.first);
+        (self.chosen, self.stroke) = (0, None);
+        self.version += 1;
     }
 
     /// Takes the last change back.
@@ -353,6 +377,7 @@ mod tests {
 
     fn empty() -> Sketch {
         Sketch {
+            first: Vec::new(),
             elements: Vec::new(),
             chosen: 0,
             tool: Tool::Paint,

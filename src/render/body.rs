@@ -19,14 +19,22 @@ const REST: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![8 => Float32x3
 
 const PLAIN: &str = include_str!("../../shaders/body.wgsl");
 const PATTERNED: &str = include_str!("../../shaders/patterned.wgsl");
-pub(super) const SHADER: [&str; 6] =
-    [shader::VIEW, shader::LIGHT, shader::SEEN[0], shader::PAINT[0], shader::SURFACE, PLAIN];
+pub(super) const SHADER: [&str; 7] = [
+    shader::VIEW,
+    shader::LIGHT,
+    shader::SEEN[0],
+    shader::PAINT[0],
+    shader::HATCH[0],
+    shader::SURFACE,
+    PLAIN,
+];
 
 /// The parts of the shader for bodies of one kind.
 pub(super) fn shader(kind: Kind) -> Vec<&'static str> {
     let seen = shader::SEEN[usize::from(kind.shadowed)];
     let paint = shader::PAINT[usize::from(kind.field)];
-    let mut parts = vec![shader::VIEW, shader::LIGHT, seen, paint, shader::SURFACE];
+    let hatch = shader::HATCH[usize::from(kind.hatched)];
+    let mut parts = vec![shader::VIEW, shader::LIGHT, seen, paint, hatch, shader::SURFACE];
     match kind.patterned {
         false => parts.push(PLAIN),
         true => parts.extend([shader::IMAGE[usize::from(kind.image)], PATTERNED]),
@@ -56,6 +64,8 @@ pub(super) struct Kind {
     pub image: bool,
     /// In the colours of a field.
     pub field: bool,
+    /// Bent beyond its model.
+    pub hatched: bool,
     /// With soft shadows.
     pub shadowed: bool,
 }
@@ -67,6 +77,7 @@ impl Kind {
             patterned: pattern.is_some(),
             image: pattern.is_some_and(|pattern| pattern.image.is_some()) && !buffers.shows_field,
             field: buffers.shows_field,
+            hatched: buffers.hatched_per_m.is_some(),
             shadowed,
         }
     }
@@ -111,9 +122,11 @@ impl DrawPass for BodyPass {
             let recipe = Recipe { label: self.name(), parts, buffers, blending: Blending::Opaque, groups };
             self.pipelines.entry(kind).or_default().complete(gpu, kinds, &recipe);
         }
-        let of_body = |body: &BodyInstance<'_>| Instance {
-            room_from_shape: body.room_from_body.into(),
-            color: body.buffers.pattern.as_ref().map_or([0.0; 4], |pattern| pattern.scale),
+        let of_body = |body: &BodyInstance<'_>| {
+            let pattern = body.buffers.pattern.as_ref();
+            let [lines, u, v] = pattern.map_or([0.0; 3], |pattern| pattern.scale);
+            let color = [lines, u, v, body.buffers.hatched_per_m.unwrap_or(0.0)];
+            Instance { room_from_shape: body.room_from_body.into(), color }
         };
         self.instances.list.clear();
         self.instances.list.extend(contents.bodies.iter().map(of_body));

@@ -19,6 +19,8 @@ pub struct BodyBuffers {
     pub triangle_count: usize,
     /// Colours of plain surface are codes of a field ([`super::field_code`]).
     pub shows_field: bool,
+    /// Lines of a hatching per metre of the body; `None` without hatching.
+    pub hatched_per_m: Option<f32>,
     pub(super) indices: wgpu::Buffer,
     pub(super) positions: wgpu::Buffer,
     pub(super) normals: wgpu::Buffer,
@@ -114,6 +116,7 @@ impl BodyBuffers {
             vertex_count: vertices,
             triangle_count: triangles.len(),
             shows_field: false,
+            hatched_per_m: None,
             indices: gpu.buffer("triangles", size_of_val(triangles) as u64, index)?,
             positions: moving("positions")?,
             normals: moving("normals")?,

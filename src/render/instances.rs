@@ -7,7 +7,7 @@ use super::gpu::Gpu;
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Instance {
     pub(super) room_from_shape: [[f32; 4]; 4],
-    /// Linear RGB and the share of it that glows; bodies ignore it.
+    /// Linear RGB and the share of it that glows; of bodies, how densely their pattern and hatching lie.
     pub(super) color: [f32; 4],
 }
 

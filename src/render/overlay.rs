@@ -1,7 +1,8 @@
 //! Writing and flat shapes over a finished picture: laid out by egui's painter, drawn without clearing what is there.
 //!
-//! In comes a closure that paints in pixels (one point is one pixel, the origin at the top left); out go its triangles on
-//! a target of any size. It lies on the glass, at zero parallax, so both eyes get the same. Fonts are read when the first
+//! In: a closure that paints in pixels (one point is one pixel, the origin at the top left). Out: its triangles on
+//! a target of any size, in one step: triangles point into the letters' texture, and laying out more may enlarge that.
+//! What is painted lies on the glass, at zero parallax, so both eyes get the same. Fonts are read when the first
 //! mesh is laid out; pipeline and textures are made when the first is drawn. Letters are filtered in the shader and
 //! colours are not dithered, so that every device draws the same.
 
@@ -9,7 +10,7 @@ use super::error::RenderError;
 use super::gpu::Gpu;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
-/// Lays meshes out and draws them, all on targets of one format.
+/// Paints over targets of one format.
 pub struct Overlay {
     format: wgpu::TextureFormat,
     context: egui::Context,
@@ -18,7 +19,7 @@ pub struct Overlay {
     renderer: Option<Renderer>,
 }
 
-/// What is written over one picture, to be drawn in the same frame.
+/// Widgets over one picture, to be drawn before the next ones are laid out.
 pub struct OverlayMesh {
     pub size: [u32; 2],
     primitives: Vec<egui::ClippedPrimitive>,
@@ -29,8 +30,14 @@ impl Overlay {
         Self { format, context: egui::Context::default(), letters: Vec::new(), renderer: None }
     }
 
-    /// A mesh for pictures of `size` pixels.
-    pub fn lay_out(&mut self, size: [u32; 2], mut paint: impl FnMut(&egui::Painter)) -> OverlayMesh {
+    /// Paints over what a target of `size` pixels holds.
+    pub fn paint(
+        &mut self,
+        gpu: &Gpu,
+        target: &wgpu::TextureView,
+        size: [u32; 2],
+        mut paint: impl FnMut(&egui::Painter),
+    ) -> Result<(), RenderError> {
         let [width, height] = size.map(|side| side as f32);
         let input = egui::RawInput {
             screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(width, height))),
@@ -38,7 +45,8 @@ impl Overlay {
         };
         let layer = egui::LayerId::background();
         let output = self.context.run_pass(input, |context| paint(&context.layer_painter(layer)));
-        self.mesh(size, output)
+        let mesh = self.mesh(size, output);
+        self.draw(gpu, target, &mesh)
     }
 
     /// A mesh of widgets that take `input`, for pictures of `size` pixels.
@@ -64,14 +72,14 @@ impl Overlay {
         self.renderer.is_some()
     }
 
-    /// Draws each mesh over what its target holds.
-    pub fn draw<'a>(
+    /// Draws a mesh over what its target holds.
+    pub fn draw(
         &mut self,
         gpu: &Gpu,
-        meshes: impl IntoIterator<Item = (&'a wgpu::TextureView, &'a OverlayMesh)>,
+        target: &wgpu::TextureView,
+        mesh: &OverlayMesh,
     ) -> Result<(), RenderError> {
-        let mut meshes = meshes.into_iter().filter(|(_, mesh)| !mesh.primitives.is_empty()).peekable();
-        if meshes.peek().is_none() {
+        if mesh.primitives.is_empty() {
             return Ok(());
         }
         let format = self.format;
@@ -81,10 +89,7 @@ impl Overlay {
         for delta in self.letters.drain(..) {
             renderer.update_texture(&gpu.device, &gpu.queue, egui::TextureId::default(), &delta);
         }
-        // One submission each, since all share one vertex buffer.
-        for (target, mesh) in meshes {
-            draw(gpu, renderer, target, mesh);
-        }
+        draw(gpu, renderer, target, mesh);
         gpu.check()
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct PatternBuffers {
     pub(super) rest: wgpu::Buffer,
     pub(super) image: Option<wgpu::BindGroup>,
     /// As [`super::instances::Instance::color`] of a body: lines a metre, repetitions a metre along u and v.
-    pub(super) scale: [f32; 4],
+    pub(super) scale: [f32; 3],
 }
 
 impl PatternBuffers {
@@ -49,7 +49,7 @@ impl PatternBuffers {
         let image = pattern.image.as_ref().map(|(image, _)| upload(gpu, image)).transpose()?;
         let lines = pattern.line_spacing_m.map_or(0.0, |spacing| 1.0 / spacing);
         gpu.check()?;
-        Ok(Some(Self { rest: buffer, image, scale: [lines, u, v, 0.0] }))
+        Ok(Some(Self { rest: buffer, image, scale: [lines, u, v] }))
     }
 }
 

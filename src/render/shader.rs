@@ -21,6 +21,9 @@ pub(super) const SEEN: [&str; 2] = [
 /// Of bodies in their own colours, and in those of a field.
 pub(super) const PAINT: [&str; 2] =
     [include_str!("../../shaders/common/plain.wgsl"), include_str!("../../shaders/common/field.wgsl")];
+/// Within a model's range, and beyond it.
+pub(super) const HATCH: [&str; 2] =
+    [include_str!("../../shaders/common/hatch_none.wgsl"), include_str!("../../shaders/common/hatch.wgsl")];
 /// Without an image on the body, and with one.
 pub(super) const IMAGE: [&str; 2] = [
     include_str!("../../shaders/common/image_none.wgsl"),
@@ -87,11 +90,13 @@ mod tests {
         }
         for (patterned, image) in [(false, false), (true, false), (true, true)] {
             for (field, shadowed) in [(false, false), (false, true), (true, false), (true, true)] {
-                let kind = Kind { patterned, image, field, shadowed };
-                let parts = crate::render::body::shader(kind);
-                let name = format!("{kind:?}");
-                stages(&name, &drawing(&parts, false), Capabilities::empty());
-                stages(&name, &drawing(&parts, true), Capabilities::MULTIVIEW);
+                for hatched in [false, true] {
+                    let kind = Kind { patterned, image, field, hatched, shadowed };
+                    let parts = crate::render::body::shader(kind);
+                    let name = format!("{kind:?}");
+                    stages(&name, &drawing(&parts, false), Capabilities::empty());
+                    stages(&name, &drawing(&parts, true), Capabilities::MULTIVIEW);
+                }
             }
         }
         let shadow = stages("shadow", &SHADOW.concat(), Capabilities::empty());

@@ -318,8 +318,13 @@ mod tests {
     #[test]
     fn a_light_lies_as_the_shaders_read_it() {
         let source = {
-            let kind =
-                crate::render::body::Kind { patterned: true, image: false, field: false, shadowed: true };
+            let kind = crate::render::body::Kind {
+                patterned: true,
+                image: false,
+                field: false,
+                hatched: false,
+                shadowed: true,
+            };
             crate::render::body::shader(kind).concat()
         };
         assert_layout!(source, "ShadowLight", ShadowLight: map_from_room, to_light, texel_m);

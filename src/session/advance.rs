@@ -48,6 +48,7 @@ impl Session {
     pub fn new(world: World, script: Option<Script>) -> Session {
         let mut input = InputSource::default();
         input.script = script;
+        input.script.iter_mut().for_each(|script| script.filled = Some(world.filled()));
         Session {
             effects: Vec::new(),
             world,

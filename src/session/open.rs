@@ -4,6 +4,7 @@ use super::advance::Session;
 use super::recording::{Origin, Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::effect;
+use crate::green::GreenFile;
 use crate::prepare;
 use crate::scene::Scene;
 use crate::scene::proposal::relative;
@@ -11,6 +12,7 @@ use crate::stage::Stage;
 use crate::track::Script;
 use crate::world::World;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The options with which a session is opened; what they leave out is taken from the scene.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +39,14 @@ impl<'a> Request<'a> {
 impl Session {
     /// Makes the .green file where it is missing or stale; the trackers and force devices are not started.
     pub fn open(request: &Request<'_>) -> Result<Session, Failure> {
+        Session::open_with(request, || prepare::green_file(request.scene, request.green))
+    }
+
+    /// The same with a .green file that is asked for once all else is found right.
+    pub fn open_with(
+        request: &Request<'_>,
+        file: impl FnOnce() -> Result<Arc<GreenFile>, Failure>,
+    ) -> Result<Session, Failure> {
         let scene = request.scene;
         let script = script(scene, request.script)?;
         let mut replay = request.replay.map(Replay::open).transpose()?;
@@ -46,7 +56,7 @@ impl Session {
             (None, None) => None,
         };
         let stage = stage(scene, named.as_deref())?;
-        let file = prepare::green_file(scene, request.green)?;
+        let file = file()?;
         let mut world = World::new(scene, &file, stage)?;
         if replay.is_some() || request.record.is_some() {
             world.wait_for_background();

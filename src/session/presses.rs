@@ -45,9 +45,16 @@ impl ScriptPresses {
 
 #[cfg(test)]
 mod tests {
+    use crate::green::{self, GreenFile};
+    use crate::prepare;
+    use crate::scene::{Generate, Scene};
     use crate::session::Session;
+    use crate::session::open::script;
+    use crate::stage::Stage;
     use crate::track::Script;
+    use crate::world::World;
     use std::path::Path;
+    use std::sync::Arc;
 
     fn warnings(aside: f64) -> Vec<String> {
         let world = crate::world::tests::world("script-presses");
@@ -67,6 +74,47 @@ mod tests {
         }
         let told = session.world.warnings.iter().map(|(_, text)| text.clone());
         told.filter(|text| text.contains("script")).collect()
+    }
+
+    /// The scene on coarse meshes, with the model that takes least to prepare: where its bodies stand is the same.
+    fn coarse(name: &str) -> Scene {
+        let mut scene = Scene::load(Path::new(name)).unwrap();
+        for body in scene.body.values_mut() {
+            body.model = "linear".into();
+            body.effects.clear();
+            match body.generate.as_mut().unwrap() {
+                Generate::Tube(tube) => (tube.radial, tube.around, tube.along) = (1, 16, 20),
+                Generate::Block(block) => {
+                    block.cells = block.cells.map(|cells| (cells / 2).max(1));
+                }
+                Generate::Blobs(blobs) => blobs.cell = 0.012,
+            }
+        }
+        scene
+    }
+
+    /// `view bear` and `render bear` grabbed nothing: on its stage the bear is smaller than its script took it for.
+    #[test]
+    fn every_built_in_script_grabs_on_every_stage() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, _) in crate::scene::built_in::BUILT_IN {
+            let scene = coarse(name);
+            let path = folder.path().join(format!("{name}.green"));
+            green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
+            let file = Arc::new(GreenFile::open(&path).unwrap());
+            for (stage_name, _) in crate::stage::BUILT_IN {
+                let world = World::new(&scene, &file, Stage::find(stage_name).unwrap()).unwrap();
+                let script = script(&scene, None).unwrap();
+                let mut session = Session::new(world, script);
+                let mut pressed = 0;
+                for k in 0..90 {
+                    session.advance(f64::from(k) / 60.0).unwrap();
+                    pressed = pressed.max(session.world.styli.iter().filter(|stylus| stylus.pressed).count());
+                }
+                let told = session.world.warnings.iter().find(|(_, text)| text.contains("grabs nothing"));
+                assert!(pressed > 0 && told.is_none(), "{name} on {stage_name}: {told:?}");
+            }
+        }
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("P", "put the body under the cursor aside, or back"),
     ("M", "set one end of a ruler, then the other, on what the cursor points at; again: take it away"),
     ("H", "with surface_compliance: pull points of the surface by a spring, hold them, neither, in turn"),
-    ("C", "clear the force curve"),
+    ("C", "clear the force curve; reset the range of colours"),
     (
         "L",
         "release the control element under the cursor; beside all of them: it holds again (scenes with updates)",

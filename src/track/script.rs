@@ -16,7 +16,7 @@
 //!
 //! | key | meaning |
 //! |---|---|
-//! | `frame` | `workspace`: the room's axes, origin at the stage's workspace centre, unit its radius, so that one script serves all stages |
+//! | `frame` | `workspace`: the room's axes, origin at the middle of the ball that the bodies fill, unit its radius, so that one script serves all stages. It is the stage's workspace; where bodies had to be put higher or made smaller to be seen, the ball is so too |
 //! | `position` | place, in the frame |
 //! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
 //! | `roll` | with target or direction: radians about the -z axis |
@@ -29,7 +29,7 @@
 use super::interpolate::{interpolate, locate};
 use super::state::{StylusState, TrackerState};
 use crate::config::{self, ConfigError};
-use crate::stage::{ROOM_LIMIT_M, Stage, rotation_towards};
+use crate::stage::{ROOM_LIMIT_M, Stage, Workspace, rotation_towards};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,8 @@ use toml::Spanned;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Script {
     pub frame: Frame,
+    /// The ball that the bodies fill where they stand; `None` for the stage's workspace.
+    pub filled: Option<Workspace>,
     /// Time of the last key frame.
     pub duration_s: f64,
     times_s: Vec<f64>,
@@ -202,6 +204,7 @@ impl Script {
         let file: ScriptFile = config::parse(text, path)?;
         let mut script = Self {
             frame: file.frame,
+            filled: None,
             duration_s: 0.0,
             times_s: Vec::new(),
             head: Vec::new(),
@@ -272,8 +275,8 @@ impl Script {
         match self.frame {
             Frame::Room => *pose,
             Frame::Workspace => {
-                let place =
-                    stage.workspace.centre.coords + pose.translation.vector * stage.workspace.radius_m;
+                let ball = self.filled.unwrap_or(stage.workspace);
+                let place = ball.centre.coords + pose.translation.vector * ball.radius_m;
                 Isometry3::from_parts(Translation3::from(place), pose.rotation)
             }
         }

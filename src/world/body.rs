@@ -23,9 +23,6 @@ const PASSING_BY: f64 = 0.05;
 /// So long a frame waits for columns that are solved for when a point is touched.
 const PATIENCE: Duration = Duration::from_millis(5);
 
-/// sRGB and mark of a body, and of one that is bent further than its model holds.
-const OUT_OF_RANGE: [u8; 4] = [190, 62, 74, 0];
-
 /// A body at its place in the room.
 pub struct PlacedBody {
     pub deformer: Deformer,
@@ -33,6 +30,8 @@ pub struct PlacedBody {
     pub room_from_body: Similarity3<f64>,
     /// Where it stands before anybody navigates.
     pub home: Similarity3<f64>,
+    /// It has no place of its own.
+    pub is_fitted: bool,
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
     /// Per control element: whether a hand can take it, which part of it a ray can hit, and its highlight now.
@@ -56,8 +55,6 @@ pub struct PlacedBody {
     pub has_gravity: bool,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
-    /// Whether it is bent further than its model holds, as pictures show it; set by those who draw.
-    pub out_of_range: bool,
     /// Whether a warning has told that the range was left.
     range_left: bool,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
@@ -111,6 +108,7 @@ pub fn place(
             pattern: pattern(scene, body, &deformer)?,
             room_from_body: home,
             home,
+            is_fitted: body.place.is_none(),
             ball,
             field: None,
             force_scale: None,
@@ -122,7 +120,6 @@ pub fn place(
             spring: body.surface_compliance.as_ref().and_then(|of| of.spring),
             has_gravity: deformer.load_metas().first().is_some_and(|load| load.name == GRAVITY),
             range: measured_range(file, &deformer.body),
-            out_of_range: false,
             range_left: false,
             passing_m: PASSING_BY * stage.workspace.radius_m,
             moved: true,
@@ -218,18 +215,12 @@ impl PlacedBody {
         }
     }
 
-    /// Whether its colours are those of a field: bent further than its model holds, it has no values to show.
-    pub fn shows_field(&self) -> bool {
-        self.field.is_some() && !self.out_of_range
-    }
-
     /// sRGB and mark per vertex that is drawn: the body has its colour or shows a field, fixed control elements are grey, and those that can be taken orange,
-    /// brighter while a ray points at them and green while a hand holds them. Bent further than its model holds, the body is red.
+    /// brighter while a ray points at them and green while a hand holds them.
     pub fn colours(&self) -> Vec<[u8; 4]> {
         let Color([r, g, b]) = self.color;
-        let plain = if self.out_of_range { OUT_OF_RANGE } else { [r, g, b, 0] };
-        let field = self.field.clone().filter(|_| self.shows_field());
-        let mut colours = field.unwrap_or_else(|| vec![plain; self.deformer.node_count()]);
+        let plain = || vec![[r, g, b, 0]; self.deformer.node_count()];
+        let mut colours = self.field.clone().unwrap_or_else(plain);
         for (c, control) in self.controls.iter().enumerate() {
             let [r, g, b] = match (control.grab, control.highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],

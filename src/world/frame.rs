@@ -21,10 +21,10 @@ use crate::green::GreenFile;
 use crate::interact::{Action, Grip};
 use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
-use crate::stage::{Eye, Stage};
+use crate::stage::{Eye, Stage, Workspace};
 use crate::track::{Signal, TrackerState};
 use indexmap::IndexMap;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -131,6 +131,21 @@ impl World {
             world.put(world.fields.bodies[b].place, BodyPlace(world.bodies[b].room_from_body));
         }
         world
+    }
+
+    /// The ball that bodies without a place of their own fill as they were put: the stage's workspace, or higher and smaller where
+    /// they would not be seen whole.
+    pub fn filled(&self) -> Workspace {
+        let fitted = self.bodies.iter().filter(|body| body.is_fitted);
+        let places = fitted.flat_map(|body| {
+            let point = |x: &[f32; 3]| body.home * Point3::from(Vector3::from(*x).cast::<f64>());
+            body.deformer.rest().iter().map(point)
+        });
+        let bounds = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
+        bounds.map_or(self.stage.workspace, |(low, high)| Workspace {
+            centre: nalgebra::center(&low, &high),
+            radius_m: (high - low).max() / 2.0 / Workspace::FILL,
+        })
     }
 
     /// Moves everything to where the trackers say it is, by one evaluation of the graph.

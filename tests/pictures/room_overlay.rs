@@ -12,8 +12,7 @@ fn written(gpu: &Gpu, overlay: &mut Overlay, paint: impl FnMut(&egui::Painter)) 
     let mut renderer = Renderer::new(gpu, COLOR_FORMAT, 1).unwrap();
     let target = Offscreen::new(gpu, &renderer, size).unwrap();
     renderer.draw(gpu, &[target.picture(&Viewport::full(size, None))], &FrameContents::default()).unwrap();
-    let sheet = overlay.lay_out(size, paint);
-    overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
+    overlay.paint(gpu, &target.image.view, size, paint).unwrap();
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 
@@ -36,6 +35,26 @@ fn an_overlay_that_shows_nothing_makes_nothing() {
     assert!(overlay.is_made() && first.pixels().any(|pixel| pixel.0 == [255; 3]), "text is there");
     assert_eq!(first, written(&gpu, &mut overlay, write), "the same letters, laid out again");
     assert_eq!(first, written(&gpu, &mut Overlay::new(COLOR_FORMAT), write), "and by another overlay");
+}
+
+/// A plate with letters of new sizes enlarges the texture of all letters: those laid out before it were drawn at half their height.
+#[test]
+fn letters_keep_their_height_when_a_plate_appears() {
+    let Some(gpu) = require_gpu() else { return };
+    let write = |painter: &egui::Painter, text: &str, size: f32, y: f32| {
+        let (at, font) = (egui::pos2(2.0, y), egui::FontId::monospace(size));
+        painter.text(at, egui::Align2::LEFT_TOP, text, font, egui::Color32::WHITE);
+    };
+    let alone = written(&gpu, &mut Overlay::new(COLOR_FORMAT), |painter| write(painter, "12.5", 14.0, 2.0));
+    let mut overlay = Overlay::new(COLOR_FORMAT);
+    let _ = written(&gpu, &mut overlay, |painter| write(painter, "12.5", 14.0, 2.0));
+    let both = written(&gpu, &mut overlay, |painter| {
+        write(painter, "12.5", 14.0, 2.0);
+        for size in 15..60 {
+            write(painter, "abcdefghijklmnopqrstuvwxyz", size as f32, 200.0);
+        }
+    });
+    assert_eq!(alone, both, "the plate is outside the picture");
 }
 
 #[test]

@@ -3,14 +3,14 @@
 use super::*;
 use device::Choice;
 
+/// Frames were counted once for each of their screens: a stage of four that is redrawn 50 times a second had "200 stereo pairs".
 #[test]
 fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     let drawn = Drawn {
         samples: 4,
         shadows: Shadows::Soft,
         device: "a device".into(),
-        screens: 4,
-        pictures: "stereo pairs",
+        pictures: "4 stereo pairs".into(),
         steps: vec![("deform", 1e-3)],
         frame_s: 0.02,
         shapes: [10.25, 54.0],
@@ -19,6 +19,7 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     let json = as_json(&[], None, &[], std::slice::from_ref(&drawn), &[]);
     let frame = &json["frames"][0];
     assert_eq!((&frame["shapes_drawn"], &frame["shapes_culled"]), (&json!(10.25), &json!(54.0)));
+    assert_eq!(frame["frames_per_s"], json!(50.0));
     let told = json!({ "on": "device", "why": "measured", "cpu_s": 2e-3, "device_s": 5e-4 });
     assert_eq!(frame["deformation"]["tube"], told);
     let (title, table) = frame_table("cyberstage", &[drawn]);
@@ -26,6 +27,8 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     println!("{title}\n{text}");
     assert!(
         text.contains("4× MSAA, soft shadows")
+            && title.contains("each of 4 stereo pairs")
+            && text.lines().any(|line| line.starts_with("frames per second") && line.ends_with("50.0"))
             && text.contains("10.2, 54.0")
             && text.contains("deforms on device 0.50 ms, CPU 2.00 ms"),
         "{text}"

@@ -15,9 +15,12 @@ pub fn show(ui: &mut Ui, editor: &mut Editor) {
     groups(ui, editor);
 }
 
+/// Height of the list of elements, pixels, however many there are.
+const LIST: f32 = 140.0;
+
 fn elements(ui: &mut Ui, editor: &mut Editor) {
     let mut deleted = None;
-    ScrollArea::vertical().id_salt("elements").max_height(170.0).auto_shrink([false, true]).show(ui, |ui| {
+    ScrollArea::vertical().id_salt("elements").max_height(LIST).auto_shrink(false).show(ui, |ui| {
         for number in 0..editor.sketch.elements.len() {
             let [r, g, b] = colour(&editor.sketch, number);
             let is_chosen = editor.sketch.chosen == number;
@@ -132,13 +135,11 @@ fn groups(ui: &mut Ui, editor: &mut Editor) {
     .on_hover_text("of the mesh's file, for the chosen element");
 }
 
-/// The button that computes what was made; true where it was pressed.
-pub fn precompute(ui: &mut Ui, editor: &Editor) -> bool {
-    let lack = editor.sketch.lack();
+/// The button that computes what was made, and a line for what is missing; true where it was pressed.
+pub fn precompute(ui: &mut Ui, lack: Option<String>) -> bool {
     let button = Button::new(RichText::new("Precompute and grab").strong()).fill(ACTION);
     let is_pressed = ui.add_enabled(lack.is_none(), button).clicked();
-    if let Some(lack) = lack {
-        ui.label(RichText::new(lack).color(WRONG).small());
-    }
+    // The line stands there in any case, so that nothing moves.
+    ui.label(RichText::new(lack.unwrap_or_else(|| " ".to_owned())).color(WRONG).small());
     is_pressed
 }

@@ -7,12 +7,14 @@
 
 mod editor;
 mod editor_panel;
+mod foot;
 pub mod input;
 pub mod keep;
 mod messages;
 mod order;
 mod panel;
 mod release;
+mod sketches;
 mod style;
 mod told;
 mod units;
@@ -30,9 +32,9 @@ use crate::render::{BodyInstance, Gpu, RenderError};
 use crate::scene::Scene;
 use crate::session::change::Step;
 use crate::session::keys::scale;
-use crate::session::{Change, Session};
+use crate::session::{Change, Session, Steps};
 use crate::stage::Stage;
-use editor::{Editor, Loading};
+use editor::Editor;
 use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
@@ -40,6 +42,7 @@ use messages::Messages;
 pub use order::After;
 use order::Order;
 use panel::Draft;
+use sketches::Sketches;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -58,10 +61,11 @@ pub struct Desk {
     keeper: Keeper,
     draft: Option<Draft>,
     change: Option<Change>,
+    /// How far the scene is, before it is shown.
+    pub making: Option<Arc<Steps>>,
     /// What is told when the change is shown; else what it changed.
     told: Option<String>,
-    loading: Option<Loading>,
-    editor: Option<Editor>,
+    sketches: Sketches,
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
     known: Vec<Arc<GreenFile>>,
     folder: Option<tempfile::TempDir>,
@@ -86,9 +90,9 @@ impl Default for Desk {
             keeper: Keeper::default(),
             draft: None,
             change: None,
+            making: None,
             told: None,
-            loading: None,
-            editor: None,
+            sketches: Sketches::default(),
             known: Vec::new(),
             folder: None,
             begun: 0,
@@ -110,10 +114,10 @@ impl Desk {
     ) -> Option<Input> {
         if self.takes(&input, session) {
             let is_over = self.input.is_over();
-            self.editor.iter_mut().filter(|_| is_over).for_each(Editor::leave);
+            self.sketches.open.iter_mut().filter(|_| is_over).for_each(Editor::leave);
             return None;
         }
-        let Some(editor) = self.editor.as_mut().filter(|_| self.is_open) else { return Some(input) };
+        let Some(editor) = self.sketches.open.as_mut().filter(|_| self.is_open) else { return Some(input) };
         match input {
             Input::Cursor { window, position } => {
                 let is_drawing = editor.point(ray(window, position, session), &session.world);
@@ -155,12 +159,14 @@ impl Desk {
                 }
                 Key::Char('k') if is_free && !self.input.modifiers.ctrl => {
                     if pressed {
+                        let is_editing = self.sketches.open.is_some();
                         if !self.is_open {
                             self.toggle(window, session);
+                        } else if is_editing {
+                            self.orders.push(Order::Edit(None));
                         }
-                        let is_editing = self.editor.is_some();
                         let body = self.draft.as_ref().and_then(Draft::chosen).filter(|_| !is_editing);
-                        self.orders.push(Order::Edit(body));
+                        self.orders.extend(body.map(|body| Order::Edit(Some(body))));
                     }
                     return true;
                 }
@@ -206,13 +212,10 @@ impl Desk {
         for order in std::mem::take(&mut self.orders) {
             self.follow(order, session);
         }
-        if let Some(loading) = self.loading.take_if(|loading| loading.is_done())
-            && let Some(scene) = self.draft.as_ref().map(|draft| &draft.scene)
+        if let Some(draft) = &self.draft
+            && let Err(failure) = self.sketches.load(&draft.scene)
         {
-            match loading.finish(scene) {
-                Ok(editor) => self.editor = Some(editor),
-                Err(failure) => self.messages.wrong(&said(&failure)),
-            }
+            self.messages.wrong(&said(&failure));
         }
         let Some(change) = self.change.take_if(|change| change.is_done()) else { return After::Nothing };
         match change.finish() {
@@ -231,7 +234,7 @@ impl Desk {
                     }
                 } else {
                     // What was made can be taken at once: nothing lies over it.
-                    let was_made = self.editor.take().is_some();
+                    let was_made = session.scene.as_ref().is_some_and(|scene| self.sketches.was_made(scene));
                     self.is_open &= !was_made;
                     let ready = "Ready: take the body with the left button. Tab: the panel, where the scene can be saved.";
                     self.messages.tell(if was_made { ready } else { &what });
@@ -274,7 +277,7 @@ impl Desk {
                 }
                 Err(why) => self.messages.wrong(&why),
             },
-            Order::GiveUp => (self.change, self.loading) = (None, None),
+            Order::GiveUp => (self.change, self.sketches.loading) = (None, None),
             Order::Reset => self.draft = session.scene.as_ref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
@@ -284,12 +287,12 @@ impl Desk {
                 self.messages.say(exported.map_err(|failure| said(&failure)));
             }
             Order::Close => (self.is_open, self.draft) = (false, None),
-            Order::Edit(None) => (self.editor, self.loading) = (None, None),
+            Order::Edit(None) => self.sketches.leave().iter().for_each(|told| self.messages.tell(told)),
             Order::Edit(Some(body)) => {
-                let begun = self.draft.as_ref().map(|draft| Loading::begin(&draft.scene, &body)).transpose();
-                match begun {
-                    Ok(loading) => self.loading = loading,
-                    Err(failure) => self.messages.wrong(&said(&failure)),
+                if let Some(draft) = &self.draft
+                    && let Err(failure) = self.sketches.begin(&draft.scene, &body)
+                {
+                    self.messages.wrong(&said(&failure));
                 }
             }
             Order::Save(path) => match self.save(session, &path) {
@@ -306,7 +309,7 @@ impl Desk {
     /// Begins to compute what the panel says.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
-        let (scene, stage) = draft.wanted(session, self.editor.as_ref())?;
+        let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
         told::try_loads(&scene)?;
         let path = self.path()?;
         self.told = None;
@@ -329,11 +332,12 @@ impl Desk {
     /// Writes what the panel says as a scene file; from then on it is the scene that is shown, where it is shown.
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
-        let (scene, _) = draft.wanted(session, self.editor.as_ref())?;
+        let (scene, _) = draft.wanted(session, self.sketches.open.as_ref())?;
         let is_shown = session.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
+        self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
         if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(saved);
         }
@@ -342,19 +346,16 @@ impl Desk {
 
     /// The body on which control elements are made, which is drawn in place of the scene's.
     pub fn edited(&mut self, gpu: &Gpu, session: &Session) -> Result<Option<BodyInstance<'_>>, RenderError> {
-        let editor = self.editor.as_mut().filter(|_| self.is_open);
+        let editor = self.sketches.open.as_mut().filter(|_| self.is_open);
         editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
     }
 
     /// Whether something was made that no file holds; told once, so that a second Escape quits.
     pub fn keeps_open(&mut self) -> bool {
-        let is_unsaved = self.editor.as_ref().is_some_and(|editor| editor.sketch.can_undo());
-        let is_new = is_unsaved && !std::mem::replace(&mut self.is_warned, true);
-        if is_new {
-            self.messages
-                .wrong("The control elements are not saved: press Escape again to quit without them.");
-        }
-        is_new
+        let warning = self.sketches.warning().filter(|_| !self.is_warned);
+        self.is_warned |= warning.is_some();
+        warning.iter().for_each(|warning| self.messages.wrong(warning));
+        warning.is_some()
     }
 
     /// Where the next .green file goes: beside nothing of the user's, until a scene is saved.
@@ -376,8 +377,7 @@ impl Desk {
         self.messages.forget_old();
         self.covered.clear();
         let is_seen = self.is_open
-            || self.loading.is_some()
-            || self.change.is_some()
+            || self.step_now().is_some()
             || !self.messages.is_empty()
             || self.keeper.is_recording();
         if !is_seen {
@@ -396,21 +396,17 @@ impl Desk {
             events: std::mem::take(&mut self.input.events),
             ..Default::default()
         };
-        let Desk { draft, messages, change, keeper, orders, is_open, editor, loading, .. } = self;
+        let step = self.step_now();
+        let Desk { draft, messages, keeper, orders, is_open, sketches, .. } = self;
         let mut told = Vec::new();
         let (mut rect, mut was_over, mut has_list, mut is_writing) = (None, false, false, false);
         let mesh = overlay.lay_out_widgets(size, input, |context| {
             if is_new {
                 style::apply(context);
             }
-            let reads = || Step { name: "the surface".into(), ..Step::default() };
-            let step = change
-                .as_ref()
-                .map(|change| change.steps.now())
-                .or_else(|| loading.as_ref().map(|_| reads()));
             if let Some(draft) = draft.as_mut().filter(|_| *is_open) {
                 let now = panel::Now { session, step: step.as_ref(), is_recording: keeper.is_recording() };
-                rect = panel::show(context, draft, editor.as_mut(), &now, orders);
+                rect = panel::show(context, draft, sketches, &now, orders);
             } else if let Some(step) = &step {
                 told.push(messages::show_step(context, step));
             }
@@ -422,6 +418,13 @@ impl Desk {
         (self.input.rect, self.input.was_over) = (rect, was_over);
         (self.input.has_list, self.input.is_writing) = (has_list, is_writing);
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
+    }
+
+    /// What is being computed.
+    fn step_now(&self) -> Option<Step> {
+        let change = self.change.as_ref().map(|change| &change.steps);
+        let steps = change.or(self.making.as_ref()).map(|steps| steps.now());
+        steps.or_else(|| self.sketches.step())
     }
 
     /// The window in which it is, and where it covers what is below.

@@ -5,15 +5,16 @@
 
 use super::editor::Editor;
 use super::editor_panel;
+use super::foot::{keep, making, save, sketching};
 use super::messages::progress;
 use super::order::Order;
+use super::sketches::Sketches;
 use super::style::{ACTION, GOOD, number, row};
 use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
 use crate::display::lettering::QUIET;
 use crate::effect::EFFECTS;
-use crate::export::surfaces;
 use crate::scene::materials::MATERIALS;
 use crate::scene::write::Comments;
 use crate::scene::{Body, Grab, Material, Nodes, Scene};
@@ -21,8 +22,8 @@ use crate::session::Session;
 use crate::session::change::Step;
 use crate::session::open::stage;
 use crate::stage::{BUILT_IN, Stage};
-use egui::{Button, ComboBox, Context, DragValue, Grid, RichText, Slider, Ui, Window};
-use std::path::{Path, PathBuf};
+use egui::{Button, ComboBox, Context, DragValue, Grid, RichText, ScrollArea, Slider, Ui, Window};
+use std::path::Path;
 
 /// A scene as the panel says it.
 pub struct Draft {
@@ -35,7 +36,7 @@ pub struct Draft {
     /// Number of the body whose settings are seen.
     body: usize,
     /// The name of the file to which it is saved.
-    file: String,
+    pub file: String,
 }
 
 /// What goes on while the panel is shown.
@@ -120,18 +121,27 @@ impl Draft {
 
 /// Of the panel, pixels.
 pub const WIDTH: f32 = 352.0;
+/// Height of the buttons below the settings, about, pixels.
+const FOOT: f32 = 200.0;
+/// Height of its title, margins and the lines between, pixels.
+const FRAME: f32 = 112.0;
 
-/// Shows the panel, at first at the right edge; a person may drag it elsewhere. Returns where it is.
+/// Shows the panel, at first at the right edge; a person may drag it elsewhere. Returns where it is. Its settings scroll where
+/// they need more room; the buttons below them are always seen, and stay where they are while a sketch grows.
 pub fn show(
     context: &Context,
     draft: &mut Draft,
-    editor: Option<&mut Editor>,
+    sketches: &mut Sketches,
     now: &Now<'_>,
     orders: &mut Vec<Order>,
 ) -> Option<egui::Rect> {
     let screen = context.content_rect();
-    let title = if editor.is_some() { "Make control elements" } else { "Scene" };
-    let shown = Window::new(title)
+    let is_busy = now.step.is_some();
+    let is_editing = sketches.open.is_some();
+    // As it was in the frame before.
+    let foot_id = egui::Id::unique(("panel foot", is_editing, is_busy));
+    let foot = context.data(|data| data.get_temp(foot_id)).unwrap_or(FOOT);
+    let shown = Window::new(if is_editing { "Make control elements" } else { "Scene" })
         .id(egui::Id::unique("panel"))
         .pivot(egui::Align2::RIGHT_TOP)
         .default_pos([screen.right() - 12.0, 12.0])
@@ -140,40 +150,34 @@ pub fn show(
         .resizable(false)
         .collapsible(true)
         .show(context, |ui| {
-            let most = (screen.height() - 70.0).max(120.0);
-            egui::ScrollArea::vertical().max_height(most).auto_shrink([false, true]).show(ui, |ui| {
-                ui.set_width(WIDTH - 24.0);
-                let is_busy = now.step.is_some();
-                match editor {
+            ui.set_width(WIDTH - 24.0);
+            let most = (screen.height() - FRAME - foot).max(80.0);
+            let scroll = ScrollArea::vertical().max_height(most).auto_shrink([false, !is_editing]);
+            let lack = scroll.show(ui, |ui| {
+                // What is changed while it is computed would be lost.
+                ui.add_enabled_ui(!is_busy, |ui| match &mut sketches.open {
                     Some(editor) => {
-                        // What is changed while it is computed would be lost.
-                        ui.add_enabled_ui(!is_busy, |ui| {
-                            editor_panel::show(ui, editor);
-                            ui.separator();
-                            settings(ui, draft);
-                        });
+                        editor_panel::show(ui, editor);
                         ui.separator();
-                        if is_busy {
-                            change(ui, draft, now, orders);
-                        } else {
-                            if editor_panel::precompute(ui, editor) {
-                                orders.push(Order::Apply);
-                            }
-                            if ui.button("Leave without precomputing (K)").clicked() {
-                                orders.push(Order::Edit(None));
-                            }
-                        }
+                        settings(ui, draft);
+                        editor.sketch.lack()
                     }
                     None => {
-                        ui.add_enabled_ui(!is_busy, |ui| {
-                            bodies(ui, draft);
-                            stages(ui, draft);
-                        });
-                        ui.separator();
+                        bodies(ui, draft);
+                        stages(ui, draft);
+                        None
+                    }
+                })
+                .inner
+            });
+            ui.separator();
+            let foot = ui.scope(|ui| {
+                match is_editing && !is_busy {
+                    true => sketching(ui, sketches, lack.inner, orders),
+                    false => {
                         change(ui, draft, now, orders);
-                        if !is_busy && ui.button("Make control elements (K)").clicked() {
-                            orders.push(Order::Edit(draft.chosen()));
-                        }
+                        let body = draft.chosen().filter(|_| !is_busy);
+                        making(ui, body, sketches, orders);
                     }
                 }
                 ui.separator();
@@ -184,6 +188,7 @@ pub fn show(
                     orders.push(Order::Close);
                 }
             });
+            ui.data_mut(|data| data.insert_temp(foot_id, foot.response.rect.height()));
         });
     Some(shown?.response.rect)
 }
@@ -355,15 +360,6 @@ fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
     });
 }
 
-fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
-    ui.horizontal(|ui| {
-        ui.add(egui::TextEdit::singleline(&mut draft.file).desired_width(190.0).hint_text("scene.toml"));
-        if ui.button("Save the scene").clicked() {
-            orders.push(Order::Save(PathBuf::from(draft.file.trim())));
-        }
-    });
-}
-
 /// A name for a scene file that no file has, in the folder in which the program runs: that of its one body, or of the scene.
 fn free_name(scene: &Scene) -> String {
     let only = scene.body.keys().next().filter(|_| scene.body.len() == 1).cloned();
@@ -372,26 +368,6 @@ fn free_name(scene: &Scene) -> String {
     let numbered = (2..1000).map(|number| format!("{stem}-{number}.toml"));
     let mut names = std::iter::once(format!("{stem}.toml")).chain(numbered);
     names.find(|name| !Path::new(name).exists()).unwrap_or_default()
-}
-
-fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
-    ui.horizontal_wrapped(|ui| {
-        if ui.button("Save a picture (F12)").clicked() {
-            orders.push(Order::Picture);
-        }
-        let video = if is_recording { "End the video (F11)" } else { "Record a video (F11)" };
-        if ui.button(video).clicked() {
-            orders.push(Order::Video);
-        }
-    });
-    ui.horizontal(|ui| {
-        ui.label("Export the bodies");
-        for exporter in surfaces().filter(|exporter| exporter.name() != "png") {
-            if ui.button(exporter.name().to_uppercase()).clicked() {
-                orders.push(Order::Export(exporter.name()));
-            }
-        }
-    });
 }
 
 #[cfg(test)]

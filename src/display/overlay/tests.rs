@@ -119,13 +119,13 @@ fn picture_of(gpu: &Gpu, readings: &Readings, size: [u32; 2], clear: &[Rect]) ->
     let mut renderer = Renderer::new(gpu, COLOR_FORMAT, 1).unwrap();
     let target = Offscreen::new(gpu, &renderer, size).unwrap();
     renderer.draw(gpu, &[target.picture(&Viewport::full(size, None))], &FrameContents::default()).unwrap();
-    let (mut overlay, history) = (Overlay::new(COLOR_FORMAT), history());
-    let sheet = overlay.lay_out(size, |painter| {
+    let history = history();
+    let paint = |painter: &egui::Painter| {
         let rect = painter.clip_rect();
         let panel = Panel { painter, rect, readings, history: &history, clear, taken: &[] };
         panel.paint(&mut Seats::default());
-    });
-    overlay.draw(gpu, [(&target.image.view, &sheet)]).unwrap();
+    };
+    Overlay::new(COLOR_FORMAT).paint(gpu, &target.image.view, size, paint).unwrap();
     image::DynamicImage::from(target.read(gpu).unwrap().0).to_rgb8()
 }
 

@@ -4,12 +4,12 @@
 //! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
 use super::extent::{ball_about, corners, outline};
-use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, wrapped, write};
+use crate::display::lettering::{DARK, INK, LEFT, Lettering, QUIET, RIGHT, wrapped};
 use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
-use egui::{Align2, Color32, Painter, Rect, pos2, vec2};
+use egui::{Align2, Color32, Painter, Rect, Stroke, Vec2, pos2, vec2};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::TAU;
 
@@ -255,7 +255,11 @@ impl StageModel {
 /// `taken` there.
 pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel, taken: &[Rect]) {
     let size = (rect.height() / 60.0).clamp(9.0, 26.0);
-    for label in &room.labels {
+    let mut written: Vec<Rect> = taken.to_vec();
+    // The largest are the most important.
+    let mut labels: Vec<&Label> = room.labels.iter().collect();
+    labels.sort_by(|a, b| b.size.total_cmp(&a.size));
+    for label in labels {
         let clip = view.clip_from_room * label.place.cast::<f32>().to_homogeneous();
         if clip.w <= clip.z {
             continue;
@@ -263,8 +267,14 @@ pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel
         let share = vec2(0.5 + 0.5 * clip.x / clip.w, 0.5 - 0.5 * clip.y / clip.w);
         let place = rect.min + share * rect.size();
         if rect.contains(place) {
-            let colours = [label.ink, DARK.gamma_multiply(0.55)];
-            write(painter, (place, Align2::CENTER_CENTER), &label.text, size * label.size, colours);
+            let middle = (place, Align2::CENTER_CENTER);
+            let words = Lettering::new(painter, middle, &label.text, size * label.size, label.ink);
+            let offset = aside(words.rect, rect, &written);
+            if offset != Vec2::ZERO {
+                let line = Stroke::new(1.0, label.ink.gamma_multiply(0.7));
+                painter.line_segment([place, words.rect.translate(offset).clamp(place)], line);
+            }
+            written.push(words.paint(painter, offset, DARK.gamma_multiply(0.55)));
         }
     }
     if !room.note.is_empty() {
@@ -282,6 +292,21 @@ pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel
         painter.rect_filled(plate, 0.0, DARK.gamma_multiply(0.8));
         painter.galley(place, note, QUIET);
     }
+}
+
+/// By how much a plate moves so that it stands within the picture and over no other: the least such way of those tried,
+/// none where all fail.
+fn aside(plate: Rect, picture: Rect, written: &[Rect]) -> Vec2 {
+    let step = vec2(plate.width().min(4.0 * plate.height()), plate.height()) * 0.5;
+    let steps = -6_i32..=6;
+    let offset = |x: i32, y: i32| (vec2(x as f32, y as f32) * step).round();
+    let offsets = steps.clone().flat_map(|x| steps.clone().map(move |y| offset(x, y)));
+    let is_free = |offset: &Vec2| {
+        let moved = plate.translate(*offset);
+        picture.contains_rect(moved) && !written.iter().any(|other| other.intersects(moved))
+    };
+    let nearest = |a: &Vec2, b: &Vec2| a.length_sq().total_cmp(&b.length_sq());
+    offsets.filter(is_free).min_by(nearest).unwrap_or_default()
 }
 
 fn eye_ink(eye: Eye) -> Color32 {

@@ -11,7 +11,7 @@ use crate::effect::entry::Listed;
 use crate::effect::running::RunningEffect;
 use crate::render::field_code;
 use crate::scene::{LegendSettings, Quantity};
-use crate::world::{PlacedBody, SurfacePoint, World};
+use crate::world::{PlacedBody, SurfacePoint, World, out_of_range};
 
 /// Joins a new world; the bodies that list it are coloured from their first picture on.
 pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
@@ -26,11 +26,14 @@ pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn R
             nodes: Vec::new(),
             displacement: Vec::new(),
             now: Reached::default(),
+            is_beyond: false,
+            was_beyond: false,
             worst: Reached::default(),
         });
     }
     let settings = listed.scene.legend.unwrap_or_default();
-    let mut shown = Shown { settings, tops: tops(listed, &settings, &bodies, world), bodies, coded: None };
+    let first_tops = tops(listed, &settings, &bodies, world);
+    let mut shown = Shown { settings, first_tops, tops: first_tops, bodies, coded: None };
     shown.after_frame(world);
     Ok(Some(Box::new(shown)))
 }
@@ -55,7 +58,7 @@ impl Top {
         match self {
             Top::Asked(_) => "as the scene has it",
             Top::Limit(_) => "the limit",
-            Top::Seen(_) => "grows with the session",
+            Top::Seen(_) => "largest so far (C: reset)",
         }
     }
 }
@@ -99,12 +102,17 @@ struct ShownBody {
     /// How far each node is from where it rested, m.
     displacement: Vec<f64>,
     now: Reached,
+    /// Bent beyond its model: its values are shown, but count for nothing.
+    is_beyond: bool,
+    was_beyond: bool,
     /// The most of the session.
     worst: Reached,
 }
 
 struct Shown {
     settings: LegendSettings,
+    /// With which a session begins.
+    first_tops: [Top; 3],
     tops: [Top; 3],
     bodies: Vec<ShownBody>,
     /// For which the codes were made.
@@ -121,10 +129,12 @@ impl ShownBody {
         self.nodes = self.stressed.of(deformer);
         self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
         self.now = self.stressed.reached(&self.nodes);
+        self.is_beyond = out_of_range(body).is_some();
+        self.was_beyond |= self.is_beyond;
         let part = |reached: &Reached| reached.limit.map_or(0.0, |(part, _)| part);
         let is_worse = part(&self.now) > part(&self.worst)
             || part(&self.worst) == 0.0 && self.now.von_mises.0 > self.worst.von_mises.0;
-        if is_worse {
+        if is_worse && !self.is_beyond {
             self.worst = self.now;
         }
         true
@@ -159,6 +169,17 @@ impl ShownBody {
 }
 
 impl Shown {
+    /// Lets the colours reach the largest values that models hold for.
+    fn grow(&mut self) {
+        for quantity in Quantity::ALL {
+            let good = self.bodies.iter().filter(|body| !body.is_beyond);
+            let largest = good.map(|body| body.largest(quantity)).fold(0.0, f64::max);
+            if let Top::Seen(top) = &mut self.tops[quantity as usize] {
+                *top = top.max(round_up(largest));
+            }
+        }
+    }
+
     fn quantity(&self, world: &World) -> Quantity {
         let first = Quantity::ALL.iter().position(|quantity| *quantity == self.settings.show).unwrap_or(0);
         Quantity::ALL[(first + world.field_changes) % Quantity::ALL.len()]
@@ -169,18 +190,17 @@ impl Shown {
         let mut lines = Vec::new();
         for shown in &self.bodies {
             let name = &shown.name;
-            let out_of_range = world.bodies[shown.index].out_of_range;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
-                _ if out_of_range => format!("{name}: beyond its model: no values"),
+                _ if shown.is_beyond => format!("{name}: beyond its model, values not reliable"),
                 Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };
-            lines.push(LegendLine { text, warns: out_of_range || shown.now.is_beyond() });
+            lines.push(LegendLine { text, warns: shown.is_beyond || shown.now.is_beyond() });
         }
         lines.sort_by_key(|line| !line.warns);
         let warns = false;
         let points = world.pointed_surfaces();
-        let probed = points.iter().filter_map(|point| self.probe(world, quantity, point));
+        let probed = points.iter().filter_map(|point| self.probe(quantity, point));
         lines.extend(probed.map(|text| LegendLine { text, warns }));
         let mut limits: Vec<f64> =
             self.bodies.iter().flat_map(|body| limits_of(&body.stressed, quantity)).collect();
@@ -198,11 +218,10 @@ impl Shown {
     }
 
     /// What it says of a point at which a ray points.
-    fn probe(&self, world: &World, quantity: Quantity, point: &SurfacePoint) -> Option<String> {
-        let is_met = |body: &&ShownBody| body.index == point.body && !world.bodies[body.index].out_of_range;
-        Some(match self.bodies.iter().find(is_met)?.probed(point, quantity) {
+    fn probe(&self, quantity: Quantity, point: &SurfacePoint) -> Option<String> {
+        Some(match self.bodies.iter().find(|body| body.index == point.body)?.probed(point, quantity) {
             Some(value) => format!("under the ray: {}", written_value(value, quantity)),
-            None => "under the ray: a control element, where forces act".to_owned(),
+            None => "under the ray: no value, a held part".to_owned(),
         })
     }
 }
@@ -219,13 +238,7 @@ impl RunningEffect for Shown {
             is_new |= body.update(&world.bodies[body.index]);
         }
         if is_new {
-            for quantity in Quantity::ALL {
-                let good = self.bodies.iter().filter(|body| !world.bodies[body.index].out_of_range);
-                let largest = good.map(|body| body.largest(quantity)).fold(0.0, f64::max);
-                if let Top::Seen(top) = &mut self.tops[quantity as usize] {
-                    *top = top.max(round_up(largest));
-                }
-            }
+            self.grow();
         }
         let coded = (shown, self.tops[shown as usize].value());
         if is_new || self.coded.replace(coded) != Some(coded) {
@@ -250,8 +263,16 @@ impl RunningEffect for Shown {
         world.plates.push(Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend });
     }
 
+    fn clear(&mut self) {
+        self.tops = self.first_tops;
+        self.grow();
+    }
+
     fn summary(&mut self) -> String {
-        let line = |body: &ShownBody| format!("body.{}: {}\n", body.name, body.worst.sentence());
+        let line = |body: &ShownBody| {
+            let left_out = if body.was_beyond { "; poses beyond its model are left out" } else { "" };
+            format!("body.{}: {}{left_out}\n", body.name, body.worst.sentence())
+        };
         self.bodies.iter().map(line).collect()
     }
 }

@@ -206,8 +206,9 @@ impl Windows {
         for (window, frame, surface, _) in &mut frames {
             if let Some(glass) = self.glass.as_mut().filter(|glass| glass.window == *window) {
                 // Laid out before the window got another size, it would not fit.
-                let mesh = Some(&glass.mesh).filter(|mesh| mesh.size == surface.size);
-                glass.overlay.draw(&self.gpu, mesh.map(|mesh| (&frame.view, mesh)))?;
+                if glass.mesh.size == surface.size {
+                    glass.overlay.draw(&self.gpu, &frame.view, &glass.mesh)?;
+                }
             }
             if self.wanted == Some(*window) {
                 self.taken = surface.read(&self.gpu, frame)?;
