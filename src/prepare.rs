@@ -5,6 +5,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
+pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
 use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect};
@@ -229,12 +230,7 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
             other => other?,
         }
         expected::read(&file, name)?;
-        let Some(meta) = file.meta.bodies.get(name) else { continue };
-        let failed = |source| GreenError::Solve { body: format!("{}: body.{name}", path.display()), source };
-        if let Some(warning) =
-            green::judge_file(&format!("body.{name}"), &meta.accuracy.solver, meta.accuracy.forward_error)
-                .map_err(failed)?
-        {
+        for warning in green::judge_file(&file, name)? {
             notice!("{}: {warning}", path.display());
         }
     }
@@ -273,9 +269,6 @@ pub fn make(
     Ok((bodies, size, writing.elapsed().as_secs_f64()))
 }
 
-/// Hears of the progress of a body, whose name it is given.
-pub type Teller<'a> = &'a dyn Fn(&str) -> Box<dyn Progress>;
-
 fn precompute_telling(
     scene: &Scene,
     journal: Option<&Journal<'_>>,
@@ -310,17 +303,21 @@ pub fn green_file_telling(
     named: Option<&Path>,
     teller: Teller<'_>,
 ) -> Result<Arc<GreenFile>, Failure> {
-    updated(prepared_file(scene, named, teller)?, scene)
+    updated(prepared_file(scene, named, teller)?, scene, teller)
 }
 
 /// The file of a scene after what is released and changed of it now.
-fn updated(base: Arc<GreenFile>, scene: &Scene) -> Result<Arc<GreenFile>, Failure> {
+fn updated(base: Arc<GreenFile>, scene: &Scene, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
     if !scene.body.values().any(Body::is_updated) {
         return Ok(base);
     }
     let sections =
         |file: &GreenFile, name: &str| effect::sections_after_change(file, name, &scene.body[name]);
-    Ok(Arc::new(green::derive(base, scene, &sections)?))
+    let (file, notices) = green::derive(base, scene, &sections, teller)?;
+    for notice in notices {
+        notice!("{notice}");
+    }
+    Ok(Arc::new(file))
 }
 
 fn prepared_file(scene: &Scene, named: Option<&Path>, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
@@ -357,7 +354,7 @@ pub fn changed_file(
 ) -> Result<Arc<GreenFile>, Failure> {
     let known: Vec<_> =
         known.iter().flat_map(|file| [Some(file), file.base.as_ref()]).flatten().cloned().collect();
-    updated(changed_base(&scene.as_prepared(), path, &known, progress)?, scene)
+    updated(changed_base(&scene.as_prepared(), path, &known, progress)?, scene, &|_| Box::new(progress))
 }
 
 fn changed_base(

@@ -25,6 +25,7 @@ pub mod peak;
 pub mod plates;
 pub mod progress;
 pub mod quantity;
+pub mod random;
 pub mod signal;
 pub mod statistics;
 pub mod strips;

@@ -10,6 +10,27 @@ pub trait Progress: Sync {
     fn tell(&self, _sentence: &str) {}
 }
 
+/// Hears of the progress of a body, whose name it is given.
+pub type Teller<'a> = &'a dyn Fn(&str) -> Box<dyn Progress + 'a>;
+
+impl Progress for &dyn Progress {
+    fn begin(&self, step: &str, units: u64) {
+        (**self).begin(step, units);
+    }
+
+    fn advance(&self, units: u64) {
+        (**self).advance(units);
+    }
+
+    fn end(&self) {
+        (**self).end();
+    }
+
+    fn tell(&self, sentence: &str) {
+        (**self).tell(sentence);
+    }
+}
+
 /// Ignores all progress.
 pub struct Silent;
 

@@ -7,7 +7,7 @@ use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
 use super::family::{Assembled, FamilyEntry};
 use super::journal::Journal;
-use super::judge;
+use super::judge::judge;
 use super::kept::{Keep, Kept};
 use super::prepare::{Fits, Prepared};
 use super::requirements::Requirements;
@@ -231,9 +231,9 @@ fn solve_kept(
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
         solution.rigid = RigidMotion::of(mesh, controls, fields, solution.stiffness());
-        let judged =
-            judge::judge(&format!("body.{name}"), &solution.stats, &solution.rigid).map_err(failed)?;
-        notices.extend(judged);
+        let forward_error = solution.stats.conditioning.map(|conditioning| conditioning.forward_error);
+        let (entity, method) = (format!("body.{name}"), solution.stats.method);
+        notices.extend(judge(&entity, method, forward_error, &solution.rigid).map_err(failed)?);
     }
     notices.sort_by_key(|finding| finding.severity);
     Ok(Solution { notices, ..solution })

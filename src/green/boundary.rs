@@ -7,7 +7,7 @@ use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::STIFFNESS;
-use super::judge;
+use super::judge::judge;
 use super::prepare::Prepared;
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -45,7 +45,8 @@ pub fn solve(
     let rigid = RigidMotion::of(&mesh, &controls, &solved.fields, Some(&solved.work));
     let entity = format!("body.{name}");
     let failed = |source| GreenError::Solve { body: place.clone(), source };
-    notices.extend(judge::judge(&entity, &solved.stats, &rigid).map_err(failed)?);
+    let forward_error = solved.stats.conditioning.map(|conditioning| conditioning.forward_error);
+    notices.extend(judge(&entity, solved.stats.method, forward_error, &rigid).map_err(failed)?);
     let coarse = bem::relative(&(&solved.traction_work - &solved.work), &solved.work);
     let message = format!(
         "boundary elements: the tractions on the control elements, constant on each triangle, do a work that differs by {:.1} % of the \
@@ -117,8 +118,12 @@ mod tests {
             "{bem_error} {tet10_error}"
         );
         assert_eq!((bem.mesh.nodes.len(), bem.element_name(), tet10.element_name()), (74, "bem", "tet10"));
-        let RigidMotion { shift, shift_force, turn_force } = bem.rigid;
-        assert!(shift < 1e-9 && shift_force.unwrap() < 1e-9 && turn_force.unwrap() < 1e-6, "{:?}", bem.rigid);
+        let RigidMotion { shift, turn, shift_force, turn_force } = bem.rigid;
+        assert!(
+            shift < 1e-9 && turn < 1e-9 && shift_force.unwrap() < 1e-9 && turn_force.unwrap() < 1e-6,
+            "{:?}",
+            bem.rigid
+        );
         assert!(bem.asymmetry.unwrap() < 1e-10 && bem.stats.worst_residual() < 1e-12);
         // Displacements of the middle under the same shift.
         let middle = |solution: &Solution| {

@@ -3,6 +3,7 @@
 //! In: a file of bodies with the family `updates`, and the scene as it is now. Out: a file in memory of the same surfaces, with
 //! the columns and the handle stiffness that a new precomputation would find ([`super::update`]).
 
+use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{
@@ -10,12 +11,19 @@ use super::families::{
     STIFFNESS, TORQUES, UPDATES, affine_tensors, load_tensors,
 };
 use super::file::{BodyMeta, GreenFile};
+use super::judge::judge;
 use super::requirements::Requirements;
 use super::tensor::Tensor;
 use super::update::{Change, Updated};
-use crate::base::columns::{ColumnGroup, StoredColumns};
-use crate::scene::Scene;
-use nalgebra::DMatrix;
+use super::update_error;
+use super::write::contents;
+use crate::base::columns::StoredColumns;
+use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::progress::{Progress, Teller};
+use crate::mesh::quality;
+use crate::scene::{Body, Scene};
+use crate::solve::find_method;
+use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -28,46 +36,144 @@ pub fn is_derived(family: &str) -> bool {
     known.iter().any(|known| known.name == family)
 }
 
-/// The file of `scene` as it is now, from that of [`Scene::as_prepared`]. Errors where nothing holds a body any more.
-pub fn derive(base: Arc<GreenFile>, scene: &Scene, sections: Sections<'_>) -> Result<GreenFile, GreenError> {
-    let mut changed = BTreeMap::new();
+/// An update may be wrong by this part; where it is by more, the body is solved anew.
+const EXACT: f64 = 1e-7;
+/// Nodes that were let go of whose compliance is looked at.
+const PRESSED: usize = 4;
+
+/// What a file says of a body, and the body's tensors.
+type Contents = (BodyMeta, BTreeMap<String, Tensor>);
+
+/// The file of `scene` as it is now, from that of [`Scene::as_prepared`], and what there is to say of its bodies. They pass what
+/// a precomputation passes: the check before it, and the judgement of forward error and rigid motions. A body whose update would
+/// be too inexact is solved anew.
+pub fn derive(
+    base: Arc<GreenFile>,
+    scene: &Scene,
+    sections: Sections<'_>,
+    teller: Teller<'_>,
+) -> Result<(GreenFile, Vec<Diagnostic>), GreenError> {
+    let (mut changed, mut notices) = (BTreeMap::new(), Vec::new());
     for (name, body) in scene.body.iter().filter(|(_, body)| body.is_updated()) {
-        let damaged = |what: &str| GreenError::Damaged {
-            path: base.path.clone(),
-            reason: format!("{what} of the body {name} is missing"),
+        let mut findings = super::prepare(scene, name)?.findings;
+        refuse(scene, &findings)?;
+        findings.retain(|finding| finding.severity < Severity::Note);
+        let (own, mut tensors) = match update(&base, name, body)? {
+            Ok(contents) => {
+                notices.append(&mut findings);
+                contents
+            }
+            Err(why) => {
+                let message = format!(
+                    "updated, {why}: the body is solved anew, which takes as long as precomputing it"
+                );
+                notices.push(Diagnostic::new(Severity::Note, format!("body.{name}"), message));
+                solved_anew(&base, scene, name, &*teller(name), &mut notices)?
+            }
         };
-        let meta = base.meta.bodies.get(name).ok_or_else(|| damaged("the description"))?;
-        let updates = base.updates(name).ok_or_else(|| damaged("the family updates"))?;
-        let stiffness = base.stiffness(name).ok_or_else(|| damaged("the handle stiffness"))?;
-        let is_released = |e: &usize| !body.control.contains_key(&meta.controls[*e].name);
-        let released = (0..meta.controls.len()).filter(is_released).collect();
-        let change = Change { released, factors: body.modulus_factors() };
-        let changed_body = updates.prepare(&change).ok_or_else(|| {
-            let loose: Vec<&str> = body.updates.iter().flat_map(|updates| updates.loose()).collect();
-            let message = format!(
-                "without {} nothing holds the body any more: let it hold again, or release another control element",
-                loose.join(", ")
-            );
-            scene.invalid(&format!("body.{name}.updates"), message)
-        })?;
-        let hessian = hessian(&base, name, stiffness);
-        let (mut own, mut tensors) = derived(&base, name, meta, changed_body.body(&hessian));
-        if own.requirements.has(COMPRESSED) {
-            // It is changed number by number.
-            own.requirements = own.requirements.without(COMPRESSED).and(Requirements::of(&[COMPLIANCE]));
-            own.compressed = None;
-        }
-        if let Some(compliance) = base.compliance(name) {
-            let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
-            let freed: Vec<u32> =
-                loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
-            own.compliance_nodes = Some(compliance.taking(&freed));
-            tensors.extend(compliance.changed(&freed, &changed_body)?);
-        }
         tensors.extend(sections(&base, name));
         changed.insert(name.clone(), (own, tensors));
     }
-    base.with_bodies(changed)
+    Ok((base.with_bodies(changed)?, notices))
+}
+
+/// A body by its family `updates`; or why it is too inexact.
+fn update(base: &GreenFile, name: &str, body: &Body) -> Result<Result<Contents, String>, GreenError> {
+    let damaged = |what: &str| GreenError::Damaged {
+        path: base.path.clone(),
+        reason: format!("{what} of the body {name} is missing"),
+    };
+    let meta = base.meta.bodies.get(name).ok_or_else(|| damaged("the description"))?;
+    let updates = base.updates(name).ok_or_else(|| damaged("the family updates"))?;
+    let stiffness = base.stiffness(name).ok_or_else(|| damaged("the handle stiffness"))?;
+    let is_released = |e: &usize| !body.control.contains_key(&meta.controls[*e].name);
+    let released = (0..meta.controls.len()).filter(is_released).collect();
+    let change = Change { released, factors: body.modulus_factors() };
+    let Some(changed_body) = updates.prepare(&change) else {
+        return Ok(Err("its columns have no digit left".to_owned()));
+    };
+    let hessian = hessian(base, name, stiffness);
+    let after = changed_body.body(&hessian);
+    let columns = columns_after(base, name, meta, &after);
+    let loose = meta.controls.iter().filter(|control| !body.control.contains_key(&control.name));
+    let freed: Vec<u32> = loose.flat_map(|control| base.control(name, &control.name)).copied().collect();
+    let compliance = base.compliance(name);
+    let measure = update_error::Measure {
+        columns: &columns,
+        hessian: &hessian,
+        reach: reach(base.rest(name)),
+        pressed: if compliance.is_some() { &freed[..freed.len().min(PRESSED)] } else { &[] },
+        residual: meta.accuracy.residual,
+    };
+    let error = update_error::error(&updates, &change, &changed_body, &after, &measure);
+    if error > EXACT || error.is_nan() {
+        return Ok(Err(format!(
+            "its columns or forces could be wrong by a part of {error:.0e}, above {EXACT:.0e}"
+        )));
+    }
+    let affine = FIELDS * after.kept.len();
+    let s = after.hessian.view((0, 0), (affine, affine)).into_owned();
+    let (mut own, mut tensors) = derived(base, name, meta, after, &columns);
+    own.accuracy.forward_error = Some(own.accuracy.forward_error.map_or(error, |before| before.max(error)));
+    let value = |row: usize, column: usize| columns[(row, column)];
+    let rigid = base.rigid_motion_of(name, &own.controls, &value, Some(&s));
+    let method = find_method(&own.accuracy.solver).unwrap_or_default();
+    if !judge(name, method, own.accuracy.forward_error, &rigid).is_ok_and(|findings| findings.is_empty()) {
+        return Ok(Err("it would not pass the check of rigid motions".to_owned()));
+    }
+    if own.requirements.has(COMPRESSED) {
+        // It is changed number by number.
+        own.requirements = own.requirements.without(COMPRESSED).and(Requirements::of(&[COMPLIANCE]));
+        own.compressed = None;
+    }
+    if let Some(compliance) = compliance {
+        own.compliance_nodes = Some(compliance.taking(&freed));
+        tensors.extend(compliance.changed(&freed, &changed_body)?);
+    }
+    Ok(Ok((own, tensors)))
+}
+
+/// A body as a precomputation of the scene as it is now finds it, but for what no update of it needs.
+fn solved_anew(
+    base: &GreenFile,
+    scene: &Scene,
+    name: &str,
+    progress: &dyn Progress,
+    notices: &mut Vec<Diagnostic>,
+) -> Result<Contents, GreenError> {
+    let before = base.meta.bodies.get(name);
+    let requirements = before.map(|meta| meta.requirements.without(UPDATES)).unwrap_or_default();
+    let mut body = super::precompute(scene, name, &requirements, progress)?;
+    body.fingerprint = before.map(changed_fingerprint).unwrap_or_default();
+    notices.append(&mut body.solution.notices);
+    let (meta, tensors) = contents(&body);
+    Ok((meta, tensors.into_iter().collect()))
+}
+
+/// Of no scene: a changed body is never taken for one that was precomputed.
+fn changed_fingerprint(before: &BodyMeta) -> String {
+    format!("{} changed", before.fingerprint)
+}
+
+/// Half the extent of a body, m.
+fn reach(rest: &[[f32; 3]]) -> f64 {
+    let nodes: Vec<Vector3<f64>> = rest.iter().map(|&place| Vector3::from(place.map(f64::from))).collect();
+    let (low, high) = quality::bounding_box(&nodes);
+    0.5 * (high - low).norm()
+}
+
+/// The columns of the control elements that still hold, then those of loads, on the surface.
+fn columns_after(base: &GreenFile, name: &str, meta: &BodyMeta, after: &Updated) -> DMatrix<f64> {
+    let (surface, affine) = (meta.surface_nodes, FIELDS * after.kept.len());
+    let groups: Vec<_> = after.kept.iter().map(|&e| base.basis(name, &meta.controls[e].name)).collect();
+    let loads = base.load_columns(name);
+    DMatrix::from_fn(3 * surface, affine + meta.load_columns(), |row, column| {
+        let before = match column.checked_sub(affine) {
+            None => groups[column / FIELDS].value(surface, column % FIELDS, row),
+            Some(load) => loads.value(surface, load, row),
+        };
+        f64::from(before) + after.added[(row, column)]
+    })
 }
 
 /// The Hessian of V = ½ cᵀS c - λᵀRᵀc - ½ λᵀC λ by the coefficients c of the control elements and λ of the loads.
@@ -90,27 +196,27 @@ fn derived(
     name: &str,
     meta: &BodyMeta,
     after: Updated,
-) -> (BodyMeta, BTreeMap<String, Tensor>) {
+    columns: &DMatrix<f64>,
+) -> Contents {
     let surface = meta.surface_nodes;
     let mut own = meta.clone();
     own.requirements = meta.requirements.without(UPDATES);
     own.controls = after.kept.iter().map(|&e| meta.controls[e].clone()).collect();
     own.accuracy.asymmetry = Some(after.asymmetry);
     own.accuracy.storage_error = 0.0;
-    own.fingerprint = format!("{} changed", meta.fingerprint);
+    own.accuracy.scaled_condition = None;
+    own.fingerprint = changed_fingerprint(meta);
     let controls = own.controls.iter().map(|control| format!("control/{}", control.name));
     let same = ["rest", "triangles", "tags"].into_iter().map(str::to_owned).chain(controls);
     let mut tensors: BTreeMap<String, Tensor> =
         same.filter_map(|of| Some((of.clone(), base.tensor(name, &of)?))).collect();
-    let summed = |before: ColumnGroup<'_>, first: usize, count: usize| {
-        let column = |k: usize| -> Vec<f64> {
-            let added = after.added.column(first + k);
-            (0..3 * surface).map(|row| f64::from(before.value(surface, k, row)) + added[row]).collect()
-        };
-        StoredColumns::new(meta.accuracy.storage, &(0..count).map(column).collect::<Vec<_>>())
+    let stored = |first: usize, count: usize| {
+        let columns: Vec<Vec<f64>> =
+            (first..first + count).map(|k| columns.column(k).as_slice().to_vec()).collect();
+        StoredColumns::new(meta.accuracy.storage, &columns)
     };
     for (at, control) in own.controls.iter_mut().enumerate() {
-        let stored = summed(base.basis(name, &control.name), FIELDS * at, FIELDS);
+        let stored = stored(FIELDS * at, FIELDS);
         own.accuracy.storage_error = own.accuracy.storage_error.max(stored.relative_error());
         control.storage_errors.clone_from(&stored.errors);
         tensors.extend(affine_tensors(&control.name, surface, meta.accuracy.storage, stored));
@@ -130,7 +236,7 @@ fn derived(
             table(TORQUES, torques.select_rows(&rows) + &after.torques);
             table(MOMENTS, moments);
         }
-        let stored = summed(base.load_columns(name), n, loads);
+        let stored = stored(n, loads);
         own.accuracy.storage_error = own.accuracy.storage_error.max(stored.relative_error());
         tensors.extend(load_tensors(surface, meta.accuracy.storage, stored));
     }

@@ -1,22 +1,32 @@
 //! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
 
+use super::error::GreenError;
+use super::file::GreenFile;
 use super::rigid::RigidMotion;
 use crate::base::diagnostic::{Diagnostic, Severity};
-use crate::solve::{ERROR_LIMITS, Method, SolveError, SolveStats, find_method};
+use crate::solve::{ERROR_LIMITS, Method, SolveError, find_method};
 
 const SHIFT: &str = "the error of the displacements when all control elements are shifted alike (the columns of a shift \
                      are not 1 in every node)";
+const TURN: &str = "the error of the displacements when all control elements are turned alike (in parts of the displacement at \
+                    half the body's extent)";
 const SHIFT_FORCE: &str =
     "the force that a shift of all control elements costs one of them, over that of shifting it alone,";
 
 /// A warning for every figure above the first limit; an error where one is above the second or is no number.
-pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Vec<Diagnostic>, SolveError> {
+pub fn judge(
+    entity: &str,
+    method: &'static Method,
+    forward_error: Option<f64>,
+    rigid: &RigidMotion,
+) -> Result<Vec<Diagnostic>, SolveError> {
     let mut findings = Vec::new();
-    if let Some(conditioning) = stats.conditioning {
-        findings.extend(forward(entity, stats.method, conditioning.forward_error)?);
+    let remedy = method.remedy;
+    if let Some(error) = forward_error {
+        findings.extend(one(entity, "the bound on the forward error", error, remedy)?);
     }
-    let remedy = stats.method.remedy;
     findings.extend(one(entity, SHIFT, rigid.shift, remedy)?);
+    findings.extend(one(entity, TURN, rigid.turn, remedy)?);
     if let Some(force) = rigid.shift_force {
         findings.extend(one(entity, SHIFT_FORCE, force, remedy)?);
     }
@@ -34,17 +44,13 @@ pub fn judge(entity: &str, stats: &SolveStats, rigid: &RigidMotion) -> Result<Ve
     Ok(findings)
 }
 
-/// The same of what a .green file tells of one of its bodies.
-pub fn judge_file(
-    entity: &str,
-    solver: &str,
-    forward_error: Option<f64>,
-) -> Result<Option<Diagnostic>, SolveError> {
-    forward_error.map_or(Ok(None), |error| forward(entity, find_method(solver).unwrap_or_default(), error))
-}
-
-fn forward(entity: &str, method: &Method, error: f64) -> Result<Option<Diagnostic>, SolveError> {
-    one(entity, "the bound on the forward error", error, method.remedy)
+/// The same of a body as it stands in a .green file: of its columns and S, and of the forward error that the file states.
+pub fn judge_file(file: &GreenFile, body: &str) -> Result<Vec<Diagnostic>, GreenError> {
+    let Some(meta) = file.meta.bodies.get(body) else { return Ok(Vec::new()) };
+    let method = find_method(&meta.accuracy.solver).unwrap_or_default();
+    let failed = |source| GreenError::Solve { body: format!("{}: body.{body}", file.path.display()), source };
+    judge(&format!("body.{body}"), method, meta.accuracy.forward_error, &file.rigid_motion(body))
+        .map_err(failed)
 }
 
 fn one(
@@ -66,21 +72,16 @@ fn one(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::Conditioning;
-
-    fn stats(forward_error: f64) -> SolveStats {
-        let conditioning = Some(Conditioning { forward_error, ..Conditioning::default() });
-        SolveStats { conditioning, ..SolveStats::default() }
-    }
 
     #[test]
     fn errors_are_warned_of_above_the_first_limit_and_refused_above_the_second() {
         let judged = |forward, shift, force| {
-            let rigid = RigidMotion { shift, shift_force: Some(force), turn_force: Some(0.0) };
-            judge("body.b", &stats(forward), &rigid).map(|findings| findings.len()).map_err(|e| e.to_string())
+            let rigid = RigidMotion { shift, turn: shift, shift_force: Some(force), turn_force: Some(0.0) };
+            let judged = judge("body.b", Default::default(), Some(forward), &rigid);
+            judged.map(|findings| findings.len()).map_err(|error| error.to_string())
         };
         assert_eq!(judged(1e-3, 1e-3, 1e-3), Ok(0));
-        assert_eq!(judged(1.1e-3, 0.1, 2e-3), Ok(3));
+        assert_eq!(judged(1.1e-3, 0.1, 2e-3), Ok(4));
         for (forward, shift, force, words) in [
             (0.11, 0.0, 0.0, "the bound on the forward error is 1.1e-1, above 0.1"),
             (f64::NAN, 0.0, 0.0, "the bound on the forward error is NaN"),
@@ -91,6 +92,6 @@ mod tests {
             assert!(said.contains(words) && said.contains("greenstage check"), "{said}");
         }
         let turn = RigidMotion { turn_force: Some(0.5), ..RigidMotion::default() };
-        assert_eq!(judge("body.b", &stats(0.0), &turn).unwrap().len(), 1);
+        assert_eq!(judge("body.b", Default::default(), Some(0.0), &turn).unwrap().len(), 1);
     }
 }

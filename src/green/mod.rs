@@ -40,6 +40,7 @@ mod solution;
 pub mod substructure;
 mod tensor;
 pub mod update;
+mod update_error;
 mod validate;
 mod write;
 

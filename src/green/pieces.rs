@@ -41,8 +41,7 @@ impl Pieces {
             .iter()
             .map(|control| control.nodes.iter().map(|&node| part_of[node as usize]).collect())
             .collect();
-        let shared = |e: usize, f: usize| e != f && !parts[e].is_disjoint(&parts[f]);
-        (0..parts.len()).map(|e| (0..parts.len()).any(|f| shared(e, f))).collect()
+        shares_a_part(&parts)
     }
 
     fn tags(&self, mesh: &TetMesh, piece: usize) -> String {
@@ -50,6 +49,12 @@ impl Pieces {
             self.components.nodes[piece].iter().take(5).map(|&n| mesh.tags[n as usize].to_string()).collect();
         first.join(", ")
     }
+}
+
+/// Of each set of parts, whether another one has a part in common with it.
+pub fn shares_a_part<T: Ord>(sets: &[BTreeSet<T>]) -> Vec<bool> {
+    let shared = |e: usize, f: usize| e != f && !sets[e].is_disjoint(&sets[f]);
+    (0..sets.len()).map(|e| (0..sets.len()).any(|f| shared(e, f))).collect()
 }
 
 /// The number of the part of each piece: pieces that share nodes, or are held by one of `controls`, are one part.

@@ -22,7 +22,7 @@ use faer::{Mat, MatRef};
 use nalgebra::DMatrix;
 use std::ops::Range;
 
-/// Pivots further apart than this are those of a body that nothing holds any more.
+/// Pivots further apart than this leave no digit.
 const SINGULAR: f64 = 1e-13;
 
 const NODES: &str = "updates/nodes";
@@ -66,13 +66,13 @@ pub struct Region {
 /// [`Ports`] with the fields that they cause.
 #[derive(Clone, Debug)]
 pub struct Updates {
-    ports: Ports,
+    pub(super) ports: Ports,
     /// Affine fields, and all fields but g and h.
     affine: usize,
     known: usize,
-    values: DMatrix<f64>,
-    reactions: DMatrix<f64>,
-    columns: DMatrix<f64>,
+    pub(super) values: DMatrix<f64>,
+    pub(super) reactions: DMatrix<f64>,
+    pub(super) columns: DMatrix<f64>,
     torques: DMatrix<f64>,
 }
 
@@ -225,7 +225,7 @@ impl Updates {
         })
     }
 
-    /// The system of a change; `None` where what is left is not held.
+    /// The system of a change; `None` where it is singular in f64, as where nothing holds what is left.
     pub fn prepare(&self, change: &Change) -> Option<Changed<'_>> {
         let ports = &self.ports;
         let kept = (0..self.affine / FIELDS).filter(|e| !change.released.contains(e)).collect();

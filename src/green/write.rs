@@ -35,8 +35,8 @@ pub fn write_with(
     let mut tensors = BTreeMap::new();
     let mut meta = Meta::empty();
     for body in bodies {
-        let mut own = body_meta(body);
-        add_tensors(body, &mut own, &mut tensors);
+        let (own, of_body) = contents(body);
+        tensors.extend(of_body.into_iter().map(|(name, tensor)| (format!("{}/{name}", body.name), tensor)));
         meta.bodies.insert(body.name.clone(), own);
     }
     for (file, body) in kept {
@@ -186,8 +186,10 @@ fn rest_centre(body: &Precomputed) -> Vector3<f64> {
     low + (high - low) * 0.5
 }
 
-/// The surface, the families that the body requires, and the sections of its effects.
-fn add_tensors(body: &Precomputed, meta: &mut BodyMeta, tensors: &mut BTreeMap<String, Tensor>) {
+/// What a file says of a body, and its tensors: the surface, the families that the body requires, and the sections of its
+/// effects.
+pub(super) fn contents(body: &Precomputed) -> (BodyMeta, Vec<(String, Tensor)>) {
+    let mut meta = body_meta(body);
     let solution = &body.solution;
     let (nodes, mesh) = (&solution.surface.nodes, &solution.mesh);
     let (centre, triangles) = (rest_centre(body), &solution.surface.triangles);
@@ -203,8 +205,8 @@ fn add_tensors(body: &Precomputed, meta: &mut BodyMeta, tensors: &mut BTreeMap<S
         own.push((format!("control/{}", control.name), Tensor::new(&[held.len()], held)));
     }
     for entry in FAMILIES.iter().filter(|entry| body.requirements.has(entry.family)) {
-        own.extend((entry.write)(body, meta));
+        own.extend((entry.write)(body, &mut meta));
     }
     own.extend(body.sections.iter().map(|(name, tensor)| (name.clone(), tensor.clone())));
-    tensors.extend(own.into_iter().map(|(name, tensor)| (format!("{}/{name}", body.name), tensor)));
+    (meta, own)
 }

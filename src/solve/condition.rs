@@ -6,6 +6,7 @@
 
 use super::error::SolveError;
 use super::residual::Column;
+use crate::base::random::Random;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::DMatrix;
 
@@ -105,10 +106,10 @@ fn scaled(mut fields: NodeFields, scale: &[f64], power: i32) -> NodeFields {
 fn sums(fields: &NodeFields) -> NodeFields {
     let mut sums = NodeFields::zeros(fields.nodes, BLOCK);
     let norms = fields.norms();
-    let mut random = Random::new();
+    let mut random = Random::default();
     let factors: Vec<[f64; BLOCK]> = norms
         .iter()
-        .map(|norm| std::array::from_fn(|_| random.next() / norm.max(f64::MIN_POSITIVE)))
+        .map(|norm| std::array::from_fn(|_| random.draw() / norm.max(f64::MIN_POSITIVE)))
         .collect();
     let rows = sums.data.chunks_exact_mut(BLOCK).zip(fields.data.chunks_exact(fields.columns.max(1)));
     for (sum, row) in rows {
@@ -181,23 +182,9 @@ fn beside(columns: &[Vec<f64>]) -> NodeFields {
     NodeFields { nodes: rows / 3, columns: columns.len(), data }
 }
 
-/// Numbers between -0.5 and 0.5, always the same ones.
-struct Random(u64);
-
-impl Random {
-    fn new() -> Random {
-        Random(1)
-    }
-
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as f64 / (1u64 << 31) as f64 - 0.5
-    }
-}
-
 fn random(nodes: usize, columns: usize) -> NodeFields {
-    let mut random = Random::new();
-    NodeFields { nodes, columns, data: (0..3 * nodes * columns).map(|_| random.next()).collect() }
+    let mut random = Random::default();
+    NodeFields { nodes, columns, data: (0..3 * nodes * columns).map(|_| random.draw()).collect() }
 }
 
 /// F of a bound on max |x̂ - x| for one column x̂ with residual r = b - A x̂:
@@ -336,11 +323,11 @@ mod tests {
     /// Of 40 matrices, A = G Gᵀ with random G, the estimate is the norm itself nearly always, and never below half of it.
     #[test]
     fn estimates_of_norms_are_the_norms_nearly_always() {
-        let (nodes, mut numbers, mut exact_ones) = (12, Random::new(), 0);
+        let (nodes, mut numbers, mut exact_ones) = (12, Random::default(), 0);
         for _ in 0..40 {
-            let g = DMatrix::from_fn(3 * nodes, 3 * nodes, |_, _| numbers.next());
+            let g = DMatrix::from_fn(3 * nodes, 3 * nodes, |_, _| numbers.draw());
             let matrix = (&g * g.transpose()).try_inverse().unwrap();
-            let weights: Vec<f64> = (0..3 * nodes).map(|_| numbers.next() + 0.6).collect();
+            let weights: Vec<f64> = (0..3 * nodes).map(|_| numbers.draw() + 0.6).collect();
             let inverse = |b: &NodeFields| {
                 let x = &matrix * DMatrix::from_row_slice(3 * nodes, b.columns, &b.data);
                 NodeFields { data: x.transpose().as_slice().to_vec(), ..b.clone() }

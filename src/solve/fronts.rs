@@ -151,6 +151,13 @@ impl Fronts {
         Plan { subtrees, top }
     }
 
+    /// Subtrees of about equal work for so many threads, as ranges of supernodes, ascending.
+    pub(super) fn branches(&self, threads: usize) -> Vec<Range<usize>> {
+        let mut subtrees = self.plan(threads).subtrees;
+        subtrees.sort_unstable();
+        subtrees.into_iter().map(|root| self.subtree(root as usize)).collect()
+    }
+
     /// The numbers that the updates in a subtree take at once, on two stacks in turn: a front's update goes to the one that
     /// those of its children are not on, and these are on top of theirs.
     pub(super) fn stacks(&self, root: usize) -> [usize; 2] {

@@ -116,7 +116,7 @@ impl LoadedFactor {
     /// The rows at all chosen nodes of A⁻¹ at some of them: three columns for each of `loaded`, which are places among the
     /// chosen nodes.
     pub fn columns(&self, loaded: &[u32]) -> Result<NodeFields, SolveError> {
-        let triangle = Triangle { supernodes: &self.supernodes, values: &self.values };
+        let triangle = Triangle { supernodes: &self.supernodes, values: &self.values, branches: &[] };
         let all: Vec<u32> = (0..self.supernodes.inverse.len() as u32).collect();
         triangle.between(loaded, &NodeFields::unit(loaded.len()), &all, &Silent)
     }

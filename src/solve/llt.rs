@@ -15,12 +15,17 @@ use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 /// Nodes whose columns of an inverse are solved together, and the bytes that these columns should not exceed.
 const STRIP_NODES: std::ops::RangeInclusive<usize> = 8..=64;
 const STRIP_BYTES: usize = 64 << 20;
+
+/// One block of columns is solved in this many branches of the tree side by side, where the factor has more numbers than this.
+const BRANCHES: usize = 4;
+const WORTH_BRANCHES: usize = 100_000;
 
 /// Seconds on one thread: for each multiplication of the factor, for each of its numbers while it is made, and for each of
 /// them and each column in a solve.
@@ -30,12 +35,19 @@ const COLUMN_S: f64 = 7.0e-10;
 /// The estimates of conditioning in solves of one of many columns.
 const JUDGEMENT: f64 = 30.0;
 
+/// Seconds in f64 on all threads of a factor with so many multiplications and numbers, and of what follows.
+pub(super) fn seconds_of(work: f64, entries: f64, columns: usize) -> f64 {
+    let columns = columns as f64 + JUDGEMENT;
+    (FACTOR_S * work + ENTRY_S * entries + COLUMN_S * entries * columns) / rayon::current_num_threads() as f64
+}
+
 /// Whether a system has been solved in this process: the threads then own their buffers already.
 static BUFFERED: AtomicBool = AtomicBool::new(false);
 
 /// The pattern of the factor.
 pub(super) struct Analysis {
     pub(super) fronts: Fronts,
+    branches: Vec<Range<usize>>,
     pub(super) ordering_s: f64,
     pub(super) symbolic_s: f64,
 }
@@ -52,7 +64,8 @@ impl Analysis {
         progress.end();
         let started = Instant::now();
         let fronts = Fronts::new(a, &ordering.forward);
-        Ok(Analysis { fronts, ordering_s, symbolic_s: started.elapsed().as_secs_f64() })
+        let branches = if fronts.entries() > WORTH_BRANCHES { fronts.branches(BRANCHES) } else { Vec::new() };
+        Ok(Analysis { fronts, branches, ordering_s, symbolic_s: started.elapsed().as_secs_f64() })
     }
 
     /// Bytes of the factor, and of what needs more: making it (the updates of the fronts that are at work at once), the
@@ -64,7 +77,9 @@ impl Analysis {
         let making = number * self.fronts.update_numbers(threads) as f64 + (threads * SCRATCH) as f64;
         let width = block_width(columns).min(columns);
         let blocks = columns.div_ceil(width.max(1)).min(threads);
-        let block = number * (3 * a.nodes() * width + scratch(&self.fronts, width)) as f64;
+        // Of one block, each branch has its scratch, and the rows outside that it adds to.
+        let branches = if columns <= width { 2 * self.branches.len() } else { 0 };
+        let block = number * (3 * a.nodes() * width + (1 + branches) * scratch(&self.fronts, width)) as f64;
         let field = 24.0 * a.nodes() as f64;
         let fields = if size_of::<T>() < size_of::<f64>() { 8.0 } else { 5.0 };
         let solves = fields * field * columns as f64 + blocks as f64 * block;
@@ -76,10 +91,7 @@ impl Analysis {
     /// one column for the estimates. Of a box of 28,000 nodes and a plate of 39,000 they are right within a third.
     pub(super) fn seconds<T: Real>(&self, columns: usize) -> f64 {
         let half = size_of::<T>() as f64 / size_of::<f64>() as f64;
-        let entries = self.fronts.entries() as f64;
-        let columns = columns as f64 + JUDGEMENT;
-        half * (FACTOR_S * self.fronts.work() + ENTRY_S * entries + COLUMN_S * entries * columns)
-            / rayon::current_num_threads() as f64
+        half * seconds_of(self.fronts.work(), self.fronts.entries() as f64, columns)
     }
 
     /// Errors where they take more memory than is left.
@@ -179,7 +191,8 @@ impl<'a, T: Real> Llt<'a, T> {
     }
 
     fn triangle(&self) -> Triangle<'_, T> {
-        Triangle { supernodes: &self.analysis.fronts, values: &self.values }
+        let Analysis { fronts, branches, .. } = self.analysis;
+        Triangle { supernodes: fronts, values: &self.values, branches }
     }
 
     /// What of it solves between these nodes.

@@ -14,6 +14,7 @@ mod conjugate_gradients;
 mod dense;
 mod dense_system;
 mod error;
+mod faer_cholesky;
 mod fronts;
 mod kept_factor;
 mod llt;

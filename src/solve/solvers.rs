@@ -3,6 +3,7 @@
 use super::auto::AUTO;
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
+use super::faer_cholesky::FAER;
 use super::mixed::MIXED;
 use super::no_unknowns::NO_UNKNOWNS;
 use super::pcg::PCG;
@@ -15,7 +16,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::str::FromStr;
 
 /// All methods; a new one is one file and one line here.
-pub const SOLVERS: &[&Method] = &[&CHOLESKY, &MIXED, &PCG, &AUTO];
+pub const SOLVERS: &[&Method] = &[&CHOLESKY, &MIXED, &PCG, &FAER, &AUTO];
 
 /// The method called `name`; the error lists the known ones.
 pub fn find_method(name: &str) -> Result<&'static Method, String> {
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_solver_is_read_as_it_is_displayed() {
-        for text in ["cholesky", "mixed", "pcg 1e-6", "pcg 2.5e-5", "pcg 1e-13"] {
+        for text in ["cholesky", "mixed", "faer", "pcg 1e-6", "pcg 2.5e-5", "pcg 1e-13"] {
             assert_eq!(text.parse::<Solver>().map(|solver| solver.to_string()), Ok(text.to_owned()));
         }
         for text in ["", "choleski", "cholesky 1e-6", "mixed 1e-6", "pcg", "pcg low", "pcg 1e-6 2"] {

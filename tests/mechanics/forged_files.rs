@@ -181,6 +181,37 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
     assert_refused(GreenFile::open(&forged), "tensor block/stiffness is missing");
 }
 
+/// What is read passes the judgement of what is solved: rigid motions in columns and S, and the forward error.
+#[test]
+fn columns_that_do_not_reproduce_rigid_motions_are_refused() {
+    let (path, _) = written("green-rigid", &HAPTICS);
+    let forged = path.with_extension("forged.green");
+    assert!(green::judge_file(&GreenFile::open(&path).unwrap(), "block").unwrap().is_empty());
+    let cases: &[(&str, Edit)] = &[
+        ("(the columns of a shift are not 1 in every node) is", |f| {
+            f.put("block/basis/low", 9, 0.7_f32.to_le_bytes());
+        }),
+        ("when all control elements are turned alike", |f| {
+            // Of the field m21, the place of a node along y.
+            let nodes = f.tensors["block/basis/low"].1[1];
+            f.put("block/basis/low", 6 * 3 * nodes + 10, 3.0_f32.to_le_bytes());
+        }),
+        ("over that of shifting it alone, is", |f| {
+            let (_, _, bytes) = &f.tensors["block/stiffness"];
+            let first = f64::from_le_bytes(bytes[..8].try_into().unwrap());
+            f.put("block/stiffness", 0, (2.0 * first).to_le_bytes());
+        }),
+        ("the bound on the forward error is 2.0e-1", |f| f.body()["accuracy"]["forward_error"] = json!(0.2)),
+    ];
+    for (expected, edit) in cases {
+        let mut parts = Parts::of(&path);
+        edit(&mut parts);
+        parts.write(&forged);
+        let error = green::judge_file(&GreenFile::open(&forged).unwrap(), "block").unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("not to be trusted"), "{error}\nlacks {expected}");
+    }
+}
+
 /// A file whose metadata were changed by somebody who also made the hash anew: refused, or harmless.
 #[test]
 fn forged_metadata_do_no_harm() {

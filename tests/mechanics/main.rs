@@ -22,5 +22,6 @@ mod report;
 mod report_common;
 mod series;
 mod statics;
+mod update_chains;
 mod updates;
 mod verify;

@@ -225,7 +225,9 @@ fn a_body_that_nothing_holds_any_more_is_no_body() {
 /// A released end: what a force does afterwards, from the inverse that is changed and from the factor as it was.
 #[test]
 fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
-    let text = SCENE.replace(", modulus = [\"2\", \"3\"]", "");
+    // Of one material, as the block is that the update loads again.
+    let lines = SCENE.lines().filter(|line| !line.starts_with("region."));
+    let text = lines.collect::<Vec<_>>().join("\n").replace(", modulus = [\"2\", \"3\"]", "");
     let columns = |kept: &str, family: Family| {
         let text = text.replace("\"surface\"", &format!("\"surface\", kept = \"{kept}\""));
         let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
@@ -245,7 +247,9 @@ fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
         green::write(&path, &[body]).unwrap();
         let base = Arc::new(GreenFile::open(&path).unwrap());
         assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
-        let file = Arc::new(green::derive(base, &scene, &|_, _| Vec::new()).unwrap());
+        let (file, notices) = green::derive(base, &scene, &|_, _| Vec::new(), &|_| Box::new(Silent)).unwrap();
+        assert!(notices.is_empty(), "{notices:?}");
+        let file = Arc::new(file);
         let places = file.compliance("a").unwrap().places();
         // The nodes of the released elements stand behind those that were free.
         let last = places.len() - 1;

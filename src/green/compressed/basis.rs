@@ -5,9 +5,10 @@
 //! from the whole cluster cause (S. Börm, Efficient Numerical Methods for Non-local Operators, EMS 2010, chapters 3 and 5; by
 //! random samples: J. Levitt and P.-G. Martinsson, J. Comput. Appl. Math. 2024).
 
+use super::dense::{product, symmetric_eigen};
 use super::tree::{Block, Tree};
 use crate::base::machine::{self, TooLarge};
-use faer::{Mat, MatRef, Side};
+use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 /// Columns near a cluster's border matter most: the sum over all far columns is taken for that of so many.
@@ -117,7 +118,7 @@ pub fn bases(tree: &Tree, blocks: &[Block], samples: &Samples, tolerance: &[f64]
             };
             let (basis, rank) = basis(&rows, samples, &is_far[cluster], tolerance[cluster]);
             let fields = basis.as_ref().subcols(0, rank);
-            let kept = fields.transpose() * &rows;
+            let kept = product(fields.transpose(), rows.as_ref());
             let kept = Mat::from_fn(rank, kept.ncols(), |i, s| kept[(i, s)] as f32);
             let basis = if is_leaf { basis } else { fields.to_owned() };
             (cluster, basis, rank, kept)
@@ -167,16 +168,14 @@ fn basis(rows: &Mat<f64>, samples: &Samples, is_far: &[bool], tolerance: f64) ->
         (0..samples.leaves.len()).filter(|&s| samples.leaves[s].iter().all(|&leaf| is_far[leaf])).collect();
     let own = Mat::from_fn(size, usable.len(), |i, s| rows[(i, usable[s])]);
     let forces: usize = usable.iter().map(|&s| samples.leaves[s].len()).sum();
-    let gram = &own * own.transpose();
-    let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else { return identity(size) };
+    let gram = product(own.as_ref(), own.transpose());
+    let Some((values, vectors)) = symmetric_eigen(gram.as_ref()) else { return identity(size) };
     // Forces on each leaf count once, however many samples have some there.
     let often = forces as f64 / far_leaves as f64;
-    let values = eigen.S().column_vector();
     let least = COLUMNS * often * tolerance * tolerance;
     let rank = values.iter().filter(|value| **value > least).count();
     if rank as f64 > TRUSTED * usable.len() as f64 {
         return identity(size);
     }
-    let vectors = eigen.U();
     (Mat::from_fn(size, size, |i, k| vectors[(i, size - 1 - k)]), rank)
 }

@@ -10,6 +10,7 @@
 //! ```
 
 use super::basis::{Bases, WHAT, levels};
+use super::dense;
 use super::memory;
 use super::strip::Strip;
 use super::surface::{Frame, Surface, TOGETHER, spans, unit_columns};
@@ -233,7 +234,7 @@ impl Built {
         self.near.par_iter_mut().zip(near).for_each(|(numbers, block)| {
             let [a, b] = block.of.map(|cluster| bases.of[cluster].as_ref());
             let wide = Mat::from_fn(numbers.nrows(), numbers.ncols(), |i, j| f64::from(numbers[(i, j)]));
-            let turned = a.transpose() * wide * b;
+            let turned = dense::product(dense::product(a.transpose(), wide.as_ref()).as_ref(), b);
             *numbers = Mat::from_fn(turned.nrows(), turned.ncols(), |i, j| turned[(i, j)] as f32);
         });
     }

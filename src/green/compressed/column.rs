@@ -6,6 +6,7 @@
 //! for every node.
 
 use super::basis::Bases;
+use super::dense::product;
 use super::tree::{Block, Tree};
 use faer::{Accum, Mat, MatRef, Par};
 use nalgebra::Matrix3;
@@ -69,11 +70,11 @@ impl Shape {
         let frame = Mat::from_fn(3, 3, |i, j| frame[(i, j)]);
         // What the force is in each cluster that holds the node; of the leaf in all of its basis.
         let mut forces: Vec<Option<Mat<f64>>> = vec![None; count];
-        let mut force = bases.of[leaf].as_ref().subrows(3 * own, 3).transpose() * &frame;
+        let mut force = product(bases.of[leaf].as_ref().subrows(3 * own, 3).transpose(), frame.as_ref());
         for cluster in tree.path(place) {
             let up = bases
                 .of_part(tree, cluster)
-                .map(|basis| basis.transpose() * force.as_ref().subrows(0, bases.ranks[cluster]));
+                .map(|basis| product(basis.transpose(), force.as_ref().subrows(0, bases.ranks[cluster])));
             forces[cluster] = Some(std::mem::replace(&mut force, up.unwrap_or_else(Mat::new)));
         }
         let mut moved: Vec<Mat<f64>> = (0..count).map(|cluster| Mat::zeros(self.width(cluster), 3)).collect();
@@ -158,7 +159,7 @@ impl Shape {
                     let of_node = frame * Matrix3::from_fn(|axis, force| of_node[axis][force]);
                     (0..9).for_each(|k| moved[(3 * i + k / 3, k % 3)] = of_node[(k / 3, k % 3)]);
                 }
-                bases.of[cluster].as_ref().subcols(0, rank).transpose() * moved
+                product(bases.of[cluster].as_ref().subcols(0, rank).transpose(), moved.as_ref())
             };
         }
         let coefficients = |cluster: usize| {

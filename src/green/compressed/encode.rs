@@ -11,6 +11,7 @@
 use super::basis::{Bases, WHAT, bases};
 use super::build::{BuildError, Built, build, tolerances};
 use super::column::Shape;
+use super::dense::product;
 use super::exact::{Exact, exact};
 use super::memory;
 use super::packed::{pack, rounded, unpack};
@@ -352,7 +353,7 @@ fn shows(tree: &Tree, bases: &Bases) -> Vec<f64> {
         for cluster in tree.path(node) {
             found.push((cluster, (0..3).map(|i| rows.row(i).norm_l2()).fold(0.0, f64::max)));
             if let Some(basis) = bases.of_part(tree, cluster) {
-                rows = &rows * basis;
+                rows = product(rows.as_ref(), basis);
             }
         }
         found

@@ -9,6 +9,7 @@
 mod basis;
 mod build;
 mod column;
+mod dense;
 mod encode;
 mod exact;
 mod memory;

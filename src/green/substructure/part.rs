@@ -183,6 +183,17 @@ impl Domain<'_> {
     pub fn solve(&self, solver: &Solver, progress: &dyn Progress) -> Result<PartSolution, PartError> {
         let m = self.coordinates();
         let n = self.nodes.len();
+        if m == 0 {
+            // It hangs on one interface, which it follows as a rigid body.
+            let (none, fields) = (DMatrix::zeros(0, 0), NodeFields::zeros(n, 0));
+            return Ok(PartSolution {
+                stiffness: none.clone(),
+                quadratic: none.clone(),
+                quartic: none,
+                first: fields.clone(),
+                second: fields,
+            });
+        }
         let fits: Vec<Option<FrameFit>> = self
             .ends
             .iter()
@@ -223,7 +234,7 @@ impl Domain<'_> {
             screws.iter().enumerate().for_each(|(row, value)| response[(row, k)] = *value);
         }
         let scaled = response.singular_values();
-        let condition = if m == 0 { 1.0 } else { scaled.max() / scaled.min() };
+        let condition = scaled.max() / scaled.min();
         let inverse = response.try_inverse().filter(|_| condition < CONDITION);
         let inverse = inverse.ok_or(PartError::Fit { condition })?;
         let first = times(&far, &inverse);

@@ -134,14 +134,16 @@ fn a_body_is_solved_as_by_faer() {
 #[test]
 fn bits_do_not_depend_on_the_number_of_threads() {
     let a = cube(13);
-    let b = Random(2).fields(a.nodes(), 50);
+    // One block, which is solved in branches of the tree, and several.
+    let all = [4, 24, 50].map(|columns| Random(2).fields(a.nodes(), columns));
     let solve = |threads: usize| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
             let analysis = Analysis::new(&a, &Silent).unwrap();
             let plan = analysis.fronts.plan(threads);
             assert!((threads == 1) == plan.top.is_empty() && plan.subtrees.len() >= threads);
             let llt = Llt::<f64>::new(&a, &analysis, &Silent).unwrap();
-            (llt.substitute(&b, &Silent).unwrap(), llt.values)
+            assert!(analysis.branches.len() > 1);
+            (all.each_ref().map(|b| llt.substitute(b, &Silent).unwrap()), llt.values)
         })
     };
     let alone = solve(1);

@@ -115,12 +115,10 @@ fn bytes_grow_little_faster_than_nodes() {
 
 #[test]
 fn the_same_scene_gives_the_same_bytes_on_any_number_of_threads() {
-    let asked = "nodes = \"surface\", kept = { error = 1e-3 }";
+    // Clusters large enough for products that would be shared among threads.
+    let ([size, cells], asked) = (LONG, "nodes = \"surface\", kept = { error = 1e-3 }");
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let [a, b] = [
-        one.install(|| made("[2, 1, 1]", "[6, 3, 3]", asked, COMPRESSED)),
-        made("[2, 1, 1]", "[6, 3, 3]", asked, COMPRESSED),
-    ];
+    let [a, b] = [one.install(|| made(size, cells, asked, COMPRESSED)), made(size, cells, asked, COMPRESSED)];
     assert_eq!(a.meta, b.meta);
 }
 
