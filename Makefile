@@ -53,7 +53,7 @@ figures:
 	cp out/scale/scale-time.svg assets/scale-time.svg
 	target/release/greenstage demo --no-film -o out/demo
 	cp out/demo/contact-sheet.png assets/demo.png
-	target/release/greenstage render configs/scenes/models.toml --frames 3 --scale 0.5 -o out/models
+	target/release/greenstage render configs/scenes/models.toml --frames 3 --window-scale 0.5 -o out/models
 	cp out/models/contact-sheet.png assets/models.png
 	target/release/greenstage verify forces --readme src/manual/method.md
 	target/release/greenstage verify bent --readme src/manual/haptics.md

@@ -38,7 +38,7 @@ pub struct Args {
     pub unit: Option<&'static LengthUnit>,
     /// Or metres in one unit of the input
     #[arg(long, conflicts_with = "unit", value_parser = super::parsers::positive)]
-    pub scale: Option<f64>,
+    pub metres_per_unit: Option<f64>,
     /// How to write, where the format has several ways
     #[arg(long, value_parser = encodings())]
     pub encoding: Option<String>,
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let encoding = args.encoding.as_deref();
     let writer = formats::writer_of(&args.output, encoding)?;
     mesh::try_save(&args.output, encoding, &args.input)?;
-    let asked = args.unit.map(|unit| unit.metres).or(args.scale);
+    let asked = args.unit.map(|unit| unit.metres).or(args.metres_per_unit);
     let loaded = Scale(asked.unwrap_or(1.0)).applied(mesh::load(&args.input)?);
     let lost = mesh::save(&args.output, &loaded.mesh, encoding)?;
     for notice in loaded.notices.iter().map(|notice| format!("read: {notice}")).chain(lost) {

@@ -39,7 +39,7 @@ pub struct Args {
     pub guess: Guess,
     /// Metres in one unit of the file, where no unit has a name
     #[arg(long, conflicts_with = "unit", value_parser = super::parsers::positive)]
-    pub scale: Option<f64>,
+    pub metres_per_unit: Option<f64>,
     /// A node group of the file that stays where it is; may be given several times
     #[arg(long, value_name = "GROUP")]
     pub fixed: Vec<String>,
@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let wishes = Wishes {
         effects: args.effects.clone(),
         pull_m: args.pull,
-        scale: args.scale,
+        scale: args.metres_per_unit,
         model: args.model.clone(),
         stage: args.stage.clone(),
         fixed: args.fixed.clone(),

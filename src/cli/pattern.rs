@@ -28,7 +28,7 @@ pub struct Args {
     pub output: Option<PathBuf>,
     /// Size of the windows against the screens' own pixels
     #[arg(long, value_parser = parsers::scale, default_value_t = 1.0)]
-    pub scale: f64,
+    pub window_scale: f64,
     /// Close the windows after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
@@ -39,7 +39,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(folder) = &args.output {
         return pictures(&stage, &args.stage, folder);
     }
-    let screens = ScreenWindows::of_pattern(&stage, args.scale);
+    let screens = ScreenWindows::of_pattern(&stage, args.window_scale);
     let session = Session::new(World::of_stage(stage)?, None);
     let (limit_s, device) = (args.seconds, device::Args::default());
     let options = Options { samples: Samples::Exactly(1), vsync: true, limit_s, device };

@@ -34,7 +34,7 @@ pub struct Args {
     pub samples: Samples,
     /// Size of the pictures against the screens' own pixels, 0.01 to 4
     #[arg(long, default_value_t = 1.0, value_parser = parsers::scale)]
-    pub scale: f64,
+    pub window_scale: f64,
     /// Both eyes in one picture as a display wants them (`greenstage manual stages` lists the kinds), or one eye's;
     /// default: a picture per eye
     #[arg(long, value_parser = Stereo::named)]
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             None => Pictures::Eyes,
         },
         samples: args.samples,
-        scale: args.scale,
+        scale: args.window_scale,
         overlay: args.overlay,
         device: args.device,
     };

@@ -39,7 +39,7 @@ pub struct Args {
     /// Size of the windows against the screens' own pixels; default: 1 for a single window and where the stage file has
     /// windows of its own, else 0.5
     #[arg(long, value_parser = parsers::scale)]
-    pub scale: Option<f64>,
+    pub window_scale: Option<f64>,
     /// Present at once instead of waiting for the display's refresh
     #[arg(long)]
     pub no_vsync: bool,
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         frames: OFFSCREEN,
         pictures: Pictures::Eyes,
         samples: args.samples,
-        scale: args.scale.unwrap_or(1.0),
+        scale: args.window_scale.unwrap_or(1.0),
         overlay: args.overlay,
         device: args.device,
     };
@@ -128,7 +128,7 @@ fn start(args: &Args, scene: &Scene, session: &mut Session) -> Result<(), Failur
 
 fn windows(args: &Args, session: &Session, device: device::Args) -> (Shows, Options) {
     let stage = &session.world.stage;
-    let screens = ScreenWindows::new(stage, args.scale);
+    let screens = ScreenWindows::new(stage, args.window_scale);
     let screens = if args.overlay { screens.with_overlay(stage) } else { screens };
     let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };
     (Shows::Screens(Box::new(screens)), options)

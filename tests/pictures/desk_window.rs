@@ -67,7 +67,7 @@ fn keys_save_what_is_seen_and_open_the_panel() {
                 "tube.toml",
                 "--stage",
                 "desktop",
-                "--scale",
+                "--window-scale",
                 "0.5",
                 "--samples",
                 "1",

@@ -75,7 +75,7 @@ fn pictures(name: &str, stage: &str, scale: f64, change: &dyn Fn(&Path), more: &
     change(&place);
     let scale = scale.to_string();
     let mut arguments =
-        vec!["render", "tube.toml", "-o", "out", "--frames", "3", "--stage", stage, "--scale", &scale];
+        vec!["render", "tube.toml", "-o", "out", "--frames", "3", "--stage", stage, "--window-scale", &scale];
     // What a software device draws, on every device.
     arguments.extend(["--shadows", "off"]);
     arguments.extend(if more.contains(&"--samples") { &[][..] } else { &["--samples", "4"] });

@@ -43,7 +43,7 @@ fn picture(name: &str, clicks: u32) -> RgbImage {
     let scene = scene.replace("effects = []", "effects = [\"haptics\"]");
     std::fs::write(&path, scene.replace(left, &left.replace("fixed", "dragger"))).unwrap();
     std::fs::write(place.join("bend.toml"), script(clicks)).unwrap();
-    let stage = ["--stage", "desktop", "--scale", "0.375", "--samples", "4", "--shadows", "off"];
+    let stage = ["--stage", "desktop", "--window-scale", "0.375", "--samples", "4", "--shadows", "off"];
     let arguments = ["render", "tube.toml", "-o", "out", "--frames", "2"];
     greenstage(&place, &[&arguments[..], &stage[..]].concat());
     image::open(place.join("out/frame0001-monitor-centre.png")).unwrap().to_rgb8()

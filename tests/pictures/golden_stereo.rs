@@ -62,7 +62,7 @@ const KINDS: [Kind; 15] = [
 fn picture(place: &Path, stage: &str, stereo: Stereo, samples: &str) -> RgbImage {
     let output = format!("out-{stage}-{}-{samples}", stereo.name());
     let stage = format!("{stage}.toml");
-    let fixed = ["render", "tube.toml", "--frames", "3", "--scale", "0.15", "-o", &output];
+    let fixed = ["render", "tube.toml", "--frames", "3", "--window-scale", "0.15", "-o", &output];
     let varied = ["--stage", &stage, "--samples", samples, "--shadows", "off", "--stereo", stereo.name()];
     greenstage(place, &[&fixed[..], &varied].concat());
     let found: Vec<PathBuf> =

@@ -40,8 +40,8 @@ fn the_windows_of_a_two_sided_workbench_are_its_pictures() {
     let Some(_) = require_gpu() else { return };
     let place = folder("render-windows-workbench");
     coarse_demo(&place);
-    let eyes = pictures(&place, "workbench", &["--scale", "0.25"]);
-    let windows = pictures(&place, "workbench", &["--scale", "0.25", "--windows"]);
+    let eyes = pictures(&place, "workbench", &["--window-scale", "0.25"]);
+    let windows = pictures(&place, "workbench", &["--window-scale", "0.25", "--windows"]);
     let names: Vec<_> = eyes.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["table-left", "table-right", "wall-left", "wall-right"]);
     for (name, picture) in &eyes {
@@ -64,7 +64,7 @@ fn windows_of_a_stage_file_are_joined_cropped_and_swapped_as_they_are_presented(
                [[window]]\nname = \"part\"\nscreen = \"table\"\nstereo = \"side_by_side\"\nswap_eyes = true\n\
                crop = [320, 0, 640, 512]\nsize = [320, 128]\nat = [500, 0]\n";
     std::fs::write(place.join("own.toml"), format!("{bench}\n{own}")).unwrap();
-    let eyes = pictures(&place, "own.toml", &["--scale", "0.25"]);
+    let eyes = pictures(&place, "own.toml", &["--window-scale", "0.25"]);
     let windows = pictures(&place, "own.toml", &["--windows"]);
     assert_eq!(windows.len(), 2);
 

@@ -81,7 +81,7 @@ fn the_windows_of_the_workbench_and_the_cyberstage_stand_where_they_should() {
         ("own.toml", "1", vec![("bottom".to_owned(), [3, 600], [320, 256]), half("top", 700, 10)]),
     ];
     for (stage, scale, expected) in cases {
-        let _view = view(&place, &display, &["--stage", stage, "--scale", scale]);
+        let _view = view(&place, &display, &["--stage", stage, "--window-scale", scale]);
         let mut seen = Vec::new();
         wait_for(&format!("the windows of {stage}"), || {
             seen = windows(&display);
@@ -164,7 +164,7 @@ fn viewed(place: &Path, display: &Display, arguments: &[&str]) -> (Option<i32>, 
     let mut running = display.run(
         Command::new(env!("CARGO_BIN_EXE_greenstage"))
             .current_dir(place)
-            .args(["view", "tube.toml", "--no-vsync", "--samples", "1", "--scale", "0.1"])
+            .args(["view", "tube.toml", "--no-vsync", "--samples", "1", "--window-scale", "0.1"])
             .args(arguments)
             .stdout(log.try_clone().unwrap())
             .stderr(log),

@@ -270,7 +270,7 @@ fn pictures_follow_a_session() {
     }
     let (folder, lines) = recorded("replay-pictures");
     let render = |from: &[&str], out: &str| {
-        let arguments = ["render", "tube.toml", "--frames", "3", "--scale", "0.1", "-o", out];
+        let arguments = ["render", "tube.toml", "--frames", "3", "--window-scale", "0.1", "-o", out];
         let output = greenstage(&folder, &[&arguments, from].concat());
         (text(&output.stdout), std::fs::read(folder.join(out).join("contact-sheet.png")).unwrap())
     };
@@ -282,8 +282,18 @@ fn pictures_follow_a_session() {
     let apart = replayed.iter().zip(scripted.iter()).filter(|(a, b)| a.abs_diff(**b) > 60).count();
     let part = apart as f64 / scripted.len() as f64;
     assert!(replayed.dimensions() == scripted.dimensions() && part < 0.02, "{part} of the pixels differ");
-    let one =
-        ["render", "tube.toml", "--frames", "1", "--scale", "0.05", "-o", "one", "--replay", "session.jsonl"];
+    let one = [
+        "render",
+        "tube.toml",
+        "--frames",
+        "1",
+        "--window-scale",
+        "0.05",
+        "-o",
+        "one",
+        "--replay",
+        "session.jsonl",
+    ];
     let said = text(&greenstage(&folder, &one).stdout);
     assert!(
         said.contains("240 frames, every one in the recorded state"),
@@ -295,7 +305,8 @@ fn pictures_follow_a_session() {
     changed[last] = changed[last].replace("\"hash\":\"", "\"hash\":\"0");
     write(&folder, &changed);
     let [.., replay, session] = one;
-    let other = ["render", "tube.toml", "--frames", "2", "--scale", "0.05", "-o", "other", replay, session];
+    let other =
+        ["render", "tube.toml", "--frames", "2", "--window-scale", "0.05", "-o", "other", replay, session];
     assert_eq!(run(&folder, 2, &other).status.code(), Some(1));
     assert!(folder.join("other/contact-sheet.png").exists());
 }

@@ -35,7 +35,7 @@ fn new_writes_a_scene_and_never_over_another_file_unasked() {
 #[test]
 fn a_body_of_implausible_size_is_asked_about() {
     let folder = project("units");
-    succeed(&folder, &["convert", "block.msh", "large.msh", "--scale", "195"]);
+    succeed(&folder, &["convert", "block.msh", "large.msh", "--metres-per-unit", "195"]);
     let inspected = text(&succeed(&folder, &["inspect", "large.msh"]).stdout);
     assert!(inspected.contains("unit = \"mm\" beside mesh makes it 0.1950 m"), "{inspected}");
     let with = |unit: &str| format!("\n  greenstage new large.msh --unit {unit}    for ");
