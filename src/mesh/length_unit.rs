@@ -134,12 +134,12 @@ mod tests {
         assert_eq!(Scale(0.0254).metres(10.0), 0.254);
         assert_eq!(Scale(1000.0).metres(2.5), 2500.0);
         assert_eq!(Scale::ONE.metres(0.1), 0.1);
-        assert_eq!(implausible(2.0), None);
+        assert_eq!(implausible(2.0, LARGEST_M), None);
         assert!(
-            implausible(195.0).unwrap().contains("is 195.0 m")
-                && implausible(195.0).unwrap().contains("\"mm\" beside mesh makes it 0.1950 m")
+            implausible(195.0, LARGEST_M).unwrap().contains("is 195.0 m")
+                && implausible(195.0, LARGEST_M).unwrap().contains("\"mm\" beside mesh makes it 0.1950 m")
         );
-        assert!(implausible(1e-5).unwrap().contains("another unit"));
+        assert!(implausible(1e-5, LARGEST_M).unwrap().contains("another unit"));
         assert!(find_unit("mmm").unwrap_err().contains("did you mean \"mm\"?"));
     }
 }
