@@ -3,6 +3,7 @@
 //! In: a file of bodies with the family `updates`, and the scene as it is now. Out: a file in memory of the same surfaces, with
 //! the columns and the handle stiffness that a new precomputation would find ([`super::update`]).
 
+use super::basis::precompute;
 use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
@@ -12,6 +13,7 @@ use super::families::{
 };
 use super::file::{BodyMeta, GreenFile};
 use super::judge::judge;
+use super::prepare::prepare;
 use super::requirements::Requirements;
 use super::tensor::Tensor;
 use super::update::{Change, Updated};
@@ -55,7 +57,7 @@ pub fn derive(
 ) -> Result<(GreenFile, Vec<Diagnostic>), GreenError> {
     let (mut changed, mut notices) = (BTreeMap::new(), Vec::new());
     for (name, body) in scene.body.iter().filter(|(_, body)| body.is_updated()) {
-        let mut findings = super::prepare(scene, name)?.findings;
+        let mut findings = prepare(scene, name)?.findings;
         refuse(scene, &findings)?;
         findings.retain(|finding| finding.severity < Severity::Note);
         let (own, mut tensors) = match update(&base, name, body)? {
@@ -143,7 +145,7 @@ fn solved_anew(
 ) -> Result<Contents, GreenError> {
     let before = base.meta.bodies.get(name);
     let requirements = before.map(|meta| meta.requirements.without(UPDATES)).unwrap_or_default();
-    let mut body = super::precompute(scene, name, &requirements, progress)?;
+    let mut body = precompute(scene, name, &requirements, progress)?;
     body.fingerprint = before.map(changed_fingerprint).unwrap_or_default();
     notices.append(&mut body.solution.notices);
     let (meta, tensors) = contents(&body);

@@ -1,7 +1,9 @@
 //! Whether a solution may be used: its forward error and what it does with rigid motions, against [`ERROR_LIMITS`].
 
+use super::control::FIELDS;
 use super::error::GreenError;
-use super::file::GreenFile;
+use super::families::AFFINE;
+use super::file::{BodyMeta, GreenFile};
 use super::rigid::RigidMotion;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::solve::{ERROR_LIMITS, Method, SolveError, find_method};
@@ -49,8 +51,20 @@ pub fn judge_file(file: &GreenFile, body: &str) -> Result<Vec<Diagnostic>, Green
     let Some(meta) = file.meta.bodies.get(body) else { return Ok(Vec::new()) };
     let method = find_method(&meta.accuracy.solver).unwrap_or_default();
     let failed = |source| GreenError::Solve { body: format!("{}: body.{body}", file.path.display()), source };
-    judge(&format!("body.{body}"), method, meta.accuracy.forward_error, &file.rigid_motion(body))
-        .map_err(failed)
+    let rigid = rigid_motion(file, body, meta);
+    judge(&format!("body.{body}"), method, meta.accuracy.forward_error, &rigid).map_err(failed)
+}
+
+/// What the stored columns and S make of rigid motions.
+fn rigid_motion(file: &GreenFile, body: &str, meta: &BodyMeta) -> RigidMotion {
+    if !meta.requirements.has(AFFINE) {
+        return RigidMotion::default();
+    }
+    let groups: Vec<_> = meta.controls.iter().map(|control| file.basis(body, &control.name)).collect();
+    let value = |row: usize, column: usize| {
+        f64::from(groups[column / FIELDS].value(meta.surface_nodes, column % FIELDS, row))
+    };
+    file.rigid_motion_of(body, &meta.controls, &value, file.stiffness(body).as_ref())
 }
 
 fn one(

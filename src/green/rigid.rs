@@ -5,7 +5,6 @@
 //! rigid motions with nothing. It costs one pass over the columns, and sees errors that no residual shows.
 
 use super::control::{ControlElement, FIELDS};
-use super::families::AFFINE;
 use super::file::{ControlMeta, GreenFile};
 use super::pieces::{Pieces, shares_a_part};
 use crate::base::disjoint::DisjointSets;
@@ -58,21 +57,8 @@ impl RigidMotion {
 }
 
 impl GreenFile {
-    /// What the columns of a body and its S make of rigid motions.
-    pub fn rigid_motion(&self, body: &str) -> RigidMotion {
-        let meta = self.meta.bodies.get(body);
-        let Some(meta) = meta.filter(|meta| meta.requirements.has(AFFINE)) else {
-            return RigidMotion::default();
-        };
-        let groups: Vec<_> = meta.controls.iter().map(|control| self.basis(body, &control.name)).collect();
-        let value = |row: usize, column: usize| {
-            f64::from(groups[column / FIELDS].value(meta.surface_nodes, column % FIELDS, row))
-        };
-        self.rigid_motion_of(body, &meta.controls, &value, self.stiffness(body).as_ref())
-    }
-
-    /// The same of other columns on its surface, entry (3 node + axis, 12 e + k), for some of its control elements. Parts of the
-    /// body are told apart by its surface.
+    /// What columns on the surface of a body, entry (3 node + axis, 12 e + k), for some of its control elements, and S make of rigid
+    /// motions. Parts of the body are told apart by its surface.
     pub(super) fn rigid_motion_of(
         &self,
         body: &str,
