@@ -17,7 +17,7 @@ const FIELD: f64 = 1e-15;
 /// control element that holds.
 const ROUNDING: f64 = 1e-6;
 
-/// What an update is compared on.
+/// Numbers on which an update is compared.
 pub struct Measure<'a> {
     /// The columns of control elements and loads on the surface after the change.
     pub columns: &'a DMatrix<f64>,
@@ -79,7 +79,7 @@ fn relative(a: &DMatrix<f64>, b: &DMatrix<f64>, all: &DMatrix<f64>) -> f64 {
     columns.map(|((a, b), all)| part((a - b).amax(), all.amax())).fold(0.0, larger)
 }
 
-/// The same of forces: S row by row, and what loads do column by column.
+/// Largest difference of forces: S row by row, and what loads do column by column.
 fn of_hessian(a: &DMatrix<f64>, b: &DMatrix<f64>, affine: usize, reach: f64) -> f64 {
     let scale = |i: usize| if i < affine && i % FIELDS >= 3 { 1.0 / reach } else { 1.0 };
     let scaled =

@@ -1,4 +1,4 @@
-//! How far bodies reach into each other where they stand at rest.
+//! Depths to which bodies reach into each other where they stand at rest.
 //!
 //! In: closed surfaces in one frame, m, oriented outward. Out: each pair of which one has a vertex inside the other, with
 //! the depth of the deepest one below the other's surface, m.

@@ -9,7 +9,7 @@ use super::wishes::Wishes;
 use crate::fem::{Element, TET4, TET4_ANP, TET10};
 use crate::mesh::{TetMesh, quality};
 
-/// What was chosen.
+/// Element, model and effects of a body.
 pub struct Choice {
     pub element: &'static Element,
     pub model: String,
@@ -22,7 +22,7 @@ const SLENDER: f64 = 6.0;
 const INCOMPRESSIBLE: f64 = 0.45;
 /// Young's modulus below which bodies are pulled by a large part of their size, as organs are, Pa.
 const SOFT: f64 = 1e5;
-/// With more corners than this, elements of ten nodes take minutes.
+/// Most corners of a mesh for elements of ten nodes, which take minutes beyond.
 const MOST_CORNERS: usize = 15_000;
 /// The model `reduced` takes so many control elements.
 const MOST_CONTROLS: usize = 4;
