@@ -71,7 +71,7 @@ impl Guard {
         Ok(started)
     }
 
-    /// From now on the guard sends `none` at the end.
+    /// Replaces the message that the guard sends at the end.
     ///
     /// # Errors
     /// The guard is gone, or `none` has more than 65,535 bytes.
@@ -103,7 +103,7 @@ impl Guard {
         Ok(())
     }
 
-    /// While a force acts that was sent before, this program is alive.
+    /// Tells the guard that this program is alive, if a force acts that was sent before.
     pub fn beat(&mut self) -> Result<()> {
         if self.beaten.is_some() { self.pushes() } else { Ok(()) }
     }
