@@ -13,7 +13,7 @@ const FAULTS: [c_int; 2] = [SIGSEGV, SIGBUS];
 /// Rust's own actions for [`FAULTS`].
 static BEFORE: OnceLock<[libc::sigaction; FAULTS.len()]> = OnceLock::new();
 
-/// Installs the handler: such a signal then ends the program wherever it comes from.
+/// Makes such a signal end the program wherever it comes from.
 pub fn end_by_what_is_sent() {
     // SAFETY: all zeros is a value of this struct: no handler, no flags, no mask.
     let nothing: libc::sigaction = unsafe { std::mem::zeroed() };

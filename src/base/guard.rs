@@ -26,7 +26,7 @@ const NAME: &str = "force-guard";
 const SILENT: Duration = Duration::from_millis(24);
 /// Beats are no more frequent than this.
 const BEAT: Duration = Duration::from_millis(4);
-/// Time for which the guard goes on reading what the device says: a connection that is closed with bytes unread is reset, and a
+/// How long the guard goes on reading what the device says: a connection that is closed with bytes unread is reset, and a
 /// reset may overtake the last message.
 const LINGER: Duration = Duration::from_secs(1);
 
@@ -71,7 +71,7 @@ impl Guard {
         Ok(started)
     }
 
-    /// Makes the guard send `none` at the end.
+    /// Replaces the message that the guard sends at the end.
     ///
     /// # Errors
     /// The guard is gone, or `none` has more than 65,535 bytes.
@@ -103,7 +103,7 @@ impl Guard {
         Ok(())
     }
 
-    /// While a force acts that was sent before, this program is alive.
+    /// Tells the guard that this program is alive, if a force acts that was sent before.
     pub fn beat(&mut self) -> Result<()> {
         if self.beaten.is_some() { self.pushes() } else { Ok(()) }
     }

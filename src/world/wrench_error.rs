@@ -26,15 +26,6 @@ pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchErro
     wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches, &[])
 }
 
-/// Why [`wrench_error`] is `None`, in words that follow "error unknown".
-pub fn why_unknown(body: &PlacedBody) -> &'static str {
-    match &body.expected {
-        None => "list expected_errors",
-        Some(expected) if expected.moved.is_empty() => "not measured on this body",
-        Some(_) => "beyond the measured poses",
-    }
-}
-
 /// The same of a body that is in no world, whose control elements have this freedom: none of them where it is empty. Of an end that
 /// is free but for one shift, or pushed by a force, and found, the errors are those of such ends.
 pub fn wrench_error_of(
@@ -83,4 +74,13 @@ pub fn wrench_error_of(
         is_whole,
         parts: [force.max(moment), of_mesh],
     })
+}
+
+/// Why [`wrench_error`] is `None`, in words that follow "error unknown".
+pub fn why_unknown(body: &PlacedBody) -> &'static str {
+    match &body.expected {
+        None => "list expected_errors",
+        Some(expected) if expected.moved.is_empty() => "not measured on this body",
+        Some(_) => "beyond the measured poses",
+    }
 }

@@ -13,14 +13,14 @@ mod commit;
 mod leftovers;
 mod place;
 
-pub use commit::put_all;
 pub use leftovers::Scratch;
 
 use super::signal::{self, OnEnd};
+use commit::Renames;
 use leftovers::temporary;
-use place::{Place, folder_of};
+use place::{Place, folder_of, sync};
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::NamedTempFile;
@@ -212,6 +212,39 @@ impl Staged {
     }
 }
 
+/// Puts all of `staged` in their places and removes `gone`. Returns the files, each open at its end; `None` for those that
+/// went into a device or a pipe.
+///
+/// # Errors
+/// Every file stands as before. A device or a pipe may have some of its bytes.
+pub fn put_all(staged: Vec<Staged>, gone: &[PathBuf]) -> Result<Vec<Option<File>>, OutputError> {
+    let (mut unwritten, mut files, mut new) = (Vec::new(), Vec::new(), Vec::new());
+    for Staged { path, place, file, unwritten: act } in staged {
+        match place {
+            Place::File(target) => {
+                place::keep_attributes(&target, file.as_file())
+                    .map_err(|source| OutputError::Write { path: path.clone(), source })?;
+                let (file, beside) = file.into_parts();
+                files.push(Some(file));
+                new.push((target, beside));
+            }
+            Place::Stream(to) => {
+                let failed = |source| OutputError::Stream { path: path.clone(), source };
+                let mut bytes = file.into_file();
+                bytes.rewind().map_err(failed)?;
+                let mut device = place::open_stream(&to).map_err(failed)?;
+                std::io::copy(&mut bytes, &mut device).map_err(failed)?;
+                files.push(None);
+            }
+        }
+        unwritten.push(act);
+    }
+    let renames = Renames::prepare(new, gone);
+    signal::settle(unwritten, || renames.commit())
+        .map_err(|(path, source)| OutputError::Write { path, source })?;
+    Ok(files)
+}
+
 /// Writes one file by [`stage`] and [`Staged::put`].
 pub fn write(
     path: &Path,
@@ -251,14 +284,6 @@ impl Write for Stream {
     /// Syncs the file to the disk, if it is on one.
     fn flush(&mut self) -> std::io::Result<()> {
         sync(&self.0)
-    }
-}
-
-/// Devices, pipes and folders of some file systems have nothing to sync.
-fn sync(file: &File) -> std::io::Result<()> {
-    match file.sync_all() {
-        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
-        synced => synced,
     }
 }
 

@@ -85,4 +85,12 @@ pub fn open_stream(path: &Path) -> Result<File> {
     Ok(descriptor.into())
 }
 
+/// Devices, pipes and folders of some file systems have nothing to sync.
+pub fn sync(file: &File) -> Result<()> {
+    match file.sync_all() {
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        synced => synced,
+    }
+}
+
 const OWN: &str = "/proc/self/fd";

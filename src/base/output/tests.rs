@@ -80,6 +80,29 @@ fn a_write_that_fails_leaves_what_was_there() {
     assert_eq!(text(&first), "list 1");
 }
 
+/// The first file was new and the second old.
+#[test]
+fn a_rename_that_fails_takes_the_others_back() {
+    let folder = folder();
+    let [first, second, third, gone] = ["a", "b", "c", "d"].map(|name| folder.path().join(name));
+    for path in [&first, &gone] {
+        put(path, "list 1").unwrap();
+    }
+    let staged: Vec<Staged> = [&first, &second, &third]
+        .map(|path| stage(path, &LIST, |file| file.write_all(b"list 2")).unwrap())
+        .into();
+    std::fs::create_dir(&third).unwrap();
+    assert!(put_all(staged, std::slice::from_ref(&gone)).is_err());
+    assert_eq!((text(&first).as_str(), text(&gone).as_str()), ("list 1", "list 1"));
+    assert_eq!(names(folder.path()), ["a", "c", "d"]);
+    let staged = stage(&first, &LIST, |file| file.write_all(b"list 2")).unwrap();
+    put_all(vec![staged], &[gone]).unwrap();
+    assert_eq!(
+        (text(&first).as_str(), names(folder.path())),
+        ("list 2", vec!["a".to_owned(), "c".to_owned()])
+    );
+}
+
 #[test]
 fn links_stay_and_permissions_are_kept() {
     let folder = folder();
