@@ -13,7 +13,7 @@ use std::net::{Shutdown, TcpStream};
 use std::os::fd::{AsFd, FromRawFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -35,7 +35,8 @@ const PUSHES: u8 = b'p';
 const RESTS: u8 = b'r';
 const SENDS: u8 = b's';
 
-/// The program that guards: this one, unless a test names the built one.
+/// The program that guards: the one whose `main` asked [`run_if_asked`], or which a test names. In any other executable, as one of
+/// unit tests, the guard is a thread, which ends with its process.
 pub static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 
 /// A connection's guard. When it is dropped, the guard takes the force back and ends.
@@ -57,7 +58,13 @@ impl Guard {
         let mut started = Guard { life, beaten: None };
         // Before the guard runs, so that it knows what to send if this program ends at once.
         started.sends(none)?;
-        let mut guard = Command::new(PROGRAM.get().map_or(Path::new("/proc/self/exe"), PathBuf::as_path))
+        let Some(program) = PROGRAM.get() else {
+            let connection = connection.try_clone()?;
+            let run = move || guard(guards, connection);
+            std::thread::Builder::new().name("guard".into()).spawn(run)?;
+            return Ok(started);
+        };
+        let mut guard = Command::new(program)
             .arg0(NAME)
             .arg(ARGUMENT)
             .stdin(OwnedFd::from(guards))
@@ -111,6 +118,7 @@ impl Guard {
 
 /// The guard's own run, if that is what this process was started for: the first thing that `main` asks.
 pub fn run_if_asked() -> Option<ExitCode> {
+    PROGRAM.get_or_init(|| PathBuf::from("/proc/self/exe"));
     let mut arguments = std::env::args_os().skip(1);
     (arguments.next()? == ARGUMENT && arguments.next().is_none()).then(run)
 }

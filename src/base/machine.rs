@@ -245,9 +245,9 @@ pub fn processor() -> String {
     name.map_or(std::env::consts::ARCH, |(_, name)| name.trim()).to_owned()
 }
 
-/// Whether this program was compiled with debug assertions, as by the profiles `quick` and `dev`: its times are not those
-/// of the program that people run.
-pub const IS_TEST_BUILD: bool = cfg!(debug_assertions);
+/// Whether this program was compiled with less than full optimisation, as by the profiles `quick` and `dev`: its times are not
+/// those of the program that people run.
+pub const IS_TEST_BUILD: bool = !matches!(env!("GREENSTAGE_OPT_LEVEL").as_bytes(), b"3");
 
 /// Refusal to measure times with a test build.
 #[derive(Debug, thiserror::Error)]

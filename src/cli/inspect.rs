@@ -300,7 +300,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         }
         let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
         let materials = std::iter::once(&body.material).chain(body.region.values());
-        let doubts = materials.filter_map(Material::doubt);
+        let doubts = materials.filter_map(Material::doubt).map(|(_, message)| message);
         for doubt in doubts.chain(implausible((high - low).amax(), body.material.largest_m())) {
             text.push_str(&format!("  note: {doubt}\n"));
         }

@@ -95,6 +95,7 @@ pub fn run(
         started: now,
         last: now,
         frames: 0,
+        cursor: None,
         failure: None,
     };
     let drawn = WindowOptions { samples: options.samples, vsync: options.vsync };
@@ -121,6 +122,8 @@ struct Application<'a> {
     started: Instant,
     last: Instant,
     frames: u32,
+    /// Where the cursor was last seen, for a session that is opened meanwhile.
+    cursor: Option<Input>,
     /// The error that ended it early.
     failure: Option<Failure>,
 }
@@ -135,6 +138,9 @@ impl WindowApp for Application<'_> {
     }
 
     fn input(&mut self, input: Input) {
+        if matches!(input, Input::Cursor { .. } | Input::CursorLeft { .. }) {
+            self.cursor = Some(input);
+        }
         let Application { desk, shows, session, .. } = self;
         let ray = |window: usize, position: [f32; 2], session: &Session| match shows {
             Shows::Screens(screens) => screens.ray(window, position, session),
@@ -205,6 +211,9 @@ impl Application<'_> {
         self.bodies = Some(GpuBodies::new(gpu, &mut self.session.world, self.options.device)?);
         self.desk.iter_mut().for_each(|desk| desk.making = None);
         (self.started, self.last, self.frames) = (Instant::now(), Instant::now(), 0);
+        if let Some(cursor) = self.cursor {
+            self.input(cursor);
+        }
         Ok(Ok(()))
     }
 

@@ -104,8 +104,8 @@ pub fn materials(
     let named = std::iter::once(("material".to_owned(), &body.material))
         .chain(body.region.iter().map(|(region, material)| (format!("region.{region}"), material)));
     for (key, material) in named.clone() {
-        if let Some(message) = material.doubt() {
-            findings.push(Diagnostic::new(Severity::Warning, format!("{entity}.{key}"), message));
+        if let Some((severity, message)) = material.doubt() {
+            findings.push(Diagnostic::new(severity, format!("{entity}.{key}"), message));
         }
     }
     let locks = |material: &Material| body.method == Method::Fem && material.poisson > LOCKING;

@@ -5,6 +5,7 @@
 
 use super::limit::Limit;
 use super::materials::{Known, MATERIALS, find_material};
+use crate::base::diagnostic::Severity;
 use crate::base::quantity::quantity;
 use crate::fem::Lame;
 use crate::mesh::length_unit::LARGEST_M;
@@ -82,21 +83,23 @@ impl Material {
     }
 
     /// Doubt about a modulus that was probably written in another unit than Pa.
-    pub fn doubt(&self) -> Option<String> {
+    pub fn doubt(&self) -> Option<(Severity, String)> {
         let Material { known, young, poisson, density, .. } = *self;
         let modulus = quantity(young, "Pa");
         if GIGAPASCALS.contains(&young) {
-            return Some(format!(
+            let message = format!(
                 "Young's modulus {modulus} is softer than any tissue. If {young} GPa is meant, write {young}e9"
-            ));
+            );
+            return Some((Severity::Note, message));
         }
+        let warn = |message: String| Some((Severity::Warning, message));
         let is_like = |entry: &&Known| match known {
             Some(known) => known == *entry,
             None => entry.young > STIFF && (entry.poisson - poisson).abs() < 0.03,
         };
         let in_megapascals = |entry: &&Known| (1e6 * young / entry.young).ln().abs() < 0.2;
         if let Some(entry) = MATERIALS.iter().filter(is_like).find(in_megapascals) {
-            return Some(format!(
+            return warn(format!(
                 "Young's modulus {modulus} is that of a soft rubber, and {} has {}. If {young} MPa is meant, write {:e}",
                 entry.name,
                 quantity(entry.young, "Pa"),
@@ -104,14 +107,14 @@ impl Material {
             ));
         }
         if let Some(known) = known.filter(|known| !(0.01..=100.0).contains(&(young / known.young))) {
-            return Some(format!(
+            return warn(format!(
                 "Young's modulus {modulus} is not that of {}, which has {}. Moduli are in Pa",
                 known.name,
                 quantity(known.young, "Pa")
             ));
         }
         let density = density.filter(|density| *density > HEAVY && young < SOFT)?;
-        Some(format!(
+        warn(format!(
             "{density} kg/m³ is as heavy as stone or metal, but Young's modulus {modulus} is that of a soft rubber. Moduli \
              are in Pa"
         ))
@@ -121,7 +124,7 @@ impl Material {
     pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
         let Material { young, poisson, density, limit, .. } = *self;
         if !YOUNG.contains(&young) {
-            return Err(("", format!("Young's modulus {young:e} Pa must lie between 1e-12 and 1e24")));
+            return Err(("", format!("Young's modulus {} Pa must lie between 1e-12 and 1e24", plain(young))));
         }
         if poisson == 0.5 {
             let message = "Poisson's ratio 0.5 is exactly incompressible: λ is infinite and the displacement method cannot \
@@ -130,7 +133,7 @@ impl Material {
         }
         if !(poisson > -1.0 && poisson < 0.5) {
             let message =
-                format!("Poisson's ratio {poisson:e} is not physical; it must lie between -1 and 0.5");
+                format!("Poisson's ratio {} is not physical; it must lie between -1 and 0.5", plain(poisson));
             return Err(("", message));
         }
         if density.is_some_and(|density| !(density > 0.0 && density.is_finite())) {
@@ -138,6 +141,11 @@ impl Material {
         }
         limit.map_or(Ok(()), Limit::check).map_err(|message| (".limit", message))
     }
+}
+
+/// A number as it is usually written, in few digits however large or small it is.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-6..1e15).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 /// A material as a scene writes it: what is left out comes from the library's entry.
@@ -203,10 +211,10 @@ mod tests {
             "young = 210.0\npoisson = 0.3",
             "young = 5.0e4\npoisson = 0.4\ndensity = 8900.0",
         ] {
-            let said = material(written).doubt().unwrap_or_else(|| panic!("{written} passes"));
+            let (_, said) = material(written).doubt().unwrap_or_else(|| panic!("{written} passes"));
             assert!(said.len() < 160, "{said}");
         }
-        let steel = material("name = \"steel\"\nyoung = 210000.0").doubt().unwrap();
+        let (_, steel) = material("name = \"steel\"\nyoung = 210000.0").doubt().unwrap();
         assert!(steel.contains("210 kPa") && steel.ends_with("write 2.1e11"), "{steel}");
     }
 

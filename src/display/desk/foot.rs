@@ -2,7 +2,6 @@
 
 use super::editor_panel;
 use super::order::Order;
-use super::panel::Draft;
 use super::sketches::Sketches;
 use crate::export::surfaces;
 use egui::{Button, Ui};
@@ -38,11 +37,11 @@ pub fn making(ui: &mut Ui, body: Option<String>, sketches: &Sketches, orders: &m
     }
 }
 
-pub fn save(ui: &mut Ui, draft: &mut Draft, orders: &mut Vec<Order>) {
+pub fn save(ui: &mut Ui, file: &mut String, orders: &mut Vec<Order>) {
     ui.horizontal(|ui| {
-        ui.add(egui::TextEdit::singleline(&mut draft.file).desired_width(190.0).hint_text("scene.toml"));
+        ui.add(egui::TextEdit::singleline(file).desired_width(190.0).hint_text("scene.toml"));
         if ui.button("Save the scene").clicked() {
-            orders.push(Order::Save(PathBuf::from(draft.file.trim())));
+            orders.push(Order::Save(PathBuf::from(file.trim())));
         }
     });
 }

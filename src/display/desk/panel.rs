@@ -181,7 +181,7 @@ pub fn show(
                     }
                 }
                 ui.separator();
-                save(ui, draft, orders);
+                save(ui, &mut draft.file, orders);
                 keep(ui, now.is_recording, orders);
                 ui.separator();
                 if ui.button("Close the panel (Tab)").clicked() {

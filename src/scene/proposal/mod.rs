@@ -95,6 +95,8 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         body: IndexMap::from([(name.clone(), body)]),
         path: scene_path.to_owned(),
     };
+    let body = &scene.body[&name];
+    let mesh = if body.element.order == 2 { scene.load_mesh(&name, body)?.mesh } else { mesh };
     let Telling { comments, reasons, warnings } = telling;
     Ok(Proposal { scene, body: name, comments, reasons, warnings, mesh })
 }

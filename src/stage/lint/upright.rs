@@ -23,9 +23,13 @@ pub fn lint(stage: &Stage) -> Option<Diagnostic> {
     if with_z_up + ceilings < stage.screens.len() || with_z_up <= right(Vector3::y()) {
         return None;
     }
-    let written = |Point3 { coords: x, .. }: &Point3<f64>| format!("[{:.4}, {:.4}, {:.4}]", x.x, x.y, x.z);
-    // Adding 0.0 prints -0.0 as 0.0.
-    let turned = Point3::new(standing.lower_left.x, standing.lower_left.z, 0.0 - standing.lower_left.y + 0.0);
+    let written = |x: &Point3<f64>| {
+        // Adding 0.0 prints -0.0 as 0.0.
+        let [x, y, z] = [x.x, x.y, x.z].map(|m| (m * 1e4).round() / 1e4 + 0.0);
+        format!("[{x:.4}, {y:.4}, {z:.4}]")
+    };
+    let Point3 { coords: x, .. } = standing.lower_left;
+    let turned = Point3::new(x.x, x.z, -x.y);
     let message = format!(
         "its screens stand as if z pointed up, and stages have y up. Write every [x, y, z] as [x, z, -y], such as the \
          lower_left {} of {} as {}",
