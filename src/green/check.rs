@@ -31,7 +31,7 @@ pub fn mesh(entity: &str, mesh: &TetMesh, material: &Material) -> Vec<Diagnostic
 fn unit(entity: &str, mesh: &TetMesh, material: &Material) -> Option<Diagnostic> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let side = (high - low).max();
-    implausible(side, material.largest_m()).map(|message| Diagnostic::new(Severity::Warning, entity, message))
+    implausible(side, material.largest_m()).map(|message| Diagnostic::new(Severity::Note, entity, message))
 }
 
 /// Control elements that span no volume, all that are alike in one note.
