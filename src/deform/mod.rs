@@ -23,6 +23,7 @@ mod linear;
 mod load_share;
 mod loads;
 mod mean_frame;
+mod memory;
 mod mesh_errors;
 mod model;
 mod models;
@@ -52,7 +53,7 @@ mod turn;
 
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
-pub use deformer::{Deformer, FrameTimes};
+pub use deformer::{Deformer, DeformerState, FrameTimes};
 pub use errors_at::{ErrorsAt, percent};
 pub use expected::{ExpectedErrors, Hung, MovedErrors};
 pub use followed::FollowedTurn;
@@ -62,6 +63,7 @@ pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
+pub use memory::{FoundMemory, HeldNodes, ModelMemory, Warm};
 pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, PointResult,

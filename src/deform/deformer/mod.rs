@@ -4,7 +4,10 @@
 //! date, and what is asked of the others is summed for the one who asks.
 
 mod loads;
+mod state;
 mod surface;
+
+pub use state::DeformerState;
 
 use super::followed::FollowedTurn;
 use super::force::Wrench;

@@ -1,0 +1,70 @@
+//! All of a deformer that changes from frame to frame, as plain data.
+
+use super::Deformer;
+use crate::deform::followed::FollowedTurn;
+use crate::deform::frames::PoseSlope;
+use crate::deform::loads::{self, AppliedLoads};
+use crate::deform::memory::ModelMemory;
+use crate::deform::model::{BodyState, Response};
+use crate::deform::pose::ControlPoses;
+use serde::{Deserialize, Serialize};
+
+/// What [`Deformer::restore`] makes the same surface of, and all later frames with the same bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeformerState {
+    pub poses: ControlPoses,
+    pub turns: Vec<FollowedTurn>,
+    pub loads: AppliedLoads,
+    pub loads_changed: bool,
+    /// What the model made of the poses, and what the surface was last summed of.
+    pub state: BodyState,
+    pub summed: BodyState,
+    /// The energy of the poses and its slopes, where the model has them.
+    pub response: Option<Response>,
+    pub slopes: Vec<PoseSlope>,
+    pub evaluated: bool,
+    pub memory: ModelMemory,
+}
+
+impl Deformer {
+    pub fn snapshot(&self) -> DeformerState {
+        DeformerState {
+            poses: self.poses.clone(),
+            turns: self.turns.clone(),
+            loads: self.applied(),
+            loads_changed: self.loads_changed,
+            state: self.state.clone(),
+            summed: self.summed.clone(),
+            response: self.response,
+            slopes: self.slopes.clone(),
+            evaluated: self.evaluated,
+            memory: self.model.memory(),
+        }
+    }
+
+    /// Goes on from a snapshot of a deformer of the same body and model. The error says why it cannot.
+    pub fn restore(&mut self, from: &DeformerState) -> Result<(), String> {
+        let shape = |state: &BodyState| (state.coefficients.len(), state.parts.len());
+        let lists = [from.poses.len(), from.turns.len(), from.slopes.len()];
+        if lists != [self.controls.len(); 3]
+            || shape(&from.state) != shape(&self.state)
+            || shape(&from.summed) != shape(&self.summed)
+        {
+            return Err(format!("body.{}: the stored state belongs to another body or model", self.body));
+        }
+        if let Some(shared) = &self.loads {
+            loads::set(shared, &from.loads);
+        }
+        self.model.set_memory(&from.memory).map_err(|message| format!("body.{}: {message}", self.body))?;
+        self.poses.clone_from(&from.poses);
+        self.turns.clone_from(&from.turns);
+        self.loads_changed = from.loads_changed;
+        self.slopes.clone_from(&from.slopes);
+        (self.response, self.evaluated) = (from.response, from.evaluated);
+        self.state.clone_from(&from.summed);
+        self.deform();
+        self.state.clone_from(&from.state);
+        Ok(())
+    }
+}
