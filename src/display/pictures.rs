@@ -67,7 +67,7 @@ impl PictureRequest {
         let mut playback = Playback::new(session, self.frames)?;
         for frame in 0..self.frames {
             mechanics_s += playback.step_to(session, frame)?.total_s();
-            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
+            session.world.before_picture();
             let DrawTimes { upload_s, encode_s, draw_s } =
                 targets.draw(&mut session.world).map_err(Failure::work)?;
             drawn_s += upload_s + encode_s + draw_s;

@@ -129,12 +129,12 @@ impl Session {
     pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
         let Changed { scene, file, deformers, stage, is_other_stage } = changed;
         let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
-        let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
+        world.effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
         world.carry_over(&mut self.world);
         // Devices are let go of before others are opened.
         let was_live = self.input.mouse.is_some();
-        self.effects.clear();
-        (self.world, self.file, self.effects) = (world, Some(file), effects);
+        self.world.effects.clear();
+        (self.world, self.file) = (world, Some(file));
         self.scene = Some(scene);
         if is_other_stage {
             self.input.trackers = None;

@@ -13,13 +13,12 @@ pub mod model;
 mod tests;
 
 use super::entry::{EffectEntry, Listed};
-use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
-use crate::world::World;
+use crate::world::{RunningEffect, World};
 use mesh::BetterBody;
 use model::{Measured, ModelErrors, motions};
 
