@@ -215,6 +215,24 @@ mod tests {
     }
 
     #[test]
+    fn a_grab_before_a_change_of_the_model_can_be_undone_after_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let pose = session.world.bodies[0].deformer.poses[1];
+        session.world.act(crate::interact::Action::SnapBack);
+        for time_s in [0.1, 0.2, 1.0] {
+            session.advance(time_s).unwrap();
+        }
+        let seen =
+            |session: &Session| (session.world.bodies[0].deformer.poses[1], session.world.undo_depth());
+        assert_eq!(seen(&session), (ControlPose::REST, [1, 0]));
+        change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        session.world.act(crate::interact::Action::Undo);
+        session.advance(1.2).unwrap();
+        assert_eq!(seen(&session), (pose, [0, 1]));
+    }
+
+    #[test]
     fn only_the_body_that_changed_is_computed_anew() {
         let folder = tempfile::tempdir().unwrap();
         let mut session = session(folder.path());

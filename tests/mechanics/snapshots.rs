@@ -20,16 +20,26 @@ fn scene(folder: &Path, model: &str) -> Scene {
     let text = format!(
         "[body.b]\ngenerate = {{ block = {{ size = [1.0, 0.03, 0.4], cells = [10, 1, 4] }} }}\n\
          material = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"{model}\"\neffects = [{}]\n\
-         control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
-         control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
+         control.left = {{ nodes = {{ box = {{ min = [-9.0, -9.0, -9.0], max = [-0.35, 9.0, 9.0] }} }}, grab = \"fixed\" }}\n\
+         control.right = {{ nodes = {{ box = {{ min = [0.35, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n",
         effects.join(", ")
     );
     Scene::parse(&text, &folder.join("scene.toml")).unwrap()
 }
 
+/// A hand takes the right end from above, lifts it, turns it by 22°, and lets go.
+const SCRIPT: &str = "frame = \"workspace\"\n\
+    [[key]]\ntime = 0.0\nstylus.hand = { position = [0.85, 1.2, 0.1], target = [0.85, 0.0, 0.1] }\n\
+    [[key]]\ntime = 0.6\nstylus.hand = { pressed = true }\n\
+    [[key]]\ntime = 0.8\nstylus.hand = { position = [0.85, 1.2, 0.1], target = [0.85, 0.0, 0.1] }\n\
+    [[key]]\ntime = 2.5\nstylus.hand = { position = [0.5, 1.5, 0.1], target = [0.9, 0.5, 0.1] }\n\
+    [[key]]\ntime = 3.5\nstylus.hand = { pressed = false }\n\
+    [[key]]\ntime = 4.0\nhead = { offset = [0.0, 0.0, 0.0] }\n";
+
 fn open(scene: &Scene) -> Session {
-    let mut session =
-        Session::open(&Request { script: Some(Path::new("bend")), ..Request::of(scene) }).unwrap();
+    let script = scene.path.with_file_name("script.toml");
+    std::fs::write(&script, SCRIPT).unwrap();
+    let mut session = Session::open(&Request { script: Some(&script), ..Request::of(scene) }).unwrap();
     session.world.wait_for_background();
     // What the clock of the machine decides is for windows alone.
     session.world.is_for_pictures = true;
