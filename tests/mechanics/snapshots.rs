@@ -34,7 +34,7 @@ const SCRIPT: &str = "frame = \"workspace\"\n\
     [[key]]\ntime = 0.8\nstylus.hand = { position = [0.85, 1.2, 0.1], target = [0.85, 0.0, 0.1] }\n\
     [[key]]\ntime = 2.5\nstylus.hand = { position = [0.5, 1.5, 0.1], target = [0.9, 0.5, 0.1] }\n\
     [[key]]\ntime = 3.5\nstylus.hand = { pressed = false }\n\
-    [[key]]\ntime = 4.0\nhead = { offset = [0.0, 0.0, 0.0] }\n";
+    [[key]]\ntime = 4.0\nstylus.hand = { pressed = false }\n";
 
 fn open(scene: &Scene) -> Session {
     let script = scene.path.with_file_name("script.toml");
