@@ -9,6 +9,7 @@ mod background;
 mod critical;
 mod cubic_form;
 mod deformer;
+mod deformer_state;
 mod equilibria;
 mod errors_at;
 mod expected;
@@ -53,7 +54,8 @@ mod turn;
 
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
-pub use deformer::{Deformer, DeformerState, FrameTimes};
+pub use deformer::{Deformer, FrameTimes};
+pub use deformer_state::DeformerState;
 pub use errors_at::{ErrorsAt, percent};
 pub use expected::{ExpectedErrors, Hung, MovedErrors};
 pub use followed::FollowedTurn;

@@ -13,7 +13,7 @@ use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
 use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
-use crate::world::running_effect::{Memory, read, written};
+use crate::world::running::{Memory, read, written};
 use crate::world::{Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};

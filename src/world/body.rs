@@ -1,9 +1,9 @@
 //! A body at its place in the room: its deformer, which of its control elements a hand can take, and its colours.
 
+use super::body_memory::BodyMemory;
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::place;
-use super::state::BodyMemory;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, PoseLimiter};

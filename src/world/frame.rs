@@ -10,11 +10,11 @@ use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
 use super::force::{self, HeldForce};
 use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
-use super::running_effect::RunningEffect;
+use super::running::Memory;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::base::plates::Plate;
+use crate::base::plates::{Plate, Words};
 use crate::base::strips::Strips;
 use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
@@ -23,7 +23,7 @@ use crate::interact::{Action, Grip};
 use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage, Workspace};
-use crate::track::{Signal, TrackerState};
+use crate::track::{Signal, Source, TrackerState};
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeSet;
@@ -35,6 +35,55 @@ const NEAR_M: f64 = 0.05;
 
 /// At most so many styli are followed; further ones are ignored.
 pub(super) const MOST_STYLI: usize = 16;
+
+/// An effect of a world, until it is dropped; a thread that it has started ends with it.
+pub trait RunningEffect {
+    /// As scenes name it.
+    fn name(&self) -> &'static str;
+
+    /// Changes what trackers, script or mouse say, before the world goes through a frame. A replay, whose recording holds what came
+    /// of it, does not ask.
+    fn input(&mut self, _state: &mut TrackerState) {}
+
+    /// Sees the world at the end of a frame, and adds what it draws ([`World::strips`]).
+    fn show(&mut self, _world: &mut World) {}
+
+    /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what it draws of it.
+    fn before_picture(&mut self, _world: &mut World) {}
+
+    /// What it keeps from one frame to the next; `None` where all that it shows follows from the frame.
+    fn memory(&self) -> Option<Memory> {
+        None
+    }
+
+    /// Goes on from what an effect of the same scene kept. The error says why it cannot.
+    fn set_memory(&mut self, _memory: &Memory) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Forgets what was drawn of the past, such as a curve.
+    fn clear(&mut self) {}
+
+    /// What it has recorded, as a CSV table.
+    fn table(&self) -> Option<String> {
+        None
+    }
+
+    /// What the effect's device of this name measures, as a tracker's source; once.
+    fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {
+        None
+    }
+
+    /// Rows of the overlay for each of its devices, as they are now.
+    fn readings(&mut self) -> Vec<Vec<Words>> {
+        Vec::new()
+    }
+
+    /// How it went, in lines for the end of a session.
+    fn summary(&mut self) -> String {
+        String::new()
+    }
+}
 
 /// What one frame shows beside bodies; the next one begins empty.
 #[derive(Clone, Debug, Default)]

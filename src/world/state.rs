@@ -3,12 +3,13 @@
 //! In: a world between two frames. Out: its [`State`], from which a world of the same scene and stage goes on bit by bit as this one
 //! does: the same frames from the same trackers' states and commands. Recordings begin with one.
 
+use super::body::PlacedBody;
+use super::body_memory::BodyMemory;
 use super::edit_state::EditState;
-use super::frame::World;
-use super::running_effect::Memory;
-use crate::deform::{DeformerState, PoseLimiter};
+use super::frame::{MOST_STYLI, World};
+use super::ruler::SurfacePoint;
+use super::running::Memory;
 use crate::field::FieldState;
-use nalgebra::Similarity3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -33,37 +34,21 @@ pub struct State {
     pub effects: BTreeMap<String, Memory>,
 }
 
-/// What a body keeps beside its fields.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BodyMemory {
-    #[serde(with = "crate::field::numbers")]
-    pub room_from_body: Similarity3<f64>,
-    /// One per control element.
-    pub limiters: Vec<PoseLimiter>,
-    pub range_left: bool,
-    pub deformations: u64,
-    pub deformer: DeformerState,
-}
-
-/// More styli than this in a state are no world's.
-const MOST_STYLI: usize = super::frame::MOST_STYLI;
-
 impl World {
     /// The state between two frames.
     pub fn state(&self) -> serde_json::Result<State> {
-        let memory =
-            |effect: &Box<dyn super::RunningEffect>| Some((effect.name().to_owned(), effect.memory()?));
+        let memories =
+            self.effects.iter().filter_map(|effect| Some((effect.name().to_owned(), effect.memory()?)));
         Ok(State {
             clock_s: self.clock_s,
             styli: self.styli_count(),
             fields: self.graph.states()?,
             edit: self.edit.clone(),
-            bodies: self.bodies.iter().map(super::PlacedBody::memory).collect(),
+            bodies: self.bodies.iter().map(PlacedBody::memory).collect(),
             field_changes: self.field_changes,
             warnings: self.warnings.clone(),
             told: self.told.clone(),
-            effects: self.effects.iter().filter_map(memory).collect(),
+            effects: memories.collect(),
         })
     }
 
@@ -83,7 +68,7 @@ impl World {
             return Err(format!("it has {} styli, at most {MOST_STYLI} are followed", state.styli));
         }
         state.edit.suits(self.bodies.len(), self.fields.targets.len())?;
-        let is_of = |end: &super::SurfacePoint| {
+        let is_of = |end: &SurfacePoint| {
             let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
             end.corners.iter().all(|corner| (*corner as usize) < nodes)
         };

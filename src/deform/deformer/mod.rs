@@ -7,8 +7,6 @@ mod loads;
 mod state;
 mod surface;
 
-pub use state::DeformerState;
-
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;

@@ -1,31 +1,9 @@
-//! All of a deformer that changes from frame to frame, as plain data.
+//! Takes the state of a deformer, and goes on from one.
 
 use super::Deformer;
-use crate::deform::followed::FollowedTurn;
-use crate::deform::frames::PoseSlope;
-use crate::deform::loads::{self, AppliedLoads};
-use crate::deform::memory::ModelMemory;
-use crate::deform::model::{BodyState, Response};
-use crate::deform::pose::ControlPoses;
-use serde::{Deserialize, Serialize};
-
-/// What [`Deformer::restore`] makes the same surface of, and all later frames with the same bits.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DeformerState {
-    pub poses: ControlPoses,
-    pub turns: Vec<FollowedTurn>,
-    pub loads: AppliedLoads,
-    pub loads_changed: bool,
-    /// What the model made of the poses, and what the surface was last summed of.
-    pub state: BodyState,
-    pub summed: BodyState,
-    /// The energy of the poses and its slopes, where the model has them.
-    pub response: Option<Response>,
-    pub slopes: Vec<PoseSlope>,
-    pub evaluated: bool,
-    pub memory: ModelMemory,
-}
+use crate::deform::deformer_state::DeformerState;
+use crate::deform::loads;
+use crate::deform::model::BodyState;
 
 impl Deformer {
     pub fn snapshot(&self) -> DeformerState {

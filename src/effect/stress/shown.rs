@@ -10,7 +10,7 @@ use crate::deform::NodeStress;
 use crate::effect::entry::Listed;
 use crate::render::field_code;
 use crate::scene::{LegendSettings, Quantity};
-use crate::world::running_effect::{Memory, read, written};
+use crate::world::running::{Memory, read, written};
 use crate::world::{PlacedBody, RunningEffect, SurfacePoint, World, out_of_range};
 use serde::{Deserialize, Serialize};
 
