@@ -4,7 +4,7 @@
 //! Each effect is one entry of [`EFFECTS`] in a file of its own; a body names those it wants. What they require is
 //! precomputed ([`requirements`]), with tensors of their own in the .green file ([`add_sections`]). They join a world when it
 //! is made ([`attach`]), and a live session starts their devices and threads ([`start`]); as [`RunningEffect`]s they act before
-//! and after each frame, and may draw with a shader of their own ([`World::strips`]).
+//! and after each frame, and may draw with a shader of their own ([`Frame::strips`](crate::world::frame::Frame::strips)).
 
 mod entry;
 pub mod expected;

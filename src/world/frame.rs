@@ -45,7 +45,7 @@ pub trait RunningEffect {
     /// of it, does not ask.
     fn input(&mut self, _state: &mut TrackerState) {}
 
-    /// Sees the world at the end of a frame, and adds what it draws ([`World::strips`]).
+    /// Sees the world at the end of a frame, and adds what it draws ([`Frame::strips`]).
     fn show(&mut self, _world: &mut World) {}
 
     /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what it draws of it.
