@@ -46,7 +46,7 @@ const CASES: [Case; 9] = [
         kind: Kind::Growing,
         ..Case::whole(
             &["render", "scene.toml", "--frames", "2", "--window-scale", "0.02", "-o", "shots"],
-            &["shots/"],
+            &["shots/frame", "shots/contact"],
         )
     },
     Case {
@@ -127,7 +127,8 @@ fn prepare(place: &Path, state: usize) {
     let lift = ["0.01", "0.02"][state];
     let poses = format!("[[pose]]\nname = \"lift\"\ncontrol.high = {{ translation = [0.0, {lift}, 0.0] }}\n");
     std::fs::write(place.join("poses.toml"), poses).unwrap();
-    let block = generate::Block { size: [1.0; 3], cells: [2 + state as u32, 1, 1] };
+    let size = [[1.0, 0.5, 0.5], [0.5, 1.0, 0.5]][state];
+    let block = generate::Block { size, cells: [2 + state as u32, 1, 1] };
     mesh::save(&place.join("part.msh"), &generate::block(&block).unwrap(), None).unwrap();
 }
 
@@ -209,7 +210,9 @@ fn whatever_fails_there_is_no_panic_and_no_mixed_set() {
         succeeded(&place, case.arguments);
         let old = of_set(case, &place, &files(&place));
         prepare(&place, 1);
-        pack(&place);
+        if case.arguments[0] == "pack" {
+            pack(&place);
+        }
         let before = files(&place);
         succeeded(&place, case.arguments);
         let new = of_set(case, &place, &files(&place));
