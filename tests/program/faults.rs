@@ -127,9 +127,15 @@ fn prepare(place: &Path, state: usize) {
     let lift = ["0.01", "0.02"][state];
     let poses = format!("[[pose]]\nname = \"lift\"\ncontrol.high = {{ translation = [0.0, {lift}, 0.0] }}\n");
     std::fs::write(place.join("poses.toml"), poses).unwrap();
-    let size = [[1.0, 0.5, 0.5], [0.5, 1.0, 0.5]][state];
-    let block = generate::Block { size, cells: [2 + state as u32, 1, 1] };
-    mesh::save(&place.join("part.msh"), &generate::block(&block).unwrap(), None).unwrap();
+    let block = generate::Block { size: [1.0; 3], cells: [2 + state as u32, 1, 1] };
+    let mut mesh = generate::block(&block).unwrap();
+    // `new` names its poses after a group.
+    if state == 1
+        && let Some(nodes) = mesh.groups.remove("xmax")
+    {
+        mesh.groups.insert("tip".to_owned(), nodes);
+    }
+    mesh::save(&place.join("part.msh"), &mesh, None).unwrap();
 }
 
 type Files = BTreeMap<PathBuf, Vec<u8>>;
@@ -216,7 +222,13 @@ fn whatever_fails_there_is_no_panic_and_no_mixed_set() {
         let before = files(&place);
         succeeded(&place, case.arguments);
         let new = of_set(case, &place, &files(&place));
-        assert!(!old.is_empty() && old != new, "{}: {:?}", case.name, old.keys());
+        let same = new.iter().find(|(path, bytes)| old.get(*path) == Some(bytes));
+        assert!(
+            !old.is_empty() && same.is_none(),
+            "{}: {:?} hides a mixed set",
+            case.name,
+            same.map(|(path, _)| path)
+        );
         for (kind, some) in KINDS {
             restore(&place, &before);
             let (_, count) = run(&place, case, &shim, (kind, 0));
