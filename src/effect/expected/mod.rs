@@ -167,9 +167,7 @@ fn mesh_errors(
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
 ) -> Vec<(Option<MeshErrors>, Option<[f64; 3]>)> {
-    progress.begin("errors of the mesh", 0);
-    let better = BetterBody::new(scene, &body.name);
-    progress.end();
+    let better = BetterBody::new(scene, &body.name, progress);
     let of_one = |better: &BetterBody, e: usize, left_out: &mut Vec<String>| {
         let found = better.share(&body.solution, e);
         if found.is_none() {
