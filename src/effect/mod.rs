@@ -19,7 +19,7 @@ pub use entry::{EffectEntry, Listed, Precompute};
 use crate::base::failure::Failure;
 use crate::config;
 use crate::deform::ModelEntry;
-use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
+use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor, UPDATES, is_column};
 use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
@@ -85,6 +85,9 @@ pub fn add_sections<'a>(
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
         let tensors = precompute(scene, body, progress)?;
+        if body.requirements.has(UPDATES) && tensors.iter().any(|(tensor, _)| is_column(tensor)) {
+            return Err(GreenError::Updates { body: body.name.clone(), effect: effect.name });
+        }
         body.sections.extend(tensors.into_iter().map(named));
     }
     Ok(())
