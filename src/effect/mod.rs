@@ -12,9 +12,11 @@ pub mod force_curve;
 pub mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
+mod settings;
 pub mod stress;
 
 pub use entry::{EffectEntry, Listed, Precompute};
+pub use settings::settings;
 
 use crate::base::failure::Failure;
 use crate::config;
@@ -162,6 +164,7 @@ mod tests {
         requirements: &[AFFINE],
         needs_energy: false,
         needs_inside: false,
+        check_settings: None,
         precompute: Some(|_, body, _| {
             let fields = &body.solution.fields;
             let mean = |column: usize| {
@@ -220,6 +223,7 @@ mod tests {
         requirements: &[],
         needs_energy: false,
         needs_inside: false,
+        check_settings: None,
         precompute: None,
         attach: Some(|listed, _| {
             let ends = Arc::new(AtomicBool::new(false));

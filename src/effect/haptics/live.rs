@@ -94,6 +94,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: false,
+    check_settings: None,
     precompute: None,
     attach: Some(show_forces),
     start: Some(|listed, world| {
