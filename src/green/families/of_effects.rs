@@ -43,7 +43,7 @@ impl GreenFile {
     }
 
     /// The effects of a body that have columns, and how many each has.
-    pub(in crate::green) fn effects_with_columns(&self, body: &str) -> Vec<(&str, usize)> {
+    pub(crate) fn effects_with_columns(&self, body: &str) -> Vec<(&str, usize)> {
         let sections = self.meta.bodies.get(body).into_iter().flat_map(|meta| meta.requirements.sections());
         let counted = sections.map(|effect| (effect, self.columns_in_section(body, effect)));
         counted.filter(|(_, count)| *count > 0).collect()
@@ -56,7 +56,7 @@ impl GreenFile {
     }
 
     /// Whether the columns of a body's effects are usable numbers.
-    pub(in crate::green) fn check_columns_of_effects(&self, body: &str) -> Result<(), String> {
+    pub(crate) fn check_columns_of_effects(&self, body: &str) -> Result<(), String> {
         let check = |(effect, count)| columns::check(self, body, &names(effect), count);
         self.effects_with_columns(body).into_iter().try_for_each(check)
     }
