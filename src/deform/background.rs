@@ -52,6 +52,9 @@ struct Asked {
     /// From where to go on, whatever was found before, and how often that was set.
     restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
+    /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: the thread rests when it has
+    /// reached one, and what it finds depends on nothing but what was asked.
+    is_awaited: bool,
     ended: bool,
 }
 
@@ -113,6 +116,7 @@ impl Background {
             anew: None,
             restored: None,
             is_felt: false,
+            is_awaited: false,
             ended: false,
         };
         let shared = Arc::new(Shared {
@@ -203,6 +207,12 @@ impl Background {
     /// The body is felt from now on: its stiffness is kept up to date.
     pub fn feel(&self) {
         lock(&self.shared.asked).is_felt = true;
+        self.shared.wake.notify_all();
+    }
+
+    /// Whether every equilibrium is waited for from now on.
+    pub fn be_awaited(&self, is_awaited: bool) {
+        lock(&self.shared.asked).is_awaited = is_awaited;
         self.shared.wake.notify_all();
     }
 
@@ -554,7 +564,7 @@ fn next(shared: &Shared, is_new: bool) -> Next {
             asked.anew = None;
             return Next::Poses(taken);
         }
-        if asked.is_felt && !is_new {
+        if asked.is_felt && !asked.is_awaited && !is_new {
             return Next::Stiffness;
         }
         asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);

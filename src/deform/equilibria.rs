@@ -229,6 +229,7 @@ impl DeformationModel for Equilibria {
     /// It waits for all or for nothing.
     fn be_patient(&mut self, patience: Duration) {
         self.waits = patience == Duration::MAX;
+        self.background.be_awaited(self.waits);
     }
 
     fn feel(&mut self) {
