@@ -52,8 +52,10 @@ struct Asked {
     /// From where to go on, whatever was found before, and how often that was set.
     restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
-    /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: the thread rests when it has
-    /// reached one, and what it finds depends on nothing but what was asked.
+    /// A force loop feels it, between the frames, too.
+    is_in_loop: bool,
+    /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: without a force loop the thread
+    /// rests when it has reached one, and what it finds depends on nothing but what was asked.
     is_awaited: bool,
     ended: bool,
 }
@@ -116,6 +118,7 @@ impl Background {
             anew: None,
             restored: None,
             is_felt: false,
+            is_in_loop: false,
             is_awaited: false,
             ended: false,
         };
@@ -208,6 +211,12 @@ impl Background {
     pub fn feel(&self) {
         lock(&self.shared.asked).is_felt = true;
         self.shared.wake.notify_all();
+    }
+
+    /// The same by a force loop.
+    pub fn feel_in_loop(&self) {
+        lock(&self.shared.asked).is_in_loop = true;
+        self.feel();
     }
 
     /// Whether every equilibrium is waited for from now on.
@@ -564,7 +573,7 @@ fn next(shared: &Shared, is_new: bool) -> Next {
             asked.anew = None;
             return Next::Poses(taken);
         }
-        if asked.is_felt && !asked.is_awaited && !is_new {
+        if asked.is_felt && (asked.is_in_loop || !asked.is_awaited) && !is_new {
             return Next::Stiffness;
         }
         asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);

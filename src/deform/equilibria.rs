@@ -237,7 +237,7 @@ impl DeformationModel for Equilibria {
     }
 
     fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
-        self.background.feel();
+        self.background.feel_in_loop();
         let controls = self.set.len();
         Some(Box::new(Felt { of: Equilibria::new(self.background.clone(), controls) }))
     }
