@@ -13,6 +13,7 @@ mod check;
 mod column_names;
 mod compressed;
 mod control;
+mod dense;
 mod derive;
 mod error;
 mod families;
