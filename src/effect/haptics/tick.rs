@@ -140,7 +140,8 @@ impl Control {
         if let Some(stored) = &mut self.stored {
             *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
         }
-        self.state.strain_energy = energy;
+        // What an effect adds from now on is: nobody's work paid for it, and the observer brakes what comes of it.
+        self.state.strain_energy = energy + self.bodies[held.body].add(grasp.added, &pose);
     }
 
     /// Whether an element is held.
