@@ -7,7 +7,7 @@ use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
+use crate::deform::{Kind, ModelEntry, Statics, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
@@ -140,11 +140,12 @@ fn loads_required(
     model: &ModelEntry,
 ) -> Result<Requirements, Failure> {
     let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-    if !loads && !compliance {
-        return Ok(Requirements::default());
+    if let Some(message) = load_refusal(model, loads, compliance) {
+        return Err(wrong(scene, name, "model", message));
     }
-    if !carries_loads(model) {
-        return Err(wrong(scene, name, "model", load_refusal(model)));
+    if let Kind::Background(_) = model.kind {
+        // Its own family has the forces.
+        return Ok(Requirements::default());
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
         Kept::Inverse => COMPLIANCE,

@@ -13,6 +13,7 @@ mod forged_files;
 mod green_file;
 mod hard_cases;
 mod loads;
+mod loads_in_models;
 mod loads_solved;
 mod memory;
 mod oracles;

@@ -11,7 +11,7 @@ use super::contribution::Contribution;
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
-use super::loads::{Loaded, SharedLoads, carries_loads, refusal};
+use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
 };
@@ -117,8 +117,8 @@ impl Deformer {
         let (nodes, kind) = (meta.surface_nodes, model.kind);
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
         let loads = has_loads.then(SharedLoads::default);
-        if has_loads && !carries_loads(model) {
-            return Err(format!("body.{body}.model: {}", refusal(model)));
+        if let Some(message) = refusal(model, has_loads, meta.compliance_nodes.is_some()) {
+            return Err(format!("body.{body}.model: {message}"));
         }
         let frame = model.frame;
         let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
@@ -427,9 +427,11 @@ fn made(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
+        loads: loads
+            .map(|(shared, _)| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
     };
     let model = make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
-    let Some((shared, frame)) = loads else { return Ok(model) };
+    let Some((shared, frame)) = loads.filter(|(_, frame)| *frame != Frame::Solved) else { return Ok(model) };
     let turns = frame == Frame::MeanMotion;
     let loaded = Loaded::new(file, body, model, turns, controls, shared);
     Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))

@@ -18,4 +18,4 @@ mod points;
 mod work;
 
 pub use applied::{AppliedLoads, PointLoad, Pull, SharedLoads, set};
-pub use loaded::{Loaded, carries_loads, refusal};
+pub use loaded::{Loaded, refusal};

@@ -77,7 +77,8 @@ impl Elastic {
             return Err(format!("the model \"{model}\" is not made from tables"));
         };
         let none = |_| Vec::new();
-        let input = ModelInput { controls, rest: &[], triangles: &[], control_nodes: &none, table };
+        let input =
+            ModelInput { controls, rest: &[], triangles: &[], control_nodes: &none, table, loads: None };
         Elastic::new(make(&input)?, controls)
     }
 
