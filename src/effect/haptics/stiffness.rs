@@ -74,3 +74,65 @@ impl Stiffness {
         self.found.map(|_| true)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::{BodyState, ControlPose, ControlRest, DeformationModel, PoseSlope, Response};
+    use crate::effect::haptics::{Control, Grasp, HoldConstraint, Reading};
+    use nalgebra::{Matrix3, Matrix4, Similarity3, Vector3};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+    /// N/m.
+    const SPRINGS: Vector3<f64> = Vector3::new(900.0, 500.0, 200.0);
+
+    /// A spring along each axis; counts how often it is evaluated.
+    struct Springs(Arc<AtomicUsize>);
+
+    impl DeformationModel for Springs {
+        fn state(&mut self, _poses: &[ControlPose]) -> BodyState {
+            BodyState::at_rest(0)
+        }
+
+        fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+            self.0.fetch_add(1, Relaxed);
+            let moved = poses[0].translation;
+            let force = moved.component_mul(&SPRINGS);
+            slopes[0] = PoseSlope { translation: force, matrix: Matrix3::zeros() };
+            Some(Response { energy: 0.5 * force.dot(&moved), is_defined: true })
+        }
+    }
+
+    /// Each tick evaluated the body thirteen times where the handle had moved: plates were late by ten ticks.
+    #[test]
+    fn a_tick_evaluates_the_body_twice_at_most() {
+        let count = Arc::new(AtomicUsize::new(0));
+        let rest = ControlRest { name: "springs".into(), origin: Vector3::zeros(), nodes: 1 };
+        let body = Elastic::new(Box::new(Springs(count.clone())), &[rest]).unwrap();
+        let mut control = Control::new(Haptic::simulated("counted"), vec![body], 0.0);
+        let held = Held {
+            grip: 1,
+            body: 0,
+            element: 0,
+            room_from_body: Similarity3::identity(),
+            constraint: HoldConstraint::Rigid(Matrix4::identity()),
+        };
+        let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST], ..Grasp::default() };
+        for tick in 0..1000 {
+            let now_s = 1e-3 * f64::from(tick);
+            if tick % 16 == 0 {
+                control.take(&grasp);
+            }
+            count.store(0, Relaxed);
+            let swing = (6.0 * now_s).sin();
+            let at = Isometry3::new(Vector3::new(2e-3, 1e-3, -1e-3) * swing, Vector3::y() * swing);
+            control.tick(Some(&Reading::at(at, now_s)), now_s);
+            assert!(count.load(Relaxed) <= 2, "tick {tick}: {} evaluations", count.load(Relaxed));
+            assert_eq!(control.state.gain > 0.0, tick >= 5, "tick {tick}: no force before all six columns");
+        }
+        // 0.8 · 2 b/T at 1 N·s/m and 1 kHz.
+        let stiffer = control.state.stiffer;
+        assert!((stiffer - SPRINGS.max() / 1600.0).abs() < 1e-6, "{stiffer}");
+    }
+}

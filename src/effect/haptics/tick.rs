@@ -390,8 +390,7 @@ impl Control {
         let bearable = MARGIN * largest_stiffness(1.0, b, self.period_s(), self.age_s());
         self.coupling.suit(stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });
         self.coupled_s = Some(self.lag_s());
-        (self.state.stiffer, self.state.bearable) =
-            (self.coupling.stiffer, bearable * self.haptic.damping);
+        (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * self.haptic.damping);
     }
 
     /// The push reduced to the device's limits, in the same direction.
