@@ -127,10 +127,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         measured.bodies = names.zip(targets.bodies.choices).collect();
         drawn.push(measured);
     }
-    let mut session = open()?;
-    // The script moves it, as often as there is time for.
-    session.input.replay = None;
-    let ticks = beside_frames(session, args)?;
+    let ticks = beside_frames(open()?, args)?;
     let mut tables =
         vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if !ticks.is_empty() {
@@ -151,8 +148,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 /// Ticks of the force loop beside frames of a session: on the bodies that list the effect, or on all where that is asked for.
 fn beside_frames(mut session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
-    let bodies = session.world.bodies.iter();
-    let felt = bodies.filter(|body| args.haptics || any_requires(&body.effects, STIFFNESS));
+    // The script moves it, as often as there is time for.
+    session.input.replay = None;
+    let felt = session.world.bodies.iter().filter(|b| args.haptics || any_requires(&b.effects, STIFFNESS));
     let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
     if subjects.is_empty() {
         return Ok(Vec::new());
