@@ -52,6 +52,11 @@ struct Asked {
     /// From where to go on, whatever was found before, and how often that was set.
     restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
+    /// A force loop feels it, between the frames, too.
+    is_in_loop: bool,
+    /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: without a force loop the thread
+    /// rests when it has reached one, and what it finds depends on nothing but what was asked.
+    is_awaited: bool,
     ended: bool,
 }
 
@@ -113,6 +118,8 @@ impl Background {
             anew: None,
             restored: None,
             is_felt: false,
+            is_in_loop: false,
+            is_awaited: false,
             ended: false,
         };
         let shared = Arc::new(Shared {
@@ -203,6 +210,18 @@ impl Background {
     /// The body is felt from now on: its stiffness is kept up to date.
     pub fn feel(&self) {
         lock(&self.shared.asked).is_felt = true;
+        self.shared.wake.notify_all();
+    }
+
+    /// The same by a force loop.
+    pub fn feel_in_loop(&self) {
+        lock(&self.shared.asked).is_in_loop = true;
+        self.feel();
+    }
+
+    /// Whether every equilibrium is waited for from now on.
+    pub fn be_awaited(&self, is_awaited: bool) {
+        lock(&self.shared.asked).is_awaited = is_awaited;
         self.shared.wake.notify_all();
     }
 
@@ -554,7 +573,7 @@ fn next(shared: &Shared, is_new: bool) -> Next {
             asked.anew = None;
             return Next::Poses(taken);
         }
-        if asked.is_felt && !is_new {
+        if asked.is_felt && (asked.is_in_loop || !asked.is_awaited) && !is_new {
             return Next::Stiffness;
         }
         asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);

@@ -229,6 +229,7 @@ impl DeformationModel for Equilibria {
     /// It waits for all or for nothing.
     fn be_patient(&mut self, patience: Duration) {
         self.waits = patience == Duration::MAX;
+        self.background.be_awaited(self.waits);
     }
 
     fn feel(&mut self) {
@@ -236,7 +237,7 @@ impl DeformationModel for Equilibria {
     }
 
     fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
-        self.background.feel();
+        self.background.feel_in_loop();
         let controls = self.set.len();
         Some(Box::new(Felt { of: Equilibria::new(self.background.clone(), controls) }))
     }

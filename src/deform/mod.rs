@@ -6,6 +6,7 @@
 //! equilibrium found in the background, or by [`Statics`] where every pose is waited for.
 
 mod background;
+mod contribution;
 mod critical;
 mod cubic_form;
 mod deformer;
@@ -52,6 +53,7 @@ mod surface_stress;
 mod trial;
 mod turn;
 
+pub use contribution::{Contribution, ElementPotential, PoseCurvature};
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};

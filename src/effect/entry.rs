@@ -3,7 +3,7 @@
 use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
 use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 
@@ -33,6 +33,8 @@ pub struct EffectEntry {
     pub needs_energy: bool,
     /// Whether it needs the body's inside, which boundary elements do not have.
     pub needs_inside: bool,
+    /// Whether its settings in a body can be used; `None` of an effect without ([`settings`](super::settings())).
+    pub check_settings: Option<fn(&Body) -> Result<(), String>>,
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,

@@ -22,6 +22,7 @@ mod report;
 #[path = "../report_common/mod.rs"]
 mod report_common;
 mod series;
+mod snapshots;
 mod statics;
 mod update_chains;
 mod updates;

@@ -125,6 +125,19 @@ fn what_is_not_there_is_said_in_one_sentence() {
             "effects = [\"gravity\"]",
             "\"gravity\" is no effect but a key: write gravity = … below [body.NAME]",
         ),
+        (
+            "effect.ghost_equilibrium.law = \"stvk\"",
+            "the body does not list this effect: add \"ghost_equilibrium\" to effects",
+        ),
+        ("effects = [\"stress\"]\neffect.stress.most = 1.0", "this effect has no settings"),
+        (
+            "effects = [\"ghost_equilibrium\"]\neffect.ghost_equilibrium.lav = 1",
+            "unknown field `lav`, expected `law`",
+        ),
+        (
+            "effects = [\"ghost_equilibrium\"]\neffect.ghost_equilibrium.law = \"stvc\"",
+            "unknown law \"stvc\"",
+        ),
         ("accuracy = { force = 0.1 }\nmodel = \"linear\"", "model is chosen by it: leave it out"),
         (
             "budget = { file_mb = 1.0 }\nelement = \"tet4\"\nrefine = 0",

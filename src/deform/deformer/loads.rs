@@ -1,6 +1,7 @@
 //! What acts on a body beside its control elements: loads and forces at points of its surface.
 
 use super::Deformer;
+use crate::deform::contribution::Contribution;
 use crate::deform::force::Wrench;
 use crate::deform::frames::PoseSlope;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
@@ -8,6 +9,7 @@ use crate::deform::model::PointResult;
 use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::PoisonError;
 
 type V3 = Vector3<f64>;
@@ -47,6 +49,32 @@ impl Deformer {
         let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));
         self.loads_changed |= changed;
         changed
+    }
+
+    /// Nothing, in the shape of what effects add to this body.
+    pub fn no_contribution(&self) -> Contribution {
+        Contribution::none(self.contribution.coefficients.len(), self.controls.len())
+    }
+
+    /// Where the coefficients of an effect's columns stand in [`Contribution::coefficients`]; empty of an effect without.
+    pub fn coefficients_of(&self, effect: &str) -> Range<usize> {
+        self.file.range_of_effect(&self.body, effect)
+    }
+
+    /// The next evaluation has what effects add. False where that is not finite or of another body: the last one stays.
+    pub fn contribute(&mut self, contribution: &Contribution) -> bool {
+        let (columns, controls) = (self.contribution.coefficients.len(), self.controls.len());
+        if !contribution.suits(columns, controls) || !contribution.is_finite() {
+            return false;
+        }
+        self.contribution_changed |= self.contribution != *contribution;
+        self.contribution.clone_from(contribution);
+        true
+    }
+
+    /// What effects add.
+    pub fn contribution(&self) -> &Contribution {
+        &self.contribution
     }
 
     /// What the forces at single points came to.

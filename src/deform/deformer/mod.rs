@@ -7,6 +7,7 @@ mod loads;
 mod state;
 mod surface;
 
+use super::contribution::Contribution;
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
@@ -68,6 +69,9 @@ pub struct Deformer {
     /// Loads as they are now, where the file has columns or a compliance for them.
     loads: Option<SharedLoads>,
     loads_changed: bool,
+    /// What effects add, and whether that has changed since the last evaluation.
+    contribution: Contribution,
+    contribution_changed: bool,
     /// The energy of the poses and its slopes, where the model has them.
     response: Option<Response>,
     slopes: Vec<PoseSlope>,
@@ -144,6 +148,8 @@ impl Deformer {
             frame,
             loads,
             loads_changed: false,
+            contribution: Contribution::none(file.columns_of_effects(body), controls.len()),
+            contribution_changed: false,
             response: None,
             slopes: vec![PoseSlope::default(); controls.len()],
             state: rest.clone(),
@@ -196,14 +202,17 @@ impl Deformer {
             }
         }
         changed |= std::mem::take(&mut self.loads_changed);
+        changed |= std::mem::take(&mut self.contribution_changed);
         if changed || self.model.has_news() {
             changed = true;
             let version = self.state.field_version;
             self.state = self.model.state(&self.poses);
             self.state.field_version = version + u64::from(self.has_field());
-            self.response = self.model.respond(&self.poses, &mut self.slopes);
+            self.respond();
             // Columns of families that the model does not know.
-            self.state.coefficients.resize(self.sum.columns(), 0.0);
+            let of_effects = &self.contribution.coefficients;
+            self.state.coefficients.resize(self.sum.columns() - of_effects.len(), 0.0);
+            self.state.coefficients.extend(of_effects);
             if let Some(weights) = &self.weights {
                 self.state.parts.resize(weights.parts(), Isometry3::identity());
             }
@@ -367,9 +376,16 @@ impl Deformer {
         self.model.feel();
     }
 
-    /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses.
+    /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses: those of the model and of effects.
     pub fn respond(&mut self) -> Option<Response> {
         self.response = self.model.respond(&self.poses, &mut self.slopes);
+        if let Some(response) = &mut self.response {
+            response.energy += self.contribution.energy;
+            for (slope, more) in self.slopes.iter_mut().zip(&self.contribution.slopes) {
+                slope.translation += more.translation;
+                slope.matrix += more.matrix;
+            }
+        }
         self.response
     }
 

@@ -2,7 +2,7 @@
 
 use super::device::Push;
 use super::elastic::ElasticResponse;
-use crate::deform::{ControlPose, axial};
+use crate::deform::{ControlPose, ElementPotential, axial};
 use crate::interact::Carrying;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -16,6 +16,8 @@ pub struct Grasp {
     pub poses: Vec<ControlPose>,
     /// And the turns by which they came there.
     pub turns: Vec<UnitQuaternion<f64>>,
+    /// What other effects add to the energy of the held element.
+    pub added: Option<ElementPotential>,
     /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
 }

@@ -141,7 +141,8 @@ impl Control {
         if let Some(stored) = &mut self.stored {
             *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
         }
-        self.state.strain_energy = energy;
+        // What an effect adds from now on is: nobody's work paid for it, and the observer brakes what comes of it.
+        self.state.strain_energy = energy + self.bodies[held.body].add(grasp.added, &pose);
     }
 
     /// Whether an element is held.
@@ -291,14 +292,15 @@ impl Control {
             }
         }
         let felt = self.felt.as_ref()?;
-        if self.stiffness.search(haptic, held, felt, body)? {
+        let is_found = self.stiffness.search(haptic, held, felt, body)?;
+        if is_found {
             self.suit();
         }
         self.state.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
-        // A new hold's force grows once the body's stiffness is known, and the hold has come to where it is felt.
-        let is_ready = self.stiffness.found.is_some() && !self.give.is_on_the_way;
+        // A new hold's force grows once the coupling suits the body's stiffness, and the hold has come to where it is felt.
+        let is_ready = self.stiffness.found.is_some() && !is_found && !self.give.is_on_the_way;
         let ramp = if is_ready { dt / RAMP_S } else { 0.0 };
         let gain = (self.state.gain + ramp).min(1.0);
         (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
