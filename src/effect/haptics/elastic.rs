@@ -138,6 +138,14 @@ impl Elastic {
         raised
     }
 
+    /// The same a little beside the held element's pose, which stays.
+    pub fn respond_beside(&mut self, pose: &ControlPose) -> ElasticResponse {
+        let own = self.held_pose();
+        let response = self.respond(pose);
+        self.poses[self.held] = own;
+        response
+    }
+
     /// Remembers the poses of all elements.
     pub fn mark(&mut self) {
         self.marked.copy_from_slice(&self.poses);
