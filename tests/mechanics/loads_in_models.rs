@@ -138,7 +138,8 @@ fn forces_of_a_loaded_body_of_large_strain_are_the_slopes_of_its_energy() {
         online.evaluate(&moved);
         online.wrenches().unwrap()
     };
-    let step = 1e-3;
+    // At 1e-3 m the third derivative of V is felt, at 1.1e-4 of the force.
+    let step = 3e-4;
     for (e, axis) in [(0, 1), (1, 0), (1, 1), (1, 2)] {
         let (forward, back) = (at(&mut online, e, axis, step).1, at(&mut online, e, axis, -step).1);
         let slope = (forward - back) / (2.0 * step);
@@ -181,7 +182,13 @@ fn loads_under_each_model_come_near_the_full_solve() {
                 of.0,
                 1e3 * most
             );
-            assert!(small.is_finite() && all.is_finite() && bent.is_finite());
+            // At rest and under a small load all are one linear theory; only an equilibrium under the same law stays with it.
+            let (most_small, most, most_bent) = match model.name {
+                "stvk" => (1e-3, 1e-3, 1e-3),
+                _ if is_small => (0.1, 2.0, 90.0),
+                _ => (0.1, 5.0, 5.0),
+            };
+            assert!(small < most_small && all < most && bent < most_bent, "{} {}", model.name, of.0);
         }
     }
 }
