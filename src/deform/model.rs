@@ -1,7 +1,7 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
 use super::frames::PoseSlope;
-use super::loads::SharedLoads;
+use super::loads::applied::SharedLoads;
 use super::memory::ModelMemory;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;

@@ -3,7 +3,7 @@
 //! In: the loads of a frame or of a pose, and the nodes of its mesh. Out: a coefficient for each column of the loads, and forces at
 //! single nodes.
 
-use super::loads::{AppliedLoads, Pull};
+use super::loads::applied::{AppliedLoads, Pull};
 use crate::field::numbers::Numbers;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

@@ -52,7 +52,7 @@ pub trait RunningEffect {
 
     /// Adds to what the bodies' shapes, energies and forces are made of in this frame, whose hands and poses are known; a replay
     /// asks, too. The bodies are as they were shaped in the frame before. Effects act one after the other, in the order of
-    /// [`EFFECTS`](crate::effect::EFFECTS).
+    /// the program's table of effects.
     fn act(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
 
     /// Sees the world at the end of a frame, and adds what it draws ([`Frame::strips`]).
