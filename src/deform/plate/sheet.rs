@@ -8,24 +8,30 @@
 //! that the last step was to lead to, σ + C B δq, which has no such part; both agree in equilibrium (Magisano, Leonetti and
 //! Garcea, CMAME 313, 2017, 986-1005). Where that does not converge, energy is led down with the true Hessian, shifted until
 //! it is positive definite; a state that is stationary but not stable is left along its mode. Near an equilibrium that was
-//! found so, its factor serves on, and an iteration costs a gradient.
+//! found so, its factor serves on, and an iteration costs a gradient. Where small steps lead on, the next factor is made a part
+//! at a time beside them, so that none of them takes long.
 
 use super::super::frames::PoseSlope;
 use super::super::memory::{ModelMemory, Unknowns};
-use super::band::Band;
+use super::band::{Band, dot};
 use super::point::{Block, Grip, Hold, Point};
 use super::spline::Grid;
 use nalgebra::{Matrix3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
 const CONVERGED: f64 = 1e-9;
-/// The same with the factor of an earlier state, where each iteration wins so much less than the one before.
+/// The same of the next iteration with the factor of an earlier state, where each wins at most so much of the one before.
 const COASTED: f64 = 1e-14;
-const COASTS: f64 = 0.05;
-/// It serves until a control element has turned by more, rad, or moved by more than this part of the thickness: before that, a
-/// loss of stability is not seen.
+const COASTS: f64 = 0.1;
+/// Equilibria are near where no control element turns by more, rad, or moves by more than this part of the thickness: in
+/// between, a loss of stability is not seen.
 const NEAR_TURN: f64 = 0.02;
 const NEAR_MOVE: f64 = 0.05;
+/// So far from that of its factor, in parts of this, the next one is begun; so far the old one serves meanwhile.
+const BEGIN: f64 = 0.25;
+const REACH: f64 = 2.0;
+/// Steps in which the Hessian of the next one is made.
+const PARTS: usize = 6;
 /// Iterations with an earlier factor, at full length, and along the energy's way down.
 const CHEAP: usize = 6;
 const FAST: usize = 16;
@@ -49,14 +55,37 @@ pub struct Sheet {
     /// The holds of the equilibrium that the factor is of; the state a last iteration before it, and the stress, of which it
     /// was made; and whether it has yet to be made of them.
     factored: Vec<Hold>,
+    /// The holds of the equilibrium in which it stands, where it is one.
+    settled: Vec<Hold>,
     factored_q: Vec<Vector3<f64>>,
     factored_stress: Vec<[[f64; 3]; 2]>,
+    /// Whether it was made with stresses that a step led to, and …
+    is_led: bool,
     is_awaited: bool,
+    next: Next,
+    pairs: Vec<Pair>,
     trial: Vec<Vector3<f64>>,
     kept: Vec<Vector3<f64>>,
     /// The largest distance of a control point from the first, and the mean thickness, m.
     pub size: f64,
     pub thickness: f64,
+}
+
+/// The factor that is made beside the steps.
+#[derive(Clone, Default)]
+struct Next {
+    /// The equilibrium that it is of.
+    holds: Vec<Hold>,
+    q: Vec<Vector3<f64>>,
+    /// Parts of its Hessian that are made; `None` where none is begun.
+    parts: Option<usize>,
+}
+
+/// A step and what it changed of the gradient.
+#[derive(Clone)]
+struct Pair {
+    step: Vec<f64>,
+    change: Vec<f64>,
 }
 
 /// How the shell stands.
@@ -99,8 +128,12 @@ impl Sheet {
             hessian: band.clone(),
             factor: band,
             factored: Vec::new(),
+            settled: Vec::new(),
             factored_q: rest.clone(),
+            is_led: false,
             is_awaited: false,
+            next: Next { q: rest.clone(), ..Next::default() },
+            pairs: vec![Pair { step: vec![0.0; unknowns], change: vec![0.0; unknowns] }; CHEAP],
             trial: rest.clone(),
             kept: rest.clone(),
             rest,
@@ -111,16 +144,16 @@ impl Sheet {
 
     /// Back to rest.
     pub fn reset(&mut self) {
-        self.factored.clear();
-        self.is_awaited = false;
+        self.drop_factor();
+        self.settled.clear();
         self.q.clone_from_slice(&self.rest);
         self.relax();
     }
 
     /// Another state.
     pub fn put(&mut self, q: &[Vector3<f64>]) {
-        self.factored.clear();
-        self.is_awaited = false;
+        self.drop_factor();
+        self.settled.clear();
         self.q.clone_from_slice(q);
         self.relax();
     }
@@ -151,60 +184,104 @@ impl Sheet {
     pub fn settle(&mut self, holds: &[Hold]) -> Option<Standing> {
         self.kept.clone_from_slice(&self.q);
         let (mut iterations, mut buckled) = (0, false);
-        if self.is_near(holds) && self.factor_again().is_some() {
-            if let Some(energy) = self.coast(holds, &mut iterations) {
-                return Some(Standing { energy, iterations, buckled });
-            }
+        let mut energy = self.settle_near(holds, &mut iterations);
+        if energy.is_none() {
             self.q.clone_from_slice(&self.kept);
+            energy = self.settle_beside(holds, &mut iterations);
         }
-        self.factored.clear();
-        self.is_awaited = false;
+        if energy.is_none() {
+            self.q.clone_from_slice(&self.kept);
+            energy = self.settle_far(holds, &mut iterations, &mut buckled);
+        }
+        self.settled.clear();
+        if energy.is_some() {
+            self.settled.extend_from_slice(holds);
+        } else {
+            self.q.clone_from_slice(&self.kept);
+            self.relax();
+        }
+        energy.map(|energy| Standing { energy, iterations, buckled })
+    }
+
+    /// The energy in an equilibrium near that of the factor.
+    fn settle_near(&mut self, holds: &[Hold], iterations: &mut usize) -> Option<f64> {
+        if !self.is_near(&self.factored, holds, if self.next.parts.is_some() { REACH } else { 1.0 }) {
+            return None;
+        }
+        self.factor_again()?;
+        let energy = self.coast(holds, iterations)?;
+        self.make_next(holds);
+        Some(energy)
+    }
+
+    /// The energy in an equilibrium near the last one, with the factor of that.
+    fn settle_beside(&mut self, holds: &[Hold], iterations: &mut usize) -> Option<f64> {
+        if !self.is_near(&self.settled, holds, 1.0) {
+            return None;
+        }
+        self.drop_factor();
+        let settled = std::mem::take(&mut self.settled);
+        self.assemble(&settled, Geometric::Own)?;
+        self.take_factor(&settled)?;
+        self.factored_q.clone_from_slice(&self.q);
+        self.coast(holds, iterations)
+    }
+
+    /// The energy in an equilibrium at any distance.
+    fn settle_far(&mut self, holds: &[Hold], iterations: &mut usize, buckled: &mut bool) -> Option<f64> {
+        self.drop_factor();
         self.relax();
-        if let Some((energy, is_stable)) = self.newton(holds, &mut iterations) {
+        if let Some((energy, is_stable)) = self.newton(holds, iterations) {
             if is_stable {
                 self.factored.extend_from_slice(holds);
-                return Some(Standing { energy, iterations, buckled });
+                self.is_led = true;
+                return Some(energy);
             }
         } else {
             self.q.clone_from_slice(&self.kept);
         }
-        let found = self.descend(holds, &mut iterations, &mut buckled);
-        if found.is_none() {
-            self.q.clone_from_slice(&self.kept);
-            self.relax();
-        }
-        found.map(|energy| Standing { energy, iterations, buckled })
+        self.descend(holds, iterations, buckled)
     }
 
     /// How many numbers [`Sheet::keep`] adds for so many control elements.
     pub fn kept(&self, controls: usize) -> usize {
-        1 + 12 * controls + 6 * self.q.len() + 6 * self.points.len()
+        5 + 36 * controls + 9 * self.q.len() + 6 * self.points.len()
     }
 
     /// Adds the state, and where the factor was made.
     pub fn keep(&self, controls: usize, memory: &mut ModelMemory) {
-        memory.unknowns.push(f64::from(u8::from(!self.factored.is_empty())));
         let nowhere = Hold { place: Vector3::zeros(), matrix: Matrix3::zeros() };
-        for hold in self.factored.iter().chain(std::iter::repeat(&nowhere)).take(controls) {
-            memory.put(&hold.place);
-            memory.put(&hold.matrix);
+        for holds in [&self.factored, &self.settled, &self.next.holds] {
+            memory.unknowns.push(f64::from(u8::from(!holds.is_empty())));
+            for hold in holds.iter().chain(std::iter::repeat(&nowhere)).take(controls) {
+                memory.put(&hold.place);
+                memory.put(&hold.matrix);
+            }
         }
-        memory.unknowns.extend(self.q.iter().chain(&self.factored_q).flat_map(|q| [q.x, q.y, q.z]));
+        memory.unknowns.push(f64::from(u8::from(self.is_led)));
+        memory.unknowns.push(self.next.parts.map_or(-1.0, |parts| parts as f64));
+        let places = self.q.iter().chain(&self.factored_q).chain(&self.next.q);
+        memory.unknowns.extend(places.flat_map(|q| [q.x, q.y, q.z]));
         memory.unknowns.extend(self.factored_stress.as_flattened().as_flattened());
     }
 
     /// Takes back what [`Sheet::keep`] added; the factor is made where it is needed.
     pub fn take_back(&mut self, controls: usize, unknowns: &mut Unknowns<'_>) {
-        let is_factored = unknowns.take::<f64>() == 1.0;
-        self.factored.clear();
-        self.factored.extend((0..controls).map(|_| Hold { place: unknowns.take(), matrix: unknowns.take() }));
-        if !is_factored {
-            self.factored.clear();
+        for holds in [&mut self.factored, &mut self.settled, &mut self.next.holds] {
+            let is_known = unknowns.take::<f64>() == 1.0;
+            holds.clear();
+            holds.extend((0..controls).map(|_| Hold { place: unknowns.take(), matrix: unknowns.take() }));
+            if !is_known {
+                holds.clear();
+            }
         }
-        self.is_awaited = is_factored;
-        for q in self.q.iter_mut().chain(&mut self.factored_q) {
+        self.is_awaited = !self.factored.is_empty();
+        self.is_led = unknowns.take::<f64>() == 1.0;
+        let parts = unknowns.take::<f64>();
+        for q in self.q.iter_mut().chain(&mut self.factored_q).chain(&mut self.next.q) {
             *q = unknowns.take();
         }
+        self.next.parts = (parts > 0.0).then_some((parts as usize).min(PARTS));
         unknowns.fill(self.factored_stress.as_flattened_mut().as_flattened_mut());
     }
 
@@ -214,38 +291,106 @@ impl Sheet {
             let holds = std::mem::take(&mut self.factored);
             self.q.clone_from_slice(&self.factored_q);
             self.stress.clone_from_slice(&self.factored_stress);
-            let made = self.assemble(&holds, Geometric::Led).and_then(|_| self.factorise());
+            let geometric = if self.is_led { Geometric::Led } else { Geometric::Own };
+            let made = self.assemble(&holds, geometric).and_then(|_| self.factorise());
             self.q.clone_from_slice(&self.kept);
             self.factored = holds;
             made?;
             self.is_awaited = false;
+            if let Some(parts) = self.next.parts {
+                self.begin_next(parts);
+            }
         }
         Some(())
     }
 
-    fn is_near(&self, holds: &[Hold]) -> bool {
-        let near = |(from, to): (&Hold, &Hold)| {
-            (to.matrix - from.matrix).amax() < NEAR_TURN
-                && (to.place - from.place).amax() < NEAR_MOVE * self.thickness
-        };
-        self.factored.len() == holds.len() && self.factored.iter().zip(holds).all(near)
+    /// Makes one more part of the next factor where the way from that of the present one is long enough.
+    fn make_next(&mut self, holds: &[Hold]) {
+        match self.next.parts {
+            None if self.is_near(&self.factored, holds, BEGIN) => {}
+            None => {
+                self.next.holds.clear();
+                self.next.holds.extend_from_slice(holds);
+                self.next.q.clone_from_slice(&self.q);
+                self.begin_next(1);
+            }
+            Some(PARTS) => {
+                let Next { holds, q, .. } = std::mem::take(&mut self.next);
+                self.drop_factor();
+                if self.take_factor(&holds).is_some() {
+                    self.factored_q.clone_from_slice(&q);
+                }
+                self.next = Next { holds, q, parts: None };
+            }
+            Some(part) => self.make_part(part),
+        }
     }
 
-    /// Iterations with the last factor: the energy.
+    /// So many parts of the next factor's Hessian.
+    fn begin_next(&mut self, parts: usize) {
+        self.hessian.clear();
+        (0..parts).for_each(|part| self.make_part(part));
+    }
+
+    fn make_part(&mut self, part: usize) {
+        let Sheet { points, grips, hessian, next: Next { holds, q, parts }, .. } = self;
+        let made = add_part(part, points, None, q, hessian);
+        let held = if part + 1 == PARTS { add_grips(grips, holds, q, hessian) } else { Some(()) };
+        *parts = made.and(held).map(|()| part + 1);
+    }
+
+    /// Factorises the Hessian, which is that of an equilibrium with own stresses; `None` where that is not stable.
+    fn take_factor(&mut self, holds: &[Hold]) -> Option<()> {
+        if self.factorise()? > 0.0 {
+            return None;
+        }
+        self.factored.extend_from_slice(holds);
+        self.is_led = false;
+        Some(())
+    }
+
+    fn drop_factor(&mut self) {
+        self.factored.clear();
+        self.is_awaited = false;
+        self.next.parts = None;
+    }
+
+    /// Whether no control element goes farther than so many times what counts as near.
+    fn is_near(&self, from: &[Hold], holds: &[Hold], reach: f64) -> bool {
+        let near = |(from, to): (&Hold, &Hold)| {
+            (to.matrix - from.matrix).amax() < reach * NEAR_TURN
+                && (to.place - from.place).amax() < reach * NEAR_MOVE * self.thickness
+        };
+        from.len() == holds.len() && from.iter().zip(holds).all(near)
+    }
+
+    /// Iterations with the last factor: the energy. What each step did to the slopes mends the factor for the next ones (BFGS in
+    /// the form of Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 7.4).
     fn coast(&mut self, holds: &[Hold], iterations: &mut usize) -> Option<f64> {
         let mut before = f64::INFINITY;
-        for _ in 0..CHEAP {
+        for pair in 0..CHEAP {
             *iterations += 1;
             let energy = self.slope(holds)?;
-            let gain = self.solve();
+            if let Some(last) = pair.checked_sub(1) {
+                for (change, now) in self.pairs[last].change.iter_mut().zip(&self.gradient) {
+                    *change += now;
+                }
+            }
+            let gain = self.solve_mended(pair);
             if gain.is_nan() || gain > COASTS * before {
                 return None;
             }
-            before = gain;
             self.go(1.0);
             self.q.clone_from_slice(&self.trial);
-            if gain <= COASTED * energy.abs().max(self.least_energy()) {
+            let left = if pair == 0 { gain } else { gain * (gain / before) };
+            if left <= COASTED * energy.abs().max(self.least_energy()) {
                 return Some(energy - 0.5 * gain);
+            }
+            before = gain;
+            let own = &mut self.pairs[pair];
+            own.step.copy_from_slice(&self.step);
+            for (change, slope) in own.change.iter_mut().zip(&self.gradient) {
+                *change = -slope;
             }
         }
         None
@@ -335,26 +480,13 @@ impl Sheet {
     /// Energy, gradient and Hessian; `None` where the surface has lost its tangent plane.
     fn assemble(&mut self, holds: &[Hold], geometric: Geometric) -> Option<f64> {
         let energy = self.slope(holds)?;
-        let Sheet { q, hessian, .. } = self;
+        let Sheet { points, grips, stress, q, hessian, .. } = self;
+        let led = (geometric == Geometric::Led).then_some(stress.as_slice());
         hessian.clear();
-        let (mut block, mut nodes) = (Block::ZERO, None);
-        for (point, led) in self.points.iter().zip(&self.stress) {
-            // Points of a cell stand one after the other.
-            if let Some(cell) = nodes.replace(point.nodes).filter(|cell| *cell != point.nodes) {
-                block.spill(&cell, hessian);
-            }
-            let local = point.local(q)?;
-            match geometric {
-                Geometric::Led => point.add_hessian(&local, led, &mut block),
-                Geometric::Own => point.add_hessian(&local, &point.stress(&local.strain), &mut block),
-            }
+        for part in 0..PARTS {
+            add_part(part, points, led, q, hessian)?;
         }
-        if let Some(cell) = nodes {
-            block.spill(&cell, hessian);
-        }
-        for grip in &self.grips {
-            grip.add_hessian(&grip.pulled(q, holds.get(grip.control)?), hessian);
-        }
+        add_grips(grips, holds, q, hessian)?;
         Some(energy)
     }
 
@@ -413,6 +545,25 @@ impl Sheet {
         -self.step.iter().zip(&self.gradient).map(|(step, slope)| step * slope).sum::<f64>()
     }
 
+    /// [`Sheet::solve`] with a factor that so many pairs have mended.
+    fn solve_mended(&mut self, count: usize) -> f64 {
+        let Sheet { pairs, step, gradient, factor, .. } = self;
+        for (step, slope) in step.iter_mut().zip(&*gradient) {
+            *step = -slope;
+        }
+        let mut shares = [0.0; CHEAP];
+        for (share, pair) in shares.iter_mut().zip(&*pairs).take(count).rev() {
+            *share = dot(&pair.step, step) / dot(&pair.step, &pair.change);
+            add(step, -*share, &pair.change);
+        }
+        factor.solve(step);
+        for (share, pair) in shares.iter().zip(&*pairs).take(count) {
+            let back = dot(&pair.change, step) / dot(&pair.step, &pair.change);
+            add(step, share - back, &pair.step);
+        }
+        -dot(step, gradient)
+    }
+
     fn largest_step(&self) -> f64 {
         self.step.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
     }
@@ -464,13 +615,51 @@ impl Sheet {
     }
 }
 
+/// Adds the Hessian of one of [`PARTS`] parts of the points, with their own stress where none is led to. The parts are always the
+/// same, and so are the bits of the sum.
+fn add_part(
+    part: usize,
+    points: &[Point],
+    led: Option<&[[[f64; 3]; 2]]>,
+    q: &[Vector3<f64>],
+    hessian: &mut Band,
+) -> Option<()> {
+    let size = points.len().div_ceil(PARTS).max(1);
+    let (mut block, mut nodes) = (Block::ZERO, None);
+    for (at, point) in points.iter().enumerate().skip(part * size).take(size) {
+        // Points of a cell stand one after the other.
+        if let Some(cell) = nodes.replace(point.nodes).filter(|cell| *cell != point.nodes) {
+            block.spill(&cell, hessian);
+        }
+        let local = point.local(q)?;
+        let stress = led.map_or_else(|| point.stress(&local.strain), |led| led[at]);
+        point.add_hessian(&local, &stress, &mut block);
+    }
+    if let Some(cell) = nodes {
+        block.spill(&cell, hessian);
+    }
+    Some(())
+}
+
+/// x += share · y.
+fn add(x: &mut [f64], share: f64, y: &[f64]) {
+    x.iter_mut().zip(y).for_each(|(x, y)| *x += share * y);
+}
+
+fn add_grips(grips: &[Grip], holds: &[Hold], q: &[Vector3<f64>], hessian: &mut Band) -> Option<()> {
+    for grip in grips {
+        grip.add_hessian(&grip.pulled(q, holds.get(grip.control)?), hessian);
+    }
+    Some(())
+}
+
 #[cfg(test)]
 impl Sheet {
     /// V, its derivative along d, and Hd·d, at the present state.
     pub fn along(&mut self, holds: &[Hold], d: &[Vector3<f64>]) -> Option<[f64; 3]> {
         let energy = self.assemble(holds, Geometric::Own)?;
         let flat: Vec<f64> = d.iter().flat_map(|d| [d.x, d.y, d.z]).collect();
-        let dot = |a: &[f64]| a.iter().zip(&flat).map(|(a, d)| a * d).sum::<f64>();
-        Some([energy, dot(&self.gradient), dot(&self.hessian.times(&flat))])
+        let along = |a: &[f64]| a.iter().zip(&flat).map(|(a, d)| a * d).sum::<f64>();
+        Some([energy, along(&self.gradient), along(&self.hessian.times(&flat))])
     }
 }
