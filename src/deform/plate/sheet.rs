@@ -22,7 +22,9 @@ use nalgebra::{Matrix3, Vector3};
 const CONVERGED: f64 = 1e-9;
 /// The same of the next iteration with the factor of an earlier state, where each wins at most so much of the one before.
 const COASTED: f64 = 1e-14;
-const COASTS: f64 = 0.1;
+const COASTS: f64 = 0.5;
+/// So many times the energy that counts as none: below this part of it, rounding errors of thin shells begin.
+const ROUNDED: f64 = 1e3;
 /// Equilibria are near where no control element turns by more, rad, or moves by more than this part of the thickness: in
 /// between, a loss of stability is not seen.
 const NEAR_TURN: f64 = 0.02;
@@ -33,7 +35,7 @@ const REACH: f64 = 2.0;
 /// Steps in which the Hessian of the next one is made.
 const PARTS: usize = 6;
 /// Iterations with an earlier factor, at full length, and along the energy's way down.
-const CHEAP: usize = 6;
+const CHEAP: usize = 12;
 const FAST: usize = 16;
 const SAFE: usize = 80;
 
@@ -383,7 +385,7 @@ impl Sheet {
             self.go(1.0);
             self.q.clone_from_slice(&self.trial);
             let left = if pair == 0 { gain } else { gain * (gain / before) };
-            if left <= COASTED * energy.abs().max(self.least_energy()) {
+            if left <= COASTED * energy.abs().max(ROUNDED * self.least_energy()) {
                 return Some(energy - 0.5 * gain);
             }
             before = gain;

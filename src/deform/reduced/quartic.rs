@@ -100,26 +100,7 @@ impl Quartic {
         let n = active;
         self.sums[..triangle(n)].fill(0.0);
         second[..n * n].fill(0.0);
-        for d in 0..n {
-            for c in 0..=d {
-                let start = self.shape.at([0, 0, c, d]);
-                let own = &self.coefficients[start..start + triangle(c + 1)];
-                add::<false>(&mut self.sums[..own.len()], z[c] * z[d], own);
-                // r_i = ∂/∂z_i of Σ w_abcd z_a z_b.
-                let row = &mut row[..=c];
-                row.fill(0.0);
-                let mut at = 0;
-                for b in 0..=c {
-                    let run = &own[at..=at + b];
-                    row[b] += dot::<false>(run, &z[..=b]);
-                    add::<false>(&mut row[..=b], z[b], run);
-                    at += b + 1;
-                }
-                second[d * n + c] += 0.5 * dot::<false>(row, &z[..=c]);
-                add::<false>(&mut second[d * n..=d * n + c], z[c], row);
-                add::<false>(&mut second[c * n..=c * n + c], z[d], row);
-            }
-        }
+        lanes::run(Second { quartic: self, z: &z[..n], row, second });
         let mut at = 0;
         for b in 0..n {
             for a in 0..=b {
@@ -146,15 +127,53 @@ struct Triangles<'a> {
 impl Kernel for Triangles<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Quartic { shape, coefficients, products, sums } = self.quartic;
+        let Quartic { coefficients, products, sums, .. } = self.quartic;
+        let mut start = 0;
         for d in 0..self.z.len() {
             for c in 0..=d {
-                let start = shape.at([0, 0, c, d]);
                 let own = &coefficients[start..start + triangle(c + 1)];
+                start += own.len();
                 let sum = dot::<FUSED>(own, &products[..own.len()]);
                 self.slopes[d] += sum * self.z[c];
                 self.slopes[c] += sum * self.z[d];
                 add::<FUSED>(&mut sums[..own.len()], self.z[c] * self.z[d], own);
+            }
+        }
+    }
+}
+
+/// X, and the part of the second derivatives that D and its slopes give.
+struct Second<'a> {
+    quartic: &'a mut Quartic,
+    z: &'a [f64],
+    row: &'a mut [f64],
+    second: &'a mut [f64],
+}
+
+impl Kernel for Second<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Quartic { coefficients, sums, .. } = self.quartic;
+        let (z, second, n) = (self.z, self.second, self.z.len());
+        let mut start = 0;
+        for d in 0..n {
+            for c in 0..=d {
+                let own = &coefficients[start..start + triangle(c + 1)];
+                start += own.len();
+                add::<FUSED>(&mut sums[..own.len()], z[c] * z[d], own);
+                // r_i = ∂/∂z_i of Σ w_abcd z_a z_b.
+                let row = &mut self.row[..=c];
+                row.fill(0.0);
+                let mut at = 0;
+                for b in 0..=c {
+                    let run = &own[at..=at + b];
+                    row[b] += dot::<FUSED>(run, &z[..=b]);
+                    add::<FUSED>(&mut row[..=b], z[b], run);
+                    at += b + 1;
+                }
+                second[d * n + c] += 0.5 * dot::<FUSED>(row, &z[..=c]);
+                add::<FUSED>(&mut second[d * n..=d * n + c], z[c], row);
+                add::<FUSED>(&mut second[c * n..=c * n + c], z[d], row);
             }
         }
     }
