@@ -84,11 +84,7 @@ impl Forecast {
     /// Refused where the body's method surely needs more memory than this machine has, with what would fit.
     pub fn fits(&self, solver: &Solver) -> Result<(), String> {
         let direct = self.memory[0] - self.pcg_memory;
-        let need = match solver.method.name {
-            "cholesky" => self.memory[0],
-            "mixed" => self.pcg_memory + 0.5 * direct,
-            _ => self.pcg_memory,
-        };
+        let need = self.pcg_memory + direct * solver.method.factor_number as f64 / size_of::<f64>() as f64;
         let refused = match machine::fits("precomputing", need, 0.0) {
             Ok(()) => return Ok(()),
             Err(refused) => refused,

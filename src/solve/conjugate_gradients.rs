@@ -48,6 +48,8 @@ pub struct Batch<'a> {
     workspace: Workspace,
     spectrum: Spectrum,
     iterations: usize,
+    /// The column for which the iteration was given up, its relative residual, and the iterations that it would take.
+    slow: Option<(usize, f64, f64)>,
     /// True residuals ‖b - A x‖₂ / ‖b‖₂.
     relative: Vec<f64>,
 }
@@ -60,7 +62,13 @@ struct Run<'a> {
     most: usize,
     /// The column whose spectrum is taken; that with the most to do, if none is named.
     watched: Option<usize>,
+    /// Whether it ends as soon as it foresees more iterations than `most`.
+    foresees: bool,
 }
+
+/// Iterations before any foresight, and in parts of the most that there may be.
+const SIGHT: usize = 5;
+const SIGHT_PART: usize = 50;
 
 impl<'a> Batch<'a> {
     /// x = 0.
@@ -78,6 +86,7 @@ impl<'a> Batch<'a> {
             workspace: system.multigrid.workspace(padded(columns.len())),
             spectrum: Spectrum::default(),
             iterations: 0,
+            slow: None,
             relative: Vec::new(),
             columns,
         }
@@ -105,12 +114,16 @@ impl<'a> Batch<'a> {
         let norms = self.r.norms();
         let mut before = f64::INFINITY;
         for _ in 0..=RESTARTS {
-            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None };
+            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None, foresees: true };
             self.iterations += self.iterate(&run, &mut |worst| {
                 let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
                 progress.advance(way.saturating_sub(done));
                 done = done.max(way);
             });
+            if let Some((number, residual, expected)) = self.slow {
+                let (column, iterations) = (self.columns.start + number, self.iterations);
+                return Err(SolveError::Slow { column, residual, limit: tolerance, iterations, expected });
+            }
             self.system.a.multiply(&self.x, &mut self.q);
             take(self.b, &self.columns, &mut self.r);
             self.r.data.par_iter_mut().zip(&self.q.data).with_min_len(4096).for_each(|(r, q)| *r -= q);
@@ -181,7 +194,7 @@ impl<'a> Batch<'a> {
             parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         self.x.data.fill(0.0);
         let most = self.system.max_iterations;
-        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched) }, &mut |_| {});
+        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched), foresees: false }, &mut |_| {});
         let known = self.energies();
         let left = self.r.norms();
         let unknown = self.preconditioned_squares(&left);
@@ -269,6 +282,15 @@ impl<'a> Batch<'a> {
             told(relative.iter().copied().fold(0.0, f64::max));
             if !active.contains(&true) || iteration == run.most {
                 break;
+            }
+            if run.foresees && iteration >= SIGHT.max(run.most / SIGHT_PART) {
+                let column = (0..m).fold(0, |worst, c| if relative[c] > relative[worst] { c } else { worst });
+                let rate = -relative[column].ln() / iteration as f64;
+                let expected = if rate > 0.0 { -(0.5 * run.tolerance).ln() / rate } else { f64::INFINITY };
+                if expected > run.most as f64 {
+                    self.slow = Some((column, relative[column], expected));
+                    break;
+                }
             }
             self.precondition(&norms);
             let (rz, qz) = self.dots_with_z(&norms);

@@ -2,16 +2,19 @@
 //!
 //! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
 //! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end; then the
-//! factor is made in f64, and the user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
+//! factor is made in f64, and the user is told: by an estimate before there is one in f32, or as soon as the iteration would
+//! take longer than a factor in f64. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
 
 use super::cholesky::Cholesky;
 use super::error::SolveError;
-use super::llt::{Analysis, Llt};
+use super::analysis::{Analysis, least_seconds};
+use super::llt::Llt;
 use super::refinement::{conditioning, refined};
+use super::softness::condition;
 use super::solver::{Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, spread, strips};
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 pub const MIXED: Method = Method {
@@ -21,12 +24,28 @@ pub const MIXED: Method = Method {
     bounds_error: true,
     remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
              check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",
-    analyse: |_, a, progress| Ok(Box::new(Direct { analysis: Analysis::new(a, progress)? })),
+    factor_number: size_of::<f32>(),
+    least_seconds: Some(least_seconds::<f32>),
+    analyse: |asked| {
+        let analysis = asked.pattern.of(asked.a, asked.progress)?;
+        let iterations = condition(asked.a).map_or(USUAL, expected);
+        Ok(Box::new(Direct { analysis, iterations }))
+    },
 };
+
+/// Error of a factor in f32 over κ of the matrix: some units of roundoff.
+const ROUNDING: f64 = 6e-8;
+
+/// Iterations to [`TOLERANCE`] with a factor in f32 of a matrix with this condition, each of which leaves κ times the roundoff
+/// of the residual; infinitely many where that is no small part.
+fn expected(condition: f64) -> f64 {
+    let left = ROUNDING * condition;
+    if left < 0.5 { (TOLERANCE.ln() / left.ln()).max(USUAL) } else { f64::INFINITY }
+}
 
 /// Iterations after which the factor is called too inexact, and those that are usual.
 const MOST: usize = 25;
-const USUAL: usize = 3;
+const USUAL: f64 = 3.0;
 /// Relative residual to which the recurrence goes, …
 const TOLERANCE: f64 = 5e-13;
 /// … and of what it lost by rounding, and of the solves of the estimates.
@@ -34,9 +53,14 @@ const CORRECTION: f64 = 1e-3;
 /// … and of columns of the inverse at chosen nodes, which are kept as f32.
 const COLUMN: f64 = 1e-10;
 
+const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
+                               factor is made in f64.";
+
 /// All matrices of one graph.
 struct Direct {
-    analysis: Analysis,
+    analysis: Arc<Analysis>,
+    /// To be expected.
+    iterations: f64,
 }
 
 impl LinearSolver for Direct {
@@ -45,7 +69,11 @@ impl LinearSolver for Direct {
     }
 
     fn seconds(&self, _: &StiffnessMatrix, columns: usize) -> f64 {
-        self.analysis.seconds::<f32>(columns * (USUAL + 1))
+        let iterations = self.iterations + 1.0;
+        if iterations > MOST as f64 {
+            return f64::INFINITY;
+        }
+        self.analysis.seconds::<f32>((columns as f64 * iterations) as usize)
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -57,13 +85,14 @@ impl LinearSolver for Direct {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        if self.iterations > MOST as f64 {
+            progress.tell(ILL_CONDITIONED);
+            return Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?));
+        }
         match Llt::new(a, &self.analysis, progress) {
             Ok(llt) => Ok(Box::new(Mixed { a, analysis: &self.analysis, llt, exact: OnceLock::new() })),
             Err(SolveError::NotPositiveDefinite { .. }) => {
-                progress.tell(
-                    "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
-                     factor is made in f64.",
-                );
+                progress.tell(ILL_CONDITIONED);
                 Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?))
             }
             Err(error) => Err(error),
@@ -104,7 +133,9 @@ impl Mixed<'_> {
             if !is_active.contains(&true) {
                 return Ok(Ok((x, iteration)));
             }
-            if norms.iter().any(|norm| !norm.is_finite()) {
+            if iteration > 0 && self.exact_takes(columns) < self.takes(columns, iteration, &norms, &goal, tolerance)
+                || norms.iter().any(|norm| !norm.is_finite())
+            {
                 break;
             }
             let z = self.llt.substitute(&r, &Silent)?;
@@ -122,6 +153,20 @@ impl Mixed<'_> {
             combine(&mut r, &vec![1.0; columns], &ap, &minus);
         }
         Ok(Err(Stagnant))
+    }
+
+    /// Seconds that the iterations still take, by what so many left of the residuals.
+    fn takes(&self, columns: usize, iterations: usize, norms: &[f64], goal: &[f64], tolerance: f64) -> f64 {
+        let left = norms.iter().zip(goal).map(|(norm, goal)| norm / goal);
+        let worst = left.fold(1.0, |worst: f64, left| if left > worst { left } else { worst });
+        let rate = -(tolerance * worst).ln() / iterations as f64;
+        let more = if rate > 0.0 { worst.ln() / rate } else { f64::INFINITY };
+        more * self.analysis.solve_seconds::<f32>(columns)
+    }
+
+    /// Seconds of a factor in f64 and its solves.
+    fn exact_takes(&self, columns: usize) -> f64 {
+        self.analysis.seconds::<f64>(columns)
     }
 
     /// A factor in f64, made when it is needed first.
