@@ -18,7 +18,9 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{self, Scene};
-use crate::solve::{Factor, Job, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveError, SolveStats, Solver};
+use crate::solve::{
+    Factor, Job, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveError, SolveStats, Solver,
+};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::time::Instant;

@@ -254,6 +254,7 @@ mod tests {
         forecast.memory[0] = 1e16;
         let told = forecast.fits(&of("cholesky")).unwrap_err();
         assert!(told.contains("leaves") && told.contains("\"pcg\""), "{told}");
+        assert!(["mixed", "faer"].iter().all(|method| forecast.fits(&of(method)).is_err()));
         assert_eq!(forecast.fits(&of("auto")), Ok(()), "it takes what fits");
         assert!(compliance_fits(1 << 20).is_ok() && compliance_fits(1 << 50).unwrap_err().contains("kept"));
     }

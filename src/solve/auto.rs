@@ -5,11 +5,13 @@
 //! be faster than the best. Where the one that was taken foresees, while it iterates, that it would be slower than the next, the
 //! next takes over.
 
+use super::analysis::SharedAnalysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
 use super::no_unknowns::NoUnknowns;
-use super::solver::{Asked, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver};
-use super::analysis::SharedAnalysis;
+use super::solver::{
+    Asked, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+};
 use crate::base::progress::Progress;
 use crate::base::table::{bytes, seconds};
 use crate::fem::{NodeFields, StiffnessMatrix};
@@ -29,11 +31,18 @@ pub const AUTO: Method = Method {
     analyse: |asked| {
         let choice = choose(asked, None)?;
         let Asked { settings, job, methods, pattern, .. } = *asked;
-        Ok(Box::new(Auto { settings, job, methods, pattern: pattern.clone(), choice, second: OnceLock::new() }))
+        Ok(Box::new(Auto {
+            settings,
+            job,
+            methods,
+            pattern: pattern.clone(),
+            choice,
+            second: OnceLock::new(),
+        }))
     },
 };
 
-/// How many times the least time of a method that was not analysed it is given.
+/// Time expected of a method that was not analysed, over its least time.
 const USUAL: f64 = 2.0;
 
 /// A method that was taken.
@@ -64,7 +73,9 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
     let is_last = |method: &Method| needs_factor && !method.keeps_factor;
     let mut waiting: Vec<(f64, &'static Method)> = asked.methods.iter().filter_map(least).collect();
     waiting.retain(|(_, method)| Some(*method) != slow && !(is_last(method) && method.is_direct));
-    waiting.sort_by(|(s, one), (t, other)| (is_last(one), *s).partial_cmp(&(is_last(other), *t)).unwrap_or(Equal));
+    waiting.sort_by(|(s, one), (t, other)| {
+        (is_last(one), *s).partial_cmp(&(is_last(other), *t)).unwrap_or(Equal)
+    });
     let mut found: Vec<(f64, &'static Method, Box<dyn LinearSolver>)> = Vec::new();
     let (mut refused, mut next) = (None, f64::INFINITY);
     for (least, method) in waiting {
@@ -94,7 +105,11 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
         })
         .collect();
     let because = match &refused {
-        Some(SolveError::FactorMemory(refused) | SolveError::Unfit { refused, .. } | SolveError::Memory(refused)) => {
+        Some(
+            SolveError::FactorMemory(refused)
+            | SolveError::Unfit { refused, .. }
+            | SolveError::Memory(refused),
+        ) => {
             format!(", for {refused}; ")
         }
         _ => ": ".into(),
@@ -145,11 +160,7 @@ struct Chosen<'a> {
 
 impl Chosen<'_> {
     /// Solves with the method that was taken; where it gives up, with the next.
-    fn solved(
-        &self,
-        solve: &dyn Fn(&dyn Factor) -> SolveResult,
-        progress: &dyn Progress,
-    ) -> SolveResult {
+    fn solved(&self, solve: &dyn Fn(&dyn Factor) -> SolveResult, progress: &dyn Progress) -> SolveResult {
         let first = solve(self.factor.borrow().0.as_ref());
         let solved = match first {
             Err(slow @ (SolveError::Slow { .. } | SolveError::Residual { .. })) => {
@@ -229,5 +240,69 @@ impl Factor for Chosen<'_> {
 
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         self.solved(&|factor| factor.solve_and_judge(b, progress), progress)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cholesky::CHOLESKY;
+    use super::super::pcg::PCG;
+    use super::*;
+    use crate::base::progress::Silent;
+    use crate::fem::{Lame, Partition, TET4};
+    use crate::mesh::{Block, block};
+    use crate::solve::{SOLVERS, residuals};
+
+    /// A block that is held at both ends.
+    fn body(size: [f64; 3], cells: [u32; 3]) -> StiffnessMatrix {
+        let mesh = block(&Block { size, cells }).unwrap();
+        let k = TET4.assemble(&mesh, &vec![Lame::from_young_poisson(1.0, 0.3); mesh.tets.len()]).unwrap();
+        let held = mesh.groups["xmin"].iter().chain(&mesh.groups["xmax"]).copied();
+        Partition::new(mesh.nodes.len(), held).a(&k)
+    }
+
+    fn chosen(a: &StiffnessMatrix, job: Job) -> &'static Method {
+        let pattern = &SharedAnalysis::default();
+        let settings = Solver::default();
+        choose(&Asked { settings, a, job, methods: SOLVERS, pattern, progress: &Silent }, None)
+            .unwrap()
+            .method
+    }
+
+    #[test]
+    fn mixed_is_considered_and_left_where_f32_or_more_work_speaks_against_it() {
+        let once = Job { columns: 24, needs_factor: false };
+        let cube = body([1.0; 3], [20; 3]);
+        assert_eq!(chosen(&cube, once).name, "mixed");
+        assert_eq!(chosen(&cube, Job { needs_factor: true, ..once }).name, "cholesky");
+        let needle = body([1.0, 0.002, 0.002], [300, 2, 2]);
+        assert_eq!(chosen(&needle, once).name, "cholesky");
+    }
+
+    /// Conjugate gradients on a needle found no end.
+    #[test]
+    fn what_iterates_without_end_gives_way_to_the_next_method() {
+        const EAGER: Method = Method { least_seconds: Some(|_, _| 0.0), ..PCG };
+        const PATIENT: Method = Method { least_seconds: PCG.least_seconds, ..CHOLESKY };
+        let a = body([1.0, 0.002, 0.002], [300, 2, 2]);
+        let b = NodeFields { nodes: a.nodes(), columns: 2, data: vec![1.0; 6 * a.nodes()] };
+        let pattern = &SharedAnalysis::default();
+        let job = Job { columns: 2, needs_factor: false };
+        let (settings, progress) = (Solver::default(), &Silent);
+        let auto =
+            (AUTO.analyse)(&Asked { settings, a: &a, job, methods: &[&EAGER, &PATIENT], pattern, progress });
+        let auto = auto.unwrap();
+        let factor = auto.factor(&a, &Silent).unwrap();
+        let (x, stats) = factor.solve(&b, &Silent).unwrap();
+        assert_eq!(stats.method.name, "cholesky");
+        assert!(stats.chosen.unwrap().contains("after pcg had given up"));
+        assert!(residuals(&a, &x, &b).0.iter().all(|residual| *residual < 1e-7));
+
+        // Without another it says why.
+        let alone = Solver { method: &PCG, max_iterations: 40, ..Solver::default() };
+        let alone = alone.analyse(&a, &Silent).unwrap();
+        let error = alone.factor(&a, &Silent).unwrap().solve(&b, &Silent).unwrap_err();
+        let SolveError::Slow { iterations, expected, .. } = error else { panic!("{error}") };
+        assert!((10..40).contains(&iterations) && expected > 40.0, "{iterations} {expected}");
     }
 }

@@ -1,8 +1,8 @@
 //! Sparse Cholesky A = P L Lᵀ Pᵀ with a nested dissection ordering, refinement, and a judgement of its solutions.
 
+use super::analysis::{Analysis, least_seconds};
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
-use super::analysis::{Analysis, least_seconds};
 use super::llt::Llt;
 use super::refinement::{conditioning, refined};
 use super::solver::{Conditioning, Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats};

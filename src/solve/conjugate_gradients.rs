@@ -32,6 +32,8 @@ pub struct System<'a> {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     pub tolerance: f64,
     pub max_iterations: usize,
+    /// Iterations after which it ends as soon as it foresees more than `max_iterations`.
+    pub sight: usize,
 }
 
 /// Columns that are iterated together, in all their vectors, with columns of zeros behind them up to a multiple of four.
@@ -62,13 +64,9 @@ struct Run<'a> {
     most: usize,
     /// The column whose spectrum is taken; that with the most to do, if none is named.
     watched: Option<usize>,
-    /// Whether it ends as soon as it foresees more iterations than `most`.
+    /// Whether it ends as soon as it foresees more iterations than `most`, by the residual so far.
     foresees: bool,
 }
-
-/// Iterations before any foresight, and in parts of the most that there may be.
-const SIGHT: usize = 5;
-const SIGHT_PART: usize = 50;
 
 impl<'a> Batch<'a> {
     /// x = 0.
@@ -114,7 +112,13 @@ impl<'a> Batch<'a> {
         let norms = self.r.norms();
         let mut before = f64::INFINITY;
         for _ in 0..=RESTARTS {
-            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None, foresees: true };
+            let run = Run {
+                norms: &norms,
+                tolerance,
+                most: max_iterations - self.iterations,
+                watched: None,
+                foresees: true,
+            };
             self.iterations += self.iterate(&run, &mut |worst| {
                 let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
                 progress.advance(way.saturating_sub(done));
@@ -194,7 +198,10 @@ impl<'a> Batch<'a> {
             parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         self.x.data.fill(0.0);
         let most = self.system.max_iterations;
-        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched), foresees: false }, &mut |_| {});
+        self.iterate(
+            &Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched), foresees: false },
+            &mut |_| {},
+        );
         let known = self.energies();
         let left = self.r.norms();
         let unknown = self.preconditioned_squares(&left);
@@ -283,7 +290,7 @@ impl<'a> Batch<'a> {
             if !active.contains(&true) || iteration == run.most {
                 break;
             }
-            if run.foresees && iteration >= SIGHT.max(run.most / SIGHT_PART) {
+            if run.foresees && iteration >= self.system.sight {
                 let column = (0..m).fold(0, |worst, c| if relative[c] > relative[worst] { c } else { worst });
                 let rate = -relative[column].ln() / iteration as f64;
                 let expected = if rate > 0.0 { -(0.5 * run.tolerance).ln() / rate } else { f64::INFINITY };

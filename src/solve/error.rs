@@ -31,7 +31,7 @@ pub enum SolveError {
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
     #[error(
-        "column {column}: the relative residual fell to {residual:.1e} in {iterations} iterations, so that {limit:.1e} would \
+        "column {column}: the relative residual is {residual:.1e} after {iterations} iterations, so that {limit:.1e} would \
          take about {expected:.0e}; the matrix is too ill-conditioned for conjugate gradients: write solver.method = \
          \"auto\", or look for slivers, thin parts and large contrasts of stiffness (`greenstage check`)"
     )]
@@ -54,7 +54,8 @@ impl SolveError {
     pub fn of_columns_from(mut self, first: usize) -> SolveError {
         if let SolveError::Residual { column, .. }
         | SolveError::Slow { column, .. }
-        | SolveError::Factor { column, .. } = &mut self {
+        | SolveError::Factor { column, .. } = &mut self
+        {
             *column += first;
         }
         self

@@ -1,13 +1,13 @@
 //! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
 //!
 //! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
-//! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end; then the
-//! factor is made in f64, and the user is told: by an estimate before there is one in f32, or as soon as the iteration would
-//! take longer than a factor in f64. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
+//! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end. An estimate of
+//! the condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
+//! remaining iterations would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
 
+use super::analysis::{Analysis, least_seconds};
 use super::cholesky::Cholesky;
 use super::error::SolveError;
-use super::analysis::{Analysis, least_seconds};
 use super::llt::Llt;
 use super::refinement::{conditioning, refined};
 use super::softness::condition;
@@ -33,6 +33,8 @@ pub const MIXED: Method = Method {
     },
 };
 
+/// Seconds on one thread for each number of a column in an iteration, without the solve.
+const VECTORS_S: f64 = 1e-8;
 /// Error of a factor in f32 over κ of the matrix: some units of roundoff.
 const ROUNDING: f64 = 6e-8;
 
@@ -59,7 +61,7 @@ const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a
 /// All matrices of one graph.
 struct Direct {
     analysis: Arc<Analysis>,
-    /// To be expected.
+    /// Expected number of iterations.
     iterations: f64,
 }
 
@@ -68,12 +70,14 @@ impl LinearSolver for Direct {
         self.analysis.memory::<f32>(a, columns)
     }
 
-    fn seconds(&self, _: &StiffnessMatrix, columns: usize) -> f64 {
+    fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         let iterations = self.iterations + 1.0;
         if iterations > MOST as f64 {
             return f64::INFINITY;
         }
-        self.analysis.seconds::<f32>((columns as f64 * iterations) as usize)
+        let columns = columns as f64 * iterations;
+        let vectors = VECTORS_S * 3.0 * a.nodes() as f64 * columns / rayon::current_num_threads() as f64;
+        self.analysis.seconds::<f32>(columns as usize) + vectors
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -85,7 +89,7 @@ impl LinearSolver for Direct {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
-        if self.iterations > MOST as f64 {
+        if self.iterations > MOST as f64 && self.analysis.fits::<f64>(a, 1).is_ok() {
             progress.tell(ILL_CONDITIONED);
             return Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?));
         }
@@ -133,7 +137,8 @@ impl Mixed<'_> {
             if !is_active.contains(&true) {
                 return Ok(Ok((x, iteration)));
             }
-            if iteration > 0 && self.exact_takes(columns) < self.takes(columns, iteration, &norms, &goal, tolerance)
+            if iteration > 0
+                && self.exact_takes(columns) < self.takes(columns, iteration, &norms, &goal, tolerance)
                 || norms.iter().any(|norm| !norm.is_finite())
             {
                 break;
@@ -164,9 +169,12 @@ impl Mixed<'_> {
         more * self.analysis.solve_seconds::<f32>(columns)
     }
 
-    /// Seconds of a factor in f64 and its solves.
+    /// Seconds of a factor in f64 and its solves; infinite where it does not fit into memory.
     fn exact_takes(&self, columns: usize) -> f64 {
-        self.analysis.seconds::<f64>(columns)
+        match self.analysis.fits::<f64>(self.a, columns) {
+            Ok(()) => self.analysis.seconds::<f64>(columns),
+            Err(_) => f64::INFINITY,
+        }
     }
 
     /// A factor in f64, made when it is needed first.

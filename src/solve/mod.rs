@@ -48,6 +48,8 @@ pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
-pub use solver::{Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver};
+pub use solver::{
+    Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+};
 pub use solvers::{SOLVERS, find_method};
 pub use stability::Stability;

@@ -106,10 +106,15 @@ pub(super) fn memory(a: &StiffnessMatrix, columns: usize) -> f64 {
     making.max(levels + solutions + batch_memory(a, batch_width(a).min(columns)))
 }
 /// Seconds on one thread, for each pair of coupled nodes: of the levels, and of an iteration of one column.
-const LEVELS_S: f64 = 3.5e-6;
-const ITERATION_S: f64 = 2.0e-8;
+const LEVELS_S: f64 = 3.0e-6;
+const ITERATION_S: f64 = 1.7e-8;
 /// Iterations of a body without large contrasts, with those of the forward error; thin bodies take up to twice as many.
 const ITERATIONS: f64 = 30.0;
+
+/// Iterations before any foresight where another method waits; where none does, it comes after one in so many of the most, as
+/// residuals rise before they fall.
+const SIGHT: usize = 3;
+const PATIENCE: usize = 4;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
 /// The bits of a column do not depend on the others.
@@ -172,7 +177,8 @@ impl Pcg<'_> {
         let Limits { tolerance, max_iterations, seconds, .. } = self.limits;
         let worth = seconds.map_or(usize::MAX, |seconds| iterations_in(seconds, self.a, b.columns));
         let max_iterations = max_iterations.min(worth);
-        let system = System { a: self.a, multigrid: &self.multigrid, tolerance, max_iterations };
+        let sight = if seconds.is_some() { SIGHT } else { max_iterations / PATIENCE };
+        let system = System { a: self.a, multigrid: &self.multigrid, tolerance, max_iterations, sight };
         let mut error = Conditioning::default();
         // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
         let batches = b.columns.div_ceil(width);

@@ -1,4 +1,4 @@
-//! How ill-conditioned A is, told in a small part of the time of its factor: what a factor in f32 is worth depends on it.
+//! An estimate of the condition number of A in a small part of the time of its factor; a factor in f32 is useless above 1e7.
 //!
 //! In: A with the places of its nodes. Out: about κ₂ of A scaled by its diagonal, from below and to an order of magnitude.
 //!

@@ -7,9 +7,9 @@
 //! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends
 //! on those numbers; the third takes any number of right-hand sides.
 
+use super::analysis::SharedAnalysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
-use super::analysis::SharedAnalysis;
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,10 @@
 //! The list of methods that solve A x = b.
 
+use super::analysis::SharedAnalysis;
 use super::auto::AUTO;
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
 use super::faer_cholesky::FAER;
-use super::analysis::SharedAnalysis;
 use super::mixed::MIXED;
 use super::no_unknowns::NO_UNKNOWNS;
 use super::pcg::PCG;

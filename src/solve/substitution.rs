@@ -23,7 +23,6 @@ use std::ops::Range;
 const BLOCK_COLUMNS: std::ops::RangeInclusive<usize> = 24..=128;
 
 pub(super) fn block_width(columns: usize) -> usize {
-    if let Ok(w) = std::env::var("WIDTH") { return w.parse::<usize>().unwrap_or(24); }
     (columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end())
 }
 
