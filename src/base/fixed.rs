@@ -16,6 +16,9 @@ pub const LENGTH: Unit = Unit { name: "m", powers: [-1, 0] };
 pub const ENERGY: Unit = Unit { name: "J", powers: [-2, 2] };
 pub const TIME: Unit = Unit { name: "s", powers: [-2, 0] };
 
+/// Letters in a row of the overlay.
+pub const LETTERS: usize = 40;
+
 /// Letters of the number of a quantity.
 pub const NUMBER: usize = 8;
 
@@ -93,10 +96,26 @@ pub fn fixed(value: f64, letters: usize, digits: usize) -> String {
     }
 }
 
+/// The first `letters` letters, with a sign where some are missing.
+pub fn clipped(text: &str, letters: usize) -> String {
+    if text.chars().count() <= letters {
+        return text.to_owned();
+    }
+    text.chars().take(letters.saturating_sub(1)).chain(['…']).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn long_names_are_cut_visibly() {
+        assert_eq!(
+            (clipped("tube", 4), clipped("tubes", 4), clipped("é", 1)),
+            ("tube".into(), "tub…".into(), "é".into())
+        );
+    }
 
     #[test]
     fn numbers_stay_in_their_columns() {

@@ -8,7 +8,7 @@ use super::legend::Legend;
 pub struct Plate {
     pub anchor: Anchor,
     /// Words in their tones, line by line.
-    pub lines: Vec<Vec<(String, Tone)>>,
+    pub lines: Vec<Words>,
     pub plot: Option<Plot>,
     /// What colours mean, in place of lines.
     pub legend: Option<Legend>,
@@ -23,6 +23,9 @@ pub enum Anchor {
     /// Beside a place in the room, on every screen that shows it, m.
     Place([f64; 3]),
 }
+
+/// A line of words in their tones.
+pub type Words = Vec<(String, Tone)>;
 
 /// What a word or a curve says by its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -123,7 +123,7 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     if let Some(why) = expected::unmeasurable(body) {
         return Err(why.to_owned());
     }
-    if requirements.sections().next().is_none() {
+    if requirements.sections().all(|section| section != expected::NAME) {
         let name = expected::NAME;
         return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));
     }
@@ -143,5 +143,30 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
         Ok(Some(errors)) if errors.model == body.model => Ok(errors),
         Err(damaged @ GreenError::Damaged { .. }) => Err(damaged.to_string()),
         _ => Err(format!("`greenstage precompute {}` measures them", scene.path.display())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// `check` sent users to `precompute`, which measured nothing for `stress` and `haptics`.
+    #[test]
+    fn only_a_body_that_lists_expected_errors_is_said_to_be_measured() {
+        for (effects, said) in [
+            ("[\"haptics\", \"stress\"]", "list effects = [\"expected_errors\"]"),
+            ("[\"stress\", \"expected_errors\"]", "`greenstage precompute missing/part.toml` measures them"),
+        ] {
+            let text = format!(
+                "[body.a]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [2, 2, 2] }} }}\n\
+                 material = {{ young = 1.0, poisson = 0.0 }}\neffects = {effects}\n\
+                 control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+                 control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
+            );
+            let scene = Scene::parse(&text, Path::new("missing/part.toml")).unwrap();
+            let to_do = known(&scene, "a", &scene.body["a"]).unwrap_err();
+            assert!(to_do.starts_with(said), "{effects}: {to_do}");
+        }
     }
 }

@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some((_, poses)) = &poses {
         if poses.exists() && !args.force {
             return Err(Failure::wrong(format!(
-                "{}: is there already; --force overwrites it",
+                "{}: already exists; overwrite it with --force",
                 poses.display()
             )));
         }
@@ -106,11 +106,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let proposal = opening::propose(&args.mesh, &path, wishes)?;
     let text = proposal.text()?;
-    output::write(&path, &SCENE, |file| file.write_all(text.as_bytes()))?;
+    let mut staged = vec![output::stage(&path, &SCENE, |file| file.write_all(text.as_bytes()))?];
     if let Some((by_m, poses)) = &poses {
         let text = pull::poses(&proposal.scene, &proposal.mesh, *by_m)?;
-        output::write(poses, &POSES, |file| file.write_all(text.as_bytes()))?;
+        staged.push(output::stage(poses, &POSES, |file| file.write_all(text.as_bytes()))?);
     }
+    output::put_all(staged, &[])?;
     print(&told(&proposal, &path, args.pull))
 }
 

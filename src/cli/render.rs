@@ -71,6 +71,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut session = Session::open(&args.session.request(&scene))?;
     session.curve.clone_from(&args.session.curve);
     print(&pictures.draw(&mut session)?)?;
-    print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
+    print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
     print(&session.report()?)
 }

@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let moves = session.input.script.is_some() || args.session.replay.is_some();
         let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
         print(&pictures.draw(&mut session)?)?;
-        print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
+        print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
         return print(&session.report()?);
     }
     // A recording has its own head and hands.
@@ -135,7 +135,7 @@ fn windows(args: &Args, session: &Session, device: device::Args) -> (Shows, Opti
 }
 
 fn report(Finished { mut session, frames, lasted_s }: Finished) -> Result<(), Failure> {
-    print(&session.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
+    print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
     let rate = f64::from(frames) / lasted_s;
     print(&format!("{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n"))?;
     print(&session.report()?)

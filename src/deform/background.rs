@@ -6,6 +6,7 @@
 //! serves many of them, and is made anew where the iterations grow.
 
 use super::frames::PoseSlope;
+use super::memory::{FoundMemory, HeldNodes, Warm};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Way;
 use super::statics::load_steps;
@@ -48,6 +49,8 @@ struct Asked {
     since: Instant,
     /// The way from rest to these poses, to be gone anew.
     anew: Option<VecDeque<ControlPoses>>,
+    /// From where to go on, whatever was found before, and how often that was set.
+    restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
     ended: bool,
 }
@@ -65,6 +68,9 @@ pub struct Found {
     /// No equilibrium comes any more.
     has_ended: bool,
     pub asked_at: Instant,
+    /// Where the next search begins, and how often that was set from outside.
+    warm: Arc<Warm>,
+    epoch: u64,
     /// The poses of this equilibrium.
     pub poses: ControlPoses,
     /// Displacements of the surface nodes, m.
@@ -83,6 +89,7 @@ impl Background {
     /// Starts the thread for a body under `law`. Errors where this body cannot be solved.
     pub fn start(law: &'static Law, volume: Volume) -> Result<Background, String> {
         let elements = volume.held.len();
+        let rest = at_rest(&volume);
         let found = Found {
             version: 0,
             number: 0,
@@ -90,6 +97,8 @@ impl Background {
             is_lost: false,
             has_ended: false,
             asked_at: Instant::now(),
+            warm: Arc::new(Warm { held: rest.clone(), factored: rest, is_new: true, halved: 0 }),
+            epoch: 0,
             poses: vec![ControlPose::REST; elements],
             field: vec![[0.0; 3]; volume.surface.len()],
             energy: 0.0,
@@ -102,6 +111,7 @@ impl Background {
             poses: found.poses.clone(),
             since: Instant::now(),
             anew: None,
+            restored: None,
             is_felt: false,
             ended: false,
         };
@@ -135,6 +145,59 @@ impl Background {
         (asked.number, asked.since) = (asked.number + 1, Instant::now());
         self.shared.number.store(asked.number, Ordering::Release);
         self.shared.wake.notify_all();
+    }
+
+    /// What was found last belongs to `memory`, with the poses that were asked for.
+    pub fn keep(&self) -> (ControlPoses, bool, Arc<Warm>) {
+        let (asked, found) = (lock(&self.shared.asked), lock(&self.shared.found));
+        (asked.poses.clone(), self.is_up_to_date(&found), found.warm.clone())
+    }
+
+    /// Goes on from `memory`, as if its equilibrium had just been found for the poses `asked`; returns its version. The error
+    /// says why it is not that of this body.
+    pub fn restore(
+        &self,
+        memory: &FoundMemory,
+        at: ControlPoses,
+        (energy, slopes): (f64, Vec<PoseSlope>),
+        stiffness: &DMatrix<f64>,
+    ) -> Result<u64, String> {
+        let mut asked = lock(&self.shared.asked);
+        let mut found = lock(&self.shared.found);
+        let (own, new) = (&found.warm, &memory.warm);
+        let is_like = |own: &HeldNodes, new: &HeldNodes| {
+            (own.u.len(), own.poses.len()) == (new.u.len(), new.poses.len())
+        };
+        let fits = is_like(&own.held, &new.held)
+            && is_like(&own.factored, &new.factored)
+            && [at.len(), memory.poses.len(), slopes.len()] == [found.poses.len(); 3]
+            && memory.field.len() == found.field.len();
+        if !fits {
+            return Err("a model's memory holds an equilibrium of another body".into());
+        }
+        let warm = Arc::new(new.clone());
+        (asked.number, asked.since) = (asked.number + 1, Instant::now());
+        (asked.poses, asked.anew, asked.restored) = (at, None, Some((warm.clone(), found.epoch + 1)));
+        self.shared.number.store(asked.number, Ordering::Release);
+        let version = found.version + 1;
+        *found = Found {
+            version,
+            number: asked.number,
+            is_reached: memory.is_reached,
+            is_lost: memory.is_lost,
+            has_ended: found.has_ended,
+            asked_at: asked.since,
+            warm,
+            epoch: found.epoch + 1,
+            poses: memory.poses.clone(),
+            field: memory.field.clone(),
+            energy,
+            slopes,
+            stiffness: stiffness.clone(),
+            stiffness_version: version,
+        };
+        self.shared.wake.notify_all();
+        Ok(version)
     }
 
     /// The body is felt from now on: its stiffness is kept up to date.
@@ -206,16 +269,10 @@ struct HeldVolume {
     size: f64,
 }
 
-/// An equilibrium from which the next is found.
-#[derive(Clone)]
-struct State {
-    poses: ControlPoses,
-    u: NodeFields,
-}
-
 /// What the thread does next.
 enum Next {
     Poses(Asked),
+    Restored((Arc<Warm>, u64)),
     /// The stiffness of the equilibrium at hand.
     Stiffness,
     End,
@@ -225,6 +282,7 @@ enum Next {
 enum Renewal {
     Tired,
     Anew(VecDeque<ControlPoses>),
+    Restored((Arc<Warm>, u64)),
     End,
 }
 
@@ -255,60 +313,58 @@ impl HeldVolume {
         Settler { body: &self.body, partition: &self.partition }
     }
 
-    fn at_rest(&self) -> State {
-        State {
-            poses: vec![ControlPose::REST; self.volume.held.len()],
-            u: NodeFields::zeros(self.volume.mesh.nodes.len(), 1),
-        }
-    }
-
     /// Until nobody wants equilibria any more. A body of which no factor can be made is lost where it is.
     fn run(&self, shared: &Shared) {
-        let k = self.body.tangent(&self.body.gradients(&self.at_rest().u));
+        let rest = Warm::at(at_rest(&self.volume));
+        let k = self.body.tangent(&self.body.gradients(&self.fields(&rest.held)));
         let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
-            return lose(shared, shared.number.load(Ordering::Acquire));
+            return lose(shared, shared.number.load(Ordering::Acquire), (0, &rest));
         };
-        let (mut state, mut stable) = (self.at_rest(), self.at_rest());
+        let (mut warm, mut stable, mut epoch) = (rest.clone(), rest.held.clone(), 0);
         let mut legs = VecDeque::new();
         loop {
-            match self.follow(shared, solver.as_ref(), &mut state, &mut stable, &mut legs) {
-                Ok(Renewal::Tired) => {}
-                Ok(Renewal::Anew(way)) => (state, legs) = (self.at_rest(), way),
+            match self.follow(shared, solver.as_ref(), &mut warm, (&mut stable, epoch), &mut legs) {
+                Ok(Renewal::Tired) => warm = Warm::at(warm.held),
+                Ok(Renewal::Anew(way)) => (warm, legs) = (rest.clone(), way),
+                Ok(Renewal::Restored((other, since))) => {
+                    (warm, legs, epoch) = ((*other).clone(), VecDeque::new(), since);
+                }
                 Ok(Renewal::End) => return,
                 Err(_) => {
                     // What was found last is no stable equilibrium: back to the one before, and on from there.
-                    lose(shared, shared.number.load(Ordering::Acquire));
-                    if state.poses == stable.poses {
+                    let is_first = warm.factored.poses == stable.poses;
+                    (warm, legs) = (Warm::at(stable.clone()), VecDeque::new());
+                    lose(shared, shared.number.load(Ordering::Acquire), (epoch, &warm));
+                    if is_first {
                         return;
                     }
-                    (state, legs) = (stable.clone(), VecDeque::new());
                 }
             }
         }
     }
 
-    /// Follows the poses that are asked for, with one factor: that of `state`.
+    /// Follows the poses that are asked for, with one factor: that of `warm.factored`.
     fn follow(
         &self,
         shared: &Shared,
         solver: &dyn LinearSolver,
-        state: &mut State,
-        stable: &mut State,
+        warm: &mut Warm,
+        (stable, epoch): (&mut HeldNodes, u64),
         legs: &mut VecDeque<ControlPoses>,
     ) -> Result<Renewal, SolveError> {
-        let gradients = self.body.gradients(&state.u);
+        let gradients = self.body.gradients(&self.fields(&warm.factored));
         let k = self.body.tangent(&gradients);
         let a = self.partition.a(&k);
         let factor = solver.factor(&a, &Silent)?;
-        stable.clone_from(state);
-        if lock(&shared.asked).is_felt || lock(&shared.found).version == 0 {
-            self.tell_stiffness(shared, &k, factor.as_ref())?;
+        stable.clone_from(&warm.factored);
+        if (lock(&shared.asked).is_felt && warm.is_new) || lock(&shared.found).version == 0 {
+            self.tell_stiffness(shared, &k, factor.as_ref(), (epoch, warm))?;
         }
         let old = OldFactor { factor: factor.as_ref(), gradients: &gradients };
-        let (mut is_new, mut halved) = (true, 0_u32);
         loop {
-            let mut asked = match next(shared, is_new) {
+            let mut asked = match next(shared, warm.is_new) {
                 Next::End => return Ok(Renewal::End),
+                Next::Restored(other) => return Ok(Renewal::Restored(other)),
                 Next::Stiffness => return Ok(Renewal::Tired),
                 Next::Poses(asked) => asked,
             };
@@ -317,32 +373,41 @@ impl HeldVolume {
             }
             let aim = legs.front().unwrap_or(&asked.poses);
             let ways: Vec<Way> =
-                state.poses.iter().zip(aim).map(|(from, to)| Way::onwards(from, to)).collect();
-            let share = 0.5f64.powi(halved as i32) / load_steps(&ways, self.size).ceil().max(1.0);
+                warm.held.poses.iter().zip(aim).map(|(from, to)| Way::onwards(from, to)).collect();
+            let share = 0.5f64.powi(warm.halved as i32) / load_steps(&ways, self.size).ceil().max(1.0);
             let poses = match share {
                 1.0 => aim.clone(),
                 share => ways.iter().map(|way| way.pose(share)).collect(),
             };
-            let moved = self.moved(&state.u, &poses);
-            match self.settler().step(&old, &state.u, &moved)? {
+            let u = self.fields(&warm.held);
+            let moved = self.moved(&u, &poses);
+            match self.settler().step(&old, &u, &moved)? {
                 Ok(settled) => {
-                    halved = halved.saturating_sub(1);
                     let is_reached = share == 1.0 && legs.pop_front().is_none();
-                    self.tell(shared, &asked, &poses, is_reached, &settled);
-                    *state = State { poses, u: settled.u };
-                    if settled.solves > TIRED && !is_new {
+                    let is_tired = settled.solves > TIRED && !warm.is_new;
+                    warm.held = HeldNodes { poses, u: settled.u.data.clone() };
+                    warm.halved = warm.halved.saturating_sub(1);
+                    warm.is_new = false;
+                    if is_tired {
+                        *warm = Warm::at(warm.held.clone());
+                    }
+                    self.tell(shared, &asked, is_reached, &settled, (epoch, warm));
+                    if is_tired {
                         return Ok(Renewal::Tired);
                     }
-                    is_new = false;
                 }
-                Err(_) if !is_new => return Ok(Renewal::Tired),
-                Err(_) if halved < HALVINGS => halved += 1,
+                Err(_) if !warm.is_new => return Ok(Renewal::Tired),
+                Err(_) if warm.halved < HALVINGS => warm.halved += 1,
                 Err(_) => {
-                    lose(shared, asked.number);
-                    (halved, *legs) = (0, VecDeque::new());
+                    (warm.halved, *legs) = (0, VecDeque::new());
+                    lose(shared, asked.number, (epoch, warm));
                 }
             }
         }
+    }
+
+    fn fields(&self, held: &HeldNodes) -> NodeFields {
+        NodeFields { data: held.u.clone(), ..NodeFields::zeros(self.volume.mesh.nodes.len(), 1) }
     }
 
     /// `u` with the held nodes where `poses` have them.
@@ -358,7 +423,14 @@ impl HeldVolume {
         moved
     }
 
-    fn tell(&self, shared: &Shared, asked: &Asked, poses: &[ControlPose], is_reached: bool, at: &Settled) {
+    fn tell(
+        &self,
+        shared: &Shared,
+        asked: &Asked,
+        is_reached: bool,
+        at: &Settled,
+        (epoch, warm): (u64, &Warm),
+    ) {
         let of = |fields: &NodeFields, node: u32| {
             Vector3::from_column_slice(&fields.data[3 * node as usize..][..3])
         };
@@ -374,6 +446,9 @@ impl HeldVolume {
         };
         let slopes = self.volume.held.iter().zip(&self.origins).map(slope).collect();
         let mut found = lock(&shared.found);
+        if found.epoch != epoch {
+            return;
+        }
         let Found { version, stiffness_version, .. } = *found;
         let stiffness = std::mem::replace(&mut found.stiffness, DMatrix::zeros(0, 0));
         let new = Found {
@@ -383,7 +458,9 @@ impl HeldVolume {
             is_lost: false,
             has_ended: false,
             asked_at: asked.since,
-            poses: poses.to_vec(),
+            warm: Arc::new(warm.clone()),
+            epoch,
+            poses: warm.held.poses.clone(),
             field,
             energy: at.energy,
             slopes,
@@ -402,6 +479,7 @@ impl HeldVolume {
         shared: &Shared,
         k: &StiffnessMatrix,
         factor: &dyn Factor,
+        (epoch, warm): (u64, &Warm),
     ) -> Result<(), SolveError> {
         let columns = FIELDS * self.volume.held.len();
         let mut fields = NodeFields::zeros(self.volume.mesh.nodes.len(), columns);
@@ -423,6 +501,10 @@ impl HeldVolume {
         let phi = DMatrix::from_row_slice(rows, columns, &fields.data);
         let stiffness = phi.transpose() * DMatrix::from_row_slice(rows, columns, &product.data);
         let mut found = lock(&shared.found);
+        if found.epoch != epoch {
+            return Ok(());
+        }
+        found.warm = Arc::new(warm.clone());
         found.stiffness = (&stiffness + stiffness.transpose()) * 0.5;
         found.version += 1;
         found.stiffness_version = found.version;
@@ -430,9 +512,24 @@ impl HeldVolume {
     }
 }
 
+fn at_rest(volume: &Volume) -> HeldNodes {
+    HeldNodes { poses: vec![ControlPose::REST; volume.held.len()], u: vec![0.0; 3 * volume.mesh.nodes.len()] }
+}
+
+impl Warm {
+    /// A search with a factor that is made at the equilibrium at hand.
+    fn at(held: HeldNodes) -> Warm {
+        Warm { factored: held.clone(), held, is_new: true, halved: 0 }
+    }
+}
+
 /// No equilibrium was found beyond the newest, on the way to the poses of this number.
-fn lose(shared: &Shared, number: u64) {
+fn lose(shared: &Shared, number: u64, (epoch, warm): (u64, &Warm)) {
     let mut found = lock(&shared.found);
+    if found.epoch != epoch {
+        return;
+    }
+    found.warm = Arc::new(warm.clone());
     (found.version, found.number) = (found.version + 1, number);
     (found.is_reached, found.is_lost) = (false, true);
     shared.arrived.notify_all();
@@ -444,6 +541,9 @@ fn next(shared: &Shared, is_new: bool) -> Next {
     loop {
         if asked.ended {
             return Next::End;
+        }
+        if let Some(restored) = asked.restored.take() {
+            return Next::Restored(restored);
         }
         let (number, is_done) = {
             let found = lock(&shared.found);

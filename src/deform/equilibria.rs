@@ -14,12 +14,13 @@
 use super::background::Background;
 use super::frames::PoseSlope;
 use super::legs::part_of;
+use super::memory::{FoundMemory, ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
 use super::nearest::unwrapped;
 use super::pose::{ControlPose, ControlPoses};
 use crate::fem::Law;
 use crate::green::{FIELDS, Volume};
-use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -39,7 +40,7 @@ struct Equilibria {
     /// Displacements of the newest equilibrium that was taken, and which it is.
     field: Vec<[f32; 3]>,
     version: u64,
-    turns: Option<Vec<UnitQuaternion<f64>>>,
+    turns: Vec<UnitQuaternion<f64>>,
     /// Turns that the next poses continue.
     set: Vec<Option<UnitQuaternion<f64>>>,
     is_forgotten: bool,
@@ -53,7 +54,8 @@ struct Quadratic {
     stiffness_version: u64,
     is_lost: bool,
     energy: f64,
-    /// c₀, g and H.
+    /// The poses of the equilibrium; c₀, g and H.
+    poses: ControlPoses,
     coefficients: DVector<f64>,
     slope: DVector<f64>,
     stiffness: DMatrix<f64>,
@@ -70,7 +72,7 @@ impl Equilibria {
             field,
             background,
             version: 0,
-            turns: None,
+            turns: vec![UnitQuaternion::identity(); controls],
             set: vec![None; controls],
             is_forgotten: false,
             waits: false,
@@ -79,6 +81,7 @@ impl Equilibria {
                 stiffness_version: 0,
                 is_lost: false,
                 energy: 0.0,
+                poses: vec![ControlPose::REST; controls],
                 coefficients: zeros.clone(),
                 slope: zeros.clone(),
                 stiffness: DMatrix::zeros(zeros.len(), zeros.len()),
@@ -90,7 +93,7 @@ impl Equilibria {
 
     /// The way from rest to these poses, where they are not the next ones on the way that the body goes.
     fn anew(&mut self, poses: &[ControlPose]) -> Option<VecDeque<ControlPoses>> {
-        let mut turns = unwrapped(self.turns.as_deref(), poses);
+        let mut turns = unwrapped(Some(&self.turns), poses);
         let mut is_anew = std::mem::take(&mut self.is_forgotten);
         for (turn, set) in turns.iter_mut().zip(&mut self.set) {
             if set.take().is_some_and(|set| turn.coords.dot(&set.coords) < 0.0) {
@@ -105,7 +108,7 @@ impl Equilibria {
             };
             (1..LEGS).map(leg).collect()
         });
-        self.turns = Some(turns);
+        self.turns = turns;
         way
     }
 }
@@ -132,6 +135,7 @@ impl DeformationModel for Equilibria {
             quadratic.version = found.version;
             quadratic.is_lost = found.is_lost;
             quadratic.energy = found.energy;
+            quadratic.poses.clone_from(&found.poses);
             write(&mut quadratic.coefficients, found.poses.iter().map(ControlPose::coefficients));
             write(&mut quadratic.slope, found.slopes.iter().map(slope_coefficients));
             if quadratic.stiffness_version != found.stiffness_version {
@@ -147,6 +151,63 @@ impl DeformationModel for Equilibria {
         Some(&self.field)
     }
 
+    fn memory(&self) -> ModelMemory {
+        let (poses, is_reached, warm) = self.background.keep();
+        let Quadratic { is_lost, energy, slope, stiffness, .. } = &self.quadratic;
+        let found = FoundMemory {
+            field: self.field.clone(),
+            poses: self.quadratic.poses.clone(),
+            is_reached,
+            is_lost: *is_lost,
+            stiffness: stiffness.as_slice().to_vec(),
+            warm: (*warm).clone(),
+        };
+        let mut memory = ModelMemory {
+            turns: self.turns.clone(),
+            poses,
+            is_defined: self.quadratic.version > 0,
+            energy: *energy,
+            slopes: slope.as_slice().chunks_exact(FIELDS).map(slope_of).collect(),
+            found: Some(Box::new(found)),
+            ..ModelMemory::default()
+        };
+        memory.unknowns.push(f64::from(u8::from(self.is_forgotten)));
+        for set in &self.set {
+            // A quaternion of zeros is none.
+            memory.put(&set.unwrap_or(UnitQuaternion::new_unchecked(Quaternion::from([0.0; 4]))));
+        }
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        let controls = self.set.len();
+        memory.suits(controls, 1 + 4 * controls)?;
+        let found = memory.found.as_ref().ok_or("a model's memory has no equilibrium")?;
+        let quadratic = &mut self.quadratic;
+        if found.stiffness.len() != quadratic.stiffness.len() {
+            return Err("a model's memory has a stiffness of another size".into());
+        }
+        let stiffness = DMatrix::from_column_slice(FIELDS * controls, FIELDS * controls, &found.stiffness);
+        let response = (memory.energy, memory.slopes.clone());
+        let version = self.background.restore(found, memory.poses.clone(), response, &stiffness)?;
+        quadratic.stiffness = stiffness;
+        (quadratic.energy, quadratic.is_lost) = (memory.energy, found.is_lost);
+        (quadratic.version, quadratic.stiffness_version) = (version, version);
+        quadratic.poses.clone_from(&found.poses);
+        write(&mut quadratic.coefficients, found.poses.iter().map(ControlPose::coefficients));
+        write(&mut quadratic.slope, memory.slopes.iter().map(slope_coefficients));
+        self.version = version;
+        self.field.copy_from_slice(&found.field);
+        self.turns = memory.turns_of(controls);
+        let mut unknowns = Unknowns(&memory.unknowns);
+        self.is_forgotten = unknowns.take::<f64>() == 1.0;
+        for set in &mut self.set {
+            let turn: UnitQuaternion<f64> = unknowns.take();
+            *set = (turn.coords != Vector4::zeros()).then_some(turn);
+        }
+        Ok(())
+    }
+
     fn has_news(&mut self) -> bool {
         let (shown, felt) = (self.version, self.quadratic.version);
         let found = self.background.newest_at_once();
@@ -154,7 +215,8 @@ impl DeformationModel for Equilibria {
     }
 
     fn forget(&mut self) {
-        (self.turns, self.is_forgotten) = (None, true);
+        self.turns.fill(UnitQuaternion::identity());
+        self.is_forgotten = true;
         self.set.fill(None);
     }
 
@@ -214,11 +276,15 @@ impl Quadratic {
         let energy = self.energy + self.change.dot(&self.slope) + 0.5 * self.change.dot(&self.product);
         self.product += &self.slope;
         for (slope, g) in slopes.iter_mut().zip(self.product.as_slice().chunks_exact(FIELDS)) {
-            slope.translation = Vector3::new(g[0], g[1], g[2]);
-            slope.matrix = Matrix3::from_row_slice(&g[3..]);
+            *slope = slope_of(g);
         }
         energy
     }
+}
+
+/// From ∂V/∂c, in the order of the coefficients.
+fn slope_of(g: &[f64]) -> PoseSlope {
+    PoseSlope { translation: Vector3::new(g[0], g[1], g[2]), matrix: Matrix3::from_row_slice(&g[3..]) }
 }
 
 /// ∂V/∂c, in the order of the coefficients.

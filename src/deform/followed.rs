@@ -9,6 +9,7 @@
 use super::nearest::continued;
 use super::pose::ControlPose;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Sine of half the angle to a whole turn from which on the axis is taken anew: 60°, where a hand that wobbles tilts it
@@ -16,13 +17,17 @@ use std::f64::consts::PI;
 const AXIS: f64 = 0.5;
 
 /// A turn from rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FollowedTurn {
     /// The rotation, with the sign that continues the one before.
+    #[serde(with = "crate::field::numbers")]
     pub quaternion: UnitQuaternion<f64>,
     /// Of length 1; zero before the turn has an axis.
+    #[serde(with = "crate::field::numbers")]
     axis: Vector3<f64>,
     /// About the axis, rad, not reduced.
+    #[serde(with = "crate::field::numbers")]
     angle: f64,
 }
 

@@ -3,13 +3,17 @@
 use super::frames::{PoseSlope, axial};
 use super::pose::ControlPose;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// What holds a control element where it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Wrench {
     /// N.
+    #[serde(with = "crate::field::numbers")]
     pub force: Vector3<f64>,
     /// About where the element's origin rested, N·m, with the lever arms of the deformed body.
+    #[serde(with = "crate::field::numbers")]
     pub moment: Vector3<f64>,
 }
 

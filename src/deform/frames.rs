@@ -11,6 +11,7 @@
 use super::nearest::{continued, nearest};
 use super::pose::ControlPose;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Of X the vector a with a · ω = X : \[ω\]; of Σ f r the moment Σ r × f.
 pub fn axial(x: &Matrix3<f64>) -> Vector3<f64> {
@@ -40,11 +41,14 @@ pub struct FrameSlope {
 }
 
 /// Derivatives of an energy by a pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PoseSlope {
     /// ∂V/∂T, N: the force that a hand must apply.
+    #[serde(with = "crate::field::numbers")]
     pub translation: Vector3<f64>,
     /// ∂V/∂M, N·m: Σ f_i y_jᵀ over the held nodes, y being their places from o at rest.
+    #[serde(with = "crate::field::numbers")]
     pub matrix: Matrix3<f64>,
 }
 

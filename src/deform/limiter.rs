@@ -6,6 +6,7 @@
 use super::pose::ControlPose;
 use crate::fem::Polar;
 use nalgebra::{Matrix3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 
 /// Least and greatest stretch of a control element along any direction.
 pub const STRETCH: [f64; 2] = [0.05, 20.0];
@@ -39,7 +40,8 @@ impl PoseFault {
 }
 
 /// Admits the poses of one control element, frame by frame.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PoseLimiter {
     /// It is catching up after a jump.
     behind: bool,

@@ -1,6 +1,7 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
 use super::frames::PoseSlope;
+use super::memory::ModelMemory;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
@@ -17,6 +18,16 @@ pub trait DeformationModel: Send {
     /// nothing, for the force loop.
     fn respond(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
         None
+    }
+
+    /// What the model keeps from one frame to the next.
+    fn memory(&self) -> ModelMemory {
+        ModelMemory::default()
+    }
+
+    /// Goes on from what a model of the same body kept. The error says why it cannot, and the model is as it was.
+    fn set_memory(&mut self, _memory: &ModelMemory) -> Result<(), String> {
+        Ok(())
     }
 
     /// Displacements of all surface nodes that are no sum of columns, m, before parts move; they are added to the sum.
@@ -125,9 +136,11 @@ pub enum Frame {
 }
 
 /// A strain energy, by [`DeformationModel::respond`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Response {
     /// J.
+    #[serde(with = "crate::field::numbers")]
     pub energy: f64,
     /// False where the frame or the equilibrium of these poses was not found, and an earlier one was kept.
     pub is_defined: bool,
@@ -197,6 +210,7 @@ pub struct BodyState {
     #[serde(with = "crate::field::numbers::list")]
     pub parts: Vec<Isometry3<f64>>,
     /// c_k, group after group as the body's columns stand; a model may leave out those behind its own, which are then 0.
+    #[serde(with = "crate::field::numbers::flat")]
     pub coefficients: Vec<f64>,
     /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
     pub rotation_undefined: bool,

@@ -14,6 +14,7 @@
 use super::cubic_form::CubicForm;
 use super::frames::{FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use super::reduced::{Posed, Quartic, quartic_table};
@@ -202,6 +203,27 @@ impl DeformationModel for Perturbation {
         self.energy = found.unwrap_or(self.energy);
         slopes.copy_from_slice(&self.by_poses);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn memory(&self) -> ModelMemory {
+        let slopes = self.by_poses.clone();
+        let mut memory = ModelMemory { slopes, energy: self.energy, ..ModelMemory::default() };
+        self.posed.keep(&mut memory);
+        memory.unknowns.push(self.share);
+        memory.unknowns.extend(self.bends.column(0).iter());
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        memory.suits(2, self.posed.kept() + 1 + self.fields)?;
+        let mut unknowns = Unknowns(&memory.unknowns);
+        self.posed.take_back(memory, &mut unknowns);
+        self.share = unknowns.take();
+        unknowns.fill(self.bends.column_mut(0).as_mut_slice());
+        self.energy = memory.energy;
+        self.by_poses.clone_from(&memory.slopes);
+        self.by_poses.resize(2, PoseSlope::default());
+        Ok(())
     }
 
     fn forget(&mut self) {

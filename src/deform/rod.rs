@@ -15,13 +15,14 @@ mod skin;
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use super::se3::{exp, halves};
 use crate::base::parts::PartWeights;
 use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use chain::{Chain, Standing};
-use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
 use screws::Tangent;
 use section::{Section, stretch_of};
 use skin::Skin;
@@ -49,10 +50,10 @@ pub struct Rod {
     /// Another one, to come from rest with.
     spare: Chain,
     skin: Skin,
-    turns: [Option<UnitQuaternion<f64>>; 2],
+    turns: [UnitQuaternion<f64>; 2],
     frames: [ControlFrame; 2],
     /// The poses of the last evaluation, and what was found.
-    poses: [ControlPose; 2],
+    poses: Option<[ControlPose; 2]>,
     standing: Option<Standing>,
     is_defined: bool,
 }
@@ -103,9 +104,9 @@ impl Rod {
             spare: chain.clone(),
             chain,
             skin,
-            turns: [None; 2],
+            turns: [UnitQuaternion::identity(); 2],
             frames: [frame(0), frame(1)],
-            poses: [ControlPose { translation: Vector3::repeat(f64::NAN), ..ControlPose::REST }; 2],
+            poses: None,
             standing: None,
             is_defined: false,
         })
@@ -114,12 +115,12 @@ impl Rod {
     /// The rod between the frames of these poses; where there is none, the last one is kept.
     fn hold(&mut self, poses: &[ControlPose]) {
         let Ok(poses) = <[ControlPose; 2]>::try_from(poses) else { return };
-        if poses == self.poses {
+        if self.poses == Some(poses) {
             return;
         }
-        self.poses = poses;
+        self.poses = Some(poses);
         self.is_defined = false;
-        let frame = |e: usize| ControlFrame::of(&self.controls[e].origin, &poses[e], self.turns[e].as_ref());
+        let frame = |e: usize| ControlFrame::of(&self.controls[e].origin, &poses[e], Some(&self.turns[e]));
         let (Some(first), Some(last)) = (frame(0), frame(1)) else { return };
         let frames = [first, last];
         let clamps = [0, 1].map(|e| self.clamp(e, &frames[e]));
@@ -132,7 +133,7 @@ impl Rod {
         });
         if let Some(standing) = held {
             self.standing = Some(standing);
-            self.turns = [0, 1].map(|e| Some(frames[e].turn));
+            self.turns = [0, 1].map(|e| frames[e].turn);
             self.frames = frames;
             self.is_defined = true;
         }
@@ -210,16 +211,57 @@ impl DeformationModel for Rod {
         self.skin.weights().ok()
     }
 
+    fn memory(&self) -> ModelMemory {
+        let mut memory = ModelMemory {
+            turns: self.turns.to_vec(),
+            poses: self.poses.map_or_else(Vec::new, |poses| poses.to_vec()),
+            is_defined: self.is_defined,
+            ..ModelMemory::default()
+        };
+        for frame in &self.frames {
+            memory.put(&placed(frame));
+            memory.put(&frame.stretch);
+        }
+        // An energy that is not a number stands for a rod that was never held.
+        memory.energy = self.standing.map_or(f64::NAN, |standing| standing.energy);
+        for wrench in self.standing.map_or([Vector6::zeros(); 2], |standing| standing.wrenches) {
+            memory.unknowns.extend(wrench.iter());
+        }
+        self.chain.keep(&mut memory);
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        memory.suits(2, 2 * (7 + 9) + 2 * 6 + self.chain.kept())?;
+        let turns = memory.turns_of(2);
+        self.turns = [turns[0], turns[1]];
+        self.poses = <[ControlPose; 2]>::try_from(memory.poses.as_slice()).ok();
+        self.is_defined = memory.is_defined;
+        let mut unknowns = Unknowns(&memory.unknowns);
+        for frame in &mut self.frames {
+            let motion: Isometry3<f64> = unknowns.take();
+            let (place, turn) = (motion.translation.vector, motion.rotation);
+            *frame = ControlFrame { place, turn, stretch: unknowns.take() };
+        }
+        let mut wrenches = [Vector6::zeros(); 2];
+        wrenches.iter_mut().for_each(|wrench| unknowns.fill(wrench.as_mut_slice()));
+        let standing = Standing { energy: memory.energy, wrenches, iterations: 0, buckled: false };
+        self.standing = (!memory.energy.is_nan()).then_some(standing);
+        self.chain.take_back(&mut unknowns);
+        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch]);
+        Ok(())
+    }
+
     fn forget(&mut self) {
         self.chain.reset(self.section.frame_at(0.0));
-        self.turns = [None; 2];
-        self.poses[0].translation = Vector3::repeat(f64::NAN);
+        self.turns = [UnitQuaternion::identity(); 2];
+        self.poses = None;
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
         if let Some(place) = self.turns.get_mut(e) {
-            *place = Some(turn);
-            self.poses[0].translation = Vector3::repeat(f64::NAN);
+            *place = turn;
+            self.poses = None;
         }
     }
 }

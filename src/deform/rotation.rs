@@ -8,9 +8,11 @@
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::nearest::{DEFINED, is_mean_defined, stationary, unwrapped};
 use super::pose::ControlPose;
+use crate::field::numbers::Numbers;
 use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -32,7 +34,7 @@ pub struct Rotation {
     last: Rotation3<f64>,
     /// The rotation of every control element in the last evaluation, with the sign that continues the one before: it
     /// tells a turn by 200° from one by -160°.
-    turns: Option<Vec<UnitQuaternion<f64>>>,
+    turns: Vec<UnitQuaternion<f64>>,
     /// Where forces were asked for: the energy, and what it had for the last poses that have one.
     energy: Option<Helicoidal>,
     frames: Vec<ControlFrame>,
@@ -54,7 +56,7 @@ impl Rotation {
         Ok(Rotation {
             controls: input.controls.to_vec(),
             last: Rotation3::identity(),
-            turns: None,
+            turns: vec![UnitQuaternion::identity(); origins.len()],
             energy,
             frames: Vec::with_capacity(origins.len()),
             slopes: vec![
@@ -68,10 +70,9 @@ impl Rotation {
 
 impl DeformationModel for Rotation {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
-        let turns = unwrapped(self.turns.as_deref(), poses);
-        let mean = mean_rotation(&self.controls, poses, &turns);
+        self.turns = unwrapped(Some(&self.turns), poses);
+        let mean = mean_rotation(&self.controls, poses, &self.turns);
         self.last = mean.unwrap_or(self.last);
-        self.turns = Some(turns);
         let (rotation, inverse) = (self.last, self.last.inverse());
         let weights = weights(&self.controls);
         let moved = |e: usize| self.controls[e].origin + poses[e].translation;
@@ -99,12 +100,8 @@ impl DeformationModel for Rotation {
     /// Where the frames have no mean, the last one's forces go on.
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         let energy = self.energy.as_mut()?;
-        if self.turns.is_none() {
-            self.turns = Some(unwrapped(None, poses));
-        }
-        let turns = self.turns.as_mut()?;
         self.frames.clear();
-        for ((control, pose), turn) in self.controls.iter().zip(poses).zip(turns) {
+        for ((control, pose), turn) in self.controls.iter().zip(poses).zip(&mut self.turns) {
             let frame = ControlFrame::of(&control.origin, pose, Some(turn));
             self.frames.extend(frame.inspect(|frame| *turn = frame.turn));
         }
@@ -120,12 +117,27 @@ impl DeformationModel for Rotation {
         Some(self.response)
     }
 
+    fn memory(&self) -> ModelMemory {
+        let Response { energy, is_defined } = self.response;
+        let unknowns = self.last.matrix().list();
+        ModelMemory { turns: self.turns.clone(), energy, is_defined, unknowns, ..ModelMemory::default() }
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        memory.suits(self.controls.len(), 9)?;
+        self.turns = memory.turns_of(self.controls.len());
+        self.last = Rotation3::from_matrix_unchecked(Unknowns(&memory.unknowns).take());
+        self.response = Response { energy: memory.energy, is_defined: memory.is_defined };
+        Ok(())
+    }
+
     fn forget(&mut self) {
-        (self.last, self.turns) = (Rotation3::identity(), None);
+        self.last = Rotation3::identity();
+        self.turns.fill(UnitQuaternion::identity());
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
-        if let Some(place) = self.turns.as_mut().and_then(|turns| turns.get_mut(e)) {
+        if let Some(place) = self.turns.get_mut(e) {
             *place = turn;
         }
     }

@@ -81,7 +81,7 @@ pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
 
 /// What the plate of the equilibrium says: how far it is solved, or how far the model is from it.
 pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
-    let Some(plate) = world.plates.iter().find(|plate| plate.anchor == Anchor::LowerLeft) else {
+    let Some(plate) = world.frame.plates.iter().find(|plate| plate.anchor == Anchor::LowerLeft) else {
         return String::new();
     };
     let said = |line: &Vec<(String, Tone)>| line.iter().map(|(text, _)| text.as_str()).collect::<String>();

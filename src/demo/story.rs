@@ -188,7 +188,7 @@ impl Story {
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
         // The caption stands where these would, and says what they say.
-        session.world.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
+        session.world.frame.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
         screens.overlays.caption = Some(Box::new(caption));
         let (covered, track_s) = (Default::default(), 0.0);
         let mut frame = WindowFrame { windows, session, bodies, edited: None, covered, step_s, track_s };
@@ -213,7 +213,7 @@ impl Story {
             shown.session.world.act(Action::SnapBack);
         }
         shown.session.advance(end_s.map_or(self.clock_s, |end_s| self.clock_s.min(end_s + AFTER_S)))?;
-        let times = shown.session.world.times;
+        let times = shown.session.world.frame.times;
         if times.deform_s > 0.0 {
             shown.mechanics_s = times.total_s();
         }
@@ -251,7 +251,7 @@ impl Story {
     /// Waits for what effects compute in the background, before a picture that is kept.
     pub fn wait_for_effects(&mut self) {
         if let Some(Shown { session, .. }) = &mut self.shown {
-            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
+            session.world.before_picture();
         }
     }
 
@@ -298,9 +298,9 @@ fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, 
     let stage: Stage = find_stage(chapter.stage).map_err(Failure::request)?;
     let script = crate::session::open::script(scene, None)?;
     let mut world = World::new(scene, file, stage)?;
-    let effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
+    world.effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
     let mut session = Session::new(world, script);
-    (session.effects, session.file) = (effects, Some(file.clone()));
+    session.file = Some(file.clone());
     Ok(session)
 }
 

@@ -180,7 +180,7 @@ impl WindowApp for Application<'_> {
                 return Ok(Flow::Quit);
             }
         }
-        let mechanics_s = self.session.world.times.total_s();
+        let mechanics_s = self.session.world.frame.times.total_s();
         let track_s = (self.last.elapsed().as_secs_f64() - mechanics_s).max(0.0);
         let session = &mut self.session;
         if let Some(desk) = &mut self.desk {

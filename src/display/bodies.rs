@@ -69,7 +69,7 @@ impl GpuBodies {
     /// What is written over the pictures: what the world says, and bodies that are bent further than their models hold.
     pub fn plates<'a>(&self, world: &'a World) -> Cow<'a, [Plate]> {
         let beyond = self.watches.iter().zip(&world.bodies).filter_map(|(watch, body)| watch.plate(body));
-        let mut plates = Cow::Borrowed(&world.plates[..]);
+        let mut plates = Cow::Borrowed(&world.frame.plates[..]);
         for plate in beyond {
             plates.to_mut().push(plate);
         }
@@ -91,13 +91,13 @@ impl GpuBodies {
 pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
     FrameContents {
         bodies: instances,
-        styli: &world.styli,
-        arrows: &world.arrows,
+        styli: &world.frame.styli,
+        arrows: &world.frame.arrows,
         grid: world.grid(),
-        strips: &world.strips,
-        ghosts: &world.ghosts,
-        lines: &world.lines,
-        balls: &world.balls,
+        strips: &world.frame.strips,
+        ghosts: &world.frame.ghosts,
+        lines: &world.frame.lines,
+        balls: &world.frame.balls,
         ..Default::default()
     }
 }

@@ -41,7 +41,7 @@ pub fn keep_clear(world: &World) -> Vec<KeepClear> {
 /// Points in the room of each thing that is held or pointed at.
 fn held(world: &World) -> Vec<Vec<Point3<f64>>> {
     let mut things = elements(world, Highlight::Held);
-    let (hits, arrows) = (world.styli.iter().filter_map(|stylus| stylus.hit), &world.arrows);
+    let (hits, arrows) = (world.frame.styli.iter().filter_map(|stylus| stylus.hit), &world.frame.arrows);
     things.extend(hits.map(|hit| vec![hit.cast()]));
     things.extend(arrows.iter().map(|arrow| vec![arrow.from.cast(), (arrow.from + arrow.along).cast()]));
     things

@@ -171,7 +171,7 @@ sensor = \"wand\"
             let said = |model: &StageModel, of: &str| {
                 model.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)
             };
-            let styli = session.world.styli.clone();
+            let styli = session.world.frame.styli.clone();
             (styli, said(&model, "head"), said(&model, "wand"), said(&model, "7 of lab"), model)
         };
         let (styli, head, wand, seventh, model) = drawn(&mut session);

@@ -194,7 +194,7 @@ impl Targets {
         let draw_s = self.gpu.wait()?.as_secs_f64();
         let encode_s = encode.as_secs_f64();
         if let Some((history, _)) = &mut self.panel {
-            let StepTimes { interact_s, deform_s, normals_s } = world.times;
+            let StepTimes { interact_s, deform_s, normals_s } = world.frame.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
             history.push(FrameSteps { steps, whole_s: steps.iter().sum() });
         }

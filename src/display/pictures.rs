@@ -5,7 +5,7 @@ use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::base::output::{self, Kind};
+use crate::base::output::{self, Kind, Staged};
 use crate::base::table::seconds;
 use crate::render::Samples;
 use crate::session::{Playback, Session};
@@ -67,15 +67,23 @@ impl PictureRequest {
         let mut playback = Playback::new(session, self.frames)?;
         for frame in 0..self.frames {
             mechanics_s += playback.step_to(session, frame)?.total_s();
-            session.effects.iter_mut().for_each(|effect| effect.before_picture(&mut session.world));
+            session.world.before_picture();
             let DrawTimes { upload_s, encode_s, draw_s } =
                 targets.draw(&mut session.world).map_err(Failure::work)?;
             drawn_s += upload_s + encode_s + draw_s;
             let (images, _) = targets.read().map_err(Failure::work)?;
-            for (name, image) in &images {
-                save(image, &folder.join(format!("frame{frame:04}-{name}.png")))?;
-                count += 1;
-            }
+            let named = |frame: usize| {
+                images.iter().map(move |(name, _)| folder.join(format!("frame{frame:04}-{name}.png")))
+            };
+            // What an older run drew goes with the first frame, so that it never stands among the new pictures.
+            let older: Vec<PathBuf> = match frame {
+                0 => (1..self.frames).flat_map(named).chain([folder.join(SHEET)]).collect(),
+                _ => Vec::new(),
+            };
+            let older: Vec<PathBuf> = older.into_iter().filter(|path| output::is(path, &PNG)).collect();
+            let staged = named(frame).zip(&images).map(|(path, (_, image))| stage(image, &path));
+            output::put_all(staged.collect::<Result<_, Failure>>()?, &older)?;
+            count += images.len();
             if shown.contains(&frame) {
                 sheet.push(SheetFrame::new(frame, &images));
             }
@@ -121,7 +129,11 @@ pub fn pictures_of_frame(stage: &Stage, screens: usize) -> String {
 }
 
 pub fn save(image: &RgbaImage, path: &Path) -> Result<(), Failure> {
+    Ok(stage(image, path)?.put()?)
+}
+
+fn stage(image: &RgbaImage, path: &Path) -> Result<Staged, Failure> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png).map_err(Failure::work)?;
-    Ok(output::write(path, &PNG, |file| file.write_all(bytes.get_ref()))?)
+    Ok(output::stage(path, &PNG, |file| file.write_all(bytes.get_ref()))?)
 }

@@ -20,7 +20,8 @@ const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
 const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
 const BAD: Color32 = Color32::from_rgb(240, 86, 70);
 
-fn ink(tone: Tone) -> Color32 {
+/// The colour of a tone.
+pub fn ink(tone: Tone) -> Color32 {
     match tone {
         Tone::Plain => INK,
         Tone::Quiet => QUIET,

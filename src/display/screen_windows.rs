@@ -106,7 +106,7 @@ impl ScreenWindows {
         let WindowFrame { windows, session, bodies, edited, covered, step_s, track_s } = frame;
         self.sizes = windows.sizes().collect();
         let tiles = self.tiles(session);
-        let StepTimes { interact_s, deform_s, normals_s } = session.world.times;
+        let StepTimes { interact_s, deform_s, normals_s } = session.world.frame.times;
         if self.overlays.has_panel() {
             self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
             self.overlays.history.push(FrameSteps { whole_s: *step_s, ..self.times });
@@ -114,8 +114,8 @@ impl ScreenWindows {
         let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
         let is_wanted = self.overlays.wants_reports();
         let reports = if is_wanted { session.input.tracker_reports() } else { Vec::new() };
-        let effects = session.effects.iter_mut().filter(|_| self.overlays.has_panel());
-        let haptics = effects.flat_map(|effect| effect.haptic_readings()).collect();
+        let effects = session.world.effects.iter_mut().filter(|_| self.overlays.has_panel());
+        let devices = effects.flat_map(|effect| effect.readings()).collect();
         let world = &session.world;
         // What the plates tell belongs to the scene's bodies, not to one on which control elements are made.
         let plates = if edited.is_some() { Cow::Borrowed(&[][..]) } else { bodies.plates(world) };
@@ -140,7 +140,7 @@ impl ScreenWindows {
             source: source.to_owned(),
             warnings: world.warnings.clone(),
             sensors: SensorReading::of(&reports),
-            haptics,
+            devices,
             ..Readings::of(world)
         };
         let instances = edited.map_or_else(|| bodies.instances(world), |edited| vec![edited]);

@@ -1,12 +1,11 @@
 //! One entry of the list of effects: name, required column families, own tensors.
 
-use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
 use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
 use crate::scene::Scene;
 use crate::solve::Progress;
-use crate::world::World;
+use crate::world::{RunningEffect, World};
 
 /// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
 pub type Precompute =

@@ -6,7 +6,6 @@
 //! measured for the body ([`expected`](super::expected)), a band shows within which the force truly lies.
 
 use super::entry::{EffectEntry, Listed};
-use super::running::RunningEffect;
 use crate::base::csv::quoted;
 use crate::base::notice::notice;
 use crate::base::output::Kind;
@@ -14,8 +13,11 @@ use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
 use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
-use crate::world::{Highlight, PlacedBody, World, why_unknown, wrench_error};
+use crate::world::running::{Memory, read, written};
+use crate::world::{Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error};
 use nalgebra::{Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
@@ -45,10 +47,14 @@ const LEAST: f64 = 1e-5;
 
 struct ForceCurve {
     bodies: Vec<usize>,
+    /// How many control elements each body of the world has.
+    controls: Vec<usize>,
     trace: Option<Trace>,
 }
 
 /// One hold.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Trace {
     place: (usize, usize),
     body: String,
@@ -57,7 +63,7 @@ struct Trace {
     /// The model has no force in the pose as it is.
     is_undefined: bool,
     /// Errors to expect, N and N·m; or why they are unknown.
-    errors: Result<[f64; 2], &'static str>,
+    errors: Result<[f64; 2], Cow<'static, str>>,
     samples: Vec<Sample>,
     last: Option<(ControlPose, Wrench)>,
     /// Work by translation and by turn, counted without sign, J.
@@ -65,10 +71,16 @@ struct Trace {
     /// A displacement shorter than this has no direction, m.
     least: f64,
     /// The last directions that displacement and turn had.
-    along: [Option<Vector3<f64>>; 2],
+    along: [Option<Direction>; 2],
 }
 
-#[derive(Clone, Copy)]
+/// Of length 1.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(transparent)]
+struct Direction(#[serde(with = "crate::field::numbers")] Vector3<f64>);
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Sample {
     time_s: f64,
     /// From rest, m and rad.
@@ -97,7 +109,8 @@ impl ForceCurve {
                 );
             }
         }
-        ForceCurve { bodies: listed.bodies.iter().map(|&(b, _)| b).collect(), trace: None }
+        let controls = world.bodies.iter().map(|body| body.controls.len()).collect();
+        ForceCurve { bodies: listed.bodies.iter().map(|&(b, _)| b).collect(), controls, trace: None }
     }
 
     /// The first control element that is held of a body that lists the effect.
@@ -111,7 +124,11 @@ impl ForceCurve {
 }
 
 impl RunningEffect for ForceCurve {
-    fn after_frame(&mut self, world: &mut World) {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn show(&mut self, world: &mut World) {
         let held = self.held(world);
         let goes_on = self.trace.as_ref().is_some_and(|trace| trace.is_held && Some(trace.place) == held);
         if let Some(trace) = &mut self.trace {
@@ -123,7 +140,22 @@ impl RunningEffect for ForceCurve {
         if let (Some(trace), Some((b, _))) = (&mut self.trace, held) {
             trace.take(&world.bodies[b], *world.graph.get(world.fields.time));
         }
-        world.plates.extend(self.trace.as_ref().and_then(Trace::plate));
+        world.frame.plates.extend(self.trace.as_ref().and_then(Trace::plate));
+    }
+
+    fn memory(&self) -> Option<Memory> {
+        written(&self.trace)
+    }
+
+    fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
+        let trace: Option<Trace> = read(memory)?;
+        let is_known =
+            |(b, c): (usize, usize)| self.bodies.contains(&b) && self.controls.get(b).is_some_and(|n| c < *n);
+        if trace.as_ref().is_some_and(|trace| !is_known(trace.place)) {
+            return Err("its curve is that of a control element of another scene".into());
+        }
+        self.trace = trace;
+        Ok(())
     }
 
     fn clear(&mut self) {
@@ -143,7 +175,7 @@ impl Trace {
             control: body.deformer.controls[place.1].name.clone(),
             is_held: true,
             is_undefined: false,
-            errors: Err(why_unknown(body)),
+            errors: Err(why_unknown(body).into()),
             samples: Vec::new(),
             last: None,
             work: [0.0; 2],
@@ -182,7 +214,7 @@ impl Trace {
         let turned = body.deformer.turn(self.place.1);
         let turn = turned.against(&FollowedTurn::REST);
         let now = [pose.translation.try_normalize(self.least), axis(&turned, turn)];
-        self.along = [0, 1].map(|k| now[k].or(self.along[k]));
+        self.along = [0, 1].map(|k| now[k].map(Direction).or(self.along[k]));
         self.samples.push(Sample {
             time_s,
             displacement: pose.translation.norm(),
@@ -190,7 +222,7 @@ impl Trace {
             wrench,
             force: None,
             torque: None,
-            errors: self.errors.ok(),
+            errors: self.errors.as_ref().ok().copied(),
             is_first,
         });
         self.project();
@@ -210,8 +242,8 @@ impl Trace {
             if sample.force.is_some() && sample.torque.is_some() {
                 break;
             }
-            sample.force = sample.force.or(shift.map(|along| sample.wrench.force.dot(&along)));
-            sample.torque = sample.torque.or(axis.map(|axis| sample.wrench.moment.dot(&axis)));
+            sample.force = sample.force.or(shift.map(|Direction(along)| sample.wrench.force.dot(&along)));
+            sample.torque = sample.torque.or(axis.map(|Direction(axis)| sample.wrench.moment.dot(&axis)));
         }
     }
 
@@ -254,7 +286,7 @@ impl Trace {
 
     fn error_line(&self) -> Vec<(String, Tone)> {
         let (by_turn, unit) = if self.is_by_turn() { (1, "N·m") } else { (0, "N") };
-        match self.errors {
+        match &self.errors {
             _ if self.is_undefined => vec![("the model has no force in this pose".into(), Tone::Bad)],
             Ok(errors) => {
                 vec![
@@ -326,8 +358,8 @@ fn radius(places: &[[f32; 3]]) -> f64 {
 }
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
-fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Result<[f64; 2], &'static str> {
-    let error = wrench_error(body, wrenches).ok_or_else(|| why_unknown(body))?;
+fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Result<[f64; 2], Cow<'static, str>> {
+    let error = wrench_error(body, wrenches).ok_or_else(|| Cow::from(why_unknown(body)))?;
     Ok([error.force, error.moment])
 }
 
@@ -341,23 +373,23 @@ mod tests {
     fn held(name: &str, model: &str, poses: &[ControlPose]) -> (Box<dyn RunningEffect>, World) {
         let (scene, file, mut world) = bar(name, model, &[NAME]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap().remove(0);
-        running.after_frame(&mut world);
-        assert!(world.plates.is_empty() && running.table().is_none(), "nothing is held");
+        running.show(&mut world);
+        assert!(world.frame.plates.is_empty() && running.table().is_none(), "nothing is held");
         world.bodies[0].controls[1].highlight = Highlight::Held;
         for pose in poses {
             world.bodies[0].deformer.evaluate(&[ControlPose::REST, *pose]);
-            world.plates.clear();
-            running.after_frame(&mut world);
+            world.frame.plates.clear();
+            running.show(&mut world);
         }
         (running, world)
     }
 
     fn plot(world: &World) -> &Plot {
-        world.plates[0].plot.as_ref().unwrap()
+        world.frame.plates[0].plot.as_ref().unwrap()
     }
 
     fn words(world: &World) -> String {
-        world.plates[0].lines.iter().flatten().map(|(text, _)| text.as_str()).collect()
+        world.frame.plates[0].lines.iter().flatten().map(|(text, _)| text.as_str()).collect()
     }
 
     /// F = E A / L · u of a bar with ν = 0, with the law's own units, and in the table too.
@@ -386,18 +418,18 @@ mod tests {
 
         // Let go, the curve stays; taken again, it begins anew; and it is cleared.
         world.bodies[0].controls[1].highlight = Highlight::Idle;
-        world.plates.clear();
-        running.after_frame(&mut world);
+        world.frame.plates.clear();
+        running.show(&mut world);
         assert!(words(&world).contains("let go") && plot(&world).curves[0].len() == 5);
         world.bodies[0].controls[1].highlight = Highlight::Held;
-        world.plates.clear();
-        running.after_frame(&mut world);
+        world.frame.plates.clear();
+        running.show(&mut world);
         assert_eq!(plot(&world).curves[0].len(), 1);
         running.clear();
         world.bodies[0].controls[1].highlight = Highlight::Idle;
-        world.plates.clear();
-        running.after_frame(&mut world);
-        assert!(world.plates.is_empty());
+        world.frame.plates.clear();
+        running.show(&mut world);
+        assert!(world.frame.plates.is_empty());
     }
 
     /// A body under a load bears a force already at rest: 0 N at 0 mm was invented there.

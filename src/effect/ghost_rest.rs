@@ -1,10 +1,9 @@
 //! The effect `ghost_rest`: the body at rest, translucent, where the body as it is has left it.
 
 use super::entry::{EffectEntry, Listed};
-use super::running::RunningEffect;
 use crate::deform::{ControlPose, Deformer, vertex_normals};
 use crate::render::{Ghost, GhostShape, Line};
-use crate::world::World;
+use crate::world::{RunningEffect, World};
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -45,14 +44,18 @@ impl RestGhosts {
 }
 
 impl RunningEffect for RestGhosts {
-    fn after_frame(&mut self, world: &mut World) {
+    fn name(&self) -> &'static str {
+        ENTRY.name
+    }
+
+    fn show(&mut self, world: &mut World) {
         for (b, shape) in &self.bodies {
             let body = &world.bodies[*b];
             if body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST) {
                 let room_from_shape = body.room_from_body.to_homogeneous().cast();
-                world.lines.extend(shape.lines(&room_from_shape, COLOR, false));
+                world.frame.lines.extend(shape.lines(&room_from_shape, COLOR, false));
                 let shape = shape.shape.clone();
-                world.ghosts.push(Ghost { shape, room_from_shape, color: COLOR, through: 0.0 });
+                world.frame.ghosts.push(Ghost { shape, room_from_shape, color: COLOR, through: 0.0 });
             }
         }
     }
@@ -125,15 +128,15 @@ mod tests {
     fn the_ghost_is_the_body_at_rest_and_stands_only_beside_one_that_is_moved() {
         let (scene, file, mut world) = bar("ghost-rest", "linear", &["ghost_rest"]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
-        running[0].after_frame(&mut world);
-        assert!(world.ghosts.is_empty(), "at rest there is nothing beside the body");
+        running[0].show(&mut world);
+        assert!(world.frame.ghosts.is_empty(), "at rest there is nothing beside the body");
         let mut poses = world.bodies[0].deformer.poses.clone();
         poses[1].translation.x = 0.01;
         world.bodies[0].deformer.evaluate(&poses);
-        running[0].after_frame(&mut world);
+        running[0].show(&mut world);
         // The twelve edges of the bar: four of 12 pieces, eight of 3.
-        assert_eq!(world.lines.len(), 4 * 12 + 8 * 3);
-        let [ghost] = &world.ghosts[..] else { panic!("{:?}", world.ghosts.len()) };
+        assert_eq!(world.frame.lines.len(), 4 * 12 + 8 * 3);
+        let [ghost] = &world.frame.ghosts[..] else { panic!("{:?}", world.frame.ghosts.len()) };
         let deformer = &world.bodies[0].deformer;
         assert_eq!(ghost.shape.positions, deformer.rest());
         assert_ne!(ghost.shape.positions[..], deformer.positions()[..]);

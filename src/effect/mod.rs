@@ -4,7 +4,7 @@
 //! Each effect is one entry of [`EFFECTS`] in a file of its own; a body names those it wants. What they require is
 //! precomputed ([`requirements`]), with tensors of their own in the .green file ([`add_sections`]). They join a world when it
 //! is made ([`attach`]), and a live session starts their devices and threads ([`start`]); as [`RunningEffect`]s they act before
-//! and after each frame, and may draw with a shader of their own ([`World::strips`]).
+//! and after each frame, and may draw with a shader of their own ([`Frame::strips`](crate::world::frame::Frame::strips)).
 
 mod entry;
 pub mod expected;
@@ -12,11 +12,9 @@ pub mod force_curve;
 pub mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
-mod running;
 pub mod stress;
 
 pub use entry::{EffectEntry, Listed, Precompute};
-pub use running::RunningEffect;
 
 use crate::base::failure::Failure;
 use crate::config;
@@ -24,7 +22,7 @@ use crate::deform::ModelEntry;
 use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
 use crate::scene::{Body, Scene};
 use crate::solve::Progress;
-use crate::world::World;
+use crate::world::{RunningEffect, World};
 
 /// All effects; a new one is one file and one line here.
 pub const EFFECTS: &[EffectEntry] = &[
@@ -248,12 +246,16 @@ mod tests {
     }
 
     impl RunningEffect for Halo {
-        fn after_frame(&mut self, world: &mut World) {
+        fn name(&self) -> &'static str {
+            HALO.name
+        }
+
+        fn show(&mut self, world: &mut World) {
             let place = |b: &usize| {
                 <[f32; 3]>::from(world.bodies[*b].room_from_body.isometry.translation.vector.cast())
             };
             let instances = self.bodies.iter().flat_map(place).collect();
-            world.strips.push(Strips { kind: &STRIP, instances });
+            world.frame.strips.push(Strips { kind: &STRIP, instances });
         }
     }
 
@@ -278,9 +280,9 @@ mod tests {
         let mut running = attach(&[HALO], &scene, &file, &mut world).unwrap();
         for time_s in [0.0, 0.1] {
             world.step(&TrackerState { time_s, ..Default::default() });
-            running.iter_mut().for_each(|effect| effect.after_frame(&mut world));
+            running.iter_mut().for_each(|effect| effect.show(&mut world));
             let place = world.bodies[0].room_from_body.isometry.translation.vector.cast::<f32>();
-            let [strips] = &world.strips[..] else { panic!("{:?}", world.strips) };
+            let [strips] = &world.frame.strips[..] else { panic!("{:?}", world.frame.strips) };
             assert_eq!((strips.kind.name, &strips.instances[..]), ("halo", place.as_slice()));
         }
         drop(running);

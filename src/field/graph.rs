@@ -29,7 +29,7 @@ pub(super) struct Node<C> {
     /// Fields that are made from this one.
     dependents: Vec<usize>,
     /// An input has changed since the last evaluation.
-    is_dirty: bool,
+    pub(super) is_dirty: bool,
     pub evaluations: u64,
     pub write: fn(&dyn Any) -> serde_json::Result<String>,
     pub read: fn(&str) -> serde_json::Result<Box<dyn Any>>,

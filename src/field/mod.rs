@@ -38,6 +38,6 @@ pub use error::FieldError;
 pub use graph::Graph;
 pub use input::{Each, Input};
 pub use listing::Entry;
-pub use stream::{LONGEST_LINE, StreamError, VERSION, read_line};
+pub use stream::{FieldState, LONGEST_LINE, StreamError, VERSION, read_line};
 pub(crate) use value::value_types;
 pub use value::{Field, Value};

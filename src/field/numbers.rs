@@ -1,7 +1,8 @@
 //! Lists of numbers in a stream, exactly as they are; those that JSON lacks are the words `nan`, `inf` and `-inf`.
 //!
 //! `#[serde(with = "crate::field::numbers")]` on a vector, point, matrix (row by row) or pose (place, then quaternion
-//! i, j, k, w); `numbers::option` where it may be absent, `numbers::list` where there are any number of them.
+//! i, j, k, w); `numbers::option` where it may be absent, `numbers::list` where there are any number of them, `numbers::flat` on a list of
+//! single numbers.
 
 use nalgebra::{Isometry3, Point3, Quaternion, SMatrix, Similarity3, Translation3, UnitQuaternion, Vector3};
 use serde::de::{Error, SeqAccess, Visitor};
@@ -135,6 +136,19 @@ pub mod list {
     }
 }
 
+/// Any count of single numbers.
+pub mod flat {
+    use super::{Deserialize, Deserializer, Number, Serializer};
+
+    pub fn serialize<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(values.iter().map(|value| Number::from(*value)))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+        Ok(Vec::<Number>::deserialize(deserializer)?.into_iter().map(f64::from).collect())
+    }
+}
+
 impl Numbers for f64 {
     const COUNT: usize = 1;
 
@@ -198,6 +212,19 @@ macro_rules! pose {
 }
 
 pose!(f32, f64);
+
+/// i, j, k, w, taken as they stand.
+impl Numbers for UnitQuaternion<f64> {
+    const COUNT: usize = 4;
+
+    fn list(&self) -> Vec<f64> {
+        self.coords.iter().copied().collect()
+    }
+
+    fn made(numbers: &[f64]) -> UnitQuaternion<f64> {
+        UnitQuaternion::new_unchecked(Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
+    }
+}
 
 /// A pose, then its scale.
 impl Numbers for Similarity3<f64> {

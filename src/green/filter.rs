@@ -8,6 +8,7 @@
 //! ```
 
 use super::guess::Guesses;
+use super::zstd_context;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -99,7 +100,7 @@ pub fn filtered(container: &[u8]) -> std::io::Result<Vec<u8>> {
             let Some(guesses) = known.of(kind, of, &surfaces[&of.body]) else { continue };
             let mut hidden = container[of.place.clone()].to_vec();
             hidden.chunks_exact_mut(6 * of.nodes).for_each(|column| guesses.hide(column));
-            let size = zstd::bulk::compress(&hidden, TRIAL)?.len();
+            let size = zstd_context::compressed(&hidden, TRIAL)?.len();
             if least.as_ref().is_none_or(|(least, ..)| size < *least) {
                 least = Some((size, kind, hidden));
             }

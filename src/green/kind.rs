@@ -1,5 +1,6 @@
 //! Recognises .green files and packed ones by their first bytes.
 
+use super::zstd_context;
 use crate::base::output::Kind;
 use std::io::Read;
 
@@ -16,7 +17,8 @@ fn is_green(head: &[u8]) -> bool {
 /// What is packed is known by what comes out.
 fn is_packed(head: &[u8]) -> bool {
     let mut unpacked = Vec::new();
-    let Ok(decoder) = zstd::Decoder::new(head) else { return false };
+    let Ok(mut context) = zstd_context::decompressing() else { return false };
+    let decoder = zstd::Decoder::with_context(head, &mut context);
     // The head ends in the middle of the packed file, which is an error behind the bytes that are looked at.
     let _ = decoder.take(8 + METADATA.len() as u64).read_to_end(&mut unpacked);
     is_green(&unpacked)

@@ -43,6 +43,7 @@ pub mod update;
 mod update_error;
 mod validate;
 mod write;
+mod zstd_context;
 
 pub use acting::acting;
 pub use basis::{precompute, precompute_kept, solve, solve_prepared, suits};

@@ -7,8 +7,9 @@ use super::error::GreenError;
 use super::file::GreenFile;
 use super::filter;
 use super::kind::{GREEN, PACKED};
+use super::zstd_context;
 use crate::base::{input, output};
-use std::io::{Read, Write};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// zstd's level: 19 is its smallest without extra memory for whoever unpacks.
@@ -27,13 +28,7 @@ pub fn packed_path(green: &Path) -> PathBuf {
 
 /// The packed form of a .green file's bytes.
 pub fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
-    let bytes = filter::filtered(bytes)?;
-    let mut encoder = zstd::Encoder::new(Vec::new(), LEVEL)?;
-    encoder.include_checksum(true)?;
-    encoder.include_contentsize(true)?;
-    encoder.set_pledged_src_size(Some(bytes.len() as u64))?;
-    encoder.write_all(&bytes)?;
-    encoder.finish()
+    zstd_context::compressed(&filter::filtered(bytes)?, LEVEL)
 }
 
 /// Packs the .green file at `from` into `to`, which is there whole or not at all; returns both sizes.
@@ -59,7 +54,8 @@ pub fn unpack(from: &Path, to: &Path) -> Result<u64, GreenError> {
     let largest = LARGEST.max(LARGEST_RATIO * packed_size);
     let damaged = |reason: String| GreenError::Damaged { path: from.to_owned(), reason };
     let unpacked = |error: std::io::Error| damaged(format!("it does not unpack ({error})"));
-    let packed = zstd::Decoder::new(file).map_err(unpacked)?;
+    let mut context = zstd_context::decompressing().map_err(unread)?;
+    let packed = zstd::Decoder::with_context(BufReader::new(file), &mut context);
     let mut bytes = Vec::new();
     packed.take(largest + 1).read_to_end(&mut bytes).map_err(unpacked)?;
     if bytes.len() as u64 > largest {

@@ -4,9 +4,11 @@
 //! the start of the motion, so that the frames in between do not matter.
 
 use nalgebra::{Matrix3, Similarity3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A motion in progress.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Ease {
     start_s: f64,
 }

@@ -2,10 +2,12 @@
 //!
 //! In: an entry when a grab ends. Out: the entry to undo or to redo. The caller decides what an entry contains.
 
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Entries that can be undone, and undone entries that can be redone.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct History<T> {
     done: VecDeque<T>,
     undone: Vec<T>,
@@ -42,6 +44,19 @@ impl<T: Clone> History<T> {
         let entry = self.undone.pop()?;
         self.done.push_back(entry.clone());
         Some(entry)
+    }
+
+    /// The same history of other entries; those of which nothing is left are dropped.
+    pub fn filter_map<U>(&self, mut entry: impl FnMut(&T) -> Option<U>) -> History<U> {
+        History {
+            done: self.done.iter().filter_map(&mut entry).collect(),
+            undone: self.undone.iter().filter_map(&mut entry).collect(),
+        }
+    }
+
+    /// All entries, those that can be undone first.
+    pub fn entries(&self) -> impl Iterator<Item = &T> {
+        self.done.iter().chain(&self.undone)
     }
 
     /// How many entries can be undone, and how many redone.

@@ -27,18 +27,32 @@ pub struct MovingHand {
 }
 
 /// The scene's place as the user has moved it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Navigation {
+    #[serde(with = "crate::field::numbers")]
     pub room_from_scene: Similarity3<f64>,
+    #[serde(with = "crate::field::numbers")]
     pub centre: Point3<f64>,
     pub radius_m: f64,
     /// The hands as they were when this part of the navigation began, and the scene then.
     hands: Vec<MovingHand>,
+    #[serde(with = "crate::field::numbers")]
     scene_then: Similarity3<f64>,
     /// See [`held_line`].
+    #[serde(with = "crate::field::numbers::option")]
     line: Option<Vector3<f64>>,
     /// The motion back to the scene's own place.
-    reset: Option<(Ease, Similarity3<f64>)>,
+    reset: Option<Return>,
+}
+
+/// A motion in progress, and the place at which it began.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Return {
+    ease: Ease,
+    #[serde(with = "crate::field::numbers")]
+    from: Similarity3<f64>,
 }
 
 impl Navigation {
@@ -59,7 +73,7 @@ impl Navigation {
     /// tip. True if the scene moved.
     pub fn step(&mut self, hands: &[MovingHand], time_s: f64) -> bool {
         let before = self.room_from_scene;
-        if let Some((ease, from)) = self.reset {
+        if let Some(Return { ease, from }) = self.reset {
             let share = ease.share(time_s);
             self.room_from_scene = between(&from, &Similarity3::identity(), share);
             self.reset = self.reset.filter(|_| share < 1.0);
@@ -94,15 +108,10 @@ impl Navigation {
         self.hands.clear();
     }
 
-    /// Whether the scene is at its own place, and nothing moves it.
-    pub fn is_at_rest(&self) -> bool {
-        self.room_from_scene == Similarity3::identity() && self.reset.is_none() && self.hands.is_empty()
-    }
-
     /// Starts the motion back to the scene's own place.
     pub fn reset(&mut self, time_s: f64) {
         if self.room_from_scene != Similarity3::identity() {
-            self.reset = Some((Ease::start(time_s), self.room_from_scene));
+            self.reset = Some(Return { ease: Ease::start(time_s), from: self.room_from_scene });
         }
     }
 
@@ -118,22 +127,18 @@ impl Navigation {
 }
 
 /// Whether a body is set aside, and its motion there or back.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Aside {
     pub is_aside: bool,
-    moving: Option<(Ease, Similarity3<f64>)>,
+    moving: Option<Return>,
 }
 
 impl Aside {
-    /// Neither set aside nor in motion.
-    pub fn is_at_home(&self) -> bool {
-        *self == Aside::default()
-    }
-
     /// Starts the motion aside, or back; `room_from_body` is the body's place now.
     pub fn toggle(&mut self, time_s: f64, room_from_body: &Similarity3<f64>) {
         self.is_aside = !self.is_aside;
-        self.moving = Some((Ease::start(time_s), *room_from_body));
+        self.moving = Some(Return { ease: Ease::start(time_s), from: *room_from_body });
     }
 
     /// The body's place now, on its way aside or back.
@@ -144,7 +149,7 @@ impl Aside {
         aside: &Similarity3<f64>,
     ) -> Similarity3<f64> {
         let goal = if self.is_aside { aside } else { home };
-        let Some((ease, from)) = self.moving else { return *goal };
+        let Some(Return { ease, from }) = self.moving else { return *goal };
         let share = ease.share(time_s);
         self.moving = self.moving.filter(|_| share < 1.0);
         between(&from, goal, share)

@@ -6,7 +6,7 @@ use super::presses::ScriptPresses;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::base::output;
-use crate::effect::{self, RunningEffect};
+use crate::effect;
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
@@ -18,9 +18,7 @@ use std::sync::Arc;
 
 /// A world, and all that moves or records it.
 pub struct Session {
-    /// What the effects of the scene's bodies run. First, so that it is dropped first: no device pushes while trackers
-    /// are waited for.
-    pub effects: Vec<Box<dyn RunningEffect>>,
+    /// First, so that its effects are dropped first: no device pushes while trackers are waited for.
     pub world: World,
     pub input: InputSource,
     pub recorder: Option<Recorder>,
@@ -50,7 +48,6 @@ impl Session {
         input.script = script;
         input.script.iter_mut().for_each(|script| script.filled = Some(world.filled()));
         Session {
-            effects: Vec::new(),
             world,
             input,
             recorder: None,
@@ -70,14 +67,15 @@ impl Session {
     /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
     pub fn start_effects(&mut self, scene: &Scene) -> Result<(), Failure> {
         if let Some(file) = &self.file {
-            self.effects.extend(effect::start(scene, file, &self.world)?);
+            let started = effect::start(scene, file, &self.world)?;
+            self.world.effects.extend(started);
         }
         Ok(())
     }
 
     /// Starts the trackers of the stage.
     pub fn start_trackers(&mut self) -> Result<(), Failure> {
-        self.input.trackers = super::trackers::start(&self.world.stage, &mut self.effects)?;
+        self.input.trackers = super::trackers::start(&self.world.stage, &mut self.world.effects)?;
         Ok(())
     }
 
@@ -92,12 +90,12 @@ impl Session {
             self.apply(change);
         }
         self.set_loads(time_s);
-        self.effects.iter_mut().for_each(|effect| effect.before_frame(&mut state));
+        self.world.effects.iter_mut().for_each(|effect| effect.input(&mut state));
         self.world.step_at(time_s, &state);
         if self.input.leader() == Leader::Script {
             self.presses.watch(&mut self.world, &state);
         }
-        self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
+        self.world.show_effects();
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, &state)?;
         }
@@ -135,7 +133,7 @@ impl Session {
                 return Ok(SessionProgress::Running);
             }
             replay.play_next(&mut self.world, Some(time_s))?;
-            self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
+            self.world.show_effects();
         }
         Ok(SessionProgress::Ended)
     }
@@ -144,7 +142,7 @@ impl Session {
     pub fn play_frame(&mut self) -> Result<bool, Failure> {
         let Some(replay) = &mut self.input.replay else { return Ok(false) };
         let is_played = replay.play_next(&mut self.world, None)?;
-        self.effects.iter_mut().for_each(|effect| effect.after_frame(&mut self.world));
+        self.world.show_effects();
         Ok(is_played)
     }
 
@@ -175,8 +173,8 @@ impl Session {
         }
         let Some(mouse) = &mut self.input.mouse else { return };
         if pressed && !mouse.control && key == keys::CLEAR {
-            self.is_cleared |= self.effects.iter().any(|effect| effect.table().is_some());
-            self.effects.iter_mut().for_each(|effect| effect.clear());
+            self.is_cleared |= self.world.effects.iter().any(|effect| effect.table().is_some());
+            self.world.effects.iter_mut().for_each(|effect| effect.clear());
         }
         let action = keys::action(key, mouse.control, &self.world).filter(|_| pressed);
         if let Some(action) = action {
@@ -198,7 +196,7 @@ impl Session {
     /// Writes what the effects have recorded, where that is asked for.
     fn write_curve(&mut self) -> Result<String, Failure> {
         let Some(path) = self.curve.take() else { return Ok(String::new()) };
-        let Some(table) = self.effects.iter().find_map(|effect| effect.table()) else {
+        let Some(table) = self.world.effects.iter().find_map(|effect| effect.table()) else {
             let why = match self.is_cleared {
                 true => "C cleared the force curve, and nothing was held since",
                 false => "nothing was held",

@@ -129,12 +129,12 @@ impl Session {
     pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
         let Changed { scene, file, deformers, stage, is_other_stage } = changed;
         let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
-        let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
+        world.effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
         world.carry_over(&mut self.world);
         // Devices are let go of before others are opened.
         let was_live = self.input.mouse.is_some();
-        self.effects.clear();
-        (self.world, self.file, self.effects) = (world, Some(file), effects);
+        self.world.effects.clear();
+        (self.world, self.file) = (world, Some(file));
         self.scene = Some(scene);
         if is_other_stage {
             self.input.trackers = None;
@@ -212,6 +212,24 @@ mod tests {
         let body = &session.world.bodies[0];
         assert_eq!((body.model.as_str(), body.deformer.poses[1]), ("rotation", pose));
         assert_eq!(session.scene.as_ref().unwrap().body["a"].model, "rotation");
+    }
+
+    #[test]
+    fn a_grab_before_a_change_of_the_model_can_be_undone_after_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        let pose = session.world.bodies[0].deformer.poses[1];
+        session.world.act(crate::interact::Action::SnapBack);
+        for time_s in [0.1, 0.2, 1.0] {
+            session.advance(time_s).unwrap();
+        }
+        let seen =
+            |session: &Session| (session.world.bodies[0].deformer.poses[1], session.world.undo_depth());
+        assert_eq!(seen(&session), (ControlPose::REST, [1, 0]));
+        change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        session.world.act(crate::interact::Action::Undo);
+        session.advance(1.2).unwrap();
+        assert_eq!(seen(&session), (pose, [0, 1]));
     }
 
     #[test]

@@ -58,19 +58,16 @@ impl Session {
         let stage = stage(scene, named.as_deref())?;
         let file = file()?;
         let mut world = World::new(scene, &file, stage)?;
-        if replay.is_some() || request.record.is_some() {
-            world.wait_for_background();
-        }
-        let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
+        world.effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
         let origin = Origin { scene, file: &file, stage: &named };
         if let Some(replay) = &mut replay {
             replay.start(&origin, &mut world)?;
         }
-        let recorder = request.record.map(|path| Recorder::create(path, &origin, &world)).transpose()?;
+        let recorder = request.record.map(|path| Recorder::create(path, &origin, &mut world)).transpose()?;
         let mut session = Session::new(world, script);
         (session.input.replay, session.recorder) = (replay, recorder);
-        (session.effects, session.file) = (effects, Some(file));
+        session.file = Some(file);
         session.scene = Some(Scene { stage: stage_from_scene(scene, &named), ..scene.clone() });
         Ok(session)
     }

@@ -71,7 +71,7 @@ impl Playback {
                 }
             }
         }
-        Ok(session.world.times)
+        Ok(session.world.frame.times)
     }
 }
 

@@ -1,26 +1,29 @@
 //! A session as a file: for every frame the trackers' poses, the commands, and the hash of the resulting state.
 //!
-//! Lines of JSON: a header (scene, stage, program), the state of all fields at the start ([`crate::field::Graph::write`]),
-//! then a line a frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
+//! Lines of JSON: a header (scene, stage, program), the [`State`] at the start, which may be in the middle of anything, then a line a
+//! frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
 //! once, so that a crash costs the last few at most; a file that ends in the middle of a line is read up to there.
 
 use crate::base::failure::Failure;
 use crate::base::input;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
-use crate::field::{StreamError, read_line};
+use crate::field::{LONGEST_LINE, StreamError, read_line};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::scene::Scene;
 use crate::session::lines::Lines;
 use crate::track::TrackerState;
-use crate::world::World;
+use crate::world::{State, World};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Take};
 use std::path::{Component, Path, PathBuf};
 
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
+
+/// A state of more bytes is refused.
+const LARGEST_STATE: usize = 1 << 28;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -33,7 +36,6 @@ struct Header {
     /// blake3 over everything of the scene, and of the stage (workspace and viewer), that the state depends on.
     scene_hash: String,
     stage_hash: String,
-    styli: usize,
 }
 
 /// One frame of a session.
@@ -74,7 +76,6 @@ impl Origin<'_> {
             stage: stage_from(recording, self.stage),
             scene_hash: scene.finalize().to_hex().to_string(),
             stage_hash: blake3::hash(stage.as_bytes()).to_hex().to_string(),
-            styli: world.styli_count(),
         }
     }
 }
@@ -95,10 +96,12 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a new file; an older recording is replaced once the new one's start is written.
-    pub fn create(path: &Path, origin: &Origin<'_>, world: &World) -> Result<Recorder, Failure> {
+    /// Starts a new file from the world's state; an older recording is replaced once the new one's start is written. From here on every
+    /// frame waits for what is computed in the background, so that a replay comes to the same states.
+    pub fn create(path: &Path, origin: &Origin<'_>, world: &mut World) -> Result<Recorder, Failure> {
+        world.wait_for_background();
         let mut text = line(&origin.header(world, path))?;
-        world.write(&mut text)?;
+        text.extend(line(&world.begin().map_err(Failure::work)?)?);
         let file = output::stream(path, &KIND, &text)?;
         let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
         Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
@@ -181,7 +184,9 @@ impl Replay {
         let refused = |error: String| Failure::wrong(format!("{}: {error}", path.display()));
         let file = input::open(path).map_err(|error| refused(error.to_string()))?;
         let mut input = BufReader::new(file);
-        let text = read_line(&mut input, 1).map_err(|error| refused(error.to_string()))?.unwrap_or_default();
+        let text = read_line(&mut input, 1, LONGEST_LINE)
+            .map_err(|error| refused(error.to_string()))?
+            .unwrap_or_default();
         let header: Header = serde_json::from_slice(&text).map_err(|error| {
             refused(format!("line 1: not a recording of `greenstage view --record`: {error}"))
         })?;
@@ -237,11 +242,20 @@ impl Replay {
         } else if then.stage_hash != now.stage_hash {
             format!("it was recorded on the stage {}, not on {}: leave out --stage", then.stage, now.stage)
         } else {
-            world.have_styli(self.header.styli);
-            let read = world.graph.read(&mut self.input, &mut self.line);
-            return read.map_err(|error| self.wrong(&error.to_string()));
+            return self.start_from_state(world);
         };
         Err(self.wrong(&fault))
+    }
+
+    fn start_from_state(&mut self, world: &mut World) -> Result<(), Failure> {
+        self.line += 1;
+        let text = read_line(&mut self.input, self.line, LARGEST_STATE);
+        let text = text.map_err(|error| self.wrong(&error.to_string()))?.unwrap_or_default();
+        let wrong =
+            |error: String| self.wrong(&format!("line {}: not the state of this scene: {error}", self.line));
+        let state: State = serde_json::from_slice(&text).map_err(|error| wrong(error.to_string()))?;
+        world.wait_for_background();
+        world.set_state(&state).map_err(wrong)
     }
 
     /// How many whole frames there are from here to the end; a note tells if the last one was cut off.
@@ -279,7 +293,7 @@ impl Replay {
     /// The next frame; `None` at the end. A frame that was cut off in the middle is the end, and a note tells so.
     fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
         self.line += 1;
-        let text = match read_line(&mut self.input, self.line) {
+        let text = match read_line(&mut self.input, self.line, LONGEST_LINE) {
             Ok(Some(text)) => text,
             Ok(None) => return Ok(None),
             Err(StreamError::Truncated { .. }) => {

@@ -1,11 +1,11 @@
 //! Starts the trackers of a session, and joins their states with those of mouse or script.
 
 use crate::base::failure::Failure;
-use crate::effect::RunningEffect;
 use crate::effect::haptics::{HapticSource, live};
 use crate::stage::Stage;
 use crate::track::device::{Source, now_s};
 use crate::track::{TrackerSet, TrackerState, open};
+use crate::world::RunningEffect;
 
 /// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
 pub fn start(stage: &Stage, effects: &mut [Box<dyn RunningEffect>]) -> Result<Option<TrackerSet>, Failure> {

@@ -7,7 +7,6 @@ use super::body::PlacedBody;
 use super::edit_state::{Change, EditState, Posed, REST};
 use super::flow::{BodyPlace, HandState};
 use super::frame::World;
-use crate::base::failure::Failure;
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{Action, Asked, Ease, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest};
 use crate::stage::Workspace;
@@ -16,17 +15,6 @@ use nalgebra::Similarity3;
 use std::collections::BTreeSet;
 
 impl World {
-    /// Writes the state of all fields, from which a new world of the same scene and stage can go on. State that is not in
-    /// fields cannot be written: if some of it is not at rest, an error names it.
-    pub fn write(&self, out: &mut impl std::io::Write) -> Result<(), Failure> {
-        if let Some(what) = self.edit.is_unsaved() {
-            return Err(Failure::wrong(format!(
-                "the state cannot be written, because {what}, and a recording does not store that"
-            )));
-        }
-        self.graph.write(out).map_err(Failure::work)
-    }
-
     /// Carries out a command, between frames.
     pub fn act(&mut self, action: Action) {
         self.pending.push(action);

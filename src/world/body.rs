@@ -1,5 +1,6 @@
 //! A body at its place in the room: its deformer, which of its control elements a hand can take, and its colours.
 
+use super::body_memory::BodyMemory;
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::place;
@@ -189,6 +190,35 @@ impl PlacedBody {
     /// All triangles, made when they are first asked for.
     pub fn whole_shape(&self) -> PickShape {
         PickShape { triangles: self.deformer.triangles().to_vec(), points: Vec::new() }
+    }
+
+    /// What it keeps from one frame to the next beside its fields.
+    pub(super) fn memory(&self) -> BodyMemory {
+        BodyMemory {
+            room_from_body: self.room_from_body,
+            limiters: self.controls.iter().map(|control| control.limiter).collect(),
+            range_left: self.range_left,
+            deformations: self.deformations,
+            deformer: self.deformer.snapshot(),
+        }
+    }
+
+    /// Goes on from what a body of the same scene kept.
+    pub(super) fn set_memory(&mut self, memory: &BodyMemory) -> Result<(), String> {
+        let (found, expected) = (memory.limiters.len(), self.controls.len());
+        if found != expected {
+            let body = &self.deformer.body;
+            return Err(format!("body.{body}: it has {found} control elements, the scene has {expected}"));
+        }
+        self.deformer.restore(&memory.deformer)?;
+        for (control, limiter) in self.controls.iter_mut().zip(&memory.limiters) {
+            control.limiter = *limiter;
+        }
+        self.room_from_body = memory.room_from_body;
+        self.range_left = memory.range_left;
+        (self.deformations, self.positions_hash) = (memory.deformations, None);
+        (self.moved, self.recolour) = (true, true);
+        Ok(())
     }
 
     /// `pose` if a body can follow it after `last`, or what it can follow instead.

@@ -1,10 +1,11 @@
 //! Takes poses over from another world of the same bodies, after a change of model, material, effects or stage.
 //!
 //! In: two worlds. Out: the new one, in which every control element of the same name that holds the same nodes stands as it
-//! stood in the old one. On the same stage the scene stays where it was moved to.
+//! stood in the old one, and what was done with it can be undone. On the same stage the scene stays where it was moved to, and
+//! effects of the same bodies keep their memory.
 
 use super::body::PlacedBody;
-use super::edit_state::Posed;
+use super::edit_state::Change;
 use super::frame::World;
 use std::collections::BTreeSet;
 
@@ -13,22 +14,24 @@ use std::collections::BTreeSet;
 const SAME: f64 = 1e-9;
 
 impl World {
-    /// Takes over what a person did in `old`; nothing is held then, and nothing can be undone.
+    /// Takes over what a person did in `old`; nothing is held then.
     pub fn carry_over(&mut self, old: &mut World) {
         old.let_go();
-        let mut posed: Vec<(usize, Posed)> = Vec::new();
-        for (target, &(b, c)) in self.fields.targets.iter().enumerate() {
-            let same = old
-                .fields
-                .targets
-                .iter()
-                .position(|&(old_b, old_c)| self.is_same((b, c), old, (old_b, old_c)));
-            posed.extend(same.map(|same| (target, old.posed(same))));
-        }
-        self.put_targets(posed);
+        let targets = &self.fields.targets;
+        let now =
+            |before: &(usize, usize)| targets.iter().position(|&place| self.is_same(place, old, *before));
+        let now: Vec<Option<usize>> = old.fields.targets.iter().map(now).collect();
+        let posed = now.iter().enumerate().filter_map(|(before, now)| Some(((*now)?, old.posed(before))));
+        self.put_targets(posed.collect::<Vec<_>>());
+        self.edit.history = old.edit.history.filter_map(|changes: &Vec<Change>| {
+            let moved = |change: &Change| Some(Change { target: now[change.target]?, ..*change });
+            let kept: Vec<Change> = changes.iter().filter_map(moved).collect();
+            (!kept.is_empty()).then_some(kept)
+        });
         self.change_hands(|hands| hands.mode = old.mode());
         self.field_changes = old.field_changes;
         self.carry_loads(old);
+        self.carry_effects(old);
         if self.stage == old.stage {
             self.edit.navigation = old.edit.navigation.clone();
             for (b, body) in self.bodies.iter().enumerate() {
@@ -43,6 +46,24 @@ impl World {
         }
         let told: BTreeSet<String> = self.warnings.iter().map(|(_, told)| told.clone()).collect();
         self.warnings.extend(old.warnings.iter().filter(|(_, warning)| !told.contains(warning)).cloned());
+    }
+
+    /// Effects go on where all bodies are those of the old world; one that cannot begins anew.
+    fn carry_effects(&mut self, old: &World) {
+        let names = |world: &World| -> Vec<String> {
+            world.bodies.iter().map(|body| body.deformer.body.clone()).collect()
+        };
+        if names(self) != names(old) {
+            return;
+        }
+        for effect in &mut self.effects {
+            let before = old.effects.iter().find(|before| before.name() == effect.name());
+            if let Some(memory) = before.and_then(|before| before.memory())
+                && effect.set_memory(&memory).is_err()
+            {
+                effect.clear();
+            }
+        }
     }
 
     /// Loads of the same body and of the same names act as they did.

@@ -4,9 +4,12 @@ use super::ruler::Ruler;
 use crate::deform::{ControlPose, FollowedTurn};
 use crate::interact::{Aside, Ease, History, Navigation};
 use crate::stage::Workspace;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// Undo history, navigation, bodies set aside, and the way back to rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct EditState {
     pub navigation: Navigation,
     pub asides: Vec<Aside>,
@@ -20,7 +23,8 @@ pub struct EditState {
 }
 
 /// A control element's pose, and the turn that led to it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Posed {
     pub pose: ControlPose,
     pub turn: FollowedTurn,
@@ -29,7 +33,8 @@ pub(super) struct Posed {
 pub(super) const REST: Posed = Posed { pose: ControlPose::REST, turn: FollowedTurn::REST };
 
 /// One target, before and after.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Change {
     pub target: usize,
     pub before: Posed,
@@ -48,19 +53,21 @@ impl EditState {
             ruler: Ruler::default(),
         }
     }
-    /// Names something that is not at rest, and that a stream of the graph's fields would therefore lose.
-    pub(super) fn is_unsaved(&self) -> Option<&'static str> {
-        match self {
-            EditState { navigation, .. } if !navigation.is_at_rest() => {
-                Some("the scene is moved (Home puts it back)")
-            }
-            EditState { asides, .. } if !asides.iter().all(Aside::is_at_home) => Some("a body is set aside"),
-            EditState { easing: Some(_), .. } => Some("bodies are on their way back to rest"),
-            EditState { ruler, .. } if *ruler != Ruler::default() => {
-                Some("a ruler is laid (M takes it away)")
-            }
-            EditState { history, .. } if *history != History::default() => Some("there is something to undo"),
-            _ => None,
+
+    /// The error names what is of another scene: one with other bodies or control elements than these.
+    pub(super) fn suits(&self, bodies: usize, targets: usize) -> Result<(), String> {
+        let counts = [
+            ("bodies that can be set aside", self.asides.len(), bodies),
+            ("control elements that can be taken", self.before.len(), targets),
+        ];
+        if let Some((what, found, expected)) = counts.iter().find(|(_, found, expected)| found != expected) {
+            return Err(format!("it has {found} {what}, the scene has {expected}"));
+        }
+        let changed = self.history.entries().flatten().map(|change| change.target);
+        let eased = self.easing.iter().flat_map(|(_, from)| from.iter().map(|(target, _)| *target));
+        match changed.chain(eased).chain(self.held.iter().copied()).find(|target| *target >= targets) {
+            Some(target) => Err(format!("it names control element {target} of {targets}")),
+            None => Ok(()),
         }
     }
 }

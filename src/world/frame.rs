@@ -10,10 +10,11 @@ use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
 use super::force::{self, HeldForce};
 use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
+use super::running::Memory;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::base::plates::Plate;
+use crate::base::plates::{Plate, Words};
 use crate::base::strips::Strips;
 use crate::deform::Deformer;
 use crate::field::{Field, Graph, Value};
@@ -22,7 +23,7 @@ use crate::interact::{Action, Grip};
 use crate::render::{Arrow, Ball, Ghost, Grid, Line, StylusShape, View};
 use crate::scene::{Body, Scene};
 use crate::stage::{Eye, Stage, Workspace};
-use crate::track::{Signal, TrackerState};
+use crate::track::{Signal, Source, TrackerState};
 use indexmap::IndexMap;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::BTreeSet;
@@ -33,14 +34,61 @@ use std::time::{Duration, Instant};
 const NEAR_M: f64 = 0.05;
 
 /// At most so many styli are followed; further ones are ignored.
-const MOST_STYLI: usize = 16;
+pub(super) const MOST_STYLI: usize = 16;
 
-/// All that moves.
-pub struct World {
-    pub stage: Stage,
-    pub bodies: Bodies,
-    pub room_from_head: Isometry3<f64>,
-    /// What each stylus looks like in this frame.
+/// An effect of a world, until it is dropped; a thread that it has started ends with it.
+pub trait RunningEffect {
+    /// As scenes name it.
+    fn name(&self) -> &'static str;
+
+    /// Changes what trackers, script or mouse say, before the world goes through a frame. A replay, whose recording holds what came
+    /// of it, does not ask.
+    fn input(&mut self, _state: &mut TrackerState) {}
+
+    /// Sees the world at the end of a frame, and adds what it draws ([`Frame::strips`]).
+    fn show(&mut self, _world: &mut World) {}
+
+    /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what it draws of it.
+    fn before_picture(&mut self, _world: &mut World) {}
+
+    /// What it keeps from one frame to the next; `None` where all that it shows follows from the frame.
+    fn memory(&self) -> Option<Memory> {
+        None
+    }
+
+    /// Goes on from what an effect of the same scene kept. The error says why it cannot.
+    fn set_memory(&mut self, _memory: &Memory) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Forgets what was drawn of the past, such as a curve.
+    fn clear(&mut self) {}
+
+    /// What it has recorded, as a CSV table.
+    fn table(&self) -> Option<String> {
+        None
+    }
+
+    /// What the effect's device of this name measures, as a tracker's source; once.
+    fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {
+        None
+    }
+
+    /// Rows of the overlay for each of its devices, as they are now.
+    fn readings(&mut self) -> Vec<Vec<Words>> {
+        Vec::new()
+    }
+
+    /// How it went, in lines for the end of a session.
+    fn summary(&mut self) -> String {
+        String::new()
+    }
+}
+
+/// What one frame shows beside bodies; the next one begins empty.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// What each stylus looks like.
     pub styli: Vec<StylusShape>,
     /// The forces of held elements, and the arrows that show them, for bodies that list an effect with forces.
     pub forces: Vec<HeldForce>,
@@ -52,16 +100,28 @@ pub struct World {
     pub lines: Vec<Line>,
     pub balls: Vec<Ball>,
     pub plates: Vec<Plate>,
+    /// What the mechanics took.
+    pub times: StepTimes,
+}
+
+/// All that moves.
+pub struct World {
+    /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
+    /// waited for.
+    pub effects: Vec<Box<dyn RunningEffect>>,
+    pub stage: Stage,
+    pub bodies: Bodies,
+    pub room_from_head: Isometry3<f64>,
+    /// What the last frame shows.
+    pub frame: Frame,
     /// Each picture is kept, and waits for what is computed in the background.
     pub is_for_pictures: bool,
     /// How often somebody asked for another field; only the picture changes.
     pub field_changes: usize,
-    /// What the mechanics of this frame took.
-    pub times: StepTimes,
     /// Warnings, each told once, with the time since the start at which it was told, s.
     pub warnings: Vec<(f64, String)>,
     /// Time since the start of the session, s; a script's own time begins anew with every round.
-    clock_s: f64,
+    pub(super) clock_s: f64,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub edit: EditState,
@@ -69,7 +129,7 @@ pub struct World {
     pub actions: Vec<Action>,
     pub(super) pending: Vec<Action>,
     /// The reasons for black screens that were told already.
-    told: BTreeSet<String>,
+    pub(super) told: BTreeSet<String>,
 }
 
 impl World {
@@ -105,20 +165,13 @@ impl World {
     fn of(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
         let mut world = World {
             edit: EditState::new(&stage.workspace, bodies.len(), fields.targets.len()),
+            effects: Vec::new(),
             room_from_head: stage.viewer.room_from_head,
             stage,
             bodies,
-            styli: Vec::new(),
-            forces: Vec::new(),
-            arrows: Vec::new(),
-            strips: Vec::new(),
-            ghosts: Vec::new(),
-            lines: Vec::new(),
-            balls: Vec::new(),
-            plates: Vec::new(),
+            frame: Frame::default(),
             is_for_pictures: false,
             field_changes: 0,
-            times: StepTimes::default(),
             warnings: Vec::new(),
             clock_s: 0.0,
             graph,
@@ -186,11 +239,7 @@ impl World {
     pub fn step_at(&mut self, clock_s: f64, state: &TrackerState) -> StepTimes {
         let started = Instant::now();
         self.clock_s = clock_s;
-        self.strips.clear();
-        self.ghosts.clear();
-        self.lines.clear();
-        self.balls.clear();
-        self.plates.clear();
+        self.frame = Frame::default();
         std::mem::swap(&mut self.actions, &mut self.pending);
         self.pending.clear();
         self.have_styli(state.styli.len());
@@ -204,8 +253,25 @@ impl World {
         self.evaluate();
         self.show_ruler();
         self.show_touches();
-        self.times.interact_s = started.elapsed().as_secs_f64() - self.times.deform_s - self.times.normals_s;
-        self.times
+        self.frame.times.interact_s =
+            started.elapsed().as_secs_f64() - self.frame.times.deform_s - self.frame.times.normals_s;
+        self.frame.times
+    }
+
+    /// Lets the effects see the frame, and add what they draw.
+    pub fn show_effects(&mut self) {
+        self.with_effects(|effect, world| effect.show(world));
+    }
+
+    /// Lets the effects see the world before a picture that is kept.
+    pub fn before_picture(&mut self) {
+        self.with_effects(|effect, world| effect.before_picture(world));
+    }
+
+    fn with_effects(&mut self, mut act: impl FnMut(&mut dyn RunningEffect, &mut World)) {
+        let mut effects = std::mem::take(&mut self.effects);
+        effects.iter_mut().for_each(|effect| act(effect.as_mut(), self));
+        self.effects = effects;
     }
 
     /// Sets a field that is fed from outside.
@@ -221,11 +287,11 @@ impl World {
             body.times = StepTimes::default();
         }
         self.graph.evaluate(&mut self.bodies);
-        self.times = StepTimes::default();
+        self.frame.times = StepTimes::default();
         let mut warnings = Vec::new();
         for body in &mut self.bodies {
-            self.times.deform_s += body.times.deform_s;
-            self.times.normals_s += body.times.normals_s;
+            self.frame.times.deform_s += body.times.deform_s;
+            self.frame.times.normals_s += body.times.normals_s;
             warnings.append(&mut body.warnings);
         }
         for warning in warnings {
@@ -249,7 +315,7 @@ impl World {
         let (graph, workspace) = (&self.graph, &self.stage.workspace);
         let hands = &graph.get(self.fields.hands).hands;
         let mut touched: Vec<((usize, usize), Highlight)> = Vec::new();
-        (self.styli, self.forces, self.arrows) = (Vec::new(), Vec::new(), Vec::new());
+        (self.frame.styli, self.frame.forces, self.frame.arrows) = (Vec::new(), Vec::new(), Vec::new());
         for (i, fields) in self.fields.styli.iter().enumerate() {
             // One that is lost is not drawn where it was.
             let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
@@ -262,12 +328,12 @@ impl World {
                 let now = self.bodies[b].room_from_element(c, graph.get(self.fields.bodies[b].poses[c]));
                 let place = now.transform_point(&grip.place_in_element);
                 touched.push(((b, c), Highlight::Held));
-                let is_told = self.forces.iter().any(|force| (force.body, force.control) == (b, c));
+                let is_told = self.frame.forces.iter().any(|force| (force.body, force.control) == (b, c));
                 if self.bodies[b].force_scale.is_some() && !is_told {
                     let force = force::held_force(b, &self.bodies[b], c);
                     let shown = force.as_ref().and_then(|f| force::arrow(f, &place, workspace.radius_m));
-                    self.forces.extend(force);
-                    self.arrows.extend(shown);
+                    self.frame.forces.extend(force);
+                    self.frame.arrows.extend(shown);
                 }
                 HeldPlace { grip, place }
             });
@@ -280,7 +346,7 @@ impl World {
             let hit = hit.filter(|_| held.is_none());
             let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
             touched.extend(target.map(|&target| (target, Highlight::Hovered)));
-            self.styli.push(hand::shape(stylus, pose, hit, held, workspace));
+            self.frame.styli.push(hand::shape(stylus, pose, hit, held, workspace));
         }
         for (b, body) in self.bodies.iter_mut().enumerate() {
             for (c, control) in body.controls.iter_mut().enumerate() {
@@ -294,7 +360,7 @@ impl World {
 
     /// Distance from the first stylus to what it points at, for the mouse to grab there.
     pub fn hit_distance_m(&self) -> Option<f64> {
-        let stylus = self.styli.first()?;
+        let stylus = self.frame.styli.first()?;
         let hit: Point3<f64> = stylus.hit?.cast();
         let eye = self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre);
         Some((hit - eye).norm())

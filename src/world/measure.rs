@@ -63,19 +63,19 @@ impl World {
         };
         let ends: Vec<Point3<f64>> = self.edit.ruler.ends.iter().map(in_room).collect();
         let radius_m = (END * self.stage.workspace.radius_m) as f32;
-        self.balls.extend(ends.iter().map(|end| Ball { center: end.cast(), radius_m, color: COLOR }));
+        self.frame.balls.extend(ends.iter().map(|end| Ball { center: end.cast(), radius_m, color: COLOR }));
         let plate = match (&ends[..], self.measured()) {
             ([a, b], Some(measured)) => {
                 let [red, green, blue] = COLOR;
                 for (opacity, over) in [(1.0, 0.0), (0.35, 1.0)] {
                     let line = Line::new(*a, *b, [red, green, blue, opacity], 3.0);
-                    self.lines.push(Line { over, ..line });
+                    self.frame.lines.push(Line { over, ..line });
                 }
                 Plate::of(Anchor::Place(nalgebra::center(a, b).into()), measured.words())
             }
             _ => Plate::of(Anchor::Place(ends[0].into()), "ruler: M again sets the other end"),
         };
-        self.plates.push(plate);
+        self.frame.plates.push(plate);
     }
 }
 
@@ -106,7 +106,7 @@ mod tests {
         aim(&mut world, -0.3, 0.2);
         world.act(Action::Measure);
         aim(&mut world, 0.45, -0.35);
-        assert!(world.measured().is_none() && world.plates.len() == 1 && world.balls.len() == 1);
+        assert!(world.measured().is_none() && world.frame.plates.len() == 1 && world.frame.balls.len() == 1);
         world.act(Action::Measure);
         let rest = Vector3::new(0.75, 0.0, -0.55);
         let told = |world: &World| -> Measured { world.measured().unwrap() };
@@ -141,12 +141,12 @@ mod tests {
             "{now_m} m, {rest_m} m"
         );
         aim(&mut world, 0.0, 0.0);
-        assert_eq!((world.lines.len(), world.balls.len(), world.plates.len()), (2, 2, 1));
-        let words = &world.plates[0].lines[0][0].0;
+        assert_eq!((world.frame.lines.len(), world.frame.balls.len(), world.frame.plates.len()), (2, 2, 1));
+        let words = &world.frame.plates[0].lines[0][0].0;
         assert!(words.contains(", at rest 2.00 m: +"), "{words}");
         world.act(Action::Reset);
         aim(&mut world, 0.0, 0.0);
-        assert!(world.plates.is_empty() && world.lines.is_empty(), "as at the start");
+        assert!(world.frame.plates.is_empty() && world.frame.lines.is_empty(), "as at the start");
     }
 
     #[test]

@@ -6,15 +6,18 @@ use super::body::PlacedBody;
 use crate::base::quantity::quantity;
 use crate::deform::{NearestPoint, nearest_point};
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Up to two points of the material.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Ruler {
     pub(super) ends: Vec<SurfacePoint>,
 }
 
 /// A point of a body's surface: a triangle, and how much of each corner.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SurfacePoint {
     pub body: usize,
     /// Nodes of the surface.

@@ -124,55 +124,74 @@ fn an_eye_behind_a_screen_has_no_view() {
     assert_eq!(world.room_from_head, behind.cast(), "a lost head stays where it was");
 }
 
+/// The state of `first`, through JSON, in a new world.
+fn copied(first: &World, name: &str) -> World {
+    let text = serde_json::to_vec(&first.state().unwrap()).unwrap();
+    let mut second = world(name);
+    second.set_state(&serde_json::from_slice(&text).unwrap()).unwrap();
+    second
+}
+
+/// Recordings stored fields alone, and refused to begin where something else was not at rest.
 #[test]
-fn a_world_read_from_a_stream_goes_on_as_the_one_that_was_written() {
-    let at_end = |world: &World, y: f64| state(world, [1.5, y, 0.1], [0.0, y, 0.1], true);
-    let (mut first, mut second) = (world("written"), world("read"));
-    for y in [0.0, 0.1, 0.2] {
-        first.step(&at_end(&first, y));
+fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
+    let mut first = world("written");
+    let carry = |world: &World, y: f64, pressed, time_s: f64| TrackerState {
+        time_s,
+        ..state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed)
+    };
+    let mut frame = 0;
+    let mut go_on = |worlds: &mut [&mut World], y: f64, pressed: bool, action: Option<Action>| {
+        frame += 1;
+        let hashes = worlds.iter_mut().map(|world| {
+            action.into_iter().for_each(|action| world.act(action));
+            let input = carry(world, y, pressed, 0.1 * f64::from(frame));
+            world.step(&input);
+            (world.state_hash(), serde_json::to_string(&world.state().unwrap()).unwrap())
+        });
+        let hashes: Vec<_> = hashes.collect();
+        assert!(hashes.iter().all(|hash| *hash == hashes[0]), "frame {frame}, {action:?}");
+        hashes[0].0.clone()
+    };
+    let mut seen = Vec::new();
+    for (y, pressed) in [(0.0, false), (0.0, true), (0.3, true), (0.3, false)] {
+        seen.push(go_on(&mut [&mut first], y, pressed, None));
     }
-    let mut stream = Vec::new();
-    first.write(&mut stream).unwrap();
-    assert_ne!(first.state_hash(), second.state_hash());
-    second.graph.read(&mut stream.as_slice(), &mut 0).unwrap();
-    for y in [0.2, 0.35, 0.5] {
-        for world in [&mut first, &mut second] {
-            world.step(&at_end(world, y));
+    // In the hand, with something to undo, moved and scaled, on its way aside, with a ruler laid.
+    for action in [Some(Action::ScaleScene(1.5)), Some(Action::Measure), Some(Action::SetAside(0)), None] {
+        let mut second = copied(&first, "read");
+        for (y, pressed) in [(0.3, true), (0.35, true), (0.5, true), (0.5, false)] {
+            seen.push(go_on(&mut [&mut first, &mut second], y, pressed, None));
         }
-        assert_eq!(first.state_hash(), second.state_hash(), "still in the hand at {y}");
+        seen.push(go_on(&mut [&mut first], 0.5, false, action));
     }
+    for action in [Action::ResetNavigation, Action::Undo, Action::Redo, Action::SnapBack] {
+        go_on(&mut [&mut first], 0.5, false, Some(action));
+        let mut second = copied(&first, "commanded");
+        for _ in 0..6 {
+            seen.push(go_on(&mut [&mut first, &mut second], 0.5, false, None));
+        }
+    }
+    seen.dedup();
+    assert!(seen.len() > 20, "{} different frames", seen.len());
 }
 
 #[test]
-fn a_world_that_is_not_at_rest_beside_its_fields_is_not_written() {
-    let refusal = |world: &World| world.write(&mut Vec::new()).map_err(|error| error.to_string());
-    let mut world = world("unwritten");
-    let resting = state(&world, [0.0, 3.0, 0.0], [0.0, 4.0, 0.0], false);
-    let at = |time_s: f64| TrackerState { time_s, ..resting.clone() };
-    world.step(&at(0.0));
-    refusal(&world).unwrap();
-    world.act(Action::ScaleScene(1.5));
-    world.step(&at(0.1));
-    assert!(refusal(&world).unwrap_err().contains("the scene is moved"));
-    world.act(Action::ResetNavigation);
-    world.step(&at(0.2));
-    assert!(refusal(&world).is_err(), "on its way back");
-    world.step(&at(5.0));
-    refusal(&world).unwrap();
-    world.act(Action::SetAside(0));
-    world.step(&at(10.0));
-    assert!(refusal(&world).unwrap_err().contains("set aside"));
-    world.act(Action::SetAside(0));
-    for time_s in [11.0, 12.0] {
-        world.step(&at(time_s));
-    }
-    refusal(&world).unwrap();
-    let carry = |y: f64, pressed| state(&world, [1.5, y, 0.1], [0.0, y, 0.1], pressed);
-    let frames = [carry(0.0, false), carry(0.0, true), carry(0.3, true), carry(0.3, false)];
-    for frame in &frames {
-        world.step(frame);
-    }
-    assert!(refusal(&world).unwrap_err().contains("something to undo"));
+fn a_state_of_another_scene_is_refused() {
+    let first = world("first-state");
+    let refusal = |change: &dyn Fn(&mut State)| {
+        let mut state = first.state().unwrap();
+        change(&mut state);
+        world("refused-state").set_state(&state).unwrap_err()
+    };
+    assert_eq!(refusal(&|state| state.bodies.clear()), "it has 0 bodies, the scene has 1");
+    assert!(refusal(&|state| state.styli = 99).contains("99 styli"));
+    assert!(
+        refusal(&|state| state.bodies[0].limiters.clear()).contains("body.block: it has 0 control elements")
+    );
+    assert!(refusal(&|state| state.edit.asides.clear()).contains("bodies that can be set aside"));
+    assert!(refusal(&|state| drop(state.fields.pop())).contains("fields, this graph has"));
+    assert!(refusal(&|state| state.bodies[0].deformer.poses.clear()).contains("body.block: "));
 }
 
 #[test]

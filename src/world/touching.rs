@@ -46,7 +46,7 @@ impl World {
         let radius_m = self.stage.workspace.radius_m;
         for touch in touches.coming() {
             let words = "solving for this point".to_owned();
-            self.plates.push(Plate::of(Anchor::Place(touch.place_in_room.into()), words));
+            self.frame.plates.push(Plate::of(Anchor::Place(touch.place_in_room.into()), words));
         }
         let mut shown = vec![0; self.bodies.len()];
         for touch in touches.all() {
@@ -57,9 +57,9 @@ impl World {
             // The body pulls the hand back.
             let force = -(body.room_from_body.isometry.rotation * result.force);
             let radius = (BALL * radius_m) as f32;
-            self.balls.push(Ball { center: place.cast(), radius_m: radius, color: COLOR });
+            self.frame.balls.push(Ball { center: place.cast(), radius_m: radius, color: COLOR });
             if let Some(arrow) = force_arrow(&place, &force, touch.full_n, LONGEST * radius_m) {
-                self.arrows.push(Arrow {
+                self.frame.arrows.push(Arrow {
                     from: arrow.from.cast(),
                     along: arrow.along.cast(),
                     radius_m: (SHAFT * radius_m) as f32,
@@ -72,7 +72,7 @@ impl World {
                 Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
                 None => format!("{newtons}, held in place"),
             };
-            self.plates.push(Plate::of(Anchor::Place(place.into()), words));
+            self.frame.plates.push(Plate::of(Anchor::Place(place.into()), words));
         }
     }
 

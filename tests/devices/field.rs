@@ -305,7 +305,7 @@ fn a_graph_read_from_a_stream_goes_on_as_the_one_that_was_written() {
     first.set(text, "other".into()).unwrap();
     let (mut second, ..) = streamed();
     let stream = written(&first);
-    assert!(stream.starts_with("{\"greenstage\":\"fields\",\"version\":1,\"fields\":5}\n"), "{stream}");
+    assert!(stream.starts_with("{\"greenstage\":\"fields\",\"version\":2,\"fields\":5}\n"), "{stream}");
     let mut line = 0;
     second.read(&mut stream.as_bytes(), &mut line).unwrap();
     assert_eq!((line, written(&second)), (6, stream));
@@ -328,9 +328,9 @@ fn a_faulty_stream_changes_nothing_and_says_where_it_is_wrong() {
         ("\"fields\":5", "\"fields\":4", "line 1: it says 4 fields, this graph has 5"),
         ("\"fields\":5", "\"fields\":18446744073709551615", "line 1: it says 18446744073709551615 fields"),
         (
-            "\"version\":1",
             "\"version\":2",
-            "line 1: not a stream of fields of version 1, but fields of version 2",
+            "\"version\":3",
+            "line 1: not a stream of fields of version 2, but fields of version 3",
         ),
         ("\"greenstage\":", "\"other\":", "line 1: unknown field `other`"),
         (

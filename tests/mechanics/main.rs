@@ -14,6 +14,7 @@ mod green_file;
 mod hard_cases;
 mod loads;
 mod loads_solved;
+mod memory;
 mod oracles;
 mod plan;
 mod refine;

@@ -1,12 +1,15 @@
 /* Lets one call of a program fail, as a full disk or a busy machine does: loaded before the C library (LD_PRELOAD).
+ * Calls of its libraries, such as a graphics driver, pass.
  *
  * FAULT_KIND: write, sync, rename, thread or alloc. FAULT_AT: the number of the call that fails, from 1; 0 for none.
  * FAULT_COUNT: a file into which the number of calls is written when the program ends. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
+#include <link.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,11 +27,26 @@ enum kind { NONE, WRITE, SYNC, RENAME, THREAD, ALLOC };
 static enum kind kind;
 static long at;
 static atomic_long calls;
+/* Where the program's own code lies. */
+static uintptr_t code, code_end;
+
+/* The first object that is listed is the program. */
+static int find_code(struct dl_phdr_info *object, size_t size, void *unused) {
+    (void)size, (void)unused;
+    for (int i = 0; i < object->dlpi_phnum; i++) {
+        const ElfW(Phdr) *segment = &object->dlpi_phdr[i];
+        if (segment->p_type != PT_LOAD || !(segment->p_flags & PF_X)) continue;
+        code = object->dlpi_addr + segment->p_vaddr;
+        code_end = code + segment->p_memsz;
+    }
+    return 1;
+}
 
 __attribute__((constructor)) static void begin(void) {
     static const char *const names[] = {"", "write", "sync", "rename", "thread", "alloc"};
     const char *name = getenv("FAULT_KIND"), *number = getenv("FAULT_AT");
     at = number ? atol(number) : 0;
+    dl_iterate_phdr(find_code, NULL);
     for (int i = WRITE; name && i <= ALLOC; i++)
         if (!strcmp(name, names[i])) kind = i;
 }
@@ -43,11 +61,13 @@ __attribute__((destructor)) static void end(void) {
     fclose(file);
 }
 
-static int fails(enum kind which, int error) {
-    if (kind != which || atomic_fetch_add(&calls, 1) + 1 != at) return 0;
+static int fails_from(void *caller, enum kind which, int error) {
+    if (kind != which || (uintptr_t)caller - code >= code_end - code || atomic_fetch_add(&calls, 1) + 1 != at) return 0;
     errno = error;
     return 1;
 }
+
+#define fails(which, error) fails_from(__builtin_return_address(0), which, error)
 
 ssize_t write(int fd, const void *bytes, size_t count) {
     return fails(WRITE, ENOSPC) ? -1 : syscall(SYS_write, fd, bytes, count);
@@ -71,7 +91,9 @@ int renameat2(int from_fd, const char *from, int to_fd, const char *to, unsigned
     return fails(RENAME, EIO) ? -1 : syscall(SYS_renameat2, from_fd, from, to_fd, to, flags);
 }
 
-int renameat(int from_fd, const char *from, int to_fd, const char *to) { return renameat2(from_fd, from, to_fd, to, 0); }
+int renameat(int from_fd, const char *from, int to_fd, const char *to) {
+    return fails(RENAME, EIO) ? -1 : syscall(SYS_renameat2, from_fd, from, to_fd, to, 0);
+}
 
 int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *), void *with) {
     static int (*real)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);

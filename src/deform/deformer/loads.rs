@@ -55,7 +55,7 @@ impl Deformer {
     }
 
     /// What was applied last.
-    fn applied(&self) -> AppliedLoads {
+    pub(super) fn applied(&self) -> AppliedLoads {
         let shared = self.loads.as_ref().map(|shared| shared.lock().unwrap_or_else(PoisonError::into_inner));
         shared.map_or_else(AppliedLoads::default, |applied| applied.clone())
     }

@@ -4,6 +4,7 @@
 //! date, and what is asked of the others is summed for the one who asks.
 
 mod loads;
+mod state;
 mod surface;
 
 use super::followed::FollowedTurn;

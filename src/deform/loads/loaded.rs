@@ -5,10 +5,11 @@ use super::points::{Point, PointForces};
 use super::work::{Exerted, LoadWork};
 use crate::base::parts::PartWeights;
 use crate::deform::frames::PoseSlope;
+use crate::deform::memory::ModelMemory;
 use crate::deform::model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, PointResult, Response, StateAge,
 };
-use crate::deform::pose::ControlPose;
+use crate::deform::pose::{ControlPose, ControlPoses};
 use crate::green::{AFFINE, FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -45,6 +46,8 @@ pub struct Loaded {
     work: LoadWork,
     points: PointForces,
     results: Vec<PointResult>,
+    /// Of the last state.
+    poses: ControlPoses,
 }
 
 impl Loaded {
@@ -79,6 +82,7 @@ impl Loaded {
             },
             points: PointForces::new(file, body, count),
             results: Vec::new(),
+            poses: vec![ControlPose::REST; controls.len()],
         })
     }
 
@@ -108,6 +112,7 @@ impl Loaded {
 impl DeformationModel for Loaded {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.read();
+        self.poses.copy_from_slice(poses);
         let mut state = self.model.state(poses);
         let exerted = self.exerted(&state);
         self.points.spread(&exerted.points, &exerted.forces);
@@ -135,6 +140,22 @@ impl DeformationModel for Loaded {
         let energy = self.work.act(&exerted, (&self.applied.points, &ends), poses, slopes);
         let is_defined = response.is_defined && !state.rotation_undefined;
         Some(Response { energy: response.energy + energy, is_defined })
+    }
+
+    fn memory(&self) -> ModelMemory {
+        ModelMemory { poses: self.poses.clone(), ..self.model.memory() }
+    }
+
+    /// With what is applied now.
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        self.model.set_memory(memory)?;
+        let poses = &memory.poses;
+        if poses.len() == self.poses.len() {
+            self.state(poses);
+            // The same poses again leave what the model keeps of them, but for what it keeps where they have no frame.
+            self.model.set_memory(memory)?;
+        }
+        Ok(())
     }
 
     fn field(&self) -> Option<&[[f32; 3]]> {

@@ -22,6 +22,7 @@ mod spline;
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::base::diagnostic::Severity;
@@ -60,8 +61,8 @@ pub struct Plate {
     holds: Vec<Hold>,
     frames: Vec<ControlFrame>,
     target: Vec<ControlFrame>,
-    turns: Vec<Option<UnitQuaternion<f64>>>,
-    next_turns: Vec<Option<UnitQuaternion<f64>>>,
+    turns: Vec<UnitQuaternion<f64>>,
+    next_turns: Vec<UnitQuaternion<f64>>,
     /// The last state, while a way to the next one is tried.
     kept: (Vec<Vector3<f64>>, Vec<ControlFrame>),
     /// The last target, where it had no equilibrium; otherwise none.
@@ -100,7 +101,7 @@ impl Plate {
             motion: Isometry3::identity(),
             holds: frames.iter().map(path::held).collect(),
             target: frames.clone(),
-            turns: vec![None; origins.len()],
+            turns: vec![UnitQuaternion::identity(); origins.len()],
             next_turns: Vec::with_capacity(origins.len()),
             kept: (sheet.q.clone(), frames.clone()),
             lost: Vec::with_capacity(origins.len()),
@@ -122,7 +123,7 @@ impl Plate {
         self.is_defined = false;
         self.target.clear();
         for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
-            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns[e].as_ref()) else {
+            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns.get(e)) else {
                 // As many as there are holds, whatever comes next.
                 self.target.clone_from(&self.frames);
                 return;
@@ -130,7 +131,7 @@ impl Plate {
             self.target.push(frame);
         }
         self.next_turns.clear();
-        self.next_turns.extend(self.target.iter().map(|frame| Some(frame.turn)));
+        self.next_turns.extend(self.target.iter().map(|frame| frame.turn));
         let motion = self.take_motion();
         let from_lost = match self.lost.is_empty() {
             true => f64::INFINITY,
@@ -265,18 +266,65 @@ impl DeformationModel for Plate {
         Some(self.skin.field())
     }
 
+    fn memory(&self) -> ModelMemory {
+        let controls = self.controls.len();
+        let mut memory = ModelMemory {
+            turns: self.turns.clone(),
+            poses: self.poses.clone(),
+            is_defined: self.is_defined,
+            energy: self.standing.energy,
+            ..ModelMemory::default()
+        };
+        memory.put(&self.motion);
+        memory.unknowns.push(f64::from(u8::from(!self.lost.is_empty())));
+        let lost = if self.lost.is_empty() { &self.frames } else { &self.lost };
+        for frame in self.frames.iter().chain(lost) {
+            memory.put(&path::placed(frame));
+            memory.put(&frame.stretch);
+        }
+        self.sheet.keep(controls, &mut memory);
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        let controls = self.controls.len();
+        memory.suits(controls, 7 + 1 + 2 * controls * (7 + 9) + self.sheet.kept(controls))?;
+        self.turns = memory.turns_of(controls);
+        self.poses.clone_from(&memory.poses);
+        self.is_defined = memory.is_defined;
+        self.standing = Standing { energy: memory.energy, ..REST };
+        let mut unknowns = Unknowns(&memory.unknowns);
+        self.motion = unknowns.take();
+        let is_lost = unknowns.take::<f64>() == 1.0;
+        let mut frame = || {
+            let motion: Isometry3<f64> = unknowns.take();
+            let (place, turn) = (motion.translation.vector, motion.rotation);
+            ControlFrame { place, turn, stretch: unknowns.take() }
+        };
+        self.frames.iter_mut().for_each(|own| *own = frame());
+        self.lost.clear();
+        self.lost.extend((0..controls).map(|_| frame()));
+        if !is_lost {
+            self.lost.clear();
+        }
+        self.sheet.take_back(controls, &mut unknowns);
+        self.take_holds();
+        self.skin.update(&self.sheet.q, &self.holds);
+        Ok(())
+    }
+
     fn forget(&mut self) {
         self.rest();
         self.lost.clear();
         self.motion = Isometry3::identity();
-        self.turns.fill(None);
+        self.turns.fill(UnitQuaternion::identity());
         self.poses.clear();
         self.standing = REST;
     }
 
     fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
         if let Some(place) = self.turns.get_mut(e) {
-            *place = Some(turn);
+            *place = turn;
             self.poses.clear();
         }
     }

@@ -11,10 +11,11 @@
 //! found so, its factor serves on, and an iteration costs a gradient.
 
 use super::super::frames::PoseSlope;
+use super::super::memory::{ModelMemory, Unknowns};
 use super::band::Band;
 use super::point::{Block, Grip, Hold, Point};
 use super::spline::Grid;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
 const CONVERGED: f64 = 1e-9;
@@ -45,8 +46,12 @@ pub struct Sheet {
     step: Vec<f64>,
     hessian: Band,
     factor: Band,
-    /// The holds of the equilibrium that the factor is of.
+    /// The holds of the equilibrium that the factor is of; the state a last iteration before it, and the stress, of which it
+    /// was made; and whether it has yet to be made of them.
     factored: Vec<Hold>,
+    factored_q: Vec<Vector3<f64>>,
+    factored_stress: Vec<[[f64; 3]; 2]>,
+    is_awaited: bool,
     trial: Vec<Vector3<f64>>,
     kept: Vec<Vector3<f64>>,
     /// The largest distance of a control point from the first, and the mean thickness, m.
@@ -81,9 +86,11 @@ impl Sheet {
         let size = rest.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);
         let sum = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>();
         let thickness = sum(|point| point.thickness * point.area) / sum(|point| point.area);
+        let stress = vec![[[0.0; 3]; 2]; points.len()];
         Sheet {
             q: rest.clone(),
-            stress: vec![[[0.0; 3]; 2]; points.len()],
+            factored_stress: stress.clone(),
+            stress,
             points,
             grips,
             loads: vec![Vector3::zeros(); rest.len()],
@@ -92,6 +99,8 @@ impl Sheet {
             hessian: band.clone(),
             factor: band,
             factored: Vec::new(),
+            factored_q: rest.clone(),
+            is_awaited: false,
             trial: rest.clone(),
             kept: rest.clone(),
             rest,
@@ -103,6 +112,7 @@ impl Sheet {
     /// Back to rest.
     pub fn reset(&mut self) {
         self.factored.clear();
+        self.is_awaited = false;
         self.q.clone_from_slice(&self.rest);
         self.relax();
     }
@@ -110,6 +120,7 @@ impl Sheet {
     /// Another state.
     pub fn put(&mut self, q: &[Vector3<f64>]) {
         self.factored.clear();
+        self.is_awaited = false;
         self.q.clone_from_slice(q);
         self.relax();
     }
@@ -140,13 +151,14 @@ impl Sheet {
     pub fn settle(&mut self, holds: &[Hold]) -> Option<Standing> {
         self.kept.clone_from_slice(&self.q);
         let (mut iterations, mut buckled) = (0, false);
-        if self.is_near(holds) {
+        if self.is_near(holds) && self.factor_again().is_some() {
             if let Some(energy) = self.coast(holds, &mut iterations) {
                 return Some(Standing { energy, iterations, buckled });
             }
             self.q.clone_from_slice(&self.kept);
         }
         self.factored.clear();
+        self.is_awaited = false;
         self.relax();
         if let Some((energy, is_stable)) = self.newton(holds, &mut iterations) {
             if is_stable {
@@ -162,6 +174,53 @@ impl Sheet {
             self.relax();
         }
         found.map(|energy| Standing { energy, iterations, buckled })
+    }
+
+    /// How many numbers [`Sheet::keep`] adds for so many control elements.
+    pub fn kept(&self, controls: usize) -> usize {
+        1 + 12 * controls + 6 * self.q.len() + 6 * self.points.len()
+    }
+
+    /// Adds the state, and where the factor was made.
+    pub fn keep(&self, controls: usize, memory: &mut ModelMemory) {
+        memory.unknowns.push(f64::from(u8::from(!self.factored.is_empty())));
+        let nowhere = Hold { place: Vector3::zeros(), matrix: Matrix3::zeros() };
+        for hold in self.factored.iter().chain(std::iter::repeat(&nowhere)).take(controls) {
+            memory.put(&hold.place);
+            memory.put(&hold.matrix);
+        }
+        memory.unknowns.extend(self.q.iter().chain(&self.factored_q).flat_map(|q| [q.x, q.y, q.z]));
+        memory.unknowns.extend(self.factored_stress.as_flattened().as_flattened());
+    }
+
+    /// Takes back what [`Sheet::keep`] added; the factor is made where it is needed.
+    pub fn take_back(&mut self, controls: usize, unknowns: &mut Unknowns<'_>) {
+        let is_factored = unknowns.take::<f64>() == 1.0;
+        self.factored.clear();
+        self.factored.extend((0..controls).map(|_| Hold { place: unknowns.take(), matrix: unknowns.take() }));
+        if !is_factored {
+            self.factored.clear();
+        }
+        self.is_awaited = is_factored;
+        for q in self.q.iter_mut().chain(&mut self.factored_q) {
+            *q = unknowns.take();
+        }
+        unknowns.fill(self.factored_stress.as_flattened_mut().as_flattened_mut());
+    }
+
+    /// Makes the factor of the last equilibrium where that has yet to be done.
+    fn factor_again(&mut self) -> Option<()> {
+        if self.is_awaited {
+            let holds = std::mem::take(&mut self.factored);
+            self.q.clone_from_slice(&self.factored_q);
+            self.stress.clone_from_slice(&self.factored_stress);
+            let made = self.assemble(&holds, Geometric::Led).and_then(|_| self.factorise());
+            self.q.clone_from_slice(&self.kept);
+            self.factored = holds;
+            made?;
+            self.is_awaited = false;
+        }
+        Some(())
     }
 
     fn is_near(&self, holds: &[Hold]) -> bool {
@@ -197,6 +256,8 @@ impl Sheet {
         for _ in 0..FAST {
             *iterations += 1;
             let energy = self.assemble(holds, Geometric::Led)?;
+            self.factored_q.clone_from_slice(&self.q);
+            self.factored_stress.clone_from_slice(&self.stress);
             let shift = self.factorise()?;
             let gain = self.solve();
             if !self.is_step_bearable() {

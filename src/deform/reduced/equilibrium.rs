@@ -6,6 +6,7 @@
 //! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
 
 use super::quartic::Quartic;
+use crate::deform::memory::Unknowns;
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
@@ -83,6 +84,28 @@ impl ReducedBody {
     /// ∂V/∂y of the k-th y.
     pub fn slope(&self, k: usize) -> f64 {
         self.slopes[self.place(k)]
+    }
+
+    /// How many numbers [`ReducedBody::keep`] adds.
+    pub fn kept(&self) -> usize {
+        self.z.len() + self.slopes.len() + 1 + self.factor.lower.len() + self.tangent.len() + self.cross.len()
+    }
+
+    /// Adds the last equilibrium with its slopes, and the factor and the tangent with which the next one is found.
+    pub fn keep(&self, unknowns: &mut Vec<f64>) {
+        unknowns.extend(self.z.iter().chain(&self.slopes));
+        unknowns.push(self.active as f64);
+        unknowns.extend(self.factor.lower.iter().chain(&self.tangent).chain(&self.cross));
+    }
+
+    /// Takes back what [`ReducedBody::keep`] added.
+    pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
+        unknowns.fill(&mut self.z);
+        unknowns.fill(&mut self.slopes);
+        self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
+        for numbers in [&mut self.factor.lower, &mut self.tangent, &mut self.cross] {
+            unknowns.fill(numbers);
+        }
     }
 
     /// From now on the search begins at q = 0.

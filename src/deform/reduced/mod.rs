@@ -11,6 +11,7 @@ mod posed;
 mod quartic;
 
 use super::frames::PoseSlope;
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::fem::QuarticShape;
@@ -102,6 +103,26 @@ impl DeformationModel for Reduced {
         let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), None, &mut self.slopes));
         slopes.copy_from_slice(&self.slopes);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn memory(&self) -> ModelMemory {
+        let (poses, slopes) = (self.poses.clone(), self.slopes.clone());
+        let mut memory = ModelMemory { poses, slopes, energy: self.energy, ..ModelMemory::default() };
+        self.posed.keep(&mut memory);
+        self.body.keep(&mut memory.unknowns);
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        memory.suits(self.posed.elements(), self.posed.kept() + self.body.kept())?;
+        let mut unknowns = Unknowns(&memory.unknowns);
+        self.posed.take_back(memory, &mut unknowns);
+        self.body.take_back(&mut unknowns);
+        self.poses.clone_from(&memory.poses);
+        self.energy = memory.energy;
+        self.slopes.clone_from(&memory.slopes);
+        self.slopes.resize(self.posed.elements(), PoseSlope::default());
+        Ok(())
     }
 
     fn forget(&mut self) {

@@ -6,9 +6,11 @@
 
 use super::super::frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 use super::super::mean_frame::MeanFrame;
+use super::super::memory::{ModelMemory, Unknowns};
 use super::super::model::ControlRest;
 use super::super::pose::ControlPose;
 use super::super::se3::{halves, inverse_left_jacobian, inverse_right_jacobian};
+use crate::field::numbers::Numbers;
 use crate::green::{FIELDS, Lift};
 use nalgebra::{DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -20,7 +22,7 @@ pub struct Posed {
     mean: MeanFrame,
     frames: Vec<ControlFrame>,
     /// The rotation of every element in the last poses that had a mean frame.
-    turns: Option<Vec<UnitQuaternion<f64>>>,
+    turns: Vec<UnitQuaternion<f64>>,
     /// c, and ∂V/∂c.
     coefficients: DVector<f64>,
     forces: DVector<f64>,
@@ -40,7 +42,7 @@ impl Posed {
             lift,
             mean: MeanFrame::new(elements),
             frames: Vec::with_capacity(elements),
-            turns: None,
+            turns: vec![UnitQuaternion::identity(); elements],
             forces: c.clone(),
             coefficients: c,
             by_coordinates: y.clone(),
@@ -52,13 +54,11 @@ impl Posed {
     pub fn take(&mut self, poses: &[ControlPose]) -> Option<()> {
         self.frames.clear();
         for (e, (control, pose)) in self.controls.iter().zip(poses).enumerate() {
-            let before = self.turns.as_ref().map(|turns| &turns[e]);
-            self.frames.push(ControlFrame::of(&control.origin, pose, before)?);
+            self.frames.push(ControlFrame::of(&control.origin, pose, self.turns.get(e))?);
         }
         self.mean.find(&self.frames)?;
-        let turns = self.turns.get_or_insert_with(Vec::new);
-        turns.clear();
-        turns.extend(self.frames.iter().map(|frame| frame.turn));
+        self.turns.clear();
+        self.turns.extend(self.frames.iter().map(|frame| frame.turn));
         let mean_from_body = self.mean.body_from_mean.inverse();
         let rotation = mean_from_body.rotation.to_rotation_matrix();
         for (e, (control, pose)) in self.controls.iter().zip(poses).enumerate() {
@@ -71,6 +71,10 @@ impl Posed {
         }
         self.coordinates.gemv_tr(1.0, &self.lift.columns, &self.coefficients, 0.0);
         Some(())
+    }
+
+    pub fn elements(&self) -> usize {
+        self.controls.len()
     }
 
     pub fn coordinates(&self) -> &[f64] {
@@ -151,12 +155,35 @@ impl Posed {
         Some(())
     }
 
+    /// How many unknowns [`Posed::keep`] adds.
+    pub fn kept(&self) -> usize {
+        Isometry3::<f64>::COUNT + self.coefficients.len()
+    }
+
+    /// Adds turns, m and c.
+    pub fn keep(&self, memory: &mut ModelMemory) {
+        memory.turns.clone_from(&self.turns);
+        memory.put(&self.mean.body_from_mean);
+        memory.unknowns.extend(self.coefficients.iter());
+    }
+
+    /// Takes back what [`Posed::keep`] added.
+    pub fn take_back(&mut self, memory: &ModelMemory, unknowns: &mut Unknowns<'_>) {
+        self.turns = memory.turns_of(self.controls.len());
+        // The same poses, continuing their own turns, have the same frames and screws.
+        if !memory.poses.is_empty() {
+            self.take(&memory.poses);
+        }
+        self.mean.body_from_mean = unknowns.take();
+        unknowns.fill(self.coefficients.as_mut_slice());
+    }
+
     pub fn forget(&mut self) {
-        self.turns = None;
+        self.turns.fill(UnitQuaternion::identity());
     }
 
     pub fn set_turn(&mut self, e: usize, turn: UnitQuaternion<f64>) {
-        if let Some(place) = self.turns.as_mut().and_then(|turns| turns.get_mut(e)) {
+        if let Some(place) = self.turns.get_mut(e) {
             *place = turn;
         }
     }

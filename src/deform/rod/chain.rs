@@ -13,6 +13,7 @@
 //! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
 //! stable is left along its mode.
 
+use super::super::memory::{ModelMemory, Unknowns};
 use super::super::se3::{exp, halves};
 use super::screws::{Tangent, log};
 use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
@@ -66,8 +67,9 @@ pub struct Chain {
     pivots: Vec<Factor>,
     upper: Vec<Matrix6<f64>>,
     step: Vec<Vector6<f64>>,
-    /// The factor is that of the present state, an equilibrium.
+    /// Whether the factor is that of the present equilibrium, and the frames a last iteration before it at which it was made.
     is_factored: bool,
+    factored: Vec<Isometry3<f64>>,
     /// What the shift is measured in: a weight of each of the six motions of a section.
     weight: Vector6<f64>,
 }
@@ -105,6 +107,7 @@ impl Chain {
             upper: Vec::with_capacity(segments),
             step: vec![Vector6::zeros(); segments + 1],
             is_factored: false,
+            factored: vec![first; segments + 1],
             weight: Vector6::new(moving, moving, moving, turning, turning, turning),
         };
         chain.reset(first);
@@ -125,6 +128,29 @@ impl Chain {
         for i in 1..self.frames.len() {
             self.frames[i] = self.frames[i - 1] * piece;
         }
+    }
+
+    /// How many numbers [`Chain::keep`] adds.
+    pub fn kept(&self) -> usize {
+        1 + 7 * (self.frames.len() + self.factored.len())
+    }
+
+    /// Adds the state, and where the factor was made.
+    pub fn keep(&self, memory: &mut ModelMemory) {
+        memory.unknowns.push(f64::from(u8::from(self.is_factored)));
+        self.frames.iter().chain(&self.factored).for_each(|frame| memory.put(frame));
+    }
+
+    /// Takes back what [`Chain::keep`] added.
+    pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
+        let is_factored = unknowns.take::<f64>() == 1.0;
+        self.kept.iter_mut().for_each(|frame| *frame = unknowns.take());
+        self.factored.iter_mut().for_each(|frame| *frame = unknowns.take());
+        self.frames.clone_from_slice(&self.factored);
+        self.assemble();
+        self.is_factored = is_factored && self.factor().is_some();
+        self.frames.clone_from_slice(&self.kept);
+        self.slopes();
     }
 
     pub fn length(&self) -> f64 {
@@ -217,6 +243,7 @@ impl Chain {
         loop {
             *iterations += 1;
             let energy = self.assemble();
+            self.factored.clone_from_slice(&self.frames);
             if *iterations > MOST_ITERATIONS || !energy.is_finite() {
                 return None;
             }

@@ -12,7 +12,7 @@
 //! special case at θ = 0, and converge to rounding for θ ≤ π.
 
 use crate::deform::se3::slide_matrix;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 pub type Twist = SVector<f64, 6>;
 pub type Matrix6 = SMatrix<f64, 6, 6>;
@@ -57,6 +57,14 @@ pub struct EndFrame {
 }
 
 impl EndFrame {
+    pub fn of(motion: &Isometry3<f64>) -> EndFrame {
+        EndFrame { place: motion.translation.vector, turn: motion.rotation }
+    }
+
+    pub fn motion(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(self.place.into(), self.turn)
+    }
+
     /// g exp δ with δ = (φ, ρ) in the frame's own axes.
     pub fn moved(&self, delta: &Twist) -> EndFrame {
         let (turn, slide) = (delta.fixed_rows::<3>(0).into_owned(), delta.fixed_rows::<3>(3).into_owned());

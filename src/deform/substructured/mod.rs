@@ -13,6 +13,7 @@ mod linked_part;
 mod shape;
 
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::green::SUBSTRUCTURES;
@@ -154,6 +155,14 @@ impl Substructured {
         true
     }
 
+    /// Makes the surface of the places at which the parts were last evaluated.
+    fn shape(&mut self) {
+        self.field.fill([0.0; 3]);
+        for (shape, part) in self.shapes.iter_mut().zip(&self.assembly.parts) {
+            shape.add(part, &self.places, &mut self.field);
+        }
+    }
+
     /// Back to the last settled places.
     fn go_back(&mut self) {
         self.places.interfaces.copy_from_slice(&self.settled.interfaces);
@@ -181,10 +190,7 @@ impl DeformationModel for Substructured {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.follow(poses);
         if self.is_defined {
-            self.field.fill([0.0; 3]);
-            for (shape, part) in self.shapes.iter_mut().zip(&self.assembly.parts) {
-                shape.add(part, &self.places, &mut self.field);
-            }
+            self.shape();
         }
         BodyState { rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
     }
@@ -197,6 +203,44 @@ impl DeformationModel for Substructured {
 
     fn field(&self) -> Option<&[[f32; 3]]> {
         Some(&self.field)
+    }
+
+    fn memory(&self) -> ModelMemory {
+        let mut memory = ModelMemory {
+            turns: self.turns.clone(),
+            poses: self.poses.clone(),
+            is_defined: self.is_defined,
+            energy: self.energy,
+            slopes: self.slopes.clone(),
+            ..ModelMemory::default()
+        };
+        for control in &self.settled.controls {
+            memory.put(&control.frame.motion());
+            memory.unknowns.extend(control.stretch);
+        }
+        self.settled.interfaces.iter().for_each(|interface| memory.put(&interface.motion()));
+        memory
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        let Places { interfaces, controls } = &mut self.settled;
+        memory.suits(controls.len(), (7 + 6) * controls.len() + 7 * interfaces.len())?;
+        let mut unknowns = Unknowns(&memory.unknowns);
+        for control in controls {
+            control.frame = EndFrame::of(&unknowns.take());
+            unknowns.fill(&mut control.stretch);
+        }
+        interfaces.iter_mut().for_each(|interface| *interface = EndFrame::of(&unknowns.take()));
+        self.turns = memory.turns_of(self.origins.len());
+        self.poses.clone_from(&memory.poses);
+        self.is_defined = memory.is_defined;
+        self.energy = memory.energy;
+        self.slopes.clone_from(&memory.slopes);
+        self.slopes.resize(self.origins.len(), PoseSlope::default());
+        self.go_back();
+        self.assembly.value(&self.places);
+        self.shape();
+        Ok(())
     }
 
     fn forget(&mut self) {

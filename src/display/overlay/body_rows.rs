@@ -1,8 +1,8 @@
 //! The rows on the right, of each body: how far it is bent, what errors to expect, poses and forces of its control elements.
 
 use super::readings::{BodyReading, ControlReading, ErrorReading, ForceReading};
-use super::row::{BAD, FAIR, GAP, GOOD, LETTERS, Rank, Ranked, Row, clipped, words};
-use crate::base::fixed::{ENERGY, FORCE, LENGTH, Scale, TORQUE, Unit, fixed};
+use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, words};
+use crate::base::fixed::{ENERGY, FORCE, LENGTH, LETTERS, Scale, TORQUE, Unit, clipped, fixed};
 use crate::deform::{ErrorsAt, StateAge, percent};
 use crate::display::lettering::{INK, QUIET};
 use crate::world::Verdict;

@@ -1,11 +1,12 @@
 //! The rows on the left: frame times, device, trackers, force devices, hands.
 
 use super::readings::{Readings, SensorReading};
-use super::row::{BAD, FAIR, GAP, GOOD, LETTERS, Rank, Ranked, Row, clipped, words};
-use super::rows::{hand_rows, haptic_rows};
+use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, words};
+use super::rows::hand_rows;
 use super::times::{COLOURS, History, STEPS};
-use crate::base::fixed::fixed;
+use crate::base::fixed::{LETTERS, clipped, fixed};
 use crate::display::lettering::{INK, QUIET};
+use crate::display::plates::ink;
 use crate::track::Signal;
 
 pub(super) fn frame_rows(readings: &Readings, history: &History) -> Vec<Ranked> {
@@ -48,14 +49,12 @@ pub(super) fn frame_rows(readings: &Readings, history: &History) -> Vec<Ranked> 
         rows.push(words(header, QUIET).ranked(Rank::Third));
         rows.extend(readings.sensors.iter().map(|sensor| sensor_row(sensor).ranked(Rank::Second)));
     }
-    for haptic in &readings.haptics {
+    for device in &readings.devices {
         rows.push(GAP);
-        rows.extend(
-            haptic_rows(haptic)
-                .into_iter()
-                .enumerate()
-                .map(|(k, row)| row.ranked(if k < 2 { Rank::Second } else { Rank::Third })),
-        );
+        rows.extend(device.iter().enumerate().map(|(k, words)| {
+            let row = Row::Words(words.iter().map(|(text, tone)| (text.clone(), ink(*tone))).collect());
+            row.ranked(if k < 2 { Rank::Second } else { Rank::Third })
+        }));
     }
     rows.push(GAP);
     rows.extend(hand_rows(readings).into_iter().map(|row| row.ranked(Rank::Second)));

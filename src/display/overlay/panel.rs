@@ -3,9 +3,10 @@
 use super::body_rows::body_rows;
 use super::frame_rows::frame_rows;
 use super::readings::Readings;
-use super::row::{FAIR, LETTERS, Rank, Ranked, Row, Words, clipped, fitting, height};
+use super::row::{FAIR, Rank, Ranked, Row, Words, fitting, height};
 use super::seats::{Seats, Wanted};
 use super::times::{COLOURS, FRAMES, History};
+use crate::base::fixed::{LETTERS, clipped};
 use crate::display::lettering::{DARK, INK, QUIET};
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 

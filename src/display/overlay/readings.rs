@@ -1,7 +1,7 @@
 //! The readings of the overlay beside times: plain values that are taken from a world.
 
+use crate::base::plates::Words;
 use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench};
-use crate::effect::haptics::HapticReading;
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
@@ -17,8 +17,8 @@ pub struct Readings {
     /// The input that moves head and styli where no tracker does.
     pub source: String,
     pub sensors: Vec<SensorReading>,
-    /// Where the stage has force devices and a body is felt.
-    pub haptics: Vec<HapticReading>,
+    /// Of each device of an effect: its rows.
+    pub devices: Vec<Vec<Words>>,
     /// How held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,

@@ -5,8 +5,6 @@ use egui::Color32;
 pub(super) const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
 pub(super) const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
 pub(super) const BAD: Color32 = Color32::from_rgb(240, 86, 70);
-/// Letters in a row of a column.
-pub(super) const LETTERS: usize = 40;
 
 /// A piece of a row in its colour.
 pub(super) type Words = Vec<(String, Color32)>;
@@ -89,25 +87,9 @@ pub(super) fn fitting(mut rows: Vec<Ranked>, lines: f32, quiet: Color32) -> Vec<
     rows
 }
 
-/// The first `letters` letters, with a sign where some are missing.
-pub(super) fn clipped(text: &str, letters: usize) -> String {
-    if text.chars().count() <= letters {
-        return text.to_owned();
-    }
-    text.chars().take(letters.saturating_sub(1)).chain(['…']).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn long_names_are_cut_visibly() {
-        assert_eq!(
-            (clipped("tube", 4), clipped("tubes", 4), clipped("é", 1)),
-            ("tube".into(), "tub…".into(), "é".into())
-        );
-    }
 
     #[test]
     fn the_least_rows_are_left_out_first_and_counted() {

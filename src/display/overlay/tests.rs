@@ -1,6 +1,8 @@
 //! The overlay as a picture, from readings that never change.
 
 use super::*;
+use crate::base::fixed::LETTERS;
+use crate::base::plates::Words;
 use crate::deform::{ControlPose, Wrench};
 use crate::effect::haptics::HapticReading;
 use crate::effect::haptics::Push;
@@ -15,6 +17,32 @@ use proptest::prelude::*;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [960, 600];
+
+/// A force device that pushes.
+fn pen(turn: f64) -> HapticReading {
+    HapticReading {
+        name: "pen".into(),
+        state: LoopState {
+            room_from_handle: Some(nalgebra::Isometry3::identity()),
+            push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
+            gain: 1.0,
+            limited: true,
+            stiffer: 3.25,
+            ..LoopState::default()
+        },
+        timing: LoopTiming {
+            ticks: 61_234,
+            rate_hz: 999.8,
+            late: 12,
+            missed: 3,
+            work_p50_s: 1.1e-6,
+            work_p99_s: 2.4e-6,
+            ..LoopTiming::default()
+        },
+        max_force_n: 3.3,
+        holds: true,
+    }
+}
 
 fn readings(turn: f64) -> Readings {
     let control = |name: &str, turn: f64| ControlReading {
@@ -51,28 +79,7 @@ fn readings(turn: f64) -> Readings {
             sensor("wand", 0.31, Signal::Held { age_s: 0.31 }),
             sensor("other", 62.0, Signal::Lost { age_s: 62.0 }),
         ],
-        haptics: vec![HapticReading {
-            name: "pen".into(),
-            state: LoopState {
-                room_from_handle: Some(nalgebra::Isometry3::identity()),
-                push: Push { force: Vector3::new(0.0, -3.0, 1.0) * turn, torque: Vector3::zeros() },
-                gain: 1.0,
-                limited: true,
-                stiffer: 3.25,
-                ..LoopState::default()
-            },
-            timing: LoopTiming {
-                ticks: 61_234,
-                rate_hz: 999.8,
-                late: 12,
-                missed: 3,
-                work_p50_s: 1.1e-6,
-                work_p99_s: 2.4e-6,
-                ..LoopTiming::default()
-            },
-            max_force_n: 3.3,
-            holds: true,
-        }],
+        devices: vec![pen(turn).rows()],
         mode: "translate along the body's x".into(),
         hands: [
             ("pen", HandDoes::Holds("tube.right".into())),
@@ -210,15 +217,16 @@ proptest! {
         let force = ForceReading { wrench: rest, error: control.force.unwrap().error };
         let at_rest = ControlReading { pose: ControlPose::REST, force: Some(force), ..control };
         prop_assert_eq!(&lengths, &of(at_rest), "as long at rest");
-        let mut haptic = readings(0.3).haptics[0].clone();
+        let mut haptic = pen(0.3);
         haptic.timing.rate_hz = number(20);
         haptic.timing.work_p99_s = number(21);
         haptic.state.observer.braked = number(22);
         haptic.state.push.force = vector(1);
-        let haptic = rows::haptic_rows(&haptic);
-        let all = rows.iter().flat_map(|(_, row)| texts(row)).chain(haptic.iter().map(text));
+        let haptic = haptic.rows();
+        let device = |words: &Words| words.iter().map(|(text, _)| text.as_str()).collect::<String>();
+        let all = rows.iter().flat_map(|(_, row)| texts(row)).chain(haptic.iter().map(device));
         for row in all {
-            prop_assert!(row.chars().count() <= row::LETTERS, "{:?}", row);
+            prop_assert!(row.chars().count() <= LETTERS, "{:?}", row);
             for word in row.split_whitespace() {
                 let points = word.matches('.').count();
                 prop_assert!(points <= 1, "{:?}", row);
@@ -340,7 +348,7 @@ fn a_doubtful_force_is_told_within_the_column() {
             };
             body.errors = Some(ErrorReading { model: Some(at), mesh: None, unknown: None });
             let row = text(&body_rows::gauge_rows(&body)[0].1);
-            assert!(row.chars().count() <= row::LETTERS, "{row}");
+            assert!(row.chars().count() <= LETTERS, "{row}");
             assert!(row.contains(told), "{row}");
         }
     }

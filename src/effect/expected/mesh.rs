@@ -20,7 +20,7 @@ use crate::mesh::quadratic::{Curve, quadratic, straight};
 use crate::mesh::refine::refine;
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Generate, Scene};
-use crate::solve::Silent;
+use crate::solve::Progress;
 use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3, Vector6};
 
 /// A better solution of a body, with its control elements on the same parts of it.
@@ -32,9 +32,30 @@ pub struct BetterBody {
     loads: Vec<f64>,
 }
 
+/// Shows each step of the solution, which takes longer than that of the body, as one of the better mesh.
+struct Better<'a>(&'a dyn Progress);
+
+impl Progress for Better<'_> {
+    fn begin(&self, step: &str, units: u64) {
+        self.0.begin(&format!("better mesh: {step}"), units);
+    }
+
+    fn advance(&self, units: u64) {
+        self.0.advance(units);
+    }
+
+    fn end(&self) {
+        self.0.end();
+    }
+
+    fn tell(&self, sentence: &str) {
+        self.0.tell(sentence);
+    }
+}
+
 impl BetterBody {
     /// Errors where it cannot be solved.
-    pub fn new(scene: &Scene, name: &str) -> Result<BetterBody, GreenError> {
+    pub fn new(scene: &Scene, name: &str, progress: &dyn Progress) -> Result<BetterBody, GreenError> {
         let mut scene = scene.clone();
         let body = &mut scene.body[name];
         let is_cut = body.element.order > 1;
@@ -71,7 +92,7 @@ impl BetterBody {
         let loads = PoseLoads::of_scene(&scene.body[name]).coefficients;
         let families = if loads.is_empty() { vec![STIFFNESS] } else { vec![STIFFNESS, LOADS] };
         let required = Requirements::of(&families);
-        let solution = green::solve_prepared(&scene, name, prepared, &required, &Silent)?;
+        let solution = green::solve_prepared(&scene, name, prepared, &required, &Better(progress))?;
         Ok(BetterBody { solution, is_cut, loads })
     }
 

@@ -13,13 +13,12 @@ pub mod model;
 mod tests;
 
 use super::entry::{EffectEntry, Listed};
-use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, find_model};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
-use crate::world::World;
+use crate::world::{RunningEffect, World};
 use mesh::BetterBody;
 use model::{Measured, ModelErrors, motions};
 
@@ -168,9 +167,7 @@ fn mesh_errors(
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
 ) -> Vec<(Option<MeshErrors>, Option<[f64; 3]>)> {
-    progress.begin("errors of the mesh", 0);
-    let better = BetterBody::new(scene, &body.name);
-    progress.end();
+    let better = BetterBody::new(scene, &body.name, progress);
     let of_one = |better: &BetterBody, e: usize, left_out: &mut Vec<String>| {
         let found = better.share(&body.solution, e);
         if found.is_none() {

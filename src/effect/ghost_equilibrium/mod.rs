@@ -12,7 +12,6 @@ pub(crate) mod tests;
 
 use super::entry::{EffectEntry, Listed};
 use super::ghost_rest::Outlined;
-use super::running::RunningEffect;
 use crate::base::failure::Failure;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
@@ -21,7 +20,7 @@ use crate::deform::{
 };
 use crate::fem::{Law, STVK};
 use crate::render::Ghost;
-use crate::world::{PlacedBody, World};
+use crate::world::{PlacedBody, RunningEffect, World};
 use nalgebra::Vector3;
 use solving::{Answer, Held, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
@@ -94,7 +93,11 @@ impl EquilibriumGhosts {
 }
 
 impl RunningEffect for EquilibriumGhosts {
-    fn after_frame(&mut self, world: &mut World) {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn show(&mut self, world: &mut World) {
         if world.is_for_pictures {
             return;
         }
@@ -183,11 +186,11 @@ impl Watched {
             let color = [r, g, b, opacity * if found.is_left(body) { OLD } else { 1.0 }];
             let shape = outlined.shape.clone();
             for over in [false, true] {
-                world.lines.extend(outlined.lines(&room_from_shape, color, over));
+                world.frame.lines.extend(outlined.lines(&room_from_shape, color, over));
             }
-            world.ghosts.push(Ghost { shape, room_from_shape, color, through: THROUGH });
+            world.frame.ghosts.push(Ghost { shape, room_from_shape, color, through: THROUGH });
         }
-        world.plates.push(plate);
+        world.frame.plates.push(plate);
     }
 
     fn plate(&self, body: &PlacedBody) -> Plate {

@@ -46,15 +46,15 @@ fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Scene, World) {
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     world.is_for_pictures = true;
     world.bodies[0].deformer.evaluate(&pose);
-    running[0].after_frame(&mut world);
-    assert!(world.ghosts.is_empty() && world.plates.is_empty(), "a picture that is kept waits");
+    running[0].show(&mut world);
+    assert!(world.frame.ghosts.is_empty() && world.frame.plates.is_empty(), "a picture that is kept waits");
     running[0].before_picture(&mut world);
     (scene, world)
 }
 
 /// How far the ghost is from the body: the largest over the surface, m.
 fn apart(world: &World) -> f64 {
-    let [ghost] = &world.ghosts[..] else { panic!("{} ghosts", world.ghosts.len()) };
+    let [ghost] = &world.frame.ghosts[..] else { panic!("{} ghosts", world.frame.ghosts.len()) };
     let deformer = &world.bodies[0].deformer;
     let place =
         |node: usize| Vector3::from(deformer.rest()[node]).cast::<f64>() + deformer.displacement(node);
@@ -63,7 +63,7 @@ fn apart(world: &World) -> f64 {
 }
 
 fn words(world: &World) -> String {
-    let lines = world.plates.iter().flat_map(|plate| &plate.lines);
+    let lines = world.frame.plates.iter().flat_map(|plate| &plate.lines);
     lines.map(|line| line.iter().map(|(text, _)| text.as_str()).collect::<String>() + "\n").collect()
 }
 
@@ -96,7 +96,7 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
     assert!((apart(&world) / swelling - 1.0).abs() < 0.02, "{} m, not {swelling} m", apart(&world));
     // The ghost is the turn itself: nothing of it is strained.
     let rest = world.bodies[0].deformer.rest();
-    for (ghost, rest) in world.ghosts[0].shape.positions.iter().zip(rest) {
+    for (ghost, rest) in world.frame.ghosts[0].shape.positions.iter().zip(rest) {
         let turned: Vector3<f64> = matrix * Vector3::from(*rest).cast::<f64>();
         assert!((Vector3::from(*ghost).cast::<f64>() - turned).norm() < 1e-5);
     }
@@ -119,7 +119,7 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
         let at = statics.mesh.tags.iter().position(|known| known == tag).unwrap();
         let u = settled.displacement[at];
         let place = Vector3::from(deformer.rest()[node]).cast::<f64>() + u;
-        let ghost = Vector3::from(world.ghosts[0].shape.positions[node]).cast::<f64>();
+        let ghost = Vector3::from(world.frame.ghosts[0].shape.positions[node]).cast::<f64>();
         assert!((place - ghost).norm() < 1e-6, "node {node}: {place} is not {ghost}");
         let off = (deformer.displacement(node) - u).norm();
         (largest, sum) = (largest.max(off), sum + off * off);
@@ -140,9 +140,9 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
     let (scene, file, mut world) = bar("ghost-live", "rotation", &["ghost_equilibrium"]);
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let mut frame = |world: &mut World| {
-        world.ghosts.clear();
-        world.plates.clear();
-        running[0].after_frame(world);
+        world.frame.ghosts.clear();
+        world.frame.plates.clear();
+        running[0].show(world);
         words(world)
     };
     assert_eq!(frame(&mut world), "", "at rest nothing is solved");
@@ -154,7 +154,7 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
             assert!(started.elapsed().as_secs() < 60, "{}", frame(world));
             std::thread::sleep(Duration::from_millis(5));
         }
-        (frame(world), world.ghosts[0].color[3])
+        (frame(world), world.frame.ghosts[0].color[3])
     };
     let (words, fresh) = until(&mut world, "of this pose");
     assert!(words.contains("is off by") && !words.contains("solving"), "{words}");
@@ -173,7 +173,7 @@ fn a_pose_without_equilibrium_is_told() {
         words.contains("no static equilibrium of this pose found") && words.contains("% of the way"),
         "{words}"
     );
-    assert!(world.ghosts.is_empty());
+    assert!(world.frame.ghosts.is_empty());
 }
 
 /// Twisted by 200° at one end, or by 100° at both against each other: the same shape, and another than twisted by 160° the other way

@@ -5,7 +5,6 @@
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, Listed};
-use super::super::running::RunningEffect;
 use super::device::Device;
 use super::elastic::Elastic;
 use super::grasp::{Held, HoldConstraint};
@@ -18,14 +17,15 @@ use super::tick::Control;
 use super::vrpn::VrpnDevice;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
+use crate::base::plates::Words;
 use crate::base::table::seconds;
 use crate::deform::Deformer;
 use crate::green::STIFFNESS;
 use crate::interact::Mode;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{Source, TrackerState, usable};
-use crate::world::World;
 use crate::world::force_scale::ForceScale;
+use crate::world::{RunningEffect, World};
 use nalgebra::Isometry3;
 use std::time::{Duration, Instant};
 
@@ -174,11 +174,15 @@ impl HapticSession {
 }
 
 impl RunningEffect for HapticSession {
-    fn before_frame(&mut self, state: &mut TrackerState) {
+    fn name(&self) -> &'static str {
+        ENTRY.name
+    }
+
+    fn input(&mut self, state: &mut TrackerState) {
         self.move_styli(state);
     }
 
-    fn after_frame(&mut self, world: &mut World) {
+    fn show(&mut self, world: &mut World) {
         self.tell(world);
     }
 
@@ -187,7 +191,7 @@ impl RunningEffect for HapticSession {
         Some(Box::new(link.running.source()?))
     }
 
-    fn haptic_readings(&mut self) -> Vec<HapticReading> {
+    fn readings(&mut self) -> Vec<Vec<Words>> {
         let of = |link: &mut Link| {
             let Report { state, timing, .. } = *link.running.report();
             HapticReading {
@@ -197,6 +201,7 @@ impl RunningEffect for HapticSession {
                 max_force_n: link.haptic.max_force_n,
                 holds: link.hold.is_some(),
             }
+            .rows()
         };
         self.links.iter_mut().map(of).collect()
     }

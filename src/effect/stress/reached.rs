@@ -5,6 +5,7 @@ use crate::base::quantity::quantity;
 use crate::deform::{Deformer, NodeStress, Strain};
 use crate::scene::{Limit, Quantity};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// From this part of the largest stress on, what is reached elsewhere is not told beside it.
 const ALIKE: f64 = 0.9;
@@ -19,7 +20,8 @@ pub struct SurfaceLoads<'a> {
 }
 
 /// Of one body in one shape.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Reached {
     /// The largest values at nodes, and the nodes that have them: Pa, and a ratio.
     pub von_mises: (f64, usize),
@@ -33,7 +35,8 @@ pub struct Reached {
 }
 
 /// What a body has reached away from the edges of control elements, where stress is a peak of the mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Inside {
     /// Pa.
     pub von_mises: f64,

@@ -1,17 +1,18 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
-use super::reached::{Reached, share, written};
-use super::stressed_body::StressedBody;
+use super::reached::{Reached, share, written as limit_words};
+use super::stressed_body::{NAME, StressedBody};
 use crate::base::failure::Failure;
 use crate::base::legend::{Legend, LegendLine, round_up};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::deform::NodeStress;
 use crate::effect::entry::Listed;
-use crate::effect::running::RunningEffect;
 use crate::render::field_code;
 use crate::scene::{LegendSettings, Quantity};
-use crate::world::{PlacedBody, SurfacePoint, World, out_of_range};
+use crate::world::running::{Memory, read, written};
+use crate::world::{PlacedBody, RunningEffect, SurfacePoint, World, out_of_range};
+use serde::{Deserialize, Serialize};
 
 /// Joins a new world; the bodies that list it are coloured from their first picture on.
 pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
@@ -34,12 +35,13 @@ pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn R
     let settings = listed.scene.legend.unwrap_or_default();
     let first_tops = tops(listed, &settings, &bodies, world);
     let mut shown = Shown { settings, first_tops, tops: first_tops, bodies, coded: None };
-    shown.after_frame(world);
+    shown.show(world);
     Ok(Some(Box::new(shown)))
 }
 
 /// The end of the colours of one quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Top {
     Asked(f64),
     Limit(f64),
@@ -107,6 +109,15 @@ struct ShownBody {
     was_beyond: bool,
     /// The most of the session.
     worst: Reached,
+}
+
+/// What lasts from one frame to the next: the ends of the colours, and the most that each body has reached.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Seen {
+    tops: [Top; 3],
+    /// Whether a body was bent beyond its model, and its worst.
+    bodies: Vec<(bool, Reached)>,
 }
 
 struct Shown {
@@ -231,7 +242,11 @@ fn written_value(value: f64, of: Quantity) -> String {
 }
 
 impl RunningEffect for Shown {
-    fn after_frame(&mut self, world: &mut World) {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn show(&mut self, world: &mut World) {
         let shown = self.quantity(world);
         let mut is_new = false;
         for body in &mut self.bodies {
@@ -254,13 +269,30 @@ impl RunningEffect for Shown {
                 let name = &body.name;
                 world.warn(format!(
                     "body.{name}: its limit of {} ({}) is passed: what yields or tears is not computed",
-                    written(limit),
+                    limit_words(limit),
                     limit.quantity().title()
                 ));
             }
         }
         let legend = Some(self.legend(world, shown));
-        world.plates.push(Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend });
+        world.frame.plates.push(Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend });
+    }
+
+    fn memory(&self) -> Option<Memory> {
+        let bodies = self.bodies.iter().map(|body| (body.was_beyond, body.worst)).collect();
+        written(&Seen { tops: self.tops, bodies })
+    }
+
+    fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
+        let Seen { tops, bodies } = read(memory)?;
+        if bodies.len() != self.bodies.len() {
+            return Err(format!("it has {} bodies, the scene has {}", bodies.len(), self.bodies.len()));
+        }
+        self.tops = tops;
+        for (body, (was_beyond, worst)) in self.bodies.iter_mut().zip(bodies) {
+            (body.was_beyond, body.worst, body.deformations) = (was_beyond, worst, None);
+        }
+        Ok(())
     }
 
     fn clear(&mut self) {

@@ -193,7 +193,7 @@ const BAR: &str = "[body.b]\n\
 
 /// The newest.
 fn legend_of(world: &World) -> Legend {
-    world.plates.iter().rev().find_map(|plate| plate.legend.clone()).unwrap()
+    world.frame.plates.iter().rev().find_map(|plate| plate.legend.clone()).unwrap()
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     poses[1].translation.x = 0.02;
     world.bodies[0].deformer.evaluate(&poses);
     world.bodies[0].deformations += 1;
-    effect.after_frame(&mut world);
+    effect.show(&mut world);
     let line = legend_of(&world).lines[0].clone();
     assert!(
         line.warns && line.text.contains("limit 1.00 MPa PASSED in 100 % of the surface"),
@@ -227,7 +227,7 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     let codes = world.bodies[0].field.clone().unwrap();
     assert!(codes.iter().filter(|code| code[..2] != [0, 0]).count() == 40);
     world.field_changes += 1;
-    effect.after_frame(&mut world);
+    effect.show(&mut world);
     let legend = legend_of(&world);
     assert_eq!(
         (legend.title.as_str(), legend.range.as_str()),
@@ -236,9 +236,9 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     assert!((0.01..0.03).contains(&legend.to) && legend.lines[0].warns, "{legend:?}");
     assert_ne!(world.bodies[0].field.as_ref().unwrap(), &codes);
     world.step(&TrackerState::default());
-    effect.after_frame(&mut world);
+    effect.show(&mut world);
     world.bodies[0].recolour = false;
-    effect.after_frame(&mut world);
+    effect.show(&mut world);
     assert!(!world.bodies[0].recolour, "nothing is coded anew where nothing changed");
     let summary = effect.summary();
     assert!(
@@ -264,7 +264,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
             *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_deg.to_radians()).matrix();
         world.bodies[0].deformer.evaluate(&poses);
         world.bodies[0].deformations += 1;
-        effect.after_frame(world);
+        effect.show(world);
         legend_of(world)
     };
     let [small, large] = [0.001, 0.01].map(|pull| pose(0.0, pull, &mut world, effect).to);
@@ -275,7 +275,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     assert!(world.bodies[0].field.as_ref().unwrap().iter().any(|code| code[0] > 0), "its colours remain");
     assert_eq!(pose(0.0, 0.001, &mut world, effect).to, large);
     effect.clear();
-    effect.after_frame(&mut world);
+    effect.show(&mut world);
     assert_eq!(legend_of(&world).to, small);
     let summary = effect.summary();
     assert!(summary.contains("poses beyond its model are left out"), "{summary}");

@@ -24,6 +24,10 @@ const INCOMPRESSIBLE: f64 = 0.45;
 const SOFT: f64 = 1e5;
 /// Most corners of a mesh for elements of ten nodes, which take minutes beyond.
 const MOST_CORNERS: usize = 15_000;
+/// Unknowns of a mesh with nodes on its edges, for each corner.
+const UNKNOWNS: usize = 21;
+/// Most unknowns of the better body that errors are measured by, which is solved in a minute or two.
+const MOST_MEASURED: usize = 700_000;
 /// The model `reduced` takes so many control elements.
 const MOST_CONTROLS: usize = 4;
 /// Effects that answer how much force something takes; a model of equilibrium is measured against no other.
@@ -70,7 +74,10 @@ pub fn choose(
         ),
     };
     let element = match model {
-        "neo_hookean" | "stvk" | "corotational" | "substructured" => &TET4,
+        "substructured" => &TET4,
+        // Solved for every pose: tet10 would take minutes.
+        "neo_hookean" | "stvk" | "corotational" if material.poisson <= INCOMPRESSIBLE => &TET4,
+        "neo_hookean" | "stvk" | "corotational" => &TET4_ANP,
         _ if asks_forces && mesh.nodes.len() <= MOST_CORNERS => &TET10,
         _ if material.poisson > INCOMPRESSIBLE => &TET4_ANP,
         _ => &TET4,
@@ -87,7 +94,9 @@ pub fn choose(
     }
     telling.reason(format!("model: {model}, {why}"));
     let mut effects = wishes.effects.clone();
-    let measured = (!is_soft).then_some(ERRORS);
+    // Its better body has nodes on the edges, of tetrahedra of half the size if there are such nodes already.
+    let better = UNKNOWNS * mesh.nodes.len() * if element == &TET10 { 8 } else { 1 };
+    let measured = (!is_soft && better <= MOST_MEASURED).then_some(ERRORS);
     let asked = FORCES.into_iter().chain(measured).filter(|_| asks_forces);
     for effect in asked {
         if !effects.iter().any(|known| known == effect) {
@@ -95,6 +104,13 @@ pub fn choose(
         }
     }
     tell_effects(telling, key, &effects, asks_forces);
+    if asks_forces && !is_soft && !effects.iter().any(|effect| effect == ERRORS) {
+        telling.reason(format!(
+            "errors of the forces: not measured, because {ERRORS} would solve about {:.1} million unknowns, which takes many \
+             minutes; list it, or give a larger --cell",
+            better as f64 * 1e-6
+        ));
+    }
     Choice { element, model: model.to_owned(), effects }
 }
 

@@ -132,7 +132,7 @@ fn two_hands_bend_a_body_symmetrically() {
     assert!((mirror * right.matrix * mirror - left.matrix).norm() < 1e-6);
     assert!(right.translation.norm() > 0.1 && right.matrix[(1, 0)] > 0.3);
     assert!(world.bodies[0].deformer.body_from_surface().rotation.angle() < 1e-6);
-    assert!(world.styli.iter().all(|stylus| stylus.pressed && stylus.bend.is_none()));
+    assert!(world.frame.styli.iter().all(|stylus| stylus.pressed && stylus.bend.is_none()));
 }
 
 #[test]
@@ -164,8 +164,8 @@ fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
     assert!((along_y.matrix - Matrix3::identity()).norm() < 1e-12);
     assert!((along_y.translation - Vector3::y() * along_y.translation.y).norm() < 1e-12);
     assert!((along_y.translation.y - 0.2).abs() < 1e-6, "{}", along_y.translation);
-    assert!(world.styli[0].bend.is_some(), "the hand is not where the end is");
-    let held = world.styli[0].hit.unwrap();
+    assert!(world.frame.styli[0].bend.is_some(), "the hand is not where the end is");
+    let held = world.frame.styli[0].hit.unwrap();
     assert!(held.z < world.stage.workspace.centre.z as f32 + 0.12 * world.stage.workspace.radius_m as f32);
     // The mode changes while it is held: no jump, then only turning, about the end's own origin.
     world.act(Action::SetMode(Mode { freedom: Freedom::Rotate, axis: None }));
@@ -251,7 +251,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
     let at_end = stylus([1.5, 0.0, 0.05], [-1.0, 0.0, 0.0], [0.0; 3]);
     step(&mut world, 0.5, &[away(0.0), at_end]);
     assert_eq!(world.bodies[0].controls[RIGHT].highlight, Highlight::Hovered);
-    let hit = world.styli[1].hit.unwrap().cast::<f64>() - world.stage.workspace.centre;
+    let hit = world.frame.styli[1].hit.unwrap().cast::<f64>() - world.stage.workspace.centre;
     assert!((hit.x / radius - 0.875).abs() < 1e-5, "{hit}");
     step(&mut world, 0.6, &[second(away(0.0)), pressed(at_end)]);
     step(&mut world, 0.7, &[second(away(-0.3)), pressed(at_end)]);
@@ -262,7 +262,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
                 && (now.matrix - before.matrix).norm() < 1e-6
         );
     }
-    assert!(world.styli[1].bend.is_some(), "the held place went with the scene");
+    assert!(world.frame.styli[1].bend.is_some(), "the held place went with the scene");
     step(&mut world, 0.9, &[]);
     world.act(Action::ResetNavigation);
     step(&mut world, 1.0, &[]);
@@ -345,23 +345,30 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
         step(&mut world, 0.0, &[start]);
         step(&mut world, 0.0, &[pressed(start)]);
         step(&mut world, 0.0, &[pressed(there)]);
-        assert_eq!((world.forces.len(), world.arrows.len()), (usize::from(wanted), usize::from(wanted)));
-        let Some(force) = world.forces.first() else { continue };
+        assert_eq!(
+            (world.frame.forces.len(), world.frame.arrows.len()),
+            (usize::from(wanted), usize::from(wanted))
+        );
+        let Some(force) = world.frame.forces.first() else { continue };
         let (wrenches, _) = world.bodies[0].deformer.wrenches().unwrap();
         assert!((force.force_n + wrenches[RIGHT].force).norm() < 1e-9, "the body pulls back");
         // A bar of 1 m² and 2 m stretched by 0.2 m at 1 kPa: 100 N, more where its held ends cannot narrow.
         assert!(force.force_n.x < -95.0 && force.force_n.x > -130.0, "{}", force.force_n);
-        let along = Vector3::from(world.arrows[0].along).cast::<f64>();
+        let along = Vector3::from(world.frame.arrows[0].along).cast::<f64>();
         assert!(along.x < 0.0 && along.norm() <= 0.6 * world.stage.workspace.radius_m + 1e-6);
         // It starts where the ray holds the bar, moved on with the hand.
-        let (from, held) = (world.arrows[0].from, world.styli[0].hit.unwrap());
+        let (from, held) = (world.frame.arrows[0].from, world.frame.styli[0].hit.unwrap());
         assert!((from - held).norm() < 1e-6, "{from} is not {held}");
         // Pushed in, the body pushes the hand out again, from the same place.
         step(&mut world, 0.0, &[pressed(right([-0.19, 0.0, 0.0], [0.0; 3]))]);
-        let (from, held) = (world.arrows[0].from, world.styli[0].hit.unwrap());
-        assert!((from - held).norm() < 1e-6 && world.arrows[0].along.x > 0.0, "{from} is not {held}");
+        let (from, held) = (world.frame.arrows[0].from, world.frame.styli[0].hit.unwrap());
+        assert!((from - held).norm() < 1e-6 && world.frame.arrows[0].along.x > 0.0, "{from} is not {held}");
         step(&mut world, 0.0, &[there]);
-        assert_eq!((world.forces.len(), world.arrows.len()), (0, 0), "nothing held, nothing felt");
+        assert_eq!(
+            (world.frame.forces.len(), world.frame.arrows.len()),
+            (0, 0),
+            "nothing held, nothing felt"
+        );
     }
 }
 

@@ -50,13 +50,13 @@ fn a_held_point_follows_the_hand_and_goes_back() {
         let (touch, place) = world.touched(0).unwrap();
         let off = (place - touch.place_in_room).norm();
         assert!(off < 1e-6 * scale, "{off} m");
-        assert!(world.plates.len() == 1 && world.balls.len() == 1);
+        assert!(world.frame.plates.len() == 1 && world.frame.balls.len() == 1);
     }
-    assert_eq!(world.arrows.len(), 1, "the body pulls the hand");
+    assert_eq!(world.frame.arrows.len(), 1, "the body pulls the hand");
     let pulled = positions(&world);
     assert_ne!(pulled, before);
     world.step(&above(&world, 0.3, 0.0, false));
-    assert!(world.touched(0).is_none() && world.plates.is_empty());
+    assert!(world.touched(0).is_none() && world.frame.plates.is_empty());
     let back = positions(&world);
     let off = back.as_flattened().iter().zip(before.as_flattened()).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f32::max) < 1e-6);

@@ -16,8 +16,10 @@ use crate::track::vrpn::Server;
 use crate::track::{Signal, StylusState};
 use crate::world::Highlight;
 use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
+use std::cell::RefCell;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -80,9 +82,9 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
                 let stylus = StylusState { room_from_stylus: pose, pressed, ..Default::default() };
                 let time_s = started.elapsed().as_secs_f64();
                 let mut state = TrackerState { head: None, styli: vec![stylus], time_s };
-                haptics.before_frame(&mut state);
+                haptics.input(&mut state);
                 world.step(&state);
-                haptics.after_frame(world);
+                haptics.show(world);
                 let felt = haptics.links[0].running.report().state;
                 if until(&felt, &state) {
                     return felt;
@@ -135,7 +137,8 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
         serving.place.port()
     );
     let (scene, file, mut world) = session("\"haptics\"", &table);
-    let mut effects = effect::start(&scene, &file, &world).unwrap();
+    let haptics = Rc::new(RefCell::new(started(&scene, &file, &world)));
+    let mut effects: Vec<Box<dyn RunningEffect>> = vec![Box::new(Shared(haptics.clone()))];
     let mut trackers = trackers::start(&world.stage, &mut effects).unwrap().unwrap();
     assert_eq!(world.fields.stylus_name(0), "pen");
     let (haptic, workspace) = (world.stage.haptics[0].clone(), world.stage.workspace);
@@ -151,10 +154,12 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             *phantom.said.lock().unwrap() = (handle, pressed);
             let mut state =
                 trackers::merge(&mut trackers, TrackerState { time_s: now_s(), ..Default::default() });
-            effects[0].before_frame(&mut state);
+            let mut haptics = haptics.borrow_mut();
+            haptics.input(&mut state);
             world.step(&state);
-            effects[0].after_frame(&mut world);
-            let felt = effects[0].haptic_readings()[0].state;
+            haptics.show(&mut world);
+            let felt = haptics.links[0].running.report().state;
+            drop(haptics);
             if y == up_to && until(&world, &felt) {
                 return felt;
             }
@@ -176,6 +181,19 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
     let in_room = haptic.room_from_device.rotation * felt.push.force;
     assert!(in_room.y < -0.9 * in_room.norm(), "{in_room} pulls it back down");
     follow(0.2, false, &|_, felt| felt.push.force.norm() == 0.0);
+}
+
+/// A session whose trackers are started by the list of effects.
+struct Shared(Rc<RefCell<HapticSession>>);
+
+impl RunningEffect for Shared {
+    fn name(&self) -> &'static str {
+        self.0.borrow().name()
+    }
+
+    fn source(&mut self, tracker: &str) -> Option<Box<dyn Source>> {
+        self.0.borrow_mut().source(tracker)
+    }
 }
 
 /// What a device that has just come up says of its buttons is its greeting, not a press.

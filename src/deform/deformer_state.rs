@@ -1,0 +1,27 @@
+//! All of a deformer that changes from frame to frame, as plain data.
+
+use super::followed::FollowedTurn;
+use super::frames::PoseSlope;
+use super::loads::AppliedLoads;
+use super::memory::ModelMemory;
+use super::model::{BodyState, Response};
+use super::pose::ControlPoses;
+use serde::{Deserialize, Serialize};
+
+/// What [`Deformer::restore`](super::Deformer::restore) makes the same surface of, and all later frames with the same bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeformerState {
+    pub poses: ControlPoses,
+    pub turns: Vec<FollowedTurn>,
+    pub loads: AppliedLoads,
+    pub loads_changed: bool,
+    /// What the model made of the poses, and what the surface was last summed of.
+    pub state: BodyState,
+    pub summed: BodyState,
+    /// The energy of the poses and its slopes, where the model has them.
+    pub response: Option<Response>,
+    pub slopes: Vec<PoseSlope>,
+    pub evaluated: bool,
+    pub memory: ModelMemory,
+}

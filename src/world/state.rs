@@ -1,0 +1,99 @@
+//! All that changes from frame to frame, as plain data.
+//!
+//! In: a world between two frames. Out: its [`State`], from which a world of the same scene and stage goes on bit by bit as this one
+//! does: the same frames from the same trackers' states and commands. Recordings begin with one.
+
+use super::body::PlacedBody;
+use super::body_memory::BodyMemory;
+use super::edit_state::EditState;
+use super::frame::{MOST_STYLI, World};
+use super::ruler::SurfacePoint;
+use super::running::Memory;
+use crate::field::FieldState;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// All that changes from frame to frame.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    /// Time since the start of the session, s.
+    #[serde(with = "crate::field::numbers")]
+    pub clock_s: f64,
+    /// How many styli have fields.
+    pub styli: usize,
+    /// Head, styli, hands, poses, loads, places, coefficients, and what they were in the frame before.
+    pub fields: Vec<FieldState>,
+    pub edit: EditState,
+    pub bodies: Vec<BodyMemory>,
+    pub field_changes: usize,
+    /// Warnings and reasons for black screens that were given already.
+    pub warnings: Vec<(f64, String)>,
+    pub told: BTreeSet<String>,
+    /// What each effect keeps, by its name.
+    pub effects: BTreeMap<String, Memory>,
+}
+
+impl World {
+    /// The state between two frames.
+    pub fn state(&self) -> serde_json::Result<State> {
+        let memories =
+            self.effects.iter().filter_map(|effect| Some((effect.name().to_owned(), effect.memory()?)));
+        Ok(State {
+            clock_s: self.clock_s,
+            styli: self.styli_count(),
+            fields: self.graph.states()?,
+            edit: self.edit.clone(),
+            bodies: self.bodies.iter().map(PlacedBody::memory).collect(),
+            field_changes: self.field_changes,
+            warnings: self.warnings.clone(),
+            told: self.told.clone(),
+            effects: memories.collect(),
+        })
+    }
+
+    /// The state from which a recording begins: commands that were carried out already are part of it, and not of the next frame.
+    pub fn begin(&mut self) -> serde_json::Result<State> {
+        self.pending.clear();
+        self.state()
+    }
+
+    /// Goes on from the state of a world of the same scene and stage. The error says what does not fit; the world is then not to be used.
+    pub fn set_state(&mut self, state: &State) -> Result<(), String> {
+        let (found, expected) = (state.bodies.len(), self.bodies.len());
+        if found != expected {
+            return Err(format!("it has {found} bodies, the scene has {expected}"));
+        }
+        if state.styli > MOST_STYLI {
+            return Err(format!("it has {} styli, at most {MOST_STYLI} are followed", state.styli));
+        }
+        state.edit.suits(self.bodies.len(), self.fields.targets.len())?;
+        let is_of = |end: &SurfacePoint| {
+            let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
+            end.corners.iter().all(|corner| (*corner as usize) < nodes)
+        };
+        if !state.edit.ruler.ends.iter().all(is_of) {
+            return Err("its ruler lies on a surface that is not there".into());
+        }
+        self.have_styli(state.styli);
+        self.graph.set_states(&state.fields, 1).map_err(|error| error.to_string())?;
+        for (body, memory) in self.bodies.iter_mut().zip(&state.bodies) {
+            body.set_memory(memory)?;
+        }
+        for effect in &mut self.effects {
+            if let Some(memory) = state.effects.get(effect.name()) {
+                effect
+                    .set_memory(memory)
+                    .map_err(|error| format!("the effect {}: {error}", effect.name()))?;
+            }
+        }
+        self.room_from_head = self.graph.get(self.fields.head).0;
+        self.clock_s = state.clock_s;
+        self.edit = state.edit.clone();
+        self.field_changes = state.field_changes;
+        self.warnings = state.warnings.clone();
+        self.told = state.told.clone();
+        (self.actions, self.pending) = (Vec::new(), Vec::new());
+        Ok(())
+    }
+}
