@@ -99,7 +99,7 @@ impl Progress for Bars {
                 step.bar.finish_and_clear();
                 if !self.quiet {
                     let seconds = step.started.elapsed().as_secs_f64();
-                    notice!("{:>12}  {:<18} {seconds:8.3} s", self.body, step.name);
+                    notice!("{:>12}  {:<30} {seconds:8.3} s", self.body, step.name);
                 }
             }
         });

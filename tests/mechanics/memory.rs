@@ -13,7 +13,8 @@ use std::time::Duration;
 
 const FRAMES: usize = 60;
 
-fn file_of(model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
+/// A file in a folder of this test's own.
+fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
     let (size, cells) = match model.name {
         "plate" => ("[0.6, 0.2, 0.02]", "[12, 6, 1]"),
         _ => ("[1.0, 0.1, 0.1]", "[10, 2, 2]"),
@@ -31,7 +32,7 @@ fn file_of(model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
     ));
     let needed = Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()));
     let needed = if with_loads { needed.and(Requirements::of(&[LOADS, COMPLIANCE])) } else { needed };
-    let path = folder(&format!("memory-{}-{with_loads}", model.name)).join("b.green");
+    let path = folder(&format!("memory-{test}-{}", model.name)).join("b.green");
     green::write(&path, &[green::precompute(&scene, "b", &needed, &Silent).unwrap()]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
@@ -78,7 +79,7 @@ fn told(deformer: &Deformer) -> (String, Vec<u32>) {
 }
 
 fn goes_on(model: &ModelEntry, with_loads: bool, wildness: f64) {
-    let file = file_of(model, with_loads);
+    let file = file_of(if with_loads { "loads" } else { "models" }, model, with_loads);
     let node = file.rest("b").len() as u32 / 2;
     let step = |deformer: &mut Deformer, frame: usize| {
         if with_loads {
@@ -131,7 +132,8 @@ fn loads_go_on_from_a_snapshot_with_the_same_bits() {
 fn a_snapshot_of_another_body_is_refused() {
     let rod = MODELS.iter().find(|model| model.name == "rod").unwrap();
     let rotation = MODELS.iter().find(|model| model.name == "rotation").unwrap();
-    let (mut one, other) = (patient(&file_of(rod, false), rod), patient(&file_of(rotation, false), rotation));
+    let (mut one, other) =
+        (patient(&file_of("other", rod, false), rod), patient(&file_of("other", rotation, false), rotation));
     let before = told(&one);
     assert!(one.restore(&other.snapshot()).is_err());
     let mut short = one.snapshot();

@@ -46,6 +46,7 @@ pub fn choose(
     let asks_forces = wishes.pull_m.is_some();
     let is_soft = material.young < SOFT && asks_forces;
     let can_reduce = controls <= MOST_CONTROLS;
+    let (is_large, is_incompressible) = (mesh.nodes.len() > MOST_CORNERS, material.poisson > INCOMPRESSIBLE);
     let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
     let length = ends::length(mesh);
     let slender = length / (volume / length).sqrt();
@@ -57,12 +58,22 @@ pub fn choose(
             "because a soft body stretches far: it is solved for every pose, and follows a hand with a delay"
                 .to_owned(),
         ),
+        None if asks_forces && can_reduce && is_large && is_incompressible => (
+            "rotation",
+            "for large rotations; \"reduced\", which is made for forces, needs element = \"tet10\" here"
+                .to_owned(),
+            format!(
+                "because {} nodes are many for \"reduced\", which needs the element tet10 for a nearly incompressible \
+                 material; a larger --cell makes fewer",
+                mesh.nodes.len()
+            ),
+        ),
         None if asks_forces && can_reduce => (
             "reduced",
             "made for forces, and bends far; \"rotation\" is quicker to precompute".to_owned(),
             "because you ask for forces".to_owned(),
         ),
-        None if slender >= SLENDER && can_reduce && material.poisson <= INCOMPRESSIBLE => (
+        None if slender >= SLENDER && can_reduce && !is_incompressible => (
             "reduced",
             "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(),
             format!("because the body is slender ({slender:.0} times as long as thick) and bends far"),
@@ -76,10 +87,12 @@ pub fn choose(
     let element = match model {
         "substructured" => &TET4,
         // Solved for every pose: tet10 would take minutes.
-        "neo_hookean" | "stvk" | "corotational" if material.poisson <= INCOMPRESSIBLE => &TET4,
+        "neo_hookean" | "stvk" | "corotational" if !is_incompressible => &TET4,
         "neo_hookean" | "stvk" | "corotational" => &TET4_ANP,
-        _ if asks_forces && mesh.nodes.len() <= MOST_CORNERS => &TET10,
-        _ if material.poisson > INCOMPRESSIBLE => &TET4_ANP,
+        _ if asks_forces && !is_large => &TET10,
+        // Their energy is a quartic form, which that of tet4_anp is not.
+        "reduced" | "perturbation" if is_incompressible => &TET10,
+        _ if is_incompressible => &TET4_ANP,
         _ => &TET4,
     };
     if element == &TET4_ANP {

@@ -283,3 +283,18 @@ fn a_pull_of_a_large_mesh_lists_no_effect_that_takes_many_minutes() {
         assert_eq!(says, !is_measured, "{:?}", proposal.reasons);
     }
 }
+
+/// For a spatula of rubber, 69,163 nodes, `new` chose tet4_anp with "reduced", which `deform` then refused.
+#[test]
+fn a_large_nearly_incompressible_body_gets_a_model_and_an_element_that_suit_each_other() {
+    let mesh = bar([0.32, 0.25, 0.25], [32, 25, 25]);
+    for (model, expected) in
+        [(None, ("tet4_anp", "rotation")), (Some("reduced".to_owned()), ("tet10", "reduced"))]
+    {
+        let material = Some("rubber".to_owned());
+        let wishes = Wishes { material, pull_m: Some(1e-3), model, ..Wishes::default() };
+        let proposal = proposed("part.msh", &mesh, &wishes).unwrap();
+        let body = &proposal.scene.body["part"];
+        assert_eq!((body.element.name, body.model.as_str()), expected);
+    }
+}
