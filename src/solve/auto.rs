@@ -297,6 +297,7 @@ mod tests {
         assert_eq!(stats.method.name, "cholesky");
         assert!(stats.chosen.unwrap().contains("after pcg had given up"));
         assert!(residuals(&a, &x, &b).0.iter().all(|residual| *residual < 1e-7));
+
     }
 
     /// Conjugate gradients on a needle took 34 s, where a Cholesky factor takes 0.4 s.

@@ -35,7 +35,7 @@ struct Limits {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     tolerance: f64,
     max_iterations: usize,
-    /// Time that the iterations may take by the prediction, s.
+    /// Which they may take by the prediction, s.
     seconds: Option<f64>,
 }
 

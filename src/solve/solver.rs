@@ -72,7 +72,7 @@ impl PartialEq for Solver {
 
 impl Eq for Solver {}
 
-/// The use of a factor.
+/// What a factor is made for.
 #[derive(Clone, Copy, Debug)]
 pub struct Job {
     /// Right-hand sides that are solved and judged together.
@@ -88,7 +88,7 @@ impl Default for Job {
     }
 }
 
-/// A matrix to analyse, with the use of its factor.
+/// What a method is to analyse.
 #[derive(Clone, Copy)]
 pub struct Asked<'a> {
     pub settings: Solver,
