@@ -40,8 +40,8 @@ const WORK: f64 = 0.35;
 /// The least time in parts of that of such a body: of cubes, bars, plates and tubes, tet4 and tet10, it was 0.27 to 0.5.
 const LEAST: f64 = 0.26;
 
-/// Least seconds of a factor with numbers of type T and of so many columns, estimated from the graph of `a`. A breadth-first search
-/// from one end to the other gives levels as large as the separators of the body, which counts as a row of compact parts.
+/// Seconds in a factor's numbers of type T for so many columns at least, told from the graph of `a`: the levels of a search in
+/// breadth from one end to the other are as large as separators of the body, which is taken as a row of compact parts.
 pub(super) fn least_seconds<T: Real>(a: &StiffnessMatrix, columns: usize) -> f64 {
     let nodes = a.nodes() as f64;
     let width = nodes / levels(a) as f64;

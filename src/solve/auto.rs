@@ -279,7 +279,7 @@ mod tests {
         assert_eq!(chosen(&needle, once).name, "cholesky");
     }
 
-    /// Conjugate gradients on a needle never gave way.
+    /// Conjugate gradients on a needle found no end.
     #[test]
     fn what_iterates_without_end_gives_way_to_the_next_method() {
         const EAGER: Method = Method { least_seconds: Some(|_, _| 0.0), ..PCG };
@@ -298,19 +298,11 @@ mod tests {
         assert!(stats.chosen.unwrap().contains("after pcg had given up"));
         assert!(residuals(&a, &x, &b).0.iter().all(|residual| *residual < 1e-7));
 
-    }
-
-    /// Conjugate gradients on a needle took 34 s, where a Cholesky factor takes 0.4 s.
-    #[test]
-    fn conjugate_gradients_on_a_needle_end_early_with_a_remedy() {
-        let a = body([1.0, 0.002, 0.002], [300, 2, 2]);
-        let b = NodeFields { nodes: a.nodes(), columns: 1, data: vec![1.0; 3 * a.nodes()] };
-        let solver = Solver { method: &PCG, ..Solver::default() };
-        let analysed = solver.analyse(&a, &Silent).unwrap();
-        let error = analysed.factor(&a, &Silent).unwrap().solve(&b, &Silent).unwrap_err();
-        let told = error.to_string();
-        let SolveError::Slow { iterations, most, .. } = error else { panic!("{told}") };
-        assert!(20 * iterations < most && most == solver.max_iterations, "{told}");
-        assert!(told.contains("\"auto\""), "{told}");
+        // Without another it says why.
+        let alone = Solver { method: &PCG, max_iterations: 40, ..Solver::default() };
+        let alone = alone.analyse(&a, &Silent).unwrap();
+        let error = alone.factor(&a, &Silent).unwrap().solve(&b, &Silent).unwrap_err();
+        let SolveError::Slow { iterations, expected, .. } = error else { panic!("{error}") };
+        assert!((10..40).contains(&iterations) && expected > 40.0, "{iterations} {expected}");
     }
 }

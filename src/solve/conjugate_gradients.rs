@@ -32,7 +32,7 @@ pub struct System<'a> {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     pub tolerance: f64,
     pub max_iterations: usize,
-    /// Number of iterations from which on it ends as soon as it foresees more than `max_iterations`.
+    /// Iterations after which it ends as soon as it foresees more than `max_iterations`.
     pub sight: usize,
 }
 
@@ -50,8 +50,8 @@ pub struct Batch<'a> {
     workspace: Workspace,
     spectrum: Spectrum,
     iterations: usize,
-    /// The column for which the iteration was given up, and its relative residual.
-    slow: Option<(usize, f64)>,
+    /// The column for which the iteration was given up, its relative residual, and the iterations that it would take.
+    slow: Option<(usize, f64, f64)>,
     /// True residuals ‖b - A x‖₂ / ‖b‖₂.
     relative: Vec<f64>,
 }
@@ -64,7 +64,7 @@ struct Run<'a> {
     most: usize,
     /// The column whose spectrum is taken; that with the most to do, if none is named.
     watched: Option<usize>,
-    /// Whether it ends early where the mean fall of the residual so far needs more iterations than `most`.
+    /// Whether it ends as soon as it foresees more iterations than `most`, by the residual so far.
     foresees: bool,
 }
 
@@ -124,10 +124,9 @@ impl<'a> Batch<'a> {
                 progress.advance(way.saturating_sub(done));
                 done = done.max(way);
             });
-            if let Some((number, residual)) = self.slow {
+            if let Some((number, residual, expected)) = self.slow {
                 let (column, iterations) = (self.columns.start + number, self.iterations);
-                let (limit, most) = (tolerance, max_iterations);
-                return Err(SolveError::Slow { column, residual, limit, iterations, most });
+                return Err(SolveError::Slow { column, residual, limit: tolerance, iterations, expected });
             }
             self.system.a.multiply(&self.x, &mut self.q);
             take(self.b, &self.columns, &mut self.r);
@@ -296,7 +295,7 @@ impl<'a> Batch<'a> {
                 let rate = -relative[column].ln() / iteration as f64;
                 let expected = if rate > 0.0 { -(0.5 * run.tolerance).ln() / rate } else { f64::INFINITY };
                 if expected > run.most as f64 {
-                    self.slow = Some((column, relative[column]));
+                    self.slow = Some((column, relative[column], expected));
                     break;
                 }
             }

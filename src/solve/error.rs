@@ -31,11 +31,11 @@ pub enum SolveError {
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
     #[error(
-        "column {column}: the relative residual is {residual:.1e} after {iterations} iterations of conjugate gradients and \
-         falls too slowly to reach {limit:.1e} within {most}; write solver.method = \"auto\", or look for slivers, thin \
-         parts and large contrasts of stiffness (`greenstage check`)"
+        "column {column}: the relative residual is {residual:.1e} after {iterations} iterations, so that {limit:.1e} would \
+         take about {expected:.0e}; the matrix is too ill-conditioned for conjugate gradients: write solver.method = \
+         \"auto\", or look for slivers, thin parts and large contrasts of stiffness (`greenstage check`)"
     )]
-    Slow { column: usize, residual: f64, limit: f64, iterations: usize, most: usize },
+    Slow { column: usize, residual: f64, limit: f64, iterations: usize, expected: f64 },
     #[error(
         "column {column}: relative residual {residual:.1e} and backward error {backward:.1e} after refinement: the \
          factor is wrong; look for slivers and for large contrasts of stiffness (`greenstage check`)"

@@ -3,8 +3,7 @@
 //! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
 //! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end. An estimate of
 //! the condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
-//! remaining iterations would take longer than a factor in f64. A message says so. Literature: Higham and Mary, Acta Numerica
-//! 31 (2022), 347-414, section 8.
+//! remaining iterations would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
 
 use super::analysis::{Analysis, least_seconds};
 use super::cholesky::Cholesky;

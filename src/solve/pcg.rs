@@ -93,7 +93,7 @@ fn expected(a: &StiffnessMatrix, columns: usize) -> f64 {
     pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / rayon::current_num_threads() as f64
 }
 
-/// Number of iterations that take so many seconds by [`expected`].
+/// Iterations that so many seconds are worth, of those that [`expected`] counts.
 fn iterations_in(seconds: f64, a: &StiffnessMatrix, columns: usize) -> usize {
     let one = expected(a, columns) / ITERATIONS;
     (seconds / one.max(f64::MIN_POSITIVE)).ceil() as usize
@@ -111,10 +111,10 @@ const ITERATION_S: f64 = 1.7e-8;
 /// Iterations of a body without large contrasts, with those of the forward error; thin bodies take up to twice as many.
 const ITERATIONS: f64 = 30.0;
 
-/// Iterations before any foresight: where another method waits, and where none does. The second leaves time to residuals that
-/// rise before they fall, and is more than ten times as many as a body usually takes.
+/// Iterations before any foresight where another method waits; where none does, it comes after one in so many of the most, as
+/// residuals rise before they fall.
 const SIGHT: usize = 3;
-const PATIENCE: usize = 500;
+const PATIENCE: usize = 4;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
 /// The bits of a column do not depend on the others.
@@ -177,7 +177,7 @@ impl Pcg<'_> {
         let Limits { tolerance, max_iterations, seconds, .. } = self.limits;
         let worth = seconds.map_or(usize::MAX, |seconds| iterations_in(seconds, self.a, b.columns));
         let max_iterations = max_iterations.min(worth);
-        let sight = if seconds.is_some() { SIGHT } else { PATIENCE };
+        let sight = if seconds.is_some() { SIGHT } else { max_iterations / PATIENCE };
         let system = System { a: self.a, multigrid: &self.multigrid, tolerance, max_iterations, sight };
         let mut error = Conditioning::default();
         // One unit a thousandth of the way down to the tolerance on a logarithmic scale.

@@ -81,7 +81,7 @@ pub struct Job {
     pub needs_factor: bool,
 }
 
-/// The columns of two control elements, and a factor that serves further solves.
+/// Further solves, as few as those of two control elements.
 impl Default for Job {
     fn default() -> Job {
         Job { columns: 24, needs_factor: true }
@@ -119,7 +119,7 @@ pub struct Method {
     pub remedy: &'static str,
     /// Bytes of a number of its factor; 0 of a method that makes none, or that may.
     pub factor_number: usize,
-    /// Seconds that so many columns take at least, estimated from the graph of A before its analysis; `None` for a method that
+    /// Seconds that so many columns take at least, told from the graph of A before it is analysed; `None` of a method that
     /// `auto` leaves out.
     pub least_seconds: Option<fn(&StiffnessMatrix, usize) -> f64>,
     pub analyse: Analyse,
