@@ -1,10 +1,15 @@
-//! What the graph of fields costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
+//! What the graph of fields costs, what a snapshot of all state costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
 
 use criterion::{Criterion, Throughput, criterion_group};
 use greenstage::base::columns::{Storage, StoredColumns};
-use greenstage::deform::{Superposition, vertex_normals};
+use greenstage::base::failure::Failure;
+use greenstage::deform::{ControlPose, Superposition, vertex_normals};
 use greenstage::field::{Each, Field, FieldError, Graph, Value};
 use greenstage::green::FIELDS;
+use greenstage::scene::Scene;
+use greenstage::session::{Request, Session};
+use greenstage::world::World;
+use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 
@@ -114,7 +119,41 @@ fn graph(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, superposition, normals, graph);
+/// A tube of 10,100 nodes with forces and stress, bent.
+fn bent_tube() -> Result<World, Failure> {
+    let text = "[body.tube]\n\
+         generate = { tube = { inner_radius = 0.08, outer_radius = 0.1, length = 1.0, radial = 1, around = 50, along = 100, control_length = 0.1 } }\n\
+         material = { young = 1.0e6, poisson = 0.3 }\nmodel = \"rotation\"\neffects = [\"haptics\", \"stress\"]\n\
+         control.left = { nodes = { group = \"left\" }, grab = \"fixed\" }\n\
+         control.right = { nodes = { group = \"right\" }, grab = \"dragger\" }\n";
+    let folder = tempfile::tempdir().map_err(Failure::work)?;
+    let scene = Scene::parse(text, &folder.path().join("tube.toml")).map_err(Failure::request)?;
+    let mut session = Session::open(&Request::of(&scene))?;
+    let right = session.world.fields.bodies[0].poses[1];
+    let turn = Rotation3::from_scaled_axis(Vector3::z() * 0.4);
+    let pose = ControlPose { translation: Vector3::new(-0.02, 0.2, 0.0), matrix: *turn.matrix() };
+    session.world.graph.restore(right, pose);
+    session.advance(0.0)?;
+    Ok(session.world)
+}
+
+fn state(c: &mut Criterion) {
+    let mut world = match bent_tube() {
+        Ok(world) => world,
+        Err(error) => {
+            eprintln!("no state is measured: {error}");
+            return;
+        }
+    };
+    let mut group = c.benchmark_group("state 10,100 nodes");
+    group.bench_function("taken", |b| b.iter(|| black_box(world.state().ok())));
+    if let Ok(taken) = world.state() {
+        group.bench_function("restored", |b| b.iter(|| black_box(world.set_state(&taken).ok())));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, superposition, normals, graph, state);
 
 fn main() {
     // `cargo bench` passes --bench; `cargo test --bench online` runs each benchmark once and measures nothing.

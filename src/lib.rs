@@ -7,8 +7,8 @@
 //!
 //! ```text
 //! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
-//! online    tube.green → Deformer in a PlacedBody
-//!           TrackerSet → TrackerState → PickRay → Hands → control poses → BodyState → positions, normals → Stage (screen × eye) → Renderer
+//! online    tube.green → Deformer in a PlacedBody of a World
+//!           trackers → TrackerState → World::step, which moves its State → Frame, positions, normals → Stage (screen × eye) → Renderer
 //! ```
 //!
 //! Each room imports only from rooms that stand below it in this table, and no two files import each other.
@@ -26,7 +26,7 @@
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
 //! | [`prepare`] | a scene made ready: what its models and effects require, its .green file found fresh or made |
 //! | [`effect`] | opt-in effects, with what they precompute, add to a world, draw and run; what no scene lists costs nothing |
-//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields |
+//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`green`] | the precomputed columns and the .green file |
@@ -51,6 +51,7 @@
 //! session     Session::advance → InputSource::state → trackers::merge → TrackerSet::state (Follower)
 //! world         World::step_at → Graph::evaluate:
 //!                 pick, Hands::step, PlacedBody::admit
+//!                 RunningEffect::act, where an effect acts on bodies
 //! deform          Deformer::take → DeformationModel::state
 //!                 Deformer::deform → Superposition::update, move_parts, vertex_normals
 //! display     ScreenWindows::draw → window_layout::tiles → World::view → Screen::view

@@ -7,7 +7,7 @@ use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, ModelEntry, Statics, carries_loads, find_model, load_refusal};
+use crate::deform::{Kind, ModelEntry, Statics, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
@@ -43,12 +43,30 @@ pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law
     }
 }
 
-/// The effects and the model that a body names and that there are not.
+/// The effects and the model that a body names and that there are not, and settings that its effects do not have.
 pub fn unknown_names(scene: &Scene, name: &str, body: &Body) -> Vec<SceneError> {
     let effects = body.effects.iter().filter_map(|effect| Some(("effects", find_effect(effect).err()?)));
     let model = find_model(&body.model).err().map(|message| ("model", message));
     let unknown = |(key, message): (&str, String)| scene.invalid(&format!("body.{name}.{key}"), message);
-    effects.chain(model).map(unknown).collect()
+    effects.chain(model).map(unknown).chain(settings_faults(scene, name, body)).collect()
+}
+
+/// What is wrong with the settings of a body's effects.
+fn settings_faults(scene: &Scene, name: &str, body: &Body) -> Vec<SceneError> {
+    let check = |effect: &str| {
+        let check_settings = find_effect(effect)?.check_settings;
+        if !body.effects.iter().any(|listed| listed == effect) {
+            return Err(format!(
+                "the body does not list this effect: add \"{effect}\" to effects, or leave this out"
+            ));
+        }
+        check_settings.map_or_else(|| Err("this effect has no settings".to_owned()), |check| check(body))
+    };
+    let fault = |effect: &String| {
+        let message = check(effect).err()?;
+        Some(scene.invalid(&format!("body.{name}.effect.{effect}"), message))
+    };
+    body.effect.keys().filter_map(fault).collect()
 }
 
 /// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and what a model of
@@ -122,11 +140,12 @@ fn loads_required(
     model: &ModelEntry,
 ) -> Result<Requirements, Failure> {
     let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-    if !loads && !compliance {
-        return Ok(Requirements::default());
+    if let Some(message) = load_refusal(model, loads, compliance) {
+        return Err(wrong(scene, name, "model", message));
     }
-    if !carries_loads(model) {
-        return Err(wrong(scene, name, "model", load_refusal(model)));
+    if let Kind::Background(_) = model.kind {
+        // Its own family has the forces.
+        return Ok(Requirements::default());
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
         Kept::Inverse => COMPLIANCE,

@@ -1,5 +1,6 @@
 //! `greenstage bench`: measures the frame rate, and where a frame's time goes.
 
+use super::bench_haptics::Subject;
 use super::opening::{self, Guess};
 use super::parsers;
 use super::print::print;
@@ -53,7 +54,7 @@ pub struct Args {
     /// Frames to draw for each figure
     #[arg(long, default_value_t = 24, value_parser = parsers::frames)]
     pub frames: usize,
-    /// Measure the force loop's ticks even if no body lists the effect haptics
+    /// Measure the force loop's ticks on all bodies, not only on those that list the effect haptics
     #[arg(long)]
     pub haptics: bool,
     /// Print the results as JSON
@@ -126,16 +127,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         measured.bodies = names.zip(targets.bodies.choices).collect();
         drawn.push(measured);
     }
-    let resists = scene.body.values().any(|body| any_requires(&body.effects, STIFFNESS));
-    let ticks = match resists || args.haptics {
-        true => {
-            let mut session = open()?;
-            // The script moves it, as often as there is time for.
-            session.input.replay = None;
-            beside_frames(session, args.device)?
-        }
-        false => Vec::new(),
-    };
+    let ticks = beside_frames(open()?, args)?;
     let mut tables =
         vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
     if !ticks.is_empty() {
@@ -154,12 +146,20 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Ticks of the force loop beside frames of a session.
-fn beside_frames(mut session: Session, device: device::Args) -> Result<Vec<bench_haptics::Row>, Failure> {
-    let mut targets = Targets::new(&mut session.world, Pictures::Eyes, Samples::Exactly(1), 1.0, device)?;
+/// Ticks of the force loop beside frames of a session: on the bodies that list the effect, or on all where that is asked for.
+fn beside_frames(mut session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
+    // The script moves it, as often as there is time for.
+    session.input.replay = None;
+    let felt = session.world.bodies.iter().filter(|b| args.haptics || any_requires(&b.effects, STIFFNESS));
+    let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
+    if subjects.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (eyes, samples) = (Pictures::Eyes, Samples::Exactly(1));
+    let mut targets = Targets::new(&mut session.world, eyes, samples, 1.0, args.device)?;
     let started = Instant::now();
     let duration_s = session.input.script.as_ref().map(|script| script.duration_s);
-    bench_haptics::measure(|| {
+    bench_haptics::measure(subjects, || {
         if let Some(duration_s) = duration_s {
             session.advance(started.elapsed().as_secs_f64() % duration_s)?;
         }

@@ -2,32 +2,38 @@
 //! renderer draws.
 
 use crate::base::failure::Failure;
-use crate::base::statistics::{median, quantile};
+use crate::base::statistics::quantile;
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPose, ControlRest, CubicForm};
+use crate::deform::ControlPose;
 use crate::effect::haptics::{
     Control, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, LoopTiming, Reading, SampleInfo, Simulated,
 };
-use crate::green::FIELDS;
+use crate::scene::Grab;
 use crate::stage::Haptic;
-use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Vector3};
+use crate::world::PlacedBody;
+use nalgebra::{Isometry3, Matrix4, Similarity3, Vector3};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Control elements of the bodies that are measured.
-pub const ELEMENTS: [usize; 3] = [2, 4, 8];
 const TICKS: u32 = 20_000;
 
 /// Ticks between two frames, as the loop hears of them.
 const FRAME: u32 = 16;
 
-/// Time of a tick for one body, s: half of the ticks, and 99 % of them, take no longer.
+/// How far the handle moves, as a part of the body's size, and turns, rad: so that most ticks find a column of the body's
+/// stiffness too.
+const MOVES: f64 = 0.02;
+const TURNS: f64 = 0.25;
+
+/// Time of a tick for one body, s: half of the ticks, 99 % and 99.9 % of them, take no longer.
 #[derive(serde::Serialize)]
 pub struct Row {
+    body: String,
+    model: String,
     elements: usize,
-    model: &'static str,
     work_p50_s: f64,
     work_p99_s: f64,
+    work_p999_s: f64,
     /// Taking over what a frame of the display tells the loop, beside a tick.
     take_p50_s: f64,
     take_p99_s: f64,
@@ -37,38 +43,78 @@ pub struct Row {
     late_p99_s: f64,
 }
 
-/// `draw` draws a frame; it is called for some seconds beside a loop of each size.
-pub fn measure(mut draw: impl FnMut() -> Result<(), Failure>) -> Result<Vec<Row>, Failure> {
+/// A body of the scene, of which a hand holds a control element.
+pub struct Subject {
+    body: String,
+    model: String,
+    held: usize,
+    /// The element's origin at rest, and the body's size, m.
+    origin: Vector3<f64>,
+    size: f64,
+    elements: usize,
+    /// One to be measured alone and one beside the renderer.
+    elastic: [Elastic; 2],
+}
+
+impl Subject {
+    /// The hand holds the first control element that a hand can take.
+    pub fn of(body: &PlacedBody) -> Result<Subject, String> {
+        let deformer = &body.deformer;
+        let elastic = [Elastic::of(deformer)?, Elastic::of(deformer)?];
+        let held = body.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);
+        Ok(Subject {
+            body: deformer.body.clone(),
+            model: body.model.clone(),
+            held,
+            origin: deformer.controls[held].origin,
+            size: body.ball.1,
+            elements: deformer.controls.len(),
+            elastic,
+        })
+    }
+}
+
+/// `draw` draws a frame; it is called for some seconds beside a loop of each body.
+pub fn measure(
+    subjects: Vec<Subject>,
+    mut draw: impl FnMut() -> Result<(), Failure>,
+) -> Result<Vec<Row>, Failure> {
     let mut rows = Vec::new();
-    for elements in ELEMENTS {
-        for model in ["linear", "rotation"] {
-            let Some((mut control, grasp)) = control(model, elements) else { continue };
-            let [[work_p50_s, work_p99_s], [take_p50_s, take_p99_s]] = alone(&mut control, &grasp);
-            let Some((control, grasp)) = self::control(model, elements) else { continue };
-            let busy = beside(control, &grasp, &mut draw)?;
-            rows.push(Row {
-                elements,
-                model,
-                work_p50_s,
-                work_p99_s,
-                take_p50_s,
-                take_p99_s,
-                busy_p50_s: busy.work_p50_s,
-                busy_p99_s: busy.work_p99_s,
-                late_p50_s: busy.late_p50_s,
-                late_p99_s: busy.late_p99_s,
-            });
-        }
+    for Subject { body, model, held, origin, size, elements, elastic: [first, second] } in subjects {
+        let script = move |time_s: f64| handle(time_s, &origin, size);
+        let grasp = grasp(held, elements);
+        let haptic = Haptic::simulated("bench");
+        let mut control = Control::new(haptic.clone(), vec![first], 0.0);
+        let [[work_p50_s, work_p99_s, work_p999_s], [take_p50_s, take_p99_s, _]] =
+            alone(&mut control, &grasp, &script);
+        let device = Simulated::scripted(&haptic, Hand::FINGERS, Box::new(script));
+        let busy = beside(Control::new(haptic, vec![second], 0.0), device, &grasp, &mut draw)?;
+        rows.push(Row {
+            body,
+            model,
+            elements,
+            work_p50_s,
+            work_p99_s,
+            work_p999_s,
+            take_p50_s,
+            take_p99_s,
+            busy_p50_s: busy.work_p50_s,
+            busy_p99_s: busy.work_p99_s,
+            late_p50_s: busy.late_p50_s,
+            late_p99_s: busy.late_p99_s,
+        });
     }
     Ok(rows)
 }
 
 pub fn table(rows: &[Row]) -> (String, Table) {
     let heading = [
-        "control elements",
+        "body",
         "model",
+        "control elements",
         "work p50",
         "p99",
+        "p99.9",
         "a frame's news p50",
         "p99",
         "beside the renderer p50",
@@ -81,6 +127,7 @@ pub fn table(rows: &[Row]) -> (String, Table) {
         let times = [
             row.work_p50_s,
             row.work_p99_s,
+            row.work_p999_s,
             row.take_p50_s,
             row.take_p99_s,
             row.busy_p50_s,
@@ -88,52 +135,34 @@ pub fn table(rows: &[Row]) -> (String, Table) {
             row.late_p50_s,
             row.late_p99_s,
         ];
-        let mut cells = vec![row.elements.to_string(), row.model.to_owned()];
+        let mut cells = vec![format!("body.{}", row.body), row.model.clone(), row.elements.to_string()];
         cells.extend(times.map(seconds));
         table.rows.push(cells);
     }
     ("Haptic tick at 1 kHz".to_owned(), table)
 }
 
-/// The pose of the handle: it moves by centimetres and turns by half a radian, so that the coupling is computed anew some
-/// twenty times a second.
-fn handle(time_s: f64) -> Isometry3<f64> {
+/// The pose of a handle at the origin of the held element, in a room that is the body's frame.
+fn handle(time_s: f64, origin: &Vector3<f64>, size: f64) -> Isometry3<f64> {
     let phase = 6.0 * time_s;
     let motion = Vector3::new(phase.sin(), phase.cos() - 1.0, (2.0 * phase).sin());
-    Isometry3::new(motion * 0.01, motion * 0.25)
+    Isometry3::new(origin + motion * (MOVES * size), motion * TURNS)
 }
 
-/// A loop on a body of so many control elements, one of them held, S full and of the demo's size.
-pub fn control(model: &str, elements: usize) -> Option<(Control, Grasp)> {
-    let rest = |e: usize| ControlRest {
-        name: e.to_string(),
-        origin: Vector3::new((e as f64).cos(), (e as f64).sin(), 0.1 * e as f64) * 0.5,
-        nodes: 10 + e,
-    };
-    let controls: Vec<ControlRest> = (0..elements).map(rest).collect();
-    let n = FIELDS * elements;
-    let root =
-        DMatrix::from_fn(n, n, |i, j| ((3 * i + 7 * j) as f64).sin() + if i == j { 10.0 } else { 0.0 });
-    let table = |name: &str| match name {
-        "stiffness" => Some(&root * root.transpose()),
-        "cubic" => Some(DMatrix::from_element(CubicForm::coefficients_of(n), 1, 0.01)),
-        _ => None,
-    };
-    let body = Elastic::of_tables(model, &controls, &table).ok()?;
-    let control = Control::new(Haptic::simulated("bench"), vec![body], 0.0);
+/// A hold on an element at rest.
+fn grasp(element: usize, elements: usize) -> Grasp {
     let held = Held {
         grip: 1,
         body: 0,
-        element: 1,
+        element,
         room_from_body: Similarity3::identity(),
-        constraint: HoldConstraint::Rigid(Matrix4::new_translation(&controls[1].origin)),
+        constraint: HoldConstraint::Rigid(Matrix4::identity()),
     };
-    let poses = vec![ControlPose::REST; elements];
-    Some((control, Grasp { held: Some(held), poses, ..Grasp::default() }))
+    Grasp { held: Some(held), poses: vec![ControlPose::REST; elements], ..Grasp::default() }
 }
 
-/// p50 and p99 of a tick, and of taking a frame's news.
-fn alone(control: &mut Control, grasp: &Grasp) -> [[f64; 2]; 2] {
+/// p50, p99 and p99.9 of a tick, and of taking a frame's news.
+fn alone(control: &mut Control, grasp: &Grasp, script: &impl Fn(f64) -> Isometry3<f64>) -> [[f64; 3]; 2] {
     let (mut ticks, mut takes) = (Vec::new(), Vec::new());
     for tick in 0..TICKS {
         let now_s = 1e-3 * f64::from(tick);
@@ -143,7 +172,7 @@ fn alone(control: &mut Control, grasp: &Grasp) -> [[f64; 2]; 2] {
             takes.push(started.elapsed().as_secs_f64());
         }
         let reading = Reading {
-            device_from_handle: handle(now_s),
+            device_from_handle: script(now_s),
             buttons: [true, false],
             arrived_s: now_s,
             measured_s: None,
@@ -154,16 +183,19 @@ fn alone(control: &mut Control, grasp: &Grasp) -> [[f64; 2]; 2] {
         std::hint::black_box(control.tick(Some(&reading), now_s));
         ticks.push(started.elapsed().as_secs_f64());
     }
-    [ticks, takes].map(|times| [median(times.iter().copied()), quantile(times, 0.99)])
+    [ticks, takes].map(|times| {
+        let of = |share| quantile(times.iter().copied(), share);
+        [of(0.5), of(0.99), of(0.999)]
+    })
 }
 
 /// The loop's thread for a second and a half of drawing; it hears of a frame sixty times a second, however long one takes.
 fn beside(
     control: Control,
+    device: Simulated,
     grasp: &Grasp,
     draw: &mut impl FnMut() -> Result<(), Failure>,
 ) -> Result<LoopTiming, Failure> {
-    let device = Simulated::scripted(&control.haptic, Hand::FINGERS, Box::new(handle));
     let mut running = Loop::start(control, Box::new(device)).map_err(Failure::work)?;
     let (started, is_over) = (Instant::now(), AtomicBool::new(false));
     let drawn = std::thread::scope(|scope| {

@@ -1,20 +1,27 @@
 //! A thread that keeps a body in static equilibrium behind the hand that moves it.
 //!
-//! In: the newest poses of the control elements, whenever they change. Out: the newest equilibrium, with its energy, the
+//! In: the newest poses of the control elements and loads, whenever they change. Out: the newest equilibrium, with its energy, the
 //! slopes and the stiffness of the control elements there. Each is a full one ([`Settler`]); between two poses no element is
 //! turned by more than 30° at once, and what lies on the way is an equilibrium, too. The factor of one tangent stiffness
 //! serves many of them, and is made anew where the iterations grow.
 
 use super::frames::PoseSlope;
 use super::memory::{FoundMemory, HeldNodes, Warm};
+use super::model::ControlRest;
+use super::nearest::unwrapped;
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::Way;
+use super::static_forces::StaticForces;
+use super::static_loads::NodalLoads;
 use super::statics::load_steps;
 use crate::fem::{Hyperelastic, Law, NodeFields, Partition, StiffnessMatrix};
 use crate::green::{FIELDS, Volume};
 use crate::mesh::quality;
-use crate::solve::{Factor, LinearSolver, OldFactor, Settled, Settler, Silent, SolveError, Solver};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use crate::solve::{
+    Factor, LinearSolver, OldFactor, Settled, Settler, Silent, SolveError, Solver, Unsettled,
+};
+use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
@@ -46,12 +53,18 @@ struct Asked {
     /// Of these poses; they are asked for one after another.
     number: u64,
     poses: ControlPoses,
+    loads: StaticForces,
     since: Instant,
     /// The way from rest to these poses, to be gone anew.
     anew: Option<VecDeque<ControlPoses>>,
     /// From where to go on, whatever was found before, and how often that was set.
     restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
+    /// A force loop feels it, between the frames, too.
+    is_in_loop: bool,
+    /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: without a force loop the thread
+    /// rests when it has reached one, and what it finds depends on nothing but what was asked.
+    is_awaited: bool,
     ended: bool,
 }
 
@@ -75,9 +88,9 @@ pub struct Found {
     pub poses: ControlPoses,
     /// Displacements of the surface nodes, m.
     pub field: Vec<[f32; 3]>,
-    /// Strain energy, J.
+    /// Strain energy less the work of the loads, J.
     pub energy: f64,
-    /// Its derivatives by the poses.
+    /// Its derivatives by the poses, the loads that follow the body held.
     pub slopes: Vec<PoseSlope>,
     /// Its second derivatives by the coefficients of the poses, at the equilibrium at which they were last made, and
     /// which one that was.
@@ -86,8 +99,8 @@ pub struct Found {
 }
 
 impl Background {
-    /// Starts the thread for a body under `law`. Errors where this body cannot be solved.
-    pub fn start(law: &'static Law, volume: Volume) -> Result<Background, String> {
+    /// Starts the thread for a body under `law`, with its loads where it has some. Errors where this body cannot be solved.
+    pub fn start(law: &'static Law, volume: Volume, loads: Option<NodalLoads>) -> Result<Background, String> {
         let elements = volume.held.len();
         let rest = at_rest(&volume);
         let found = Found {
@@ -109,10 +122,13 @@ impl Background {
         let asked = Asked {
             number: 0,
             poses: found.poses.clone(),
+            loads: StaticForces::default(),
             since: Instant::now(),
             anew: None,
             restored: None,
             is_felt: false,
+            is_in_loop: false,
+            is_awaited: false,
             ended: false,
         };
         let shared = Arc::new(Shared {
@@ -122,7 +138,7 @@ impl Background {
             found: Mutex::new(found),
             arrived: Condvar::new(),
         });
-        let body = HeldVolume::new(law, volume)?;
+        let body = HeldVolume::new(law, volume, loads)?;
         let of_thread = shared.clone();
         let thread = std::thread::Builder::new().name("equilibrium".into());
         let started = thread.spawn(move || {
@@ -133,14 +149,15 @@ impl Background {
         Ok(Background { shared })
     }
 
-    /// Asks for the equilibrium of `poses`; those asked for before and not yet found are left out. With `anew`, the body
-    /// goes there from rest, through these poses.
-    pub fn ask(&self, poses: &[ControlPose], anew: Option<VecDeque<ControlPoses>>) {
+    /// Asks for the equilibrium of `poses` under `loads`; those asked for before and not yet found are left out. With `anew`,
+    /// the body goes there from rest, through these poses.
+    pub fn ask(&self, poses: &[ControlPose], loads: &StaticForces, anew: Option<VecDeque<ControlPoses>>) {
         let mut asked = lock(&self.shared.asked);
-        if asked.poses == poses && anew.is_none() {
+        if asked.poses == poses && asked.loads == *loads && anew.is_none() {
             return;
         }
         asked.poses.copy_from_slice(poses);
+        asked.loads.clone_from(loads);
         asked.anew = anew.or(asked.anew.take());
         (asked.number, asked.since) = (asked.number + 1, Instant::now());
         self.shared.number.store(asked.number, Ordering::Release);
@@ -166,7 +183,10 @@ impl Background {
         let mut found = lock(&self.shared.found);
         let (own, new) = (&found.warm, &memory.warm);
         let is_like = |own: &HeldNodes, new: &HeldNodes| {
+            let nodes = new.u.len() / 3;
             (own.u.len(), own.poses.len()) == (new.u.len(), new.poses.len())
+                && new.turns.len() == new.poses.len()
+                && new.loads.at_nodes.iter().all(|(node, _)| (*node as usize) < nodes)
         };
         let fits = is_like(&own.held, &new.held)
             && is_like(&own.factored, &new.factored)
@@ -178,6 +198,7 @@ impl Background {
         let warm = Arc::new(new.clone());
         (asked.number, asked.since) = (asked.number + 1, Instant::now());
         (asked.poses, asked.anew, asked.restored) = (at, None, Some((warm.clone(), found.epoch + 1)));
+        asked.loads.clone_from(&warm.held.loads);
         self.shared.number.store(asked.number, Ordering::Release);
         let version = found.version + 1;
         *found = Found {
@@ -203,6 +224,18 @@ impl Background {
     /// The body is felt from now on: its stiffness is kept up to date.
     pub fn feel(&self) {
         lock(&self.shared.asked).is_felt = true;
+        self.shared.wake.notify_all();
+    }
+
+    /// The same by a force loop.
+    pub fn feel_in_loop(&self) {
+        lock(&self.shared.asked).is_in_loop = true;
+        self.feel();
+    }
+
+    /// Whether every equilibrium is waited for from now on.
+    pub fn be_awaited(&self, is_awaited: bool) {
+        lock(&self.shared.asked).is_awaited = is_awaited;
         self.shared.wake.notify_all();
     }
 
@@ -262,7 +295,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The body as the thread holds it.
 struct HeldVolume {
     volume: Volume,
-    body: Hyperelastic,
+    law: &'static Law,
+    /// The body by how much warmth lengthens it where it is free, as it was needed last.
+    body: RefCell<(f64, Arc<Hyperelastic>)>,
+    /// `None` of a body without loads.
+    loads: Option<NodalLoads>,
+    controls: Vec<ControlRest>,
     partition: Partition,
     /// Centroids of the held nodes, m.
     origins: Vec<Vector3<f64>>,
@@ -287,7 +325,7 @@ enum Renewal {
 }
 
 impl HeldVolume {
-    fn new(law: &'static Law, volume: Volume) -> Result<HeldVolume, String> {
+    fn new(law: &'static Law, volume: Volume, loads: Option<NodalLoads>) -> Result<HeldVolume, String> {
         let mesh = &volume.mesh;
         let body =
             Hyperelastic::new(volume.element, law, mesh, &volume.lame).map_err(|error| error.to_string())?;
@@ -300,23 +338,46 @@ impl HeldVolume {
             sum / held.len().max(1) as f64
         };
         let (low, high) = quality::bounding_box(&mesh.nodes);
+        let origins: Vec<Vector3<f64>> = volume.held.iter().map(mean).collect();
+        let control = |(held, origin): (&Vec<u32>, &Vector3<f64>)| ControlRest {
+            name: String::new(),
+            origin: *origin,
+            nodes: held.len(),
+        };
         Ok(HeldVolume {
-            origins: volume.held.iter().map(mean).collect(),
+            controls: volume.held.iter().zip(&origins).map(control).collect(),
+            origins,
             size: (high - low).norm(),
-            body,
+            body: RefCell::new((1.0, Arc::new(body))),
+            law,
+            loads,
             partition,
             volume,
         })
     }
 
-    fn settler(&self) -> Settler<'_> {
-        Settler { body: &self.body, partition: &self.partition }
+    /// The body as warm as `loads` make it.
+    fn body(&self, loads: &StaticForces) -> Result<Arc<Hyperelastic>, SolveError> {
+        let stretch = self.loads.as_ref().map_or(1.0, |columns| columns.stretch(loads));
+        let mut last = self.body.borrow_mut();
+        if last.0 != stretch {
+            let Volume { element, mesh, lame, .. } = &self.volume;
+            let warm = Hyperelastic::stretched(element, self.law, mesh, lame, stretch);
+            let warm = warm.map_err(|_source| SolveError::Inexact {
+                figure: "the length of the warm body in parts of that at rest",
+                value: stretch,
+                remedy: "take less warmth",
+            })?;
+            *last = (stretch, Arc::new(warm));
+        }
+        Ok(last.1.clone())
     }
 
     /// Until nobody wants equilibria any more. A body of which no factor can be made is lost where it is.
     fn run(&self, shared: &Shared) {
         let rest = Warm::at(at_rest(&self.volume));
-        let k = self.body.tangent(&self.body.gradients(&self.fields(&rest.held)));
+        let body = self.body.borrow().1.clone();
+        let k = body.tangent(&body.gradients(&self.fields(&rest.held)));
         let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
             return lose(shared, shared.number.load(Ordering::Acquire), (0, &rest));
         };
@@ -332,7 +393,7 @@ impl HeldVolume {
                 Ok(Renewal::End) => return,
                 Err(_) => {
                     // What was found last is no stable equilibrium: back to the one before, and on from there.
-                    let is_first = warm.factored.poses == stable.poses;
+                    let is_first = warm.factored == stable;
                     (warm, legs) = (Warm::at(stable.clone()), VecDeque::new());
                     lose(shared, shared.number.load(Ordering::Acquire), (epoch, &warm));
                     if is_first {
@@ -352,8 +413,9 @@ impl HeldVolume {
         (stable, epoch): (&mut HeldNodes, u64),
         legs: &mut VecDeque<ControlPoses>,
     ) -> Result<Renewal, SolveError> {
-        let gradients = self.body.gradients(&self.fields(&warm.factored));
-        let k = self.body.tangent(&gradients);
+        let body = self.body(&warm.factored.loads)?;
+        let gradients = body.gradients(&self.fields(&warm.factored));
+        let k = body.tangent(&gradients);
         let a = self.partition.a(&k);
         let factor = solver.factor(&a, &Silent)?;
         stable.clone_from(&warm.factored);
@@ -379,13 +441,13 @@ impl HeldVolume {
                 1.0 => aim.clone(),
                 share => ways.iter().map(|way| way.pose(share)).collect(),
             };
-            let u = self.fields(&warm.held);
-            let moved = self.moved(&u, &poses);
-            match self.settler().step(&old, &u, &moved)? {
+            let loads = warm.held.loads.towards(&asked.loads, share);
+            let turns = unwrapped(Some(&warm.held.turns), &poses);
+            match self.step(&old, &warm.held, &poses, &turns, &loads)? {
                 Ok(settled) => {
                     let is_reached = share == 1.0 && legs.pop_front().is_none();
                     let is_tired = settled.solves > TIRED && !warm.is_new;
-                    warm.held = HeldNodes { poses, u: settled.u.data.clone() };
+                    warm.held = HeldNodes { poses, u: settled.u.data.clone(), turns, loads };
                     warm.halved = warm.halved.saturating_sub(1);
                     warm.is_new = false;
                     if is_tired {
@@ -404,6 +466,25 @@ impl HeldVolume {
                 }
             }
         }
+    }
+
+    /// The equilibrium of `poses`, to which the control elements have turned so, under `loads`.
+    fn step(
+        &self,
+        old: &OldFactor<'_>,
+        from: &HeldNodes,
+        poses: &[ControlPose],
+        turns: &[UnitQuaternion<f64>],
+        loads: &StaticForces,
+    ) -> Result<Result<Settled, Unsettled>, SolveError> {
+        let Ok(body) = self.body(loads) else { return Ok(Err(Unsettled)) };
+        let u = self.fields(from);
+        let moved = self.moved(&u, poses);
+        let forces = self.loads.as_ref().map(|columns| {
+            let nodes = self.volume.mesh.nodes.len();
+            columns.forces(loads, nodes, &self.controls, poses, turns)
+        });
+        Settler { body: &body, partition: &self.partition, loads: forces.as_ref() }.step(old, &u, &moved)
     }
 
     fn fields(&self, held: &HeldNodes) -> NodeFields {
@@ -513,7 +594,13 @@ impl HeldVolume {
 }
 
 fn at_rest(volume: &Volume) -> HeldNodes {
-    HeldNodes { poses: vec![ControlPose::REST; volume.held.len()], u: vec![0.0; 3 * volume.mesh.nodes.len()] }
+    let elements = volume.held.len();
+    HeldNodes {
+        poses: vec![ControlPose::REST; elements],
+        u: vec![0.0; 3 * volume.mesh.nodes.len()],
+        turns: vec![UnitQuaternion::identity(); elements],
+        loads: StaticForces::default(),
+    }
 }
 
 impl Warm {
@@ -554,7 +641,7 @@ fn next(shared: &Shared, is_new: bool) -> Next {
             asked.anew = None;
             return Next::Poses(taken);
         }
-        if asked.is_felt && !is_new {
+        if asked.is_felt && (asked.is_in_loop || !asked.is_awaited) && !is_new {
             return Next::Stiffness;
         }
         asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);

@@ -1,5 +1,6 @@
 //! All of a deformer that changes from frame to frame, as plain data.
 
+use super::contribution::Contribution;
 use super::followed::FollowedTurn;
 use super::frames::PoseSlope;
 use super::loads::AppliedLoads;
@@ -16,6 +17,7 @@ pub struct DeformerState {
     pub turns: Vec<FollowedTurn>,
     pub loads: AppliedLoads,
     pub loads_changed: bool,
+    pub contribution: Contribution,
     /// What the model made of the poses, and what the surface was last summed of.
     pub state: BodyState,
     pub summed: BodyState,

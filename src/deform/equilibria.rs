@@ -1,7 +1,7 @@
 //! Methods 1a and 1b of the paper's appendix online: the body is in static equilibrium at large strain, found in the
 //! background ([`Background`]).
 //!
-//! In: the poses of every frame. Out: the newest equilibrium, which belongs to poses a moment ago, with its age. Between two
+//! In: the poses and loads of every frame. Out: the newest equilibrium, which belongs to poses a moment ago, with its age. Between two
 //! equilibria the energy is the quadratic one about the newest, in the coefficients c of the poses,
 //!
 //! ```text
@@ -14,15 +14,18 @@
 use super::background::Background;
 use super::frames::PoseSlope;
 use super::legs::part_of;
+use super::loads::SharedLoads;
 use super::memory::{FoundMemory, ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
 use super::nearest::unwrapped;
 use super::pose::{ControlPose, ControlPoses};
+use super::static_forces::StaticForces;
+use super::static_loads::NodalLoads;
 use crate::fem::Law;
 use crate::green::{FIELDS, Volume};
 use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 /// A body whose turns were set anew goes there from rest in so many legs, of 90° at most.
@@ -31,8 +34,12 @@ const LEGS: usize = 4;
 /// The model of a body under `law`; the error says why this body cannot have it.
 pub(super) fn make(law: &'static Law, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {
     let volume = Volume::of(input.table, input.controls.len())?;
-    let background = Arc::new(Background::start(law, volume)?);
-    Ok(Box::new(Equilibria::new(background, input.controls.len())))
+    let columns = input.loads.map(|(metas, _)| NodalLoads::of_table(metas, &volume.forces));
+    let loads = input.loads.map(|(_, shared)| shared.clone());
+    let surface = volume.surface.clone();
+    let background = Arc::new(Background::start(law, volume, columns)?);
+    let model = Equilibria::new(background, input.controls.len());
+    Ok(Box::new(Equilibria { loads, surface, ..model }))
 }
 
 struct Equilibria {
@@ -45,6 +52,10 @@ struct Equilibria {
     set: Vec<Option<UnitQuaternion<f64>>>,
     is_forgotten: bool,
     waits: bool,
+    /// What is applied, and the mesh's node of every surface node.
+    loads: Option<SharedLoads>,
+    surface: Vec<u32>,
+    acting: StaticForces,
     quadratic: Quadratic,
 }
 
@@ -76,6 +87,9 @@ impl Equilibria {
             set: vec![None; controls],
             is_forgotten: false,
             waits: false,
+            loads: None,
+            surface: Vec::new(),
+            acting: StaticForces::default(),
             quadratic: Quadratic {
                 version: 0,
                 stiffness_version: 0,
@@ -116,7 +130,14 @@ impl Equilibria {
 impl DeformationModel for Equilibria {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         let anew = self.anew(poses);
-        self.background.ask(poses, anew);
+        if let Some(shared) = &self.loads {
+            let applied = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let node_of = |node: u32| self.surface.get(node as usize).copied();
+            if let Some(acting) = StaticForces::of(&applied, node_of) {
+                self.acting = acting;
+            }
+        }
+        self.background.ask(poses, &self.acting, anew);
         let found = if self.waits { self.background.awaited() } else { self.background.newest() };
         if self.version != found.version {
             self.version = found.version;
@@ -229,6 +250,7 @@ impl DeformationModel for Equilibria {
     /// It waits for all or for nothing.
     fn be_patient(&mut self, patience: Duration) {
         self.waits = patience == Duration::MAX;
+        self.background.be_awaited(self.waits);
     }
 
     fn feel(&mut self) {
@@ -236,7 +258,7 @@ impl DeformationModel for Equilibria {
     }
 
     fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
-        self.background.feel();
+        self.background.feel_in_loop();
         let controls = self.set.len();
         Some(Box::new(Felt { of: Equilibria::new(self.background.clone(), controls) }))
     }

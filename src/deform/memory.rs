@@ -5,6 +5,7 @@
 
 use super::frames::PoseSlope;
 use super::pose::ControlPoses;
+use super::static_forces::StaticForces;
 use crate::field::numbers::Numbers;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -69,6 +70,11 @@ pub struct HeldNodes {
     /// Displacements, three for each node, m.
     #[serde(with = "crate::field::numbers::flat")]
     pub u: Vec<f64>,
+    /// By which the control elements have turned since rest.
+    #[serde(with = "crate::field::numbers::list")]
+    pub turns: Vec<UnitQuaternion<f64>>,
+    /// What acts beside the control elements.
+    pub loads: StaticForces,
 }
 
 impl ModelMemory {

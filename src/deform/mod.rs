@@ -6,6 +6,7 @@
 //! equilibrium found in the background, or by [`Statics`] where every pose is waited for.
 
 mod background;
+mod contribution;
 mod critical;
 mod cubic_form;
 mod deformer;
@@ -43,6 +44,7 @@ mod rotation;
 mod screw;
 pub mod se3;
 mod solved;
+mod static_forces;
 mod static_loads;
 mod statics;
 mod substructured;
@@ -52,6 +54,7 @@ mod surface_stress;
 mod trial;
 mod turn;
 
+pub use contribution::{Contribution, ElementPotential, PoseCurvature};
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};
@@ -64,7 +67,7 @@ pub use frames::{ControlFrame, FrameSlope, PoseSlope, axial};
 pub use freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use helicoidal::Helicoidal;
 pub use limiter::{CATCH_UP, JUMP, PoseFault, PoseLimiter, STRETCH};
-pub use loads::{AppliedLoads, PointLoad, Pull, carries_loads, refusal as load_refusal};
+pub use loads::{AppliedLoads, PointLoad, Pull, refusal as load_refusal};
 pub use memory::{FoundMemory, HeldNodes, ModelMemory, Warm};
 pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{
@@ -80,7 +83,7 @@ pub use reduced::Reduced;
 pub use rotation::{Rotation, mean_rotation};
 pub use screw::{Screw, Way};
 pub use solved::{model_of, volume_model_of};
-pub use static_loads::StaticForces;
+pub use static_forces::StaticForces;
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
 pub use superposition::{BYTES_PER_THREAD, Places, SumStats, Superposition, displacement};
 pub use surface_point::{NearestPoint, nearest_point};

@@ -1,11 +1,12 @@
 //! What a deformation model is: control poses in, the state of a body out.
 
 use super::frames::PoseSlope;
+use super::loads::applied::SharedLoads;
 use super::memory::ModelMemory;
 use super::pose::ControlPose;
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{AFFINE, CUBIC, Family, Fits, REDUCED};
+use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::time::Duration;
 
@@ -157,6 +158,8 @@ pub struct ModelInput<'a> {
     /// A table of the body by its name, such as `stiffness`, where it was precomputed; `affine` are the columns of all control
     /// elements, a row for each axis of each surface node.
     pub table: &'a dyn Fn(&str) -> Option<DMatrix<f64>>,
+    /// The loads that the body's file has, and those that are applied as frames set them; `None` of a body without.
+    pub loads: Option<(&'a [LoadMeta], &'a SharedLoads)>,
 }
 
 /// Makes a model; the error says why this body cannot have it.

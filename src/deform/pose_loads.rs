@@ -7,7 +7,7 @@ use super::deformer::Deformer;
 use super::loads::{AppliedLoads, PointLoad, Pull};
 use super::model::Kind;
 use super::models::find_model;
-use super::static_loads::StaticForces;
+use super::static_forces::StaticForces;
 use super::statics::Statics;
 use super::surface_point::nearest_point;
 use crate::config::unknown_name;

@@ -216,6 +216,7 @@ mod tests {
             triangles: &[],
             control_nodes: &none,
             table: &|_| None,
+            loads: None,
         };
         let mut model = Rotation::new(&input).unwrap();
         let made = model.state(&rigid(rotation, shift));

@@ -59,6 +59,7 @@ fn model_over(
             name if name == AFFINE.name => Some(columns()),
             name => solution.tables.get(name).cloned(),
         },
+        loads: None,
     };
     Ok((make_model(&model.kind, &input)?, centre))
 }

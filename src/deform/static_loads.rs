@@ -4,44 +4,23 @@
 //! axes, and by how much warmth lengthens what is free. Loads that follow the body turn with the mean turn of its control
 //! elements ([`mean_rotation`]), as they do in the model `rotation`; pressure is that on the area at rest.
 
-use super::loads::{AppliedLoads, Pull};
 use super::model::ControlRest;
 use super::pose::ControlPose;
 use super::rotation::mean_rotation;
+use super::static_forces::StaticForces;
 use crate::fem::NodeFields;
 use crate::green::{self, GreenError, LoadMeta, Turning};
 use crate::mesh::TetMesh;
 use crate::scene::Scene;
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
 
 type V3 = Vector3<f64>;
 
-/// What acts on a body beside its control elements.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StaticForces {
-    /// One for each column of the body's loads, as in [`AppliedLoads`].
-    pub coefficients: Vec<f64>,
-    /// At nodes of the mesh, N, along the body's axes.
-    pub at_nodes: Vec<(u32, V3)>,
-}
-
-impl StaticForces {
-    /// Of loads whose points have forces; `node_of` tells which node of the mesh one of the surface is.
-    pub fn of(loads: &AppliedLoads, node_of: impl Fn(u32) -> Option<u32>) -> Option<StaticForces> {
-        let mut at_nodes = Vec::new();
-        for point in &loads.points {
-            let Pull::Force(force) = point.pull else { return None };
-            for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
-                at_nodes.push((node_of(node)?, force * weight));
-            }
-        }
-        Some(StaticForces { coefficients: loads.coefficients.clone(), at_nodes })
-    }
-}
-
 /// The columns of a body's loads over all nodes of its mesh.
+#[derive(Clone)]
 pub(super) struct NodalLoads(Vec<Column>);
 
+#[derive(Clone)]
 struct Column {
     turning: Turning,
     /// Empty of warmth.
@@ -62,6 +41,17 @@ impl NodalLoads {
             }
         }
         Ok(NodalLoads(columns))
+    }
+
+    /// Those of a file: the forces of each column over all nodes, x, y and z of one after another.
+    pub fn of_table(metas: &[LoadMeta], forces: &DMatrix<f64>) -> NodalLoads {
+        let turnings = metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));
+        let column = |(turning, forces): (Turning, &[f64])| Column {
+            turning,
+            force: forces.chunks_exact(3).map(V3::from_column_slice).collect(),
+        };
+        let rows = forces.nrows().max(1);
+        NodalLoads(turnings.zip(forces.as_slice().chunks_exact(rows)).map(column).collect())
     }
 
     /// By how much the body is longer where it is free.

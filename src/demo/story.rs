@@ -298,7 +298,8 @@ fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, 
     let stage: Stage = find_stage(chapter.stage).map_err(Failure::request)?;
     let script = crate::session::open::script(scene, None)?;
     let mut world = World::new(scene, file, stage)?;
-    world.effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
+    let effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
+    world.join(effects)?;
     let mut session = Session::new(world, script);
     session.file = Some(file.clone());
     Ok(session)

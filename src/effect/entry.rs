@@ -3,7 +3,7 @@
 use crate::base::failure::Failure;
 use crate::deform::ModelEntry;
 use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
-use crate::scene::Scene;
+use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 
@@ -19,6 +19,9 @@ pub struct Listed<'a> {
     pub bodies: Vec<(usize, &'a str)>,
 }
 
+/// What is wrong with the settings of an effect in a body.
+pub type CheckSettings = fn(&Body) -> Result<(), String>;
+
 pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
@@ -33,6 +36,8 @@ pub struct EffectEntry {
     pub needs_energy: bool,
     /// Whether it needs the body's inside, which boundary elements do not have.
     pub needs_inside: bool,
+    /// Whether its settings in a body can be used; `None` of an effect without ([`settings`](super::settings())).
+    pub check_settings: Option<CheckSettings>,
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,

@@ -29,6 +29,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: false,
+    check_settings: None,
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(ForceCurve::new(listed, world))))),
     start: None,

@@ -17,6 +17,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[],
     needs_energy: false,
     needs_inside: false,
+    check_settings: None,
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(RestGhosts::new(listed, world))))),
     start: None,

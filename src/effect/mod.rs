@@ -12,14 +12,16 @@ pub mod force_curve;
 pub mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
+mod settings;
 pub mod stress;
 
 pub use entry::{EffectEntry, Listed, Precompute};
+pub use settings::settings;
 
 use crate::base::failure::Failure;
 use crate::config;
 use crate::deform::ModelEntry;
-use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
+use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor, UPDATES, is_column};
 use crate::scene::{Body, Scene};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
@@ -85,6 +87,9 @@ pub fn add_sections<'a>(
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
         let tensors = precompute(scene, body, progress)?;
+        if body.requirements.has(UPDATES) && tensors.iter().any(|(tensor, _)| is_column(tensor)) {
+            return Err(GreenError::Updates { body: body.name.clone(), effect: effect.name });
+        }
         body.sections.extend(tensors.into_iter().map(named));
     }
     Ok(())
@@ -159,6 +164,7 @@ mod tests {
         requirements: &[AFFINE],
         needs_energy: false,
         needs_inside: false,
+        check_settings: None,
         precompute: Some(|_, body, _| {
             let fields = &body.solution.fields;
             let mean = |column: usize| {
@@ -217,6 +223,7 @@ mod tests {
         requirements: &[],
         needs_energy: false,
         needs_inside: false,
+        check_settings: None,
         precompute: None,
         attach: Some(|listed, _| {
             let ends = Arc::new(AtomicBool::new(false));

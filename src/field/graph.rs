@@ -191,6 +191,27 @@ impl<C: 'static> Graph<C> {
         }
     }
 
+    /// Brings these fields, and all that they are made from in this frame, up to date; the frame goes on with
+    /// [`Graph::evaluate`].
+    pub fn evaluate_first(&mut self, fields: &impl Input, context: &mut C) {
+        if self.order.is_empty() {
+            self.order = self.sorted();
+        }
+        let mut open = Vec::new();
+        fields.list(&mut open);
+        let mut needed = vec![false; self.nodes.len()];
+        while let Some(number) = open.pop() {
+            if !std::mem::replace(&mut needed[number], true) {
+                open.extend(self.inputs(number));
+            }
+        }
+        for at in 0..self.order.len() {
+            if needed[self.order[at]] {
+                self.run(self.order[at], context);
+            }
+        }
+    }
+
     fn run(&mut self, number: usize, context: &mut C) {
         let node = &mut self.nodes[number];
         let Some(from) = node.from.as_mut().filter(|_| node.is_dirty) else { return };

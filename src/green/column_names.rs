@@ -42,16 +42,12 @@ impl GreenFile {
                 name if name == LOADS.name => load_names(&meta.loads),
                 name => {
                     let groups = (entry.groups)(self, body);
-                    let count: usize =
-                        groups.iter().map(|group| group.columns(meta.surface_nodes).unwrap_or(0)).sum();
-                    let numbered = |k| ColumnName {
-                        name: format!("{name}.{k}"),
-                        unit: "1".into(),
-                        source: ColumnSource::Model,
-                    };
-                    (1..=count).map(numbered).collect()
+                    numbered(name, groups.iter().map(|g| g.columns(meta.surface_nodes).unwrap_or(0)).sum())
                 }
             })
+            .chain(
+                self.effects_with_columns(body).into_iter().flat_map(|(name, count)| numbered(name, count)),
+            )
             .collect()
     }
 }
@@ -67,6 +63,12 @@ pub fn column_names_of(body: &Body) -> Vec<ColumnName> {
 /// Whether a name is of a family whose columns are numbered: how many there are, is known when they are solved.
 pub fn is_numbered(name: &str) -> bool {
     FAMILIES.iter().any(|entry| name.split('.').next() == Some(entry.family.name))
+}
+
+/// `count` columns without names of their own.
+fn numbered(of: &str, count: usize) -> Vec<ColumnName> {
+    let name = |k| ColumnName { name: format!("{of}.{k}"), unit: "1".into(), source: ColumnSource::Model };
+    (1..=count).map(name).collect()
 }
 
 fn affine_names<'a>(controls: impl Iterator<Item = &'a str>) -> Vec<ColumnName> {

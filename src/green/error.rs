@@ -28,6 +28,11 @@ pub enum GreenError {
         if *count > 4 { ", or join elements that move together" } else { "" }
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
+    #[error(
+        "body.{body}.updates: the effect {effect} has columns of its own, which hold only for the body as it is precomputed; leave \
+         out the effect or updates"
+    )]
+    Updates { body: String, effect: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error(
@@ -56,7 +61,9 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
-            GreenError::Assembly { .. } | GreenError::ControlCount { .. } => true,
+            GreenError::Assembly { .. } | GreenError::ControlCount { .. } | GreenError::Updates { .. } => {
+                true
+            }
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
             GreenError::Solve { .. } | GreenError::Memory { .. } | GreenError::Compression { .. } => false,

@@ -15,7 +15,7 @@ const STATE: u32 = 4;
 
 /// blake3 over all that body `name`'s numbers depend on: the bytes of every file of its mesh ([`files_of`]), its scale and the
 /// cell it is filled with (or the generator's parameters), how often it is refined, materials, element, solver, parts, control
-/// elements and loads with the bytes of their tag files, what its model and effects require, and the program's version.
+/// elements and loads with the bytes of their tag files, what its model and effects require, settings of effects that precompute, and the program's version.
 pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Result<String, GreenError> {
     let body = &scene.body[name];
     // A limit changes what is said of a body, not the body.
@@ -43,6 +43,9 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     hasher.update(loads(body).as_bytes());
     if body.method == Method::Bem {
         hasher.update(format!("bem {:?}", body.longest_edge).as_bytes());
+    }
+    for (effect, settings) in requirements.sections().filter_map(|name| body.effect.get_key_value(name)) {
+        hasher.update(format!("{effect} {settings}\n").as_bytes());
     }
     let read = |hasher: &mut blake3::Hasher, entity: String, path: &Path| {
         hash_file(hasher, path)

@@ -13,6 +13,7 @@ mod check;
 mod column_names;
 mod compressed;
 mod control;
+mod dense;
 mod derive;
 mod error;
 mod families;
@@ -55,7 +56,8 @@ pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,
     LOADS, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
-    SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume, compliance_size, nodal_forces,
+    SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume, columns_of_effect, compliance_size,
+    is_column, nodal_forces,
 };
 pub use family::{Assembled, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

@@ -17,7 +17,7 @@
 //! body's ports.
 
 use super::control::FIELDS;
-use faer::linalg::solvers::{PartialPivLu, Solve};
+use super::dense::{Lu, product};
 use faer::{Mat, MatRef};
 use nalgebra::DMatrix;
 use std::ops::Range;
@@ -115,7 +115,7 @@ pub struct Changed<'a> {
     own: Vec<Range<usize>>,
     /// Forces are counted in this many N, so that both equations have one unit.
     unit: f64,
-    system: PartialPivLu<f64>,
+    system: Lu,
     /// Those fields on the surface.
     columns: Mat<f64>,
 }
@@ -250,7 +250,6 @@ impl Updates {
             Some(stiffest.chain(of_released).fold(0.0, f64::max)).filter(|unit| *unit > 0.0).unwrap_or(1.0);
 
         let unknown = fields.len();
-        let none = Mat::<f64>::zeros(0, 0).partial_piv_lu();
         let columns = seen(&self.columns.select_columns(&fields)).to_owned();
         let mut changed = Changed {
             updates: self,
@@ -261,7 +260,7 @@ impl Updates {
             fields,
             own,
             unit,
-            system: none,
+            system: Lu::new(Mat::zeros(0, 0)),
             columns,
         };
         let columns: Vec<usize> = changed.fields.iter().map(|field| self.known + field).collect();
@@ -273,10 +272,8 @@ impl Updates {
         }
         rows.columns_mut(forces, unknown - forces).scale_mut(unit);
         rows.scale_mut(1.0 / unit);
-        let system = seen(&rows).partial_piv_lu();
-        let pivots: Vec<f64> = (0..unknown).map(|i| system.U()[(i, i)].abs()).collect();
-        let [least, largest] =
-            [f64::min, f64::max].map(|of| pivots.iter().copied().reduce(of).unwrap_or(1.0));
+        let system = Lu::new(seen(&rows).to_owned());
+        let [least, largest] = [f64::min, f64::max].map(|of| system.pivots().reduce(of).unwrap_or(1.0));
         if least.is_nan() || least <= SINGULAR * largest {
             return None;
         }
@@ -379,7 +376,7 @@ impl Changed<'_> {
         }
         Updated {
             kept: self.kept.clone(),
-            added: owned((&self.columns * seen(&answer)).as_ref()),
+            added: owned(product(self.columns.as_ref(), seen(&answer)).as_ref()),
             torques,
             hessian: (&after + after.transpose()) * 0.5,
             asymmetry,
@@ -400,7 +397,7 @@ impl Changed<'_> {
             }
         }
         let reactions = -at.rows(0, updates.reactions.nrows());
-        owned((&self.columns * seen(&self.answer(&values, &reactions))).as_ref())
+        owned(product(self.columns.as_ref(), seen(&self.answer(&values, &reactions))).as_ref())
     }
 }
 
@@ -423,3 +420,6 @@ fn seen(matrix: &DMatrix<f64>) -> MatRef<'_, f64> {
 fn owned(matrix: MatRef<'_, f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)])
 }
+
+#[cfg(test)]
+mod tests;

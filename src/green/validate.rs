@@ -137,7 +137,7 @@ impl GreenFile {
                 return Err(format!("the section {prefix} of the effect {effect} is missing"));
             }
         }
-        Ok(())
+        self.check_columns_of_effects(name)
     }
 
     /// Nodes at places of their own names, and triangles between them.

@@ -117,6 +117,9 @@ pub struct Body {
     pub parts: Option<Parts>,
     #[serde(default)]
     pub effects: Vec<String>,
+    /// Settings of effects that it lists; each effect knows its own.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub effect: BTreeMap<String, toml::Table>,
     #[serde(default)]
     pub storage: Storage,
     #[serde(default)]

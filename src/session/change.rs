@@ -129,7 +129,8 @@ impl Session {
     pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
         let Changed { scene, file, deformers, stage, is_other_stage } = changed;
         let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
-        world.effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
+        let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
+        world.join(effects)?;
         world.carry_over(&mut self.world);
         // Devices are let go of before others are opened.
         let was_live = self.input.mouse.is_some();

@@ -58,7 +58,8 @@ impl Session {
         let stage = stage(scene, named.as_deref())?;
         let file = file()?;
         let mut world = World::new(scene, &file, stage)?;
-        world.effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
+        let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
+        world.join(effects)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
         let origin = Origin { scene, file: &file, stage: &named };
         if let Some(replay) = &mut replay {

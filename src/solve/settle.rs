@@ -11,7 +11,7 @@ use super::solver::Factor;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
 use nalgebra::{Matrix3, Vector3};
 
-/// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, …
+/// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, or the loads where these are larger, …
 pub const TOLERANCE: f64 = 1e-6;
 /// … or a last step in which no node moves by more than this part of the largest displacement.
 const LAST_STEP: f64 = 1e-9;
@@ -64,6 +64,8 @@ impl Preconditioner<'_> {
 pub struct Settler<'a> {
     pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
+    /// Forces that keep their directions, one column over all nodes, N; `None` of a body that never has any, nor is warmed.
+    pub loads: Option<&'a NodeFields>,
 }
 
 /// An equilibrium that was settled.
@@ -71,11 +73,11 @@ pub struct Settler<'a> {
 pub struct Settled {
     /// Over all nodes, one column, m.
     pub u: NodeFields,
-    /// f over all nodes, N.
+    /// f less the loads over all nodes, N: at the controlled ones what holds them.
     pub forces: NodeFields,
-    /// Strain energy, J.
+    /// Strain energy less the work of the loads, J.
     pub energy: f64,
-    /// ‖f at free nodes‖₂ / ‖f at controlled nodes‖₂.
+    /// ‖f less the loads at free nodes‖₂ / ‖the same at controlled nodes‖₂.
     pub residual: f64,
     /// Solves with the factor.
     pub solves: usize,
@@ -86,8 +88,8 @@ pub struct Settled {
 pub struct Unsettled;
 
 impl Settler<'_> {
-    /// From the equilibrium `u` to that with the controlled nodes where `moved` has them. `factor` is of A at a state not
-    /// far from it.
+    /// From the equilibrium `u`, maybe under other loads, to that with the controlled nodes where `moved` has them. `factor` is
+    /// of A at a state not far from it.
     pub fn step(
         &self,
         old: &OldFactor<'_>,
@@ -102,15 +104,20 @@ impl Settler<'_> {
         for &node in &self.partition.free {
             along.data[3 * node as usize..][..3].fill(0.0);
         }
-        // The prediction keeps the free nodes in balance to first order: A d = -B Δb.
+        // The prediction keeps the free nodes in balance to first order: A d = loads - f - B Δb, where loads and f are the same
+        // but for what has changed.
         let mut k = self.body.tangent(&gradients);
-        let rhs = self.partition.minus_b_times(&k, &along);
+        let mut rhs = self.partition.minus_b_times(&k, &along);
+        if self.loads.is_some() {
+            rhs = sum(&rhs, -1.0, &self.net_forces(&gradients).at(&self.partition.free));
+        }
+        let acting = self.loads.map_or(0.0, |loads| loads.at(&self.partition.free).norms()[0]);
         let direction = self.direction(&mut inverse, &k, &rhs, PREDICTED)?;
         let mut now = self.state(sum(&sum(u, 1.0, &along), 1.0, &direction));
         let size = largest(u).max(largest(&now.u));
         let mut last = None;
         while inverse.solves < MOST_SOLVES {
-            let forces = self.body.forces(&now.gradients);
+            let forces = self.net_forces(&now.gradients);
             let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
             let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
             if !(left.is_finite() && held.is_finite()) {
@@ -118,7 +125,7 @@ impl Settler<'_> {
             }
             let residual = if held == 0.0 { left } else { left / held };
             let solves = inverse.solves;
-            if left <= TOLERANCE * held {
+            if left <= TOLERANCE * held.max(acting) {
                 return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
             }
             let mut downhill = forces.at(&self.partition.free);
@@ -145,7 +152,21 @@ impl Settler<'_> {
 
     fn state(&self, u: NodeFields) -> State {
         let gradients = self.body.gradients(&u);
-        State { energy: self.body.energy(&gradients), gradients, u }
+        State { energy: self.body.energy(&gradients) - self.work(&u), gradients, u }
+    }
+
+    /// Of the loads, J.
+    fn work(&self, u: &NodeFields) -> f64 {
+        self.loads.map_or(0.0, |loads| loads.dots(u)[0])
+    }
+
+    /// f less the loads.
+    fn net_forces(&self, gradients: &[Matrix3<f64>]) -> NodeFields {
+        let forces = self.body.forces(gradients);
+        match self.loads {
+            Some(loads) => sum(&forces, -1.0, loads),
+            None => forces,
+        }
     }
 
     /// By how much the material about each free node has turned from one state to another.
@@ -204,7 +225,8 @@ impl Settler<'_> {
 
     /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
     fn search(&self, from: &State, d: &NodeFields, slope: f64) -> Option<State> {
-        let rounding = SUM_ROUNDING * from.energy.abs() + self.body.energy_rounding(&from.gradients);
+        let size = from.energy.abs() + self.work(&from.u).abs();
+        let rounding = SUM_ROUNDING * size + self.body.energy_rounding(&from.gradients);
         (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
             let tried = self.state(sum(&from.u, alpha, d));
             (tried.energy <= from.energy + rounding + DECREASE * alpha * slope).then_some(tried)
@@ -212,7 +234,7 @@ impl Settler<'_> {
     }
 }
 
-/// Displacements with F - I at every point of the elements and the energy, J.
+/// Displacements with F - I at every point of the elements and the energy, that of the loads included, J.
 struct State {
     u: NodeFields,
     gradients: Vec<Matrix3<f64>>,

@@ -6,7 +6,7 @@ use super::highlight::Highlight;
 use super::place;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
-use crate::deform::{ControlPose, Deformer, ExpectedErrors, PoseLimiter};
+use crate::deform::{Contribution, ControlPose, Deformer, ExpectedErrors, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
@@ -229,6 +229,16 @@ impl PlacedBody {
             self.warnings.push(format!("body.{body}.control.{name}: {}", fault.explain()));
         }
         admitted
+    }
+
+    /// Takes what effects add; what cannot be used is left out, and told.
+    pub(super) fn take_contribution(&mut self, contribution: &Contribution) {
+        if !self.deformer.contribute(contribution) {
+            let body = &self.deformer.body;
+            self.warnings.push(format!(
+                "body.{body}: what its effects add in this frame is no finite number; it keeps what they added last"
+            ));
+        }
     }
 
     /// Warns once when a planned body turns farther than its error was measured for.

@@ -13,7 +13,8 @@
 //! | `body.B.arrived` | number | set from outside, of a model that computes in the background: how often a state came |
 //! | `taking`, `touches` | taking, touches | where a body has `surface_compliance`: what is set from outside; `taking`, `hands`, every `stylus`, `touches.previous` |
 //! | `body.B.loads` | loads | set from outside, of a body with loads |
-//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`, of a body with loads `loads`, `place`, `touches`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
+//! | `contributions` | contributions | where an effect acts on bodies: set by the effects, when the poses of the frame are known |
+//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`, of a body with loads `loads`, `place`, `touches`, where an effect acts `contributions`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
@@ -21,7 +22,7 @@
 use super::body::PlacedBody;
 use super::hand;
 use super::touch::{LoadValues, Touches};
-use crate::deform::{BodyState, ControlPose, Kind, find_model};
+use crate::deform::{BodyState, Contribution, ControlPose, Kind, find_model};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit, Taking};
@@ -47,6 +48,8 @@ pub struct Fields {
     pub bodies: Vec<BodyFields>,
     /// Where a body can be touched.
     pub touch: Option<TouchFields>,
+    /// Where an effect acts on bodies.
+    pub contributions: Option<Field<Contributions>>,
     /// Control elements that can be taken, as (body, control element): what the targets of hits and
     /// hands number.
     pub targets: Vec<(usize, usize)>,
@@ -72,9 +75,12 @@ pub struct BodyFields {
     pub arrived: Option<Field<f64>>,
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
+    coefficients: Field<BodyState>,
     pub surface: Field<SurfaceVersion>,
     /// Of a body with loads or a compliance.
     pub loads: Option<Field<LoadValues>>,
+    /// Whether forces at single points act on it.
+    is_touched: bool,
     /// What those come to at the start.
     pub starting: LoadValues,
 }
@@ -102,6 +108,11 @@ pub struct HandState {
 #[serde(transparent)]
 pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f64>);
 
+/// What effects add to every body in a frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Contributions(pub Vec<Contribution>);
+
 /// How often a surface was deformed, which tells one version of it from another; the deformer holds its vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -115,6 +126,7 @@ value_types! {
     SurfaceVersion => "surface",
     Option<StylusState> => "stylus",
     Option<Hit> => "hit",
+    Contributions => "contributions",
     ControlPose => "control pose",
     BodyState => "coefficients",
 }
@@ -141,11 +153,12 @@ pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bo
         hands: graph.field("hands", hands)?,
         bodies: Vec::new(),
         touch: touch_fields(&mut graph, bodies)?,
+        contributions: None,
         targets: targets(bodies),
     };
     for (b, (name, body)) in bodies.iter().enumerate() {
-        let touches = fields.touch.as_ref().map(|touch| touch.touches);
-        fields.bodies.push(body_fields(&mut graph, b, name, body, touches)?);
+        fields.bodies.push(body_fields(&mut graph, name, body)?);
+        fields.connect_body(&mut graph, b)?;
     }
     fields.add_stylus(&mut graph)?;
     for target in 0..fields.targets.len() {
@@ -166,12 +179,13 @@ fn targets(bodies: &IndexMap<String, Body>) -> Vec<(usize, usize)> {
 /// What touches are made from: what is taken, styli, hands, the last touches.
 type SeenByTouches<'a> = (&'a Taking, Each<'a, Field<Option<StylusState>>>, &'a HandState, &'a Touches);
 
-/// What the state of a body is made from: poses, what arrived, loads with the place, touches.
+/// What the state of a body is made from: poses, what arrived, loads with the place, touches, what effects add.
 type SeenByBody<'a> = (
     Each<'a, Field<ControlPose>>,
     Each<'a, Field<f64>>,
     Each<'a, (Field<LoadValues>, Field<BodyPlace>)>,
     Each<'a, Field<Touches>>,
+    Each<'a, Field<Contributions>>,
 );
 
 /// Where a body has `surface_compliance`.
@@ -193,14 +207,8 @@ fn touch_fields(
     }))
 }
 
-/// Poses → coefficients → surface of body `b`.
-fn body_fields(
-    graph: &mut Graph<Bodies>,
-    b: usize,
-    name: &str,
-    body: &Body,
-    touches: Option<Field<Touches>>,
-) -> Result<BodyFields, FieldError> {
+/// The fields of a body.
+fn body_fields(graph: &mut Graph<Bodies>, name: &str, body: &Body) -> Result<BodyFields, FieldError> {
     let pose =
         |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
     let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
@@ -216,38 +224,9 @@ fn body_fields(
     let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
     let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));
     let loads = loads.transpose()?;
-    let touches = touches.filter(|_| body.surface_compliance.is_some());
-    // Whatever its loads depend on, and nothing of a body without.
-    let by_loads: Vec<_> = loads.into_iter().map(|loads| (loads, place)).collect();
-    let by_touches: Vec<Field<Touches>> = touches.into_iter().collect();
-    let mut taken = Vec::new();
-    graph.compute(
-        coefficients,
-        "coefficients",
-        (poses.clone(), arrived.into_iter().collect::<Vec<_>>(), by_loads, by_touches),
-        move |bodies: &mut Bodies, (poses, _, loads, touches): SeenByBody<'_>| {
-            taken.clear();
-            taken.extend(poses.iter().copied());
-            if let Some((loads, _)) = loads.get(0) {
-                let none = Touches::default();
-                let applied = touches.get(0).unwrap_or(&none).applied(b, &bodies[b], loads);
-                bodies[b].deformer.apply(&applied);
-            }
-            let body = &mut bodies[b];
-            body.deformer.take(&taken);
-            body.check_range();
-            body.deformer.state.clone()
-        },
-    )?;
-    graph.compute(surface, "sum", coefficients, move |bodies: &mut Bodies, _: &BodyState| {
-        let body = &mut bodies[b];
-        body.deformer.deform();
-        (body.moved, body.deformations) = (true, body.deformations + 1);
-        body.times.deform_s = body.deformer.times.deform_s;
-        body.times.normals_s = body.deformer.times.normals_s;
-        SurfaceVersion(body.deformations)
-    })?;
-    Ok(BodyFields { place, arrived, poses, surface, loads, starting: LoadValues(starting) })
+    let is_touched = body.surface_compliance.is_some();
+    let starting = LoadValues(starting);
+    Ok(BodyFields { place, arrived, poses, coefficients, surface, loads, is_touched, starting })
 }
 
 impl Fields {
@@ -262,6 +241,57 @@ impl Fields {
             name
         };
         self.names.get(number).cloned().unwrap_or_else(by_number)
+    }
+
+    /// Connects poses → coefficients → surface of body `b`, anew where something else is to act on it.
+    fn connect_body(&self, graph: &mut Graph<Bodies>, b: usize) -> Result<(), FieldError> {
+        let BodyFields { place, arrived, poses, coefficients, surface, loads, is_touched, .. } =
+            &self.bodies[b];
+        // Whatever its loads depend on, and nothing of a body without.
+        let by_loads: Vec<_> = loads.iter().map(|loads| (*loads, *place)).collect();
+        let touches = self.touch.iter().filter(|_| *is_touched).map(|touch| touch.touches);
+        let acting: Vec<_> = self.contributions.into_iter().collect();
+        let (poses, arrived, touches) =
+            (poses.clone(), Vec::from_iter(*arrived), touches.collect::<Vec<_>>());
+        graph.disconnect(*coefficients);
+        graph.disconnect(*surface);
+        let mut taken = Vec::new();
+        graph.compute(
+            *coefficients,
+            "coefficients",
+            (poses, arrived, by_loads, touches, acting),
+            move |bodies: &mut Bodies, (poses, _, loads, touches, acting): SeenByBody<'_>| {
+                taken.clear();
+                taken.extend(poses.iter().copied());
+                if let Some((loads, _)) = loads.get(0) {
+                    let none = Touches::default();
+                    let applied = touches.get(0).unwrap_or(&none).applied(b, &bodies[b], loads);
+                    bodies[b].deformer.apply(&applied);
+                }
+                let body = &mut bodies[b];
+                if let Some(contribution) = acting.get(0).and_then(|all| all.0.get(b)) {
+                    body.take_contribution(contribution);
+                }
+                body.deformer.take(&taken);
+                body.check_range();
+                body.deformer.state.clone()
+            },
+        )?;
+        graph.compute(*surface, "sum", *coefficients, move |bodies: &mut Bodies, _: &BodyState| {
+            let body = &mut bodies[b];
+            body.deformer.deform();
+            (body.moved, body.deformations) = (true, body.deformations + 1);
+            body.times.deform_s = body.deformer.times.deform_s;
+            body.times.normals_s = body.deformer.times.normals_s;
+            SurfaceVersion(body.deformations)
+        })
+    }
+
+    /// Makes shapes of what effects contribute, too: once, before the first frame.
+    pub fn connect_effects(&mut self, graph: &mut Graph<Bodies>, bodies: &Bodies) -> Result<(), FieldError> {
+        let none = bodies.iter().map(|body| body.deformer.no_contribution()).collect();
+        self.contributions = Some(graph.field("contributions", Contributions(none))?);
+        (0..self.bodies.len()).try_for_each(|b| self.connect_body(graph, b))
     }
 
     /// Adds a stylus and connects it with the hands.

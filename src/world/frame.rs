@@ -6,7 +6,7 @@
 
 use super::body;
 use super::edit_state::EditState;
-use super::flow::{self, Bodies, BodyPlace, Fields, Tracked};
+use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, Tracked};
 use super::force::{self, HeldForce};
 use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
@@ -16,7 +16,7 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::plates::{Plate, Words};
 use crate::base::strips::Strips;
-use crate::deform::Deformer;
+use crate::deform::{Contribution, ControlPose, Deformer};
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::{Action, Grip};
@@ -44,6 +44,16 @@ pub trait RunningEffect {
     /// Changes what trackers, script or mouse say, before the world goes through a frame. A replay, whose recording holds what came
     /// of it, does not ask.
     fn input(&mut self, _state: &mut TrackerState) {}
+
+    /// Whether it acts on bodies ([`RunningEffect::act`]).
+    fn acts(&self) -> bool {
+        false
+    }
+
+    /// Adds to what the bodies' shapes, energies and forces are made of in this frame, whose hands and poses are known; a replay
+    /// asks, too. The bodies are as they were shaped in the frame before. Effects act one after the other, in the order of
+    /// the program's table of effects.
+    fn act(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
 
     /// Sees the world at the end of a frame, and adds what it draws ([`Frame::strips`]).
     fn show(&mut self, _world: &mut World) {}
@@ -268,6 +278,27 @@ impl World {
         self.with_effects(|effect, world| effect.before_picture(world));
     }
 
+    /// Asks the effects what they add to the bodies, where one acts.
+    fn gather_contributions(&mut self) {
+        let Some(field) = self.fields.contributions else { return };
+        let poses: Vec<Vec<Field<ControlPose>>> =
+            self.fields.bodies.iter().map(|body| body.poses.clone()).collect();
+        self.graph.evaluate_first(&poses, &mut self.bodies);
+        let mut contributions: Vec<Contribution> =
+            self.bodies.iter().map(|body| body.deformer.no_contribution()).collect();
+        self.with_effects(|effect, world| effect.act(world, &mut contributions));
+        self.put(field, Contributions(contributions));
+    }
+
+    /// Takes the scene's effects, before the first frame.
+    pub fn join(&mut self, effects: Vec<Box<dyn RunningEffect>>) -> Result<(), Failure> {
+        if effects.iter().any(|effect| effect.acts()) {
+            self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
+        }
+        self.effects = effects;
+        Ok(())
+    }
+
     fn with_effects(&mut self, mut act: impl FnMut(&mut dyn RunningEffect, &mut World)) {
         let mut effects = std::mem::take(&mut self.effects);
         effects.iter_mut().for_each(|effect| act(effect.as_mut(), self));
@@ -286,6 +317,7 @@ impl World {
         for body in &mut self.bodies {
             body.times = StepTimes::default();
         }
+        self.gather_contributions();
         self.graph.evaluate(&mut self.bodies);
         self.frame.times = StepTimes::default();
         let mut warnings = Vec::new();

@@ -34,6 +34,9 @@ pub fn wrench_error_of(
     wrenches: &[Wrench],
     freedom: &[Freedom],
 ) -> Option<WrenchError> {
+    if deformer.contribution().exerts_forces() {
+        return None;
+    }
     let names: Vec<&str> = deformer.controls.iter().map(|control| control.name.as_str()).collect();
     let is_alone = || {
         let others = deformer.poses.iter().zip(freedom).filter(|(_, freedom)| !freedom.is_any());
@@ -79,6 +82,7 @@ pub fn wrench_error_of(
 /// Why [`wrench_error`] is `None`, in words that follow "error unknown".
 pub fn why_unknown(body: &PlacedBody) -> &'static str {
     match &body.expected {
+        _ if body.deformer.contribution().exerts_forces() => "an effect adds forces that were not measured",
         None => "list expected_errors",
         Some(expected) if expected.moved.is_empty() => "not measured on this body",
         Some(_) => "beyond the measured poses",

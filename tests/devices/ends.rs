@@ -7,14 +7,18 @@ use crate::common::folder;
 use crate::display_common::{Display, wait_for};
 use crate::render_common::require_gpu;
 use greenstage::base::{fault, guard, memory, signal};
-use greenstage::cli::bench_haptics::control;
-use greenstage::effect::haptics::{Device, Haply, Loop, VrpnDevice};
-use greenstage::stage::GripButton;
+use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::effect::haptics::{
+    Control, Device, Elastic, Grasp, Haply, Held, HoldConstraint, Loop, VrpnDevice,
+};
+use greenstage::green::FIELDS;
+use greenstage::stage::{GripButton, Haptic};
 use greenstage::track::vrpn::codec::{self, Framer, Header};
 use greenstage::track::vrpn::payload::{MessageKind, Payload};
 use libc::{
     SIGABRT, SIGBUS, SIGCONT, SIGHUP, SIGINT, SIGKILL, SIGQUIT, SIGSEGV, SIGSTOP, SIGTERM, SIGUSR1, SIGXCPU,
 };
+use nalgebra::{DMatrix, Matrix4, Similarity3, Vector3};
 use std::io::{self, BufRead, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -28,6 +32,25 @@ use tungstenite::Message;
 const DEVICE: &str = "GREENSTAGE_TEST_DEVICE";
 const WAY_OUT: &str = "GREENSTAGE_TEST_WAY_OUT";
 const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A loop on two control elements on springs, of which a hand holds the second.
+fn control() -> (Control, Grasp) {
+    let rest =
+        |e: usize| ControlRest { name: e.to_string(), origin: Vector3::x() * (e as f64 - 0.5), nodes: 10 };
+    let controls: Vec<ControlRest> = (0..2).map(rest).collect();
+    let stiffness = DMatrix::from_diagonal_element(2 * FIELDS, 2 * FIELDS, 100.0);
+    let table = |name: &str| (name == "stiffness").then(|| stiffness.clone());
+    let body = Elastic::of_tables("linear", &controls, &table).unwrap();
+    let held = Held {
+        grip: 1,
+        body: 0,
+        element: 1,
+        room_from_body: Similarity3::identity(),
+        constraint: HoldConstraint::Rigid(Matrix4::new_translation(&controls[1].origin)),
+    };
+    let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST; 2], ..Grasp::default() };
+    (Control::new(Haptic::simulated("ends"), vec![body], 0.0), grasp)
+}
 
 /// Not a test of its own: the process that the others end, or that ends itself once a line comes on standard input.
 #[test]
@@ -46,7 +69,7 @@ fn child() -> Result<(), &'static str> {
         ("vrpn", place) => Box::new(VrpnDevice::open(&format!("Phantom0@tcp://{place}")).unwrap()),
         (_, place) => Box::new(Haply::open(place, [GripButton::A, GripButton::B]).unwrap()),
     };
-    let (control, grasp) = control("linear", 2).unwrap();
+    let (control, grasp) = control();
     let mut running = Loop::start(control, device).unwrap();
     let (told, is_told) = channel();
     std::thread::spawn(move || told.send(std::io::stdin().lock().read_line(&mut String::new()).is_ok()));

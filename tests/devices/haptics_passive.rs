@@ -1,7 +1,7 @@
 //! The force loop gives back no more than it got: at its limit, with a second hand, with slow reports, and when what it
 //! relies on falls silent. On springs of known stiffness, in virtual time.
 
-use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::deform::{ControlPose, ControlRest, ElementPotential, PoseCurvature, PoseSlope};
 use greenstage::effect::haptics::bent;
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
@@ -397,4 +397,45 @@ fn a_bent_body_that_is_let_go_makes_no_energy() {
             }
         }
     }
+}
+
+/// A wall of 400 N/m that an effect puts where the handle already is pushes it, and grows while it pushes: that energy came from
+/// nowhere, and the brake takes it back.
+#[test]
+fn what_an_effect_adds_is_felt_and_its_energy_is_counted() {
+    let wall = |stiffness: f64, place: f64, pose: &ControlPose| {
+        let into = (place - pose.translation.x).max(0.0);
+        let mut curvature = PoseCurvature::zeros();
+        curvature[(0, 0)] = if into > 0.0 { stiffness } else { 0.0 };
+        let slope = PoseSlope { translation: x(-stiffness * into), ..PoseSlope::default() };
+        Some(ElementPotential { at: *pose, energy: 0.5 * stiffness * into * into, slope, curvature })
+    };
+    let mut test = TestLoop::new(Haptic::simulated("right"), [0.0; 3]);
+    test.way(x(0.0), x(0.0), 600);
+    let begun = test.control.state.observer;
+    let pose = ControlPose::REST;
+    test.grasp.added = wall(400.0, 0.01, &pose);
+    test.way(x(0.0), x(0.0), 600);
+    // It pushes with 400 N/m · 10 mm along x, away from the wall.
+    let push = test.control.state.push.force;
+    assert!((push - x(4.0)).norm() < 1e-3, "{push:?}");
+    assert!((test.control.state.strain_energy - 0.02).abs() < 1e-9);
+
+    // Between two frames the potential is quadratic: half as deep, half the force.
+    test.way(x(0.0), x(0.005), 5);
+    let push = test.control.state.push.force;
+    assert!((push.x - 2.0).abs() < 0.1, "{push:?}");
+
+    // While the hand gives way, the wall follows it.
+    let mut at = 0.005;
+    for _ in 0..30 {
+        let here = ControlPose { translation: x(at), ..ControlPose::REST };
+        test.grasp.added = wall(400.0, at + 0.01, &here);
+        test.way(x(at), x(at + 0.001), 10);
+        at += 0.001;
+    }
+    let observer = test.control.state.observer;
+    assert!(begun.deepest < 1e-6, "{begun:?}");
+    // It pushed by 4 N over 30 mm: 0.12 J, less what the device's own friction takes.
+    assert!(observer.deepest > 0.01 && observer.braked > 0.01, "{observer:?}");
 }

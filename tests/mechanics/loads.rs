@@ -1,6 +1,6 @@
 //! Body loads, force patterns and point forces against closed formulas, equilibrium and fresh solves.
 
-use greenstage::deform::{AppliedLoads, ControlPose, Deformer, PointLoad, Pull, find_model};
+use greenstage::deform::{AppliedLoads, ControlPose, Deformer, Kind, PointLoad, Pull, find_model};
 use greenstage::effect;
 use greenstage::fem::{NodeFields, Partition};
 use greenstage::green::{
@@ -38,7 +38,7 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     let body = &scene.body[name];
     let entry = find_model(model).unwrap();
     let mut required = effect::requirements(entry, []).and(Requirements::of(entry.energy.unwrap()));
-    if !body.loads().is_empty() {
+    if !body.loads().is_empty() && matches!(entry.kind, Kind::Online(_)) {
         required = required.and(Requirements::of(&[LOADS]));
     }
     if body.surface_compliance.is_some() {

@@ -13,6 +13,7 @@ mod forged_files;
 mod green_file;
 mod hard_cases;
 mod loads;
+mod loads_in_models;
 mod loads_solved;
 mod memory;
 mod oracles;
@@ -22,6 +23,7 @@ mod report;
 #[path = "../report_common/mod.rs"]
 mod report_common;
 mod series;
+mod snapshots;
 mod statics;
 mod update_chains;
 mod updates;

@@ -1,6 +1,7 @@
 //! What is drawn: golden images, passes, stereo, windows, room views. Requirements a graphics device.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
+mod breath;
 #[path = "../common/mod.rs"]
 mod common;
 mod desk_window;

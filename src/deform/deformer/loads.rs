@@ -1,13 +1,15 @@
 //! What acts on a body beside its control elements: loads and forces at points of its surface.
 
 use super::Deformer;
+use crate::deform::contribution::Contribution;
 use crate::deform::force::Wrench;
 use crate::deform::frames::PoseSlope;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
-use crate::deform::model::PointResult;
+use crate::deform::model::{Frame, PointResult};
 use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::PoisonError;
 
 type V3 = Vector3<f64>;
@@ -49,6 +51,32 @@ impl Deformer {
         changed
     }
 
+    /// Nothing, in the shape of what effects add to this body.
+    pub fn no_contribution(&self) -> Contribution {
+        Contribution::none(self.contribution.coefficients.len(), self.controls.len())
+    }
+
+    /// Where the coefficients of an effect's columns stand in [`Contribution::coefficients`]; empty of an effect without.
+    pub fn coefficients_of(&self, effect: &str) -> Range<usize> {
+        self.file.range_of_effect(&self.body, effect)
+    }
+
+    /// The next evaluation has what effects add. False where that is not finite or of another body: the last one stays.
+    pub fn contribute(&mut self, contribution: &Contribution) -> bool {
+        let (columns, controls) = (self.contribution.coefficients.len(), self.controls.len());
+        if !contribution.suits(columns, controls) || !contribution.is_finite() {
+            return false;
+        }
+        self.contribution_changed |= self.contribution != *contribution;
+        self.contribution.clone_from(contribution);
+        true
+    }
+
+    /// What effects add.
+    pub fn contribution(&self) -> &Contribution {
+        &self.contribution
+    }
+
     /// What the forces at single points came to.
     pub fn point_results(&self) -> &[PointResult] {
         self.model.point_results()
@@ -63,7 +91,7 @@ impl Deformer {
     /// The coefficients of the loads' columns as they were summed last, and what they alone do to a control element while all rest,
     /// both in the frame of the columns: its moment is about its origin.
     pub fn resting_loads(&self, element: usize) -> (Vec<f64>, Wrench) {
-        let mut coefficients = self.load_coefficients().to_vec();
+        let mut coefficients = self.load_coefficients();
         let nothing = Wrench { force: V3::zeros(), moment: V3::zeros() };
         let Some(reaction) = self.file.table(&self.body, REACTION) else { return (Vec::new(), nothing) };
         coefficients.resize(reaction.ncols(), 0.0);
@@ -86,11 +114,15 @@ impl Deformer {
         AppliedLoads { points: points.collect(), coefficients }
     }
 
-    /// The coefficients of all load columns as they were summed last, in the frame of the columns.
-    pub fn load_coefficients(&self) -> &[f64] {
+    /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as
+    /// they are applied.
+    pub fn load_coefficients(&self) -> Vec<f64> {
+        if self.frame == Frame::Solved {
+            return self.applied().coefficients;
+        }
         let count: usize = self.load_metas().iter().map(|meta| meta.columns).sum();
         let first = FIELDS * self.controls.len();
-        self.state.coefficients.get(first..first + count).unwrap_or(&[])
+        self.state.coefficients.get(first..first + count).unwrap_or(&[]).to_vec()
     }
 
     /// The nodes of the surface at which points are pulled.

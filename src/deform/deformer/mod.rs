@@ -7,10 +7,11 @@ mod loads;
 mod state;
 mod surface;
 
+use super::contribution::Contribution;
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::frames::PoseSlope;
-use super::loads::{Loaded, SharedLoads, carries_loads, refusal};
+use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
     BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
 };
@@ -68,6 +69,9 @@ pub struct Deformer {
     /// Loads as they are now, where the file has columns or a compliance for them.
     loads: Option<SharedLoads>,
     loads_changed: bool,
+    /// What effects add, and whether that has changed since the last evaluation.
+    contribution: Contribution,
+    contribution_changed: bool,
     /// The energy of the poses and its slopes, where the model has them.
     response: Option<Response>,
     slopes: Vec<PoseSlope>,
@@ -113,8 +117,8 @@ impl Deformer {
         let (nodes, kind) = (meta.surface_nodes, model.kind);
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
         let loads = has_loads.then(SharedLoads::default);
-        if has_loads && !carries_loads(model) {
-            return Err(format!("body.{body}.model: {}", refusal(model)));
+        if let Some(message) = refusal(model, has_loads, meta.compliance_nodes.is_some()) {
+            return Err(format!("body.{body}.model: {message}"));
         }
         let frame = model.frame;
         let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
@@ -144,6 +148,8 @@ impl Deformer {
             frame,
             loads,
             loads_changed: false,
+            contribution: Contribution::none(file.columns_of_effects(body), controls.len()),
+            contribution_changed: false,
             response: None,
             slopes: vec![PoseSlope::default(); controls.len()],
             state: rest.clone(),
@@ -196,14 +202,17 @@ impl Deformer {
             }
         }
         changed |= std::mem::take(&mut self.loads_changed);
+        changed |= std::mem::take(&mut self.contribution_changed);
         if changed || self.model.has_news() {
             changed = true;
             let version = self.state.field_version;
             self.state = self.model.state(&self.poses);
             self.state.field_version = version + u64::from(self.has_field());
-            self.response = self.model.respond(&self.poses, &mut self.slopes);
+            self.respond();
             // Columns of families that the model does not know.
-            self.state.coefficients.resize(self.sum.columns(), 0.0);
+            let of_effects = &self.contribution.coefficients;
+            self.state.coefficients.resize(self.sum.columns() - of_effects.len(), 0.0);
+            self.state.coefficients.extend(of_effects);
             if let Some(weights) = &self.weights {
                 self.state.parts.resize(weights.parts(), Isometry3::identity());
             }
@@ -367,9 +376,16 @@ impl Deformer {
         self.model.feel();
     }
 
-    /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses.
+    /// Evaluates energy and slopes anew, as [`Deformer::take`] does for new poses: those of the model and of effects.
     pub fn respond(&mut self) -> Option<Response> {
         self.response = self.model.respond(&self.poses, &mut self.slopes);
+        if let Some(response) = &mut self.response {
+            response.energy += self.contribution.energy;
+            for (slope, more) in self.slopes.iter_mut().zip(&self.contribution.slopes) {
+                slope.translation += more.translation;
+                slope.matrix += more.matrix;
+            }
+        }
         self.response
     }
 
@@ -411,9 +427,11 @@ fn made(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
+        loads: loads
+            .map(|(shared, _)| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
     };
     let model = make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
-    let Some((shared, frame)) = loads else { return Ok(model) };
+    let Some((shared, frame)) = loads.filter(|(_, frame)| *frame != Frame::Solved) else { return Ok(model) };
     let turns = frame == Frame::MeanMotion;
     let loaded = Loaded::new(file, body, model, turns, controls, shared);
     Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))

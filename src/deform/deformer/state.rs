@@ -12,6 +12,7 @@ impl Deformer {
             turns: self.turns.clone(),
             loads: self.applied(),
             loads_changed: self.loads_changed,
+            contribution: self.contribution.clone(),
             state: self.state.clone(),
             summed: self.summed.clone(),
             response: self.response,
@@ -31,6 +32,10 @@ impl Deformer {
         {
             return Err(format!("body.{}: the stored state belongs to another body or model", self.body));
         }
+        if !self.contribute(&from.contribution) {
+            return Err(format!("body.{}: what effects add belongs to another body", self.body));
+        }
+        self.contribution_changed = false;
         if let Some(shared) = &self.loads {
             loads::set(shared, &from.loads);
         }

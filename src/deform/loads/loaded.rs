@@ -7,35 +7,34 @@ use crate::base::parts::PartWeights;
 use crate::deform::frames::PoseSlope;
 use crate::deform::memory::ModelMemory;
 use crate::deform::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, PointResult, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Kind, ModelEntry, PointResult, Response, StateAge,
 };
 use crate::deform::pose::{ControlPose, ControlPoses};
-use crate::green::{AFFINE, FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
+use crate::green::{FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
-/// Whether a model can carry loads: its whole displacement is the sum of the affine columns in one frame.
-pub fn carries_loads(model: &ModelEntry) -> bool {
-    let is_affine = matches!(model.requirements, [family] if family.name == AFFINE.name);
-    is_affine && matches!(model.kind, Kind::Online(_)) && model.frame != Frame::Solved
-}
-
-/// Why a body of such a model has no loads, and what to choose.
-pub fn refusal(model: &ModelEntry) -> String {
+/// Why a body of such a model cannot have what it has of loads and of a compliance of its surface, and what to choose.
+pub fn refusal(model: &ModelEntry, has_loads: bool, has_compliance: bool) -> Option<String> {
     let name = model.name;
     if let Kind::Background(_) = model.kind {
-        return format!(
-            "\"{name}\" has loads (gravity, centrifugal, thermal, load) in `greenstage deform` alone, where it is solved anew: in a \
-             session write model = \"rotation\" or model = \"linear\", and list \"ghost_equilibrium\" to see how far it is off"
-        );
+        return has_compliance.then(|| {
+            format!(
+                "\"{name}\" has no surface_compliance, which is the inverse of the stiffness at rest: that of \"{name}\" changes as \
+                 the body bends. Leave it out (`greenstage deform` solves forces at points without), or write model = \"rotation\""
+            )
+        });
     }
-    format!(
-        "\"{name}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance), whose columns are those of \
-         small strain: write model = \"rotation\" or model = \"linear\", or leave the loads out"
-    )
+    let sums_affine_fields = model.requirements.len() == 1 && model.is_of_small_strain();
+    ((has_loads || has_compliance) && !sums_affine_fields).then(|| {
+        format!(
+            "\"{name}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance): write model = \"stvk\" (loads \
+             at large strain), \"rotation\" or \"linear\", or leave the loads out"
+        )
+    })
 }
 
 /// A model with loads.

@@ -12,10 +12,10 @@
 //! -Uᵀ f. Loads that turn with the body have no potential; theirs is the virtual work alone. A point that is held gets the
 //! force that brings it to its place, by the compliance of all held points together.
 
-mod applied;
+pub(super) mod applied;
 mod loaded;
 mod points;
 mod work;
 
 pub use applied::{AppliedLoads, PointLoad, Pull, SharedLoads, set};
-pub use loaded::{Loaded, carries_loads, refusal};
+pub use loaded::{Loaded, refusal};

@@ -8,6 +8,7 @@
 //!
 //! so that each coefficient is read once, in the order in which they stand.
 
+use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::QuarticShape;
 
 /// The coefficients, and the memory for an evaluation.
@@ -20,21 +21,26 @@ pub struct Quartic {
     sums: Vec<f64>,
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.zip(b8) {
-        for i in 0..8 {
-            sums[i] += a[i] * b[i];
+/// Numbers that are summed side by side.
+const SIDE: usize = 16;
+
+#[inline(always)]
+fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; SIDE];
+    let (wide_a, wide_b) = (a.chunks_exact(SIDE), b.chunks_exact(SIDE));
+    let rest: f64 = wide_a.remainder().iter().zip(wide_b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in wide_a.zip(wide_b) {
+        for i in 0..SIDE {
+            sums[i] = fused64::<FUSED>(a[i], b[i], sums[i]);
         }
     }
     sums.iter().sum::<f64>() + rest
 }
 
-fn add(sum: &mut [f64], factor: f64, values: &[f64]) {
+#[inline(always)]
+fn add<const FUSED: bool>(sum: &mut [f64], factor: f64, values: &[f64]) {
     for (sum, value) in sum.iter_mut().zip(values) {
-        *sum += factor * value;
+        *sum = fused64::<FUSED>(factor, *value, *sum);
     }
 }
 
@@ -72,16 +78,7 @@ impl Quartic {
         }
         self.sums[..triangle(active)].fill(0.0);
         slopes.fill(0.0);
-        for d in 0..active {
-            for c in 0..=d {
-                let start = self.shape.at([0, 0, c, d]);
-                let own = &self.coefficients[start..start + triangle(c + 1)];
-                let sum = dot(own, &self.products[..own.len()]);
-                slopes[d] += sum * z[c];
-                slopes[c] += sum * z[d];
-                add(&mut self.sums[..own.len()], z[c] * z[d], own);
-            }
-        }
+        lanes::run(Triangles { quartic: self, z: &z[..active], slopes });
         let mut at = 0;
         for b in 0..active {
             for a in 0..=b {
@@ -90,18 +87,12 @@ impl Quartic {
                 at += 1;
             }
         }
-        0.25 * dot(&z[..active], slopes)
+        0.25 * dot::<false>(&z[..active], slopes)
     }
 
     /// The slopes against the z behind the first `active`, which are 0. Where [`Quartic::slopes`] was asked last is near enough.
     pub fn slopes_beyond(&self, z: &[f64], active: usize, slopes: &mut [f64]) {
-        for (d, slope) in (active..).zip(slopes) {
-            let of = |c: usize| {
-                let own = self.of(c, d);
-                dot(own, &self.products[..own.len()]) * z[c]
-            };
-            *slope = (0..active).map(of).sum();
-        }
+        lanes::run(Beyond { quartic: self, z: &z[..active], slopes });
     }
 
     /// Second derivatives against the first `active` of z, row by row into `second`; the others of z must be 0.
@@ -113,20 +104,20 @@ impl Quartic {
             for c in 0..=d {
                 let start = self.shape.at([0, 0, c, d]);
                 let own = &self.coefficients[start..start + triangle(c + 1)];
-                add(&mut self.sums[..own.len()], z[c] * z[d], own);
+                add::<false>(&mut self.sums[..own.len()], z[c] * z[d], own);
                 // r_i = ∂/∂z_i of Σ w_abcd z_a z_b.
                 let row = &mut row[..=c];
                 row.fill(0.0);
                 let mut at = 0;
                 for b in 0..=c {
                     let run = &own[at..=at + b];
-                    row[b] += dot(run, &z[..=b]);
-                    add(&mut row[..=b], z[b], run);
+                    row[b] += dot::<false>(run, &z[..=b]);
+                    add::<false>(&mut row[..=b], z[b], run);
                     at += b + 1;
                 }
-                second[d * n + c] += 0.5 * dot(row, &z[..=c]);
-                add(&mut second[d * n..=d * n + c], z[c], row);
-                add(&mut second[c * n..=c * n + c], z[d], row);
+                second[d * n + c] += 0.5 * dot::<false>(row, &z[..=c]);
+                add::<false>(&mut second[d * n..=d * n + c], z[c], row);
+                add::<false>(&mut second[c * n..=c * n + c], z[d], row);
             }
         }
         let mut at = 0;
@@ -140,6 +131,50 @@ impl Quartic {
             for j in 0..=i {
                 let both = second[i * n + j] + second[j * n + i];
                 (second[i * n + j], second[j * n + i]) = (both, both);
+            }
+        }
+    }
+}
+
+/// X, and the part of the slopes that D gives.
+struct Triangles<'a> {
+    quartic: &'a mut Quartic,
+    z: &'a [f64],
+    slopes: &'a mut [f64],
+}
+
+impl Kernel for Triangles<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Quartic { shape, coefficients, products, sums } = self.quartic;
+        for d in 0..self.z.len() {
+            for c in 0..=d {
+                let start = shape.at([0, 0, c, d]);
+                let own = &coefficients[start..start + triangle(c + 1)];
+                let sum = dot::<FUSED>(own, &products[..own.len()]);
+                self.slopes[d] += sum * self.z[c];
+                self.slopes[c] += sum * self.z[d];
+                add::<FUSED>(&mut sums[..own.len()], self.z[c] * self.z[d], own);
+            }
+        }
+    }
+}
+
+/// The slopes against what stands behind `z`.
+struct Beyond<'a> {
+    quartic: &'a Quartic,
+    z: &'a [f64],
+    slopes: &'a mut [f64],
+}
+
+impl Kernel for Beyond<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        for (d, slope) in (self.z.len()..).zip(self.slopes) {
+            *slope = 0.0;
+            for (c, z) in self.z.iter().enumerate() {
+                let own = self.quartic.of(c, d);
+                *slope += dot::<FUSED>(own, &self.quartic.products[..own.len()]) * z;
             }
         }
     }

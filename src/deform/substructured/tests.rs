@@ -51,6 +51,7 @@ fn made(scene: &Scene, parts: Parts) -> Made {
         triangles: &surface.triangles,
         control_nodes: &|_| Vec::new(),
         table: &|name| tables.get(name).cloned(),
+        loads: None,
     })
     .unwrap();
     Made { model, prepared, surface }

@@ -1,7 +1,7 @@
 //! What a change of a scene came to, and why one was refused, in the words of the panel.
 
 use crate::base::failure::Failure;
-use crate::deform::{MODELS, carries_loads};
+use crate::deform::{MODELS, load_refusal};
 use crate::scene::{Body, Scene};
 
 /// What is other than before: `tube: model rod, effects stress; stage workbench.`
@@ -47,12 +47,12 @@ pub fn try_loads(scene: &Scene) -> Result<(), Failure> {
 }
 
 fn bears_its_loads(name: &str, body: &Body) -> Result<(), Failure> {
-    let has_loads = !body.loads().is_empty() || body.surface_compliance.is_some();
+    let (has_loads, has_compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
     let model = MODELS.iter().find(|model| model.name == body.model);
-    match model.filter(|model| has_loads && !carries_loads(model)) {
+    match model.filter(|model| load_refusal(model, has_loads, has_compliance).is_some()) {
         None => Ok(()),
         Some(model) => Err(Failure::wrong(format!(
-            "{name} has loads, or points that can be pulled, and the model {} bears none in a session: choose rotation or linear here, or take \
+            "{name} has loads, or points that can be pulled, which the model {} does not bear: choose rotation or linear here, or take \
              them out of the scene's file",
             model.name
         ))),

@@ -33,6 +33,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: true,
+    check_settings: None,
     precompute: Some(section),
     attach: Some(|listed, world| {
         show(listed, world)?;

@@ -12,16 +12,20 @@ pub(crate) mod tests;
 
 use super::entry::{EffectEntry, Listed};
 use super::ghost_rest::Outlined;
+use super::settings::settings;
 use crate::base::failure::Failure;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
+use crate::config::unknown_name;
 use crate::deform::{
     AppliedLoads, ControlPose, ControlPoses, FollowedTurn, Kind, PointLoad, Pull, StateAge, find_model,
 };
-use crate::fem::{Law, STVK};
+use crate::fem::{LAWS, Law, STVK};
 use crate::render::Ghost;
+use crate::scene::Body;
 use crate::world::{PlacedBody, RunningEffect, World};
 use nalgebra::Vector3;
+use serde::Deserialize;
 use solving::{Answer, Held, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
@@ -35,6 +39,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[],
     needs_energy: false,
     needs_inside: true,
+    check_settings: Some(Settings::check),
     precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(EquilibriumGhosts::new(listed, world)?)))),
     start: None,
@@ -57,6 +62,28 @@ const MOVED_ON: [f64; 2] = [1e-4, 0.05];
 
 struct EquilibriumGhosts {
     bodies: Vec<Watched>,
+}
+
+/// As scenes set it.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    /// The law of the equilibrium; that of the body's model where it has one, else `stvk`.
+    law: Option<String>,
+}
+
+impl Settings {
+    fn check(body: &Body) -> Result<(), String> {
+        settings::<Settings>(body, NAME)?.law().map(|_| ())
+    }
+
+    fn law(&self) -> Result<Option<&'static Law>, String> {
+        let Some(name) = &self.law else { return Ok(None) };
+        let known = LAWS.iter().copied().find(|law| law.name == name);
+        known
+            .map(Some)
+            .ok_or_else(|| format!("law: {}", unknown_name("law", name, LAWS.iter().map(|law| law.name))))
+    }
 }
 
 /// A body whose poses are solved.
@@ -82,7 +109,9 @@ impl EquilibriumGhosts {
         let of = |&(b, name): &(usize, &str)| {
             let body = &world.bodies[b];
             let model = find_model(&body.model).map_err(Failure::wrong)?;
-            let law = if let Kind::Background(law) = model.kind { law } else { &STVK };
+            let own = if let Kind::Background(law) = model.kind { law } else { &STVK };
+            let settings: Settings = settings(&listed.scene.body[name], NAME).map_err(Failure::wrong)?;
+            let law = settings.law().map_err(Failure::wrong)?.unwrap_or(own);
             let tags = body.deformer.tags().to_vec();
             let subject = Subject { scene: listed.scene.clone(), body: name.to_owned(), law, tags };
             let resting = (held(body), Instant::now());

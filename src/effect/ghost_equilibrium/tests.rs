@@ -104,6 +104,29 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
     assert!(apart(&world) < 1e-5, "the model rotation turns as a whole: {} m", apart(&world));
 }
 
+/// A scene may ask for another law than that of the body's model.
+#[test]
+fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
+    let pose = ControlPose { translation: Vector3::new(0.6, 0.0, 0.0), matrix: Matrix3::identity() };
+    let (mut scene, file, mut world) = bar("ghost-law", "rotation", &[NAME]);
+    scene.body["bar"].effect.insert(NAME.into(), "law = \"neo_hookean\"".parse().unwrap());
+    let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
+    let poses = vec![ControlPose::REST, pose];
+    world.bodies[0].deformer.evaluate(&poses);
+    running[0].before_picture(&mut world);
+    let neo_hookean = LAWS.iter().find(|law| law.name == "neo_hookean").unwrap();
+    let mut statics = Statics::new(&scene, "bar", neo_hookean, &Silent).unwrap();
+    let settled = statics.solve(&poses, &Silent).unwrap();
+    let deformer = &world.bodies[0].deformer;
+    for (node, tag) in deformer.tags().iter().enumerate() {
+        let at = statics.mesh.tags.iter().position(|known| known == tag).unwrap();
+        let place = Vector3::from(deformer.rest()[node]).cast::<f64>() + settled.displacement[at];
+        let ghost = Vector3::from(world.frame.ghosts[0].shape.positions[node]).cast::<f64>();
+        assert!((place - ghost).norm() < 1e-6, "node {node}: {place} is not {ghost}");
+    }
+    assert!(words(&world).contains("neo-Hookean"), "{}", words(&world));
+}
+
 #[test]
 fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_the_pose() {
     let angle = f64::to_radians(40.0);

@@ -5,9 +5,13 @@
 //! allocated after [`Elastic::new`].
 
 use crate::deform::{
-    ControlPose, ControlRest, DeformationModel, Deformer, Kind, MODELS, ModelInput, PoseSlope, find_model,
+    ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, MODELS, ModelInput,
+    PoseCurvature, PoseSlope, find_model,
 };
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+
+/// The stiffness of what effects add counts as another one when it has changed by this part.
+const STIFFENED: f64 = 0.05;
 
 /// A body with the energy of its model.
 pub struct Elastic {
@@ -18,6 +22,10 @@ pub struct Elastic {
     held: usize,
     /// Where [`Elastic::mark`] found the poses.
     marked: Vec<ControlPose>,
+    /// What other effects add to the held element's energy, as the last frame found it.
+    added: Option<ElementPotential>,
+    /// Whether the stiffness of that has changed since [`Elastic::mark`].
+    is_stiffened: bool,
 }
 
 /// The result of one evaluation, in the body's frame.
@@ -42,7 +50,16 @@ impl Elastic {
             return Err(format!("no force is known of this body; the models with forces are {known}"));
         }
         let origins = controls.iter().map(|control| control.origin).collect();
-        Ok(Elastic { model, origins, marked: poses.clone(), poses, slopes, held: 0 })
+        Ok(Elastic {
+            model,
+            origins,
+            marked: poses.clone(),
+            poses,
+            slopes,
+            held: 0,
+            added: None,
+            is_stiffened: false,
+        })
     }
 
     /// The body of a deformer, with a model of its own.
@@ -60,7 +77,8 @@ impl Elastic {
             return Err(format!("the model \"{model}\" is not made from tables"));
         };
         let none = |_| Vec::new();
-        let input = ModelInput { controls, rest: &[], triangles: &[], control_nodes: &none, table };
+        let input =
+            ModelInput { controls, rest: &[], triangles: &[], control_nodes: &none, table, loads: None };
         Elastic::new(make(&input)?, controls)
     }
 
@@ -96,19 +114,50 @@ impl Elastic {
     pub fn respond(&mut self, pose: &ControlPose) -> ElasticResponse {
         self.poses[self.held] = *pose;
         let response = self.model.respond(&self.poses, &mut self.slopes);
-        let (energy, is_defined) =
+        let (mut energy, is_defined) =
             response.map_or((f64::NAN, false), |found| (found.energy, found.is_defined));
-        ElasticResponse { energy, slope: self.slopes[self.held], is_defined }
+        let mut slope = self.slopes[self.held];
+        if let Some((more, of_more)) = self.added.map(|added| added.respond(pose)) {
+            energy += more;
+            slope.translation += of_more.translation;
+            slope.matrix += of_more.matrix;
+        }
+        ElasticResponse { energy, slope, is_defined }
+    }
+
+    /// Takes what other effects add to the held element's energy in a frame; returns by how much that raises the energy at
+    /// `pose`, J.
+    pub fn add(&mut self, added: Option<ElementPotential>, pose: &ControlPose) -> f64 {
+        let energy = |added: &Option<ElementPotential>| added.map_or(0.0, |added| added.respond(pose).0);
+        let curvature =
+            |added: &Option<ElementPotential>| added.map_or(PoseCurvature::zeros(), |a| a.curvature);
+        let raised = energy(&added) - energy(&self.added);
+        let (now, before) = (curvature(&added), curvature(&self.added));
+        self.is_stiffened |= (now - before).norm() > STIFFENED * before.norm();
+        self.added = added;
+        raised
+    }
+
+    /// The same a little beside the held element's pose, which stays.
+    pub fn respond_beside(&mut self, pose: &ControlPose) -> ElasticResponse {
+        let own = self.held_pose();
+        let response = self.respond(pose);
+        self.poses[self.held] = own;
+        response
     }
 
     /// Remembers the poses of all elements.
     pub fn mark(&mut self) {
         self.marked.copy_from_slice(&self.poses);
+        self.is_stiffened = false;
     }
 
     /// How far an element has moved at most since [`Elastic::mark`]: the change of its matrix, and that of its place as a
-    /// part of the distance between the elements.
+    /// part of the distance between the elements; infinite where the stiffness of what effects add has changed.
     pub fn moved(&self) -> f64 {
+        if self.is_stiffened {
+            return f64::INFINITY;
+        }
         let size = self.origins.iter().map(|origin| (origin - self.origins[0]).norm()).fold(0.0, f64::max);
         let of = |(now, then): (&ControlPose, &ControlPose)| {
             let turned = (now.matrix - then.matrix).norm() / std::f64::consts::SQRT_2;

@@ -1,13 +1,11 @@
 //! What a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
 
 use super::device::Push;
-use super::elastic::{Elastic, ElasticResponse};
-use crate::deform::{ControlPose, axial};
+use super::elastic::ElasticResponse;
+use crate::deform::{ControlPose, ElementPotential, axial};
 use crate::interact::Carrying;
 use crate::stage::Haptic;
-use nalgebra::{
-    Isometry3, Matrix3, Matrix4, Matrix6, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6,
-};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6};
 
 /// Written in every frame; the loop takes the newest.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +16,8 @@ pub struct Grasp {
     pub poses: Vec<ControlPose>,
     /// And the turns by which they came there.
     pub turns: Vec<UnitQuaternion<f64>>,
+    /// What other effects add to the energy of the held element.
+    pub added: Option<ElementPotential>,
     /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
 }
@@ -48,9 +48,6 @@ pub enum HoldConstraint {
 /// The step of the central differences along [`HoldConstraint::Carried`], m and rad: for hands 0.1 m apart the error is
 /// below a millionth.
 const STEP: f64 = 1e-4;
-
-/// The step of the central differences of the push, rad, and as a part of the body's size.
-const DIFFERENCE: f64 = 1e-4;
 
 /// The handle's pose in the room, with translations multiplied by `motion`.
 pub fn room_from_handle(haptic: &Haptic, device_from_handle: &Isometry3<f64>) -> Isometry3<f64> {
@@ -165,42 +162,5 @@ impl Held {
     /// Joules in the hand per joule of the body.
     pub fn energy_scale(&self, haptic: &Haptic) -> f64 {
         haptic.force * self.room_from_body.scaling() / haptic.motion
-    }
-
-    /// The body's stiffness K at the handle, N/m, N and N·m of the device: minus the derivatives of the push by the handle's
-    /// motion (v, ω), by central differences. It is the Hessian of the energy, with what the turning of the element itself
-    /// adds, and may have negative eigenvalues where the body gives way.
-    pub fn stiffness(
-        &self,
-        haptic: &Haptic,
-        handle: &Isometry3<f64>,
-        body: &mut Elastic,
-    ) -> Option<Matrix6<f64>> {
-        let pose = body.held_pose();
-        // A metre of the device is `motion` of the room's, of which the body has 1/scaling.
-        let size = body.origin().norm().max(0.01) * self.room_from_body.scaling() / haptic.motion;
-        let mut stiffness = Matrix6::zeros();
-        for k in 0..6 {
-            let step = if k < 3 { DIFFERENCE * size } else { DIFFERENCE };
-            let mut push_at = |by: f64| {
-                let mut motion = Vector6::<f64>::zeros();
-                motion[k] = by;
-                let turn = UnitQuaternion::from_scaled_axis(motion.fixed_rows::<3>(3).into_owned());
-                let place = handle.translation.vector + motion.fixed_rows::<3>(0);
-                let moved = Isometry3::from_parts(Translation3::from(place), turn * handle.rotation);
-                let reach = self.reach(&room_from_handle(haptic, &moved), &body.origin())?;
-                let response = body.respond(&reach.pose);
-                Some(self.push(haptic, &reach, &response)?.stacked())
-            };
-            let ends = push_at(-step).zip(push_at(step));
-            let Some((back, ahead)) = ends else {
-                body.respond(&pose);
-                return None;
-            };
-            stiffness.set_column(k, &((back - ahead) / (2.0 * step)));
-        }
-        body.respond(&pose);
-        let symmetric = (stiffness + stiffness.transpose()) * 0.5;
-        symmetric.iter().all(|k| k.is_finite()).then_some(symmetric)
     }
 }

@@ -94,6 +94,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: false,
+    check_settings: None,
     precompute: None,
     attach: Some(show_forces),
     start: Some(|listed, world| {
@@ -162,6 +163,9 @@ impl HapticSession {
                 (grasp.held, grasp.room_from_hand) = (held, room_from_hand);
                 grasp.poses.clear();
                 grasp.poses.extend(body.into_iter().flat_map(|body| &body.poses));
+                grasp.added = held.zip(body).and_then(|(held, body)| {
+                    body.contribution().of_element(held.element, body.poses.get(held.element)?)
+                });
                 grasp.turns.clear();
                 let turn = |body: &Deformer, e| body.turn(e).quaternion;
                 grasp

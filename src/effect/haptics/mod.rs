@@ -24,6 +24,7 @@ pub mod reading;
 pub mod settling;
 pub mod simulated;
 pub mod stability;
+mod stiffness;
 pub mod thread;
 pub mod tick;
 pub mod vrpn;

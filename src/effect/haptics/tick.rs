@@ -12,9 +12,10 @@ use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, device_from_handle, room_from_handle};
 use super::loop_state::{LoopState, Measures};
 use super::passivity::{MARGIN, Motion, largest_stiffness};
+use super::stiffness::Stiffness;
 use crate::deform::se3;
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Vector3, Vector6};
 
 /// A new hold reaches its full force within this time, s.
 pub const RAMP_S: f64 = 0.25;
@@ -29,11 +30,8 @@ pub const UNATTENDED_S: f64 = 0.2;
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
-/// The coupling is updated after the handle has turned by this angle, rad,
-pub const TURNED: f64 = 0.1;
-/// after a control element has turned by this angle, or moved by this part of the body,
-const MOVED: f64 = 0.02;
-/// or when the lag of the force has changed by this factor.
+/// The coupling is updated when the body's stiffness was found anew, and when the lag of the force has changed by this
+/// factor.
 const SLOWER: f64 = 1.01;
 /// The most steps of the hold in one tick.
 const MOST_STEPS: usize = 4;
@@ -52,8 +50,10 @@ pub struct Control {
     /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
-    /// Rotation of the handle, and the lag of the force, s, at the last update of the coupling.
-    coupled_at: Option<(UnitQuaternion<f64>, f64)>,
+    /// The body's stiffness at the handle.
+    stiffness: Stiffness,
+    /// The lag of the force at the last update of the coupling, s; `None` if nothing is held.
+    coupled_s: Option<f64>,
     /// The state of the coupling, with the push before the gain.
     give: CouplingState,
     /// Where the hold was in the device's frame, and the body's push there.
@@ -90,7 +90,8 @@ impl Control {
             held: None,
             hold_at: None,
             coupling: Coupling::new([1.0; 2], true, None),
-            coupled_at: None,
+            stiffness: Stiffness::default(),
+            coupled_s: None,
             give: CouplingState::default(),
             felt: None,
             stored: None,
@@ -140,7 +141,8 @@ impl Control {
         if let Some(stored) = &mut self.stored {
             *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
         }
-        self.state.strain_energy = energy;
+        // What an effect adds from now on is: nobody's work paid for it, and the observer brakes what comes of it.
+        self.state.strain_energy = energy + self.bodies[held.body].add(grasp.added, &pose);
     }
 
     /// Whether an element is held.
@@ -187,7 +189,7 @@ impl Control {
         }
         self.state.observer.energy = 0.0;
         self.state.limited = false;
-        self.coupled_at = None;
+        self.coupled_s = None;
         self.stored = None;
         self.acting.clear();
     }
@@ -252,7 +254,7 @@ impl Control {
     /// The push of the body and the dampers; `None` if it is not a number.
     fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
         let handle = self.last?.device_from_handle;
-        self.couple(held, &handle)?;
+        self.couple(held, &handle);
         let haptic = &self.haptic;
         let scale = held.energy_scale(haptic);
         if let Some(motion) = &self.motion {
@@ -289,11 +291,17 @@ impl Control {
                 break;
             }
         }
+        let felt = self.felt.as_ref()?;
+        let is_found = self.stiffness.search(haptic, held, felt, body)?;
+        if is_found {
+            self.suit();
+        }
         self.state.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
-        // A new hold's force grows once the hold has come to where it is felt.
-        let ramp = if self.give.is_on_the_way { 0.0 } else { dt / RAMP_S };
+        // A new hold's force grows once the coupling suits the body's stiffness, and the hold has come to where it is felt.
+        let is_ready = self.stiffness.found.is_some() && !is_found && !self.give.is_on_the_way;
+        let ramp = if is_ready { dt / RAMP_S } else { 0.0 };
         let gain = (self.state.gain + ramp).min(1.0);
         (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
         let mut wanted = Push::unstacked(&self.give.on_handle()).scaled(gain);
@@ -347,41 +355,44 @@ impl Control {
         self.state.observer.moved(&given.push, given.gain * (stored - before), &motion, damping);
     }
 
-    /// Makes the coupling for a new hold. Softens it when handle or body have moved, since the stiffness moves with them, and
-    /// when the lag of the force has changed.
-    fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) -> Option<()> {
-        let (period_s, age_s, lag_s) = (self.period_s(), self.age_s(), self.lag_s());
-        let (haptic, body) = (&self.haptic, self.bodies.get_mut(held.body)?);
-        let has_torque = haptic.max_torque_nm > 0.0;
-        let anew = || {
-            let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
-            Coupling::new([haptic.damping, haptic.rotational_damping], has_torque, limits)
-        };
-        match &self.coupled_at {
-            // A coupling without energy can be replaced by a stiffer one.
-            Some(_) if self.coupling.is_too_soft && self.give.is_slack(&self.coupling.compliance) => {
-                self.coupling = anew();
-            }
-            Some((last, last_s)) => {
-                let is_turned = last.angle_to(&handle.rotation) >= TURNED || body.moved() >= MOVED;
-                if !is_turned && (lag_s / last_s).max(last_s / lag_s) < SLOWER {
-                    return Some(());
-                }
-            }
-            None => {
-                (self.coupling, self.give, self.felt, self.stored) =
-                    (anew(), CouplingState::default(), None, None)
-            }
+    /// Makes the coupling for a new hold, rigid until the body's stiffness is found. Softens it when the lag of the force has
+    /// changed.
+    fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) {
+        let lag_s = self.lag_s();
+        if self.coupled_s.is_none() {
+            (self.coupling, self.stiffness) = (self.rigid(), Stiffness::default());
+            (self.give, self.felt, self.stored) = (CouplingState::default(), None, None);
         }
-        self.coupled_at = Some((handle.rotation, lag_s));
-        body.mark();
-        let stiffness = held.stiffness(haptic, &self.give.hold(handle), body)?;
+        let last_s = *self.coupled_s.get_or_insert(lag_s);
+        if let Some(body) = self.bodies.get_mut(held.body) {
+            self.stiffness.follow(handle, body);
+        }
+        // A coupling without energy can be replaced by a stiffer one.
+        let is_replaced = self.coupling.is_too_soft && self.give.is_slack(&self.coupling.compliance);
+        if is_replaced {
+            self.coupling = self.rigid();
+        }
+        if is_replaced || (lag_s / last_s).max(last_s / lag_s) >= SLOWER {
+            self.suit();
+        }
+    }
+
+    /// A coupling that does not give.
+    fn rigid(&self) -> Coupling {
+        let haptic = &self.haptic;
+        let limits = self.measures.limits.then_some([haptic.max_force_n, haptic.max_torque_nm]);
+        Coupling::new([haptic.damping, haptic.rotational_damping], haptic.max_torque_nm > 0.0, limits)
+    }
+
+    /// Softens the coupling for the body's stiffness, where that is known, and for the lag of the force.
+    fn suit(&mut self) {
+        let Some(stiffness) = &self.stiffness.found else { return };
         // Per unit of friction.
-        let b = haptic.virtual_damping / haptic.damping.max(1e-9);
-        let bearable = MARGIN * largest_stiffness(1.0, b, period_s, age_s);
-        self.coupling.suit(&stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });
-        (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * haptic.damping);
-        Some(())
+        let b = self.haptic.virtual_damping / self.haptic.damping.max(1e-9);
+        let bearable = MARGIN * largest_stiffness(1.0, b, self.period_s(), self.age_s());
+        self.coupling.suit(stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });
+        self.coupled_s = Some(self.lag_s());
+        (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * self.haptic.damping);
     }
 
     /// The push reduced to the device's limits, in the same direction.

@@ -23,6 +23,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[],
     needs_energy: false,
     needs_inside: true,
+    check_settings: None,
     precompute: Some(stressed_body::section),
     attach: Some(shown::attach),
     start: None,

@@ -87,7 +87,7 @@ impl StressedBody {
             false => Strain::Finite,
         };
         let points = body.loaded_nodes();
-        let loads = SurfaceLoads { coefficients: body.load_coefficients(), points: &points };
+        let loads = SurfaceLoads { coefficients: &body.load_coefficients(), points: &points };
         self.at_nodes(&u, body.free_stretch(), of, &loads)
     }
 

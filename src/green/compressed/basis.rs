@@ -5,7 +5,7 @@
 //! from the whole cluster cause (S. Börm, Efficient Numerical Methods for Non-local Operators, EMS 2010, chapters 3 and 5; by
 //! random samples: J. Levitt and P.-G. Martinsson, J. Comput. Appl. Math. 2024).
 
-use super::dense::{product, symmetric_eigen};
+use super::super::dense::{product, symmetric_eigen};
 use super::tree::{Block, Tree};
 use crate::base::machine::{self, TooLarge};
 use faer::{Mat, MatRef};

@@ -9,8 +9,8 @@
 //! N_st = Σ Q_s[i]ᵀ W_ij Q_t[j] over all pairs of nodes i, j of the clusters s and t, with their bases Q
 //! ```
 
+use super::super::dense;
 use super::basis::{Bases, WHAT, levels};
-use super::dense;
 use super::memory;
 use super::strip::Strip;
 use super::surface::{Frame, Surface, TOGETHER, spans, unit_columns};

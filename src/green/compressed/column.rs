@@ -5,8 +5,8 @@
 //! become displacements on the way from the roots to the leaves. The cost is that of the blocks, and a few numbers times rank
 //! for every node.
 
+use super::super::dense::product;
 use super::basis::Bases;
-use super::dense::product;
 use super::tree::{Block, Tree};
 use faer::{Accum, Mat, MatRef, Par};
 use nalgebra::Matrix3;

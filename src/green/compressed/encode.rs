@@ -8,10 +8,10 @@
 //!
 //! the largest displacement that is wrong anywhere where a force, of any direction, moves the node under it by 1.
 
+use super::super::dense::product;
 use super::basis::{Bases, WHAT, bases};
 use super::build::{BuildError, Built, build, tolerances};
 use super::column::Shape;
-use super::dense::product;
 use super::exact::{Exact, exact};
 use super::memory;
 use super::packed::{pack, rounded, unpack};

@@ -9,7 +9,6 @@
 mod basis;
 mod build;
 mod column;
-mod dense;
 mod encode;
 mod exact;
 mod memory;

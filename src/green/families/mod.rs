@@ -8,6 +8,7 @@ mod cubic;
 mod dense_fields;
 mod kept_factor;
 mod loads;
+mod of_effects;
 mod perturbation;
 mod reduced;
 mod screw_paths;
@@ -28,6 +29,7 @@ pub use cubic::CUBIC;
 pub use kept_factor::KEPT_FACTOR;
 pub(super) use loads::load_tensors;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
+pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
 pub use stiffness::STIFFNESS;
@@ -59,11 +61,12 @@ pub const FAMILIES: &[FamilyEntry] = &[
 ];
 
 impl GreenFile {
-    /// The groups of columns that are summed for a body, of all families that it requires.
+    /// The groups of columns that are summed for a body: of all families that it requires, then of its effects.
     pub fn groups(&self, body: &str) -> Vec<ColumnGroup<'_>> {
         let Some(meta) = self.meta.bodies.get(body) else { return Vec::new() };
         let required = FAMILIES.iter().filter(|entry| meta.requirements.has(entry.family));
-        required.flat_map(|entry| (entry.groups)(self, body)).collect()
+        let of_families = required.flat_map(|entry| (entry.groups)(self, body));
+        of_families.chain(self.groups_of_effects(body)).collect()
     }
 }
 

@@ -1,14 +1,15 @@
 //! The family `volume`: the mesh itself, for models that solve the body again while it is moved.
 //!
-//! In: mesh, elements and materials as they were solved. Out: the tables of [`Volume`], and the [`Volume`] of a body again.
+//! In: mesh, elements, materials and loads as they were solved. Out: the tables of [`Volume`], and the [`Volume`] of a body again.
 //! Every index stands as a number in f64, which holds it exactly.
 
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
-use super::super::file::{BodyMeta, GreenFile};
+use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::super::tensor::Tensor;
+use super::loads::nodal_forces;
 use super::table;
 use crate::fem::{ELEMENTS, Element, Lame};
 use crate::mesh::TetMesh;
@@ -43,6 +44,8 @@ const SURFACE: &str = "volume/surface";
 /// Number of the element in the list of elements: 1 × 1.
 const ELEMENT: &str = "volume/element";
 const TABLES: [&str; 6] = [NODES, TETS, LAME, HELD, SURFACE, ELEMENT];
+/// A force at each node for each column of the loads, 0 of warmth: 3 N × K, of a body with loads.
+const FORCES: &str = "volume/forces";
 
 /// A body's mesh, as it was solved.
 #[derive(Clone, Debug)]
@@ -55,6 +58,8 @@ pub struct Volume {
     pub held: Vec<Vec<u32>>,
     /// The node of every surface node.
     pub surface: Vec<u32>,
+    /// A force at each node for each column of the body's loads, 0 of warmth: 3 N × K.
+    pub forces: DMatrix<f64>,
 }
 
 impl Volume {
@@ -102,6 +107,10 @@ impl Volume {
             regions: vec![0; tets.ncols()],
             ..TetMesh::default()
         };
+        let forces = match table(FORCES) {
+            Some(_) => find(FORCES, &[3 * count])?,
+            None => DMatrix::zeros(3 * count, 0),
+        };
         let number = index(ELEMENT, element.iter().next().copied().unwrap_or(-1.0), ELEMENTS.len())?;
         Ok(Volume {
             element: ELEMENTS[number as usize],
@@ -109,6 +118,7 @@ impl Volume {
             lame: lame.column_iter().map(|of| Lame { lambda: of[0], mu: of[1] }).collect(),
             held: all,
             surface: surface.iter().map(|&node| index(SURFACE, node, count)).collect::<Result<_, _>>()?,
+            forces,
         })
     }
 }
@@ -147,22 +157,44 @@ fn compute(
         ),
         (ELEMENT, DMatrix::from_element(1, 1, number as f64)),
     ];
+    let loads = assembled.body.loads();
+    let mut columns = Vec::new();
+    for load in &loads {
+        match LoadMeta::of(load).turning {
+            Turning::Inner => columns.push(vec![Vector3::zeros(); mesh.nodes.len()]),
+            Turning::Fixed | Turning::Follows => {
+                columns.extend(nodal_forces(assembled.scene, assembled.name, mesh, load)?);
+            }
+        }
+    }
+    let numbers = columns.iter().flatten().flat_map(|force| [force.x, force.y, force.z]);
+    let forces = DMatrix::from_iterator(3 * mesh.nodes.len(), columns.len(), numbers);
     solution.tables.extend(made);
+    if !loads.is_empty() {
+        solution.tables.insert(FORCES, forces);
+        solution.loads = loads.iter().map(LoadMeta::of).collect();
+    }
     Ok(())
 }
 
-fn write(body: &Precomputed, _meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
-    TABLES.iter().flat_map(|name| table::write(body, name)).collect()
+fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
+    meta.loads.clone_from(&body.solution.loads);
+    TABLES.iter().chain([&FORCES]).flat_map(|name| table::write(body, name)).collect()
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
-    for table in TABLES {
+    let forces = (!body.loads.is_empty()).then_some(FORCES);
+    for table in TABLES.into_iter().chain(forces) {
         let tensor = format!("{name}/{table}");
         let shape = file.tensors.get(&tensor).map(|(_, shape, _)| shape.clone()).unwrap_or_default();
         file.expect(&tensor, Dtype::F64, &shape)?;
     }
     let volume = Volume::of(&|table| file.table(name, table), body.controls.len());
     let volume = volume.map_err(|message| format!("{name}: {message}"))?;
+    if volume.forces.ncols() != body.load_columns() {
+        let (found, columns) = (volume.forces.ncols(), body.load_columns());
+        return Err(format!("{name}: table {FORCES} has {found} columns, the loads have {columns}"));
+    }
     if volume.surface.len() != body.surface_nodes {
         let found = volume.surface.len();
         return Err(format!("{name}: table {SURFACE} names {found} nodes, not {}", body.surface_nodes));

@@ -91,6 +91,7 @@ impl Online {
             triangles: &[],
             control_nodes: &none,
             table: &|_| None,
+            loads: None,
         };
         let Ok(mut model) = make(&input) else { return Vec::new() };
         let mut u = SurfaceDisplacements::zeros(self.rest.len());

@@ -1,0 +1,142 @@
+//! What effects add to a body in one frame, beside its model.
+//!
+//! x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too, and
+//! V(P) + V'(P), of which V' and its derivatives by the poses P of the control elements come from effects.
+
+use super::frames::PoseSlope;
+use super::pose::ControlPose;
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+/// Derivatives by the twelve numbers of a pose: T, then M row by row.
+pub type PoseCurvature = SMatrix<f64, 12, 12>;
+
+/// All effects' part of one body in one frame; effects add to it one after the other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contribution {
+    /// c_k of the columns of effects.
+    #[serde(with = "crate::field::numbers::flat")]
+    pub coefficients: Vec<f64>,
+    /// V', J.
+    #[serde(with = "crate::field::numbers")]
+    pub energy: f64,
+    /// ∂V'/∂P of each control element.
+    pub slopes: Vec<PoseSlope>,
+    /// ∂²V'/∂P² of each control element, the others held: what a force loop follows between two frames.
+    #[serde(with = "crate::field::numbers::list")]
+    pub curvatures: Vec<PoseCurvature>,
+}
+
+impl Contribution {
+    /// Nothing, of a body with so many columns of effects and control elements.
+    pub fn none(columns: usize, controls: usize) -> Contribution {
+        Contribution {
+            coefficients: vec![0.0; columns],
+            energy: 0.0,
+            slopes: vec![PoseSlope::default(); controls],
+            curvatures: vec![PoseCurvature::zeros(); controls],
+        }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let slopes = self.slopes.iter().flat_map(|slope| slope.translation.iter().chain(slope.matrix.iter()));
+        let curvatures = self.curvatures.iter().flatten();
+        self.energy.is_finite()
+            && self.coefficients.iter().chain(slopes).chain(curvatures).all(|x| x.is_finite())
+    }
+
+    /// Whether effects change the forces on control elements; a shape that they change without an energy does not.
+    pub fn exerts_forces(&self) -> bool {
+        self.slopes.iter().any(|slope| *slope != PoseSlope::default())
+    }
+
+    /// Whether it has the shape of a body's.
+    pub(super) fn suits(&self, columns: usize, controls: usize) -> bool {
+        (self.coefficients.len(), self.slopes.len(), self.curvatures.len()) == (columns, controls, controls)
+    }
+
+    /// Of control element `e` alone, about its pose `at`.
+    pub fn of_element(&self, e: usize, at: &ControlPose) -> Option<ElementPotential> {
+        let (slope, curvature) = (self.slopes.get(e)?, self.curvatures.get(e)?);
+        let is_none = *slope == PoseSlope::default() && *curvature == PoseCurvature::zeros();
+        (!is_none).then_some(ElementPotential {
+            at: *at,
+            energy: self.energy,
+            slope: *slope,
+            curvature: *curvature,
+        })
+    }
+}
+
+/// V' near a pose P₀ of one control element: V'₀ + g·(P - P₀) + ½ (P - P₀)·H (P - P₀).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementPotential {
+    pub at: ControlPose,
+    pub energy: f64,
+    pub slope: PoseSlope,
+    pub curvature: PoseCurvature,
+}
+
+impl ElementPotential {
+    /// Energy and slope at another pose.
+    pub fn respond(&self, pose: &ControlPose) -> (f64, PoseSlope) {
+        let moved = flat(&(pose.translation - self.at.translation), &(pose.matrix - self.at.matrix));
+        let slope = flat(&self.slope.translation, &self.slope.matrix);
+        let grown = self.curvature * moved;
+        let energy = self.energy + slope.dot(&moved) + 0.5 * moved.dot(&grown);
+        let sum = slope + grown;
+        let matrix = nalgebra::Matrix3::from_row_slice(&sum.as_slice()[3..]);
+        (energy, PoseSlope { translation: sum.fixed_rows::<3>(0).into_owned(), matrix })
+    }
+}
+
+/// The twelve numbers of a pose or of a slope.
+fn flat(translation: &nalgebra::Vector3<f64>, matrix: &nalgebra::Matrix3<f64>) -> SVector<f64, 12> {
+    SVector::from_fn(|i, _| match i {
+        0..3 => translation[i],
+        _ => matrix[((i - 3) / 3, (i - 3) % 3)],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    #[test]
+    fn a_potential_is_a_quadratic_form_about_its_pose() {
+        let at = ControlPose { translation: Vector3::new(0.1, 0.2, 0.3), matrix: Matrix3::identity() * 1.1 };
+        let half = PoseCurvature::from_fn(|i, j| ((3 * i + 5 * j) % 7) as f64 - 2.0);
+        let contribution = Contribution {
+            energy: 0.7,
+            slopes: vec![PoseSlope {
+                translation: Vector3::new(1.0, -2.0, 0.5),
+                matrix: Matrix3::new_scaling(0.3),
+            }],
+            curvatures: vec![half + half.transpose()],
+            ..Contribution::none(0, 1)
+        };
+        let potential = contribution.of_element(0, &at).unwrap();
+        assert_eq!(potential.respond(&at), (0.7, contribution.slopes[0]));
+        let pose = ControlPose {
+            translation: at.translation + Vector3::new(0.02, -0.01, 0.03),
+            matrix: at.matrix + Matrix3::new(0.1, 0.2, -0.1, 0.0, 0.05, 0.3, -0.2, 0.1, 0.15),
+        };
+        let (_, slope) = potential.respond(&pose);
+        for i in 0..12 {
+            let energy = |step: f64| {
+                let mut moved = pose;
+                match i {
+                    0..3 => moved.translation[i] += step,
+                    _ => moved.matrix[((i - 3) / 3, (i - 3) % 3)] += step,
+                }
+                potential.respond(&moved).0
+            };
+            let expected = (energy(1e-4) - energy(-1e-4)) / 2e-4;
+            let found = flat(&slope.translation, &slope.matrix)[i];
+            assert!((found - expected).abs() < 1e-9, "{i}: {found}, expected {expected}");
+        }
+        assert_eq!(Contribution::none(0, 1).of_element(0, &at), None);
+    }
+}
