@@ -1,9 +1,8 @@
 //! The method that is fastest among those that fit into memory, by their own predictions.
 //!
 //! In: A, and how many columns will be solved. Out: the solver of one method of the list, with the reason in words, which goes
-//! into the closing table. Methods are analysed in the order of the least time that they may take, until none that is left can
-//! be faster than the best. Where the one that was taken foresees, while it iterates, that it would be slower than the next, the
-//! next takes over.
+//! into the closing table. Methods are analysed in the order of the least time that each may take, until none of the rest can
+//! be faster than the best. A method that foresees, while it iterates, that it would be slower than the next one gives way to it.
 
 use super::analysis::SharedAnalysis;
 use super::error::SolveError;
@@ -16,7 +15,6 @@ use crate::base::progress::Progress;
 use crate::base::table::{bytes, seconds};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use std::cell::RefCell;
-use std::cmp::Ordering::Equal;
 use std::sync::OnceLock;
 
 pub const AUTO: Method = Method {
@@ -62,31 +60,42 @@ struct Auto {
     methods: &'static [&'static Method],
     pattern: SharedAnalysis,
     choice: Choice,
-    /// Once the first is too slow.
+    /// Taken once the first has proved slow.
     second: OnceLock<Choice>,
 }
 
-/// The fastest method that fits, but for one. Where more is asked of the factor, those whose factor can be kept come first.
+/// Whether a method comes last, its seconds, and what is known of it.
+type Ranked<T> = (bool, f64, T);
+
+/// Sorts by rank, then by seconds.
+fn rank<T>(list: &mut [Ranked<T>]) {
+    list.sort_by(|one, other| one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)));
+}
+
+/// The fastest method that fits, without the one that proved slow. Where more is asked of the factor, those whose factor can be
+/// kept come first.
 fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, SolveError> {
     let Asked { a, job: Job { columns, needs_factor }, .. } = *asked;
-    let least = |method: &&'static Method| Some((method.least_seconds?(a, columns), *method));
-    let is_last = |method: &Method| needs_factor && !method.keeps_factor;
-    let mut waiting: Vec<(f64, &'static Method)> = asked.methods.iter().filter_map(least).collect();
-    waiting.retain(|(_, method)| Some(*method) != slow && !(is_last(method) && method.is_direct));
-    waiting.sort_by(|(s, one), (t, other)| {
-        (is_last(one), *s).partial_cmp(&(is_last(other), *t)).unwrap_or(Equal)
-    });
-    let mut found: Vec<(f64, &'static Method, Box<dyn LinearSolver>)> = Vec::new();
+    let least = |method: &&'static Method| {
+        let is_last = needs_factor && !method.keeps_factor;
+        if Some(*method) == slow || is_last && method.is_direct {
+            return None;
+        }
+        Some((is_last, method.least_seconds?(a, columns), *method))
+    };
+    let mut waiting: Vec<Ranked<&'static Method>> = asked.methods.iter().filter_map(least).collect();
+    rank(&mut waiting);
+    let mut found: Vec<Ranked<(&'static Method, Box<dyn LinearSolver>)>> = Vec::new();
     let (mut refused, mut next) = (None, f64::INFINITY);
-    for (least, method) in waiting {
-        if found.iter().any(|(best, of, _)| *best <= least || is_last(method) && !is_last(of)) {
+    for (is_last, least, method) in waiting {
+        if found.iter().any(|(was_last, best, _)| *best <= least || is_last && !was_last) {
             next = next.min(USUAL * least);
             continue;
         }
         let settings = Solver { method, ..asked.settings };
         let analysed = (method.analyse)(&Asked { settings, ..*asked });
         match analysed.and_then(|solver| solver.fits(a, columns).map(|()| solver)) {
-            Ok(solver) => found.push((solver.seconds(a, columns), method, solver)),
+            Ok(solver) => found.push((is_last, solver.seconds(a, columns), (method, solver))),
             Err(error) => match error {
                 SolveError::FactorMemory(_) | SolveError::Unfit { .. } | SolveError::Memory(_) => {
                     refused = Some(error);
@@ -95,12 +104,10 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
             },
         }
     }
-    found.sort_by(|(s, one, _), (t, other, _)| {
-        (is_last(one), *s).partial_cmp(&(is_last(other), *t)).unwrap_or(Equal)
-    });
+    rank(&mut found);
     let told: Vec<String> = found
         .iter()
-        .map(|(s, method, solver)| {
+        .map(|(_, s, (method, solver))| {
             format!("for {} {} and {}", method.name, seconds(*s), bytes(solver.memory(a, columns)))
         })
         .collect();
@@ -115,10 +122,10 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
         _ => ": ".into(),
     };
     let mut found = found.into_iter();
-    let Some((_, method, solver)) = found.next() else {
+    let Some((_, _, (method, solver))) = found.next() else {
         return Err(refused.unwrap_or(SolveError::NoFactor(AUTO.name)));
     };
-    let next = found.next().map_or(next, |(s, ..)| next.min(s));
+    let next = found.next().map_or(next, |(_, s, _)| next.min(s));
     let reason = format!("{} by \"auto\"{because}predicted {}", method.name, told.join(", "));
     Ok(Choice { method, solver, reason, next })
 }

@@ -1,9 +1,10 @@
 //! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
 //!
-//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
-//! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end. An estimate of
-//! the condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
-//! remaining iterations would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
+//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where the
+//! condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of the
+//! condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
+//! iterations that are left would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta
+//! Numerica 31 (2022), 347-414, section 8.
 
 use super::analysis::{Analysis, least_seconds};
 use super::cholesky::Cholesky;

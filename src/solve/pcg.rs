@@ -111,9 +111,9 @@ const ITERATION_S: f64 = 1.7e-8;
 /// Iterations of a body without large contrasts, with those of the forward error; thin bodies take up to twice as many.
 const ITERATIONS: f64 = 30.0;
 
-/// Iterations before any foresight where another method waits; where none does, it comes after one in so many of the most, as
-/// residuals rise before they fall.
+/// Iterations before the rest is foreseen where another method waits.
 const SIGHT: usize = 3;
+/// Part of `max_iterations` before it is where none does: residuals may rise before they fall.
 const PATIENCE: usize = 4;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].

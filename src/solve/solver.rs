@@ -27,7 +27,7 @@ pub struct Solver {
 
 impl Default for Solver {
     fn default() -> Solver {
-        Solver { method: Default::default(), tolerance: 1e-10, max_iterations: 20_000 }
+        Solver { method: Default::default(), tolerance: 1e-10, max_iterations: 1000 }
     }
 }
 
