@@ -1,7 +1,7 @@
 //! The part of a factor A = P L Lᵀ Pᵀ that depends on the graph of A alone: its pattern, which is reused while only numbers
 //! change, and predictions of its memory and time.
 //!
-//! In: A's graph. Out: an [`Analysis`], or, before there is one, [`least_seconds`].
+//! In: A's graph. Out: an [`Analysis`], or, before there is one, [`SharedAnalysis::least_seconds`].
 
 use super::dense::{Real, SCRATCH};
 use super::error::SolveError;
@@ -39,18 +39,6 @@ const FILL: f64 = 20.0;
 const WORK: f64 = 0.35;
 /// The least time in parts of that of such a body: of cubes, bars, plates and tubes, tet4 and tet10, it was 0.27 to 0.5.
 const LEAST: f64 = 0.26;
-
-/// Seconds in a factor's numbers of type T for so many columns at least, told from the graph of `a`: the levels of a search in
-/// breadth from one end to the other are as large as separators of the body, which is taken as a row of compact parts.
-pub(super) fn least_seconds<T: Real>(a: &StiffnessMatrix, columns: usize) -> f64 {
-    let nodes = a.nodes() as f64;
-    let width = nodes / levels(a) as f64;
-    let part = nodes.min(width.powf(1.5)).max(1.0);
-    let entries = FILL * (3.0 * part).powf(4.0 / 3.0);
-    let parts = nodes / part;
-    let half = size_of::<T>() as f64 / size_of::<f64>() as f64;
-    LEAST * half * seconds_of(parts * WORK * entries.powf(1.5), parts * entries, columns)
-}
 
 /// Steps along the graph from one end of a body to the other, where it is in one piece.
 fn levels(a: &StiffnessMatrix) -> usize {
@@ -134,20 +122,38 @@ impl Analysis {
     }
 }
 
-/// The analysis of one graph, made by the method that needs it first.
+/// What several methods know of one graph, found by the one that needs it first.
 #[derive(Clone, Default)]
-pub struct SharedAnalysis(Arc<OnceLock<Arc<Analysis>>>);
+pub struct SharedAnalysis(Arc<Known>);
+
+#[derive(Default)]
+struct Known {
+    levels: OnceLock<usize>,
+    analysis: OnceLock<Arc<Analysis>>,
+}
 
 impl SharedAnalysis {
+    /// Seconds in a factor's numbers of type T for so many columns at least, told from the graph of `a`: the levels of a search
+    /// in breadth from one end to the other are as large as separators of the body, which is taken as a row of compact parts.
+    pub(super) fn least_seconds<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        let nodes = a.nodes() as f64;
+        let width = nodes / *self.0.levels.get_or_init(|| levels(a)) as f64;
+        let part = nodes.min(width.powf(1.5)).max(1.0);
+        let entries = FILL * (3.0 * part).powf(4.0 / 3.0);
+        let parts = nodes / part;
+        let half = size_of::<T>() as f64 / size_of::<f64>() as f64;
+        LEAST * half * seconds_of(parts * WORK * entries.powf(1.5), parts * entries, columns)
+    }
+
     pub(super) fn of(
         &self,
         a: &StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Arc<Analysis>, SolveError> {
-        if let Some(known) = self.0.get() {
+        if let Some(known) = self.0.analysis.get() {
             return Ok(known.clone());
         }
         let made = Arc::new(Analysis::new(a, progress)?);
-        Ok(self.0.get_or_init(|| made).clone())
+        Ok(self.0.analysis.get_or_init(|| made).clone())
     }
 }

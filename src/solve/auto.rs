@@ -81,7 +81,7 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
         if Some(*method) == slow || is_last && method.is_direct {
             return None;
         }
-        Some((is_last, method.least_seconds?(a, columns), *method))
+        Some((is_last, method.least_seconds?(asked), *method))
     };
     let mut waiting: Vec<Ranked<&'static Method>> = asked.methods.iter().filter_map(least).collect();
     rank(&mut waiting);
@@ -289,7 +289,7 @@ mod tests {
     /// Conjugate gradients on a needle found no end.
     #[test]
     fn what_iterates_without_end_gives_way_to_the_next_method() {
-        const EAGER: Method = Method { least_seconds: Some(|_, _| 0.0), ..PCG };
+        const EAGER: Method = Method { least_seconds: Some(|_| 0.0), ..PCG };
         const PATIENT: Method = Method { least_seconds: PCG.least_seconds, ..CHOLESKY };
         let a = body([1.0, 0.002, 0.002], [300, 2, 2]);
         let b = NodeFields { nodes: a.nodes(), columns: 2, data: vec![1.0; 6 * a.nodes()] };

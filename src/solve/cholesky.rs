@@ -1,6 +1,6 @@
 //! Sparse Cholesky A = P L Lᵀ Pᵀ with a nested dissection ordering, refinement, and a judgement of its solutions.
 
-use super::analysis::{Analysis, least_seconds};
+use super::analysis::Analysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
 use super::llt::Llt;
@@ -19,7 +19,7 @@ pub const CHOLESKY: Method = Method {
     remedy: "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
              as thick, and for a Poisson's ratio next to 0.5",
     factor_number: size_of::<f64>(),
-    least_seconds: Some(least_seconds::<f64>),
+    least_seconds: Some(|asked| asked.pattern.least_seconds::<f64>(asked.a, asked.job.columns)),
     analyse: |asked| Ok(Box::new(Direct { analysis: asked.pattern.of(asked.a, asked.progress)? })),
 };
 

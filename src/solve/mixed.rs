@@ -6,7 +6,7 @@
 //! iterations that are left would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta
 //! Numerica 31 (2022), 347-414, section 8.
 
-use super::analysis::{Analysis, least_seconds};
+use super::analysis::Analysis;
 use super::cholesky::Cholesky;
 use super::error::SolveError;
 use super::llt::Llt;
@@ -26,11 +26,10 @@ pub const MIXED: Method = Method {
     remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
              check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",
     factor_number: size_of::<f32>(),
-    least_seconds: Some(least_seconds::<f32>),
+    least_seconds: Some(|asked| asked.pattern.least_seconds::<f32>(asked.a, asked.job.columns)),
     analyse: |asked| {
         let analysis = asked.pattern.of(asked.a, asked.progress)?;
-        let iterations = condition(asked.a).map_or(USUAL, expected);
-        Ok(Box::new(Direct { analysis, iterations }))
+        Ok(Box::new(Direct { analysis, iterations: OnceLock::new() }))
     },
 };
 
@@ -62,8 +61,21 @@ const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a
 /// All matrices of one graph.
 struct Direct {
     analysis: Arc<Analysis>,
-    /// Expected number of iterations.
-    iterations: f64,
+    /// Expected number of iterations, once it was asked for.
+    iterations: OnceLock<f64>,
+}
+
+impl Direct {
+    fn iterations(&self, a: &StiffnessMatrix) -> f64 {
+        *self.iterations.get_or_init(|| condition(a).map_or(USUAL, expected))
+    }
+
+    /// Seconds with so many iterations.
+    fn takes(&self, a: &StiffnessMatrix, columns: usize, iterations: f64) -> f64 {
+        let columns = columns as f64 * (iterations + 1.0);
+        let vectors = VECTORS_S * 3.0 * a.nodes() as f64 * columns / rayon::current_num_threads() as f64;
+        self.analysis.seconds::<f32>(columns as usize) + vectors
+    }
 }
 
 impl LinearSolver for Direct {
@@ -72,13 +84,13 @@ impl LinearSolver for Direct {
     }
 
     fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
-        let iterations = self.iterations + 1.0;
-        if iterations > MOST as f64 {
-            return f64::INFINITY;
+        let least = self.takes(a, columns, USUAL);
+        // A factor in f64 is faster then, whatever the condition, whose estimate takes time too.
+        if least >= self.analysis.seconds::<f64>(columns) {
+            return least;
         }
-        let columns = columns as f64 * iterations;
-        let vectors = VECTORS_S * 3.0 * a.nodes() as f64 * columns / rayon::current_num_threads() as f64;
-        self.analysis.seconds::<f32>(columns as usize) + vectors
+        let iterations = self.iterations(a);
+        if iterations > MOST as f64 { f64::INFINITY } else { self.takes(a, columns, iterations) }
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -90,7 +102,7 @@ impl LinearSolver for Direct {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
-        if self.iterations > MOST as f64 && self.analysis.fits::<f64>(a, 1).is_ok() {
+        if self.iterations(a) > MOST as f64 && self.analysis.fits::<f64>(a, 1).is_ok() {
             progress.tell(ILL_CONDITIONED);
             return Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?));
         }

@@ -21,7 +21,7 @@ pub const PCG: Method = Method {
     remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
              large contrasts of stiffness (`greenstage check`)",
     factor_number: 0,
-    least_seconds: Some(expected),
+    least_seconds: Some(|asked| expected(asked.a, asked.job.columns)),
     analyse: |asked| {
         let Solver { method, tolerance, max_iterations } = asked.settings;
         Ok(Box::new(Limits { method, tolerance, max_iterations, seconds: None }))

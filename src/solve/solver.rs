@@ -119,9 +119,9 @@ pub struct Method {
     pub remedy: &'static str,
     /// Bytes of a number of its factor; 0 of a method that makes none, or that may.
     pub factor_number: usize,
-    /// Seconds that so many columns take at least, told from the graph of A before it is analysed; `None` of a method that
-    /// `auto` leaves out.
-    pub least_seconds: Option<fn(&StiffnessMatrix, usize) -> f64>,
+    /// Seconds that the job takes at least, told from the graph of A before it is analysed; `None` of a method that `auto`
+    /// leaves out.
+    pub least_seconds: Option<fn(&Asked<'_>) -> f64>,
     pub analyse: Analyse,
 }
 
