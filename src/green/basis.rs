@@ -18,7 +18,9 @@ use crate::base::machine;
 use crate::fem::{Element, NodeFields, Partition};
 use crate::mesh::{Surface, TetMesh};
 use crate::scene::{self, Scene};
-use crate::solve::{Factor, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveError, SolveStats, Solver};
+use crate::solve::{
+    Factor, Job, LinearSolver, Method, NO_UNKNOWNS, Progress, SolveError, SolveStats, Solver,
+};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -178,9 +180,10 @@ fn solve_kept(
     if columns > 0 {
         let rhs = partition.minus_b_times(&k, &prescribed());
         let (a, solver) = (&a, &solver);
+        let job = Job { columns, needs_factor: families.iter().any(|entry| entry.solves) };
         let make = move |method: Option<&'static Method>, progress: &dyn Progress| {
             let settings = Solver { method: method.unwrap_or(body.solver.method), ..body.solver };
-            let analysed = settings.analyse(a, progress)?;
+            let analysed = settings.analyse_for(a, job, progress)?;
             analysed.fits(a, columns)?;
             if requirements.has(KEPT_FACTOR) && !analysed.keeps(a, columns) {
                 return Err(SolveError::NoFactor(settings.method.name));

@@ -84,11 +84,7 @@ impl Forecast {
     /// Refused where the body's method surely needs more memory than this machine has, with what would fit.
     pub fn fits(&self, solver: &Solver) -> Result<(), String> {
         let direct = self.memory[0] - self.pcg_memory;
-        let need = match solver.method.name {
-            "cholesky" => self.memory[0],
-            "mixed" => self.pcg_memory + 0.5 * direct,
-            _ => self.pcg_memory,
-        };
+        let need = self.pcg_memory + direct * solver.method.factor_number as f64 / size_of::<f64>() as f64;
         let refused = match machine::fits("precomputing", need, 0.0) {
             Ok(()) => return Ok(()),
             Err(refused) => refused,
@@ -258,6 +254,7 @@ mod tests {
         forecast.memory[0] = 1e16;
         let told = forecast.fits(&of("cholesky")).unwrap_err();
         assert!(told.contains("leaves") && told.contains("\"pcg\""), "{told}");
+        assert!(["mixed", "faer"].iter().all(|method| forecast.fits(&of(method)).is_err()));
         assert_eq!(forecast.fits(&of("auto")), Ok(()), "it takes what fits");
         assert!(compliance_fits(1 << 20).is_ok() && compliance_fits(1 << 50).unwrap_err().contains("kept"));
     }

@@ -252,7 +252,7 @@ refine = 1
 material = { young = 1.0e6, poisson = 0.3, density = 920.0 }
 model = "linear"
 effects = ["haptics"]
-solver = { method = "pcg", tolerance = 1.0e-8, max_iterations = 20000 }
+solver = { method = "pcg", tolerance = 1.0e-8, max_iterations = 1000 }
 
 [body."a bar".control.low]
 nodes = { group = "xmin" }

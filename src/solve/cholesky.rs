@@ -1,12 +1,14 @@
 //! Sparse Cholesky A = P L Lᵀ Pᵀ with a nested dissection ordering, refinement, and a judgement of its solutions.
 
+use super::analysis::Analysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
-use super::llt::{Analysis, Llt};
+use super::llt::Llt;
 use super::refinement::{conditioning, refined};
 use super::solver::{Conditioning, Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats};
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
+use std::sync::Arc;
 use std::time::Instant;
 
 pub const CHOLESKY: Method = Method {
@@ -16,12 +18,14 @@ pub const CHOLESKY: Method = Method {
     bounds_error: true,
     remedy: "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
              as thick, and for a Poisson's ratio next to 0.5",
-    analyse: |_, a, progress| Ok(Box::new(Direct { analysis: Analysis::new(a, progress)? })),
+    factor_number: size_of::<f64>(),
+    least_seconds: Some(|asked| asked.pattern.least_seconds::<f64>(asked.a, asked.job.columns)),
+    analyse: |asked| Ok(Box::new(Direct { analysis: asked.pattern.of(asked.a, asked.progress)? })),
 };
 
 /// All matrices of one graph.
 struct Direct {
-    analysis: Analysis,
+    analysis: Arc<Analysis>,
 }
 
 impl LinearSolver for Direct {

@@ -23,6 +23,8 @@ const ROUNDING: f64 = 2e-15;
 
 /// Relative residual to which the error of a solution is solved for.
 const PROBE: f64 = 1e-2;
+/// Iterations that the probe may take of a solution that took fewer.
+const PROBE_ITERATIONS: usize = 50;
 
 /// A with its multigrid levels, and when an iteration ends.
 #[derive(Clone, Copy)]
@@ -32,6 +34,8 @@ pub struct System<'a> {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     pub tolerance: f64,
     pub max_iterations: usize,
+    /// Iterations after which it ends as soon as it foresees more than `max_iterations`.
+    pub sight: usize,
 }
 
 /// Columns that are iterated together, in all their vectors, with columns of zeros behind them up to a multiple of four.
@@ -48,6 +52,8 @@ pub struct Batch<'a> {
     workspace: Workspace,
     spectrum: Spectrum,
     iterations: usize,
+    /// The column for which the iteration was given up, its relative residual, and the iterations that it would take.
+    slow: Option<(usize, f64, f64)>,
     /// True residuals ‖b - A x‖₂ / ‖b‖₂.
     relative: Vec<f64>,
 }
@@ -60,6 +66,8 @@ struct Run<'a> {
     most: usize,
     /// The column whose spectrum is taken; that with the most to do, if none is named.
     watched: Option<usize>,
+    /// Whether it ends as soon as it foresees more iterations than `most`, by the residual so far.
+    foresees: bool,
 }
 
 impl<'a> Batch<'a> {
@@ -78,6 +86,7 @@ impl<'a> Batch<'a> {
             workspace: system.multigrid.workspace(padded(columns.len())),
             spectrum: Spectrum::default(),
             iterations: 0,
+            slow: None,
             relative: Vec::new(),
             columns,
         }
@@ -105,12 +114,22 @@ impl<'a> Batch<'a> {
         let norms = self.r.norms();
         let mut before = f64::INFINITY;
         for _ in 0..=RESTARTS {
-            let run = Run { norms: &norms, tolerance, most: max_iterations - self.iterations, watched: None };
+            let run = Run {
+                norms: &norms,
+                tolerance,
+                most: max_iterations - self.iterations,
+                watched: None,
+                foresees: true,
+            };
             self.iterations += self.iterate(&run, &mut |worst| {
                 let way = (1000.0 * (worst.max(tolerance).ln() / tolerance.ln())) as u64;
                 progress.advance(way.saturating_sub(done));
                 done = done.max(way);
             });
+            if let Some((number, residual, expected)) = self.slow {
+                let (column, iterations) = (self.columns.start + number, self.iterations);
+                return Err(SolveError::Slow { column, residual, limit: tolerance, iterations, expected });
+            }
             self.system.a.multiply(&self.x, &mut self.q);
             take(self.b, &self.columns, &mut self.r);
             self.r.data.par_iter_mut().zip(&self.q.data).with_min_len(4096).for_each(|(r, q)| *r -= q);
@@ -180,8 +199,12 @@ impl<'a> Batch<'a> {
         let (watched, _) =
             parts.fold((0, 0.0), |most, (c, part)| if part > most.1 { (c, part) } else { most });
         self.x.data.fill(0.0);
-        let most = self.system.max_iterations;
-        self.iterate(&Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched) }, &mut |_| {});
+        // Two digits take fewer iterations than all; where they do not, the bound says so.
+        let most = self.iterations.max(PROBE_ITERATIONS);
+        self.iterate(
+            &Run { norms: &norms, tolerance: PROBE, most, watched: Some(watched), foresees: false },
+            &mut |_| {},
+        );
         let known = self.energies();
         let left = self.r.norms();
         let unknown = self.preconditioned_squares(&left);
@@ -269,6 +292,15 @@ impl<'a> Batch<'a> {
             told(relative.iter().copied().fold(0.0, f64::max));
             if !active.contains(&true) || iteration == run.most {
                 break;
+            }
+            if run.foresees && iteration >= self.system.sight {
+                let column = (0..m).fold(0, |worst, c| if relative[c] > relative[worst] { c } else { worst });
+                let rate = -relative[column].ln() / iteration as f64;
+                let expected = if rate > 0.0 { -(0.5 * run.tolerance).ln() / rate } else { f64::INFINITY };
+                if expected > run.most as f64 {
+                    self.slow = Some((column, relative[column], expected));
+                    break;
+                }
             }
             self.precondition(&norms);
             let (rz, qz) = self.dots_with_z(&norms);

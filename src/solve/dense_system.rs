@@ -289,6 +289,8 @@ pub const DENSE: Method = Method {
     keeps_factor: false,
     bounds_error: true,
     remedy: "look for slivers and for parts of the surface that nearly touch (`greenstage check`)",
+    factor_number: 8,
+    least_seconds: None,
     analyse: super::cholesky::CHOLESKY.analyse,
 };
 

@@ -31,6 +31,12 @@ pub enum SolveError {
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
     #[error(
+        "column {column}: the relative residual is {residual:.1e} after {iterations} iterations, so that {limit:.1e} would \
+         take about {expected:.0e}; the matrix is too ill-conditioned for conjugate gradients: write solver.method = \
+         \"auto\", or look for slivers, thin parts and large contrasts of stiffness (`greenstage check`)"
+    )]
+    Slow { column: usize, residual: f64, limit: f64, iterations: usize, expected: f64 },
+    #[error(
         "column {column}: relative residual {residual:.1e} and backward error {backward:.1e} after refinement: the \
          factor is wrong; look for slivers and for large contrasts of stiffness (`greenstage check`)"
     )]
@@ -46,7 +52,10 @@ pub enum SolveError {
 impl SolveError {
     /// Of a column among all, whose first is the column `first`.
     pub fn of_columns_from(mut self, first: usize) -> SolveError {
-        if let SolveError::Residual { column, .. } | SolveError::Factor { column, .. } = &mut self {
+        if let SolveError::Residual { column, .. }
+        | SolveError::Slow { column, .. }
+        | SolveError::Factor { column, .. } = &mut self
+        {
             *column += first;
         }
         self

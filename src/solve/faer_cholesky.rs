@@ -3,10 +3,10 @@
 //! In: A with one column for each unknown. Out: its supernodal factor, whose dense kernels take all threads, and solves of a
 //! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept.
 
+use super::analysis::seconds_of;
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
 use super::fronts::front_work;
-use super::llt::seconds_of;
 use super::ordering::{nested_dissection, ordering_memory};
 use super::refinement::{conditioning, refined};
 use super::solver::{Factor, LinearSolver, Method, SolveResult, SolveStats};
@@ -33,7 +33,10 @@ pub const FAER: Method = Method {
     keeps_factor: false,
     bounds_error: true,
     remedy: CHOLESKY.remedy,
-    analyse: |_, a, progress| Ok(Box::new(Direct::new(a, progress)?)),
+    factor_number: size_of::<f64>(),
+    // Its bits depend on the number of threads.
+    least_seconds: None,
+    analyse: |asked| Ok(Box::new(Direct::new(asked.a, asked.progress)?)),
 };
 
 /// All matrices of one graph.

@@ -1,13 +1,12 @@
-//! A = P L Lᵀ Pᵀ in f64 or f32: the analysis that is reused while only numbers change, the factor, and its solves.
+//! A = P L Lᵀ Pᵀ in f64 or f32: the factor of an [`Analysis`], and its solves.
 //!
 //! Solves run in blocks of columns, one thread each.
 
-use super::dense::{Real, SCRATCH};
+use super::analysis::Analysis;
+use super::dense::Real;
 use super::error::SolveError;
-use super::fronts::Fronts;
 use super::kept_factor::KeptFactor;
 use super::multifrontal::{self, Failure, zeros};
-use super::ordering::{nested_dissection, ordering_memory};
 use super::pcg;
 use super::solver::InverseStrip;
 use super::substitution::{Triangle, block_width, scratch};
@@ -15,7 +14,6 @@ use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
@@ -23,77 +21,10 @@ use std::time::Instant;
 const STRIP_NODES: std::ops::RangeInclusive<usize> = 8..=64;
 const STRIP_BYTES: usize = 64 << 20;
 
-/// One block of columns is solved in this many branches of the tree side by side, where the factor has more numbers than this.
-const BRANCHES: usize = 4;
-const WORTH_BRANCHES: usize = 100_000;
-
-/// Seconds on one thread: for each multiplication of the factor, for each of its numbers while it is made, and for each of
-/// them and each column in a solve.
-const FACTOR_S: f64 = 9.0e-11;
-const ENTRY_S: f64 = 8.0e-9;
-const COLUMN_S: f64 = 7.0e-10;
-/// The estimates of conditioning in solves of one of many columns.
-const JUDGEMENT: f64 = 30.0;
-
-/// Seconds in f64 on all threads of a factor with so many multiplications and numbers, and of what follows.
-pub(super) fn seconds_of(work: f64, entries: f64, columns: usize) -> f64 {
-    let columns = columns as f64 + JUDGEMENT;
-    (FACTOR_S * work + ENTRY_S * entries + COLUMN_S * entries * columns) / rayon::current_num_threads() as f64
-}
-
 /// Whether a system has been solved in this process: the threads then own their buffers already.
 static BUFFERED: AtomicBool = AtomicBool::new(false);
 
-/// The pattern of the factor.
-pub(super) struct Analysis {
-    pub(super) fronts: Fronts,
-    branches: Vec<Range<usize>>,
-    pub(super) ordering_s: f64,
-    pub(super) symbolic_s: f64,
-}
-
 impl Analysis {
-    /// Orders the graph of `a` and finds the pattern of its factor.
-    pub(super) fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Analysis, SolveError> {
-        machine::expect("ordering the unknowns and finding the factor's pattern", ordering_memory(a))
-            .map_err(SolveError::FactorMemory)?;
-        progress.begin("ordering", 0);
-        let started = Instant::now();
-        let ordering = nested_dissection(a)?;
-        let ordering_s = started.elapsed().as_secs_f64();
-        progress.end();
-        let started = Instant::now();
-        let fronts = Fronts::new(a, &ordering.forward);
-        let branches = if fronts.entries() > WORTH_BRANCHES { fronts.branches(BRANCHES) } else { Vec::new() };
-        Ok(Analysis { fronts, branches, ordering_s, symbolic_s: started.elapsed().as_secs_f64() })
-    }
-
-    /// Bytes of the factor, and of what needs more: making it (the updates of the fronts that are at work at once), the
-    /// solves (at most five fields of all columns at once, or eight of an iteration, and a block of columns for each thread), or
-    /// the estimate of conditioning (|A|, and some 70 fields of one column).
-    pub(super) fn memory<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
-        let number = size_of::<T>() as f64;
-        let threads = rayon::current_num_threads();
-        let making = number * self.fronts.update_numbers(threads) as f64 + (threads * SCRATCH) as f64;
-        let width = block_width(columns).min(columns);
-        let blocks = columns.div_ceil(width.max(1)).min(threads);
-        // Of one block, each branch has its scratch, and the rows outside that it adds to.
-        let branches = if columns <= width { 2 * self.branches.len() } else { 0 };
-        let block = number * (3 * a.nodes() * width + (1 + branches) * scratch(&self.fronts, width)) as f64;
-        let field = 24.0 * a.nodes() as f64;
-        let fields = if size_of::<T>() < size_of::<f64>() { 8.0 } else { 5.0 };
-        let solves = fields * field * columns as f64 + blocks as f64 * block;
-        let conditioning = 100.0 * a.edges.len() as f64 + 70.0 * field + 2.0 * block;
-        number * self.fronts.entries() as f64 + making.max(solves).max(conditioning)
-    }
-
-    /// Seconds on an idle machine of the factor, of the solves for `columns` right-hand sides, and of some twelve solves of
-    /// one column for the estimates. Of a box of 28,000 nodes and a plate of 39,000 they are right within a third.
-    pub(super) fn seconds<T: Real>(&self, columns: usize) -> f64 {
-        let half = size_of::<T>() as f64 / size_of::<f64>() as f64;
-        half * seconds_of(self.fronts.work(), self.fronts.entries() as f64, columns)
-    }
-
     /// Errors where they take more memory than is left.
     pub(super) fn fits<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
         let entries = self.fronts.entries();

@@ -1,17 +1,21 @@
 //! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
 //!
-//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. A
-//! factor in f32 fails where the condition number of A comes near 1e7, or makes an iteration that does not end; then the
-//! factor is made in f64, and the user is told. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
+//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where the
+//! condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of the
+//! condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
+//! iterations that are left would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta
+//! Numerica 31 (2022), 347-414, section 8.
 
+use super::analysis::Analysis;
 use super::cholesky::Cholesky;
 use super::error::SolveError;
-use super::llt::{Analysis, Llt};
+use super::llt::Llt;
 use super::refinement::{conditioning, refined};
+use super::softness::condition;
 use super::solver::{Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, spread, strips};
 use crate::base::progress::{Progress, Silent};
 use crate::fem::{NodeFields, StiffnessMatrix};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 pub const MIXED: Method = Method {
@@ -21,12 +25,29 @@ pub const MIXED: Method = Method {
     bounds_error: true,
     remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
              check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",
-    analyse: |_, a, progress| Ok(Box::new(Direct { analysis: Analysis::new(a, progress)? })),
+    factor_number: size_of::<f32>(),
+    least_seconds: Some(|asked| asked.pattern.least_seconds::<f32>(asked.a, asked.job.columns)),
+    analyse: |asked| {
+        let analysis = asked.pattern.of(asked.a, asked.progress)?;
+        Ok(Box::new(Direct { analysis, iterations: OnceLock::new() }))
+    },
 };
+
+/// Seconds on one thread for each number of a column in an iteration, without the solve.
+const VECTORS_S: f64 = 1e-8;
+/// Error of a factor in f32 over κ of the matrix: some units of roundoff.
+const ROUNDING: f64 = 6e-8;
+
+/// Iterations to [`TOLERANCE`] with a factor in f32 of a matrix with this condition, each of which leaves κ times the roundoff
+/// of the residual; infinitely many where that is no small part.
+fn expected(condition: f64) -> f64 {
+    let left = ROUNDING * condition;
+    if left < 0.5 { (TOLERANCE.ln() / left.ln()).max(USUAL) } else { f64::INFINITY }
+}
 
 /// Iterations after which the factor is called too inexact, and those that are usual.
 const MOST: usize = 25;
-const USUAL: usize = 3;
+const USUAL: f64 = 3.0;
 /// Relative residual to which the recurrence goes, …
 const TOLERANCE: f64 = 5e-13;
 /// … and of what it lost by rounding, and of the solves of the estimates.
@@ -34,9 +55,27 @@ const CORRECTION: f64 = 1e-3;
 /// … and of columns of the inverse at chosen nodes, which are kept as f32.
 const COLUMN: f64 = 1e-10;
 
+const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
+                               factor is made in f64.";
+
 /// All matrices of one graph.
 struct Direct {
-    analysis: Analysis,
+    analysis: Arc<Analysis>,
+    /// Expected number of iterations, once it was asked for.
+    iterations: OnceLock<f64>,
+}
+
+impl Direct {
+    fn iterations(&self, a: &StiffnessMatrix) -> f64 {
+        *self.iterations.get_or_init(|| condition(a).map_or(USUAL, expected))
+    }
+
+    /// Seconds with so many iterations.
+    fn takes(&self, a: &StiffnessMatrix, columns: usize, iterations: f64) -> f64 {
+        let columns = columns as f64 * (iterations + 1.0);
+        let vectors = VECTORS_S * 3.0 * a.nodes() as f64 * columns / rayon::current_num_threads() as f64;
+        self.analysis.seconds::<f32>(columns as usize) + vectors
+    }
 }
 
 impl LinearSolver for Direct {
@@ -44,8 +83,14 @@ impl LinearSolver for Direct {
         self.analysis.memory::<f32>(a, columns)
     }
 
-    fn seconds(&self, _: &StiffnessMatrix, columns: usize) -> f64 {
-        self.analysis.seconds::<f32>(columns * (USUAL + 1))
+    fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
+        let least = self.takes(a, columns, USUAL);
+        // A factor in f64 is faster then, whatever the condition, whose estimate takes time too.
+        if least >= self.analysis.seconds::<f64>(columns) {
+            return least;
+        }
+        let iterations = self.iterations(a);
+        if iterations > MOST as f64 { f64::INFINITY } else { self.takes(a, columns, iterations) }
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -57,13 +102,14 @@ impl LinearSolver for Direct {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        if self.iterations(a) > MOST as f64 && self.analysis.fits::<f64>(a, 1).is_ok() {
+            progress.tell(ILL_CONDITIONED);
+            return Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?));
+        }
         match Llt::new(a, &self.analysis, progress) {
             Ok(llt) => Ok(Box::new(Mixed { a, analysis: &self.analysis, llt, exact: OnceLock::new() })),
             Err(SolveError::NotPositiveDefinite { .. }) => {
-                progress.tell(
-                    "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
-                     factor is made in f64.",
-                );
+                progress.tell(ILL_CONDITIONED);
                 Ok(Box::new(Cholesky::new(a, &self.analysis, progress)?))
             }
             Err(error) => Err(error),
@@ -104,7 +150,10 @@ impl Mixed<'_> {
             if !is_active.contains(&true) {
                 return Ok(Ok((x, iteration)));
             }
-            if norms.iter().any(|norm| !norm.is_finite()) {
+            if iteration > 0
+                && self.exact_takes(columns) < self.takes(columns, iteration, &norms, &goal, tolerance)
+                || norms.iter().any(|norm| !norm.is_finite())
+            {
                 break;
             }
             let z = self.llt.substitute(&r, &Silent)?;
@@ -122,6 +171,23 @@ impl Mixed<'_> {
             combine(&mut r, &vec![1.0; columns], &ap, &minus);
         }
         Ok(Err(Stagnant))
+    }
+
+    /// Seconds that the iterations still take, by what so many left of the residuals.
+    fn takes(&self, columns: usize, iterations: usize, norms: &[f64], goal: &[f64], tolerance: f64) -> f64 {
+        let left = norms.iter().zip(goal).map(|(norm, goal)| norm / goal);
+        let worst = left.fold(1.0, |worst: f64, left| if left > worst { left } else { worst });
+        let rate = -(tolerance * worst).ln() / iterations as f64;
+        let more = if rate > 0.0 { worst.ln() / rate } else { f64::INFINITY };
+        more * self.analysis.solve_seconds::<f32>(columns)
+    }
+
+    /// Seconds of a factor in f64 and its solves; infinite where it does not fit into memory.
+    fn exact_takes(&self, columns: usize) -> f64 {
+        match self.analysis.fits::<f64>(self.a, columns) {
+            Ok(()) => self.analysis.seconds::<f64>(columns),
+            Err(_) => f64::INFINITY,
+        }
     }
 
     /// A factor in f64, made when it is needed first.

@@ -7,6 +7,7 @@
 //! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
 //! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
 
+mod analysis;
 mod auto;
 mod cholesky;
 mod condition;
@@ -28,6 +29,7 @@ mod pcg;
 mod refinement;
 mod residual;
 mod settle;
+mod softness;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
@@ -46,6 +48,8 @@ pub use no_unknowns::NO_UNKNOWNS;
 pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
-pub use solver::{Conditioning, Factor, InverseStrip, LinearSolver, Method, SolveResult, SolveStats, Solver};
+pub use solver::{
+    Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+};
 pub use solvers::{SOLVERS, find_method};
 pub use stability::Stability;

@@ -11,10 +11,13 @@ pub const NO_UNKNOWNS: Method = Method {
     keeps_factor: false,
     bounds_error: true,
     remedy: "release a node",
-    analyse: |_, _, _| Ok(Box::new(NoUnknowns)),
+    factor_number: 0,
+    least_seconds: None,
+    analyse: |_| Ok(Box::new(NoUnknowns)),
 };
 
-struct NoUnknowns;
+/// Solves for nothing.
+pub(super) struct NoUnknowns;
 
 impl LinearSolver for NoUnknowns {
     fn memory(&self, _: &StiffnessMatrix, _: usize) -> f64 {

@@ -20,9 +20,11 @@ pub const PCG: Method = Method {
     bounds_error: false,
     remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
              large contrasts of stiffness (`greenstage check`)",
-    analyse: |solver, _, _| {
-        let Solver { method, tolerance, max_iterations } = *solver;
-        Ok(Box::new(Limits { method, tolerance, max_iterations }))
+    factor_number: 0,
+    least_seconds: Some(|asked| expected(asked.a, asked.job.columns)),
+    analyse: |asked| {
+        let Solver { method, tolerance, max_iterations } = asked.settings;
+        Ok(Box::new(Limits { method, tolerance, max_iterations, seconds: None }))
     },
 };
 
@@ -33,6 +35,8 @@ struct Limits {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     tolerance: f64,
     max_iterations: usize,
+    /// Which they may take by the prediction, s.
+    seconds: Option<f64>,
 }
 
 impl LinearSolver for Limits {
@@ -41,8 +45,7 @@ impl LinearSolver for Limits {
     }
 
     fn seconds(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
-        let pairs = a.edges.len() as f64;
-        pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / rayon::current_num_threads() as f64
+        expected(a, columns)
     }
 
     fn fits(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
@@ -55,14 +58,45 @@ impl LinearSolver for Limits {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        self.make(a, progress)
+    }
+
+    fn factor_within<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        seconds: f64,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        Limits { seconds: Some(seconds), ..*self }.make(a, progress)
+    }
+}
+
+impl Limits {
+    fn make<'a>(
+        self,
+        a: &'a StiffnessMatrix,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
         progress.begin("multigrid", 0);
         let started = Instant::now();
         let multigrid = Multigrid::new(a).map_err(|NotDefinite { node }| {
             SolveError::NotPositiveDefinite { unknowns: 3 * a.nodes(), pivot: 3 * node }
         })?;
         progress.end();
-        Ok(Box::new(Pcg { a, multigrid, limits: *self, factor_s: started.elapsed().as_secs_f64() }))
+        Ok(Box::new(Pcg { a, multigrid, limits: self, factor_s: started.elapsed().as_secs_f64() }))
     }
+}
+
+/// Seconds of the levels and of all iterations.
+fn expected(a: &StiffnessMatrix, columns: usize) -> f64 {
+    let pairs = a.edges.len() as f64;
+    pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / rayon::current_num_threads() as f64
+}
+
+/// Iterations that so many seconds are worth, of those that [`expected`] counts.
+fn iterations_in(seconds: f64, a: &StiffnessMatrix, columns: usize) -> usize {
+    let one = expected(a, columns) / ITERATIONS;
+    (seconds / one.max(f64::MIN_POSITIVE)).ceil() as usize
 }
 
 /// Bytes of the levels while they are made, or with the solutions and what is iterated together.
@@ -72,10 +106,15 @@ pub(super) fn memory(a: &StiffnessMatrix, columns: usize) -> f64 {
     making.max(levels + solutions + batch_memory(a, batch_width(a).min(columns)))
 }
 /// Seconds on one thread, for each pair of coupled nodes: of the levels, and of an iteration of one column.
-const LEVELS_S: f64 = 3.5e-6;
-const ITERATION_S: f64 = 2.0e-8;
+const LEVELS_S: f64 = 3.0e-6;
+const ITERATION_S: f64 = 1.7e-8;
 /// Iterations of a body without large contrasts, with those of the forward error; thin bodies take up to twice as many.
 const ITERATIONS: f64 = 30.0;
+
+/// Iterations before the rest is foreseen where another method waits.
+const SIGHT: usize = 3;
+/// Part of `max_iterations` before it is where none does: residuals may rise before they fall.
+const PATIENCE: usize = 4;
 
 /// Columns that are iterated together, of small bodies and of those whose vectors would take more than [`BATCH_MEMORY`].
 /// The bits of a column do not depend on the others.
@@ -135,8 +174,11 @@ impl Pcg<'_> {
             factor_s: self.factor_s,
             ..Default::default()
         };
-        let Limits { tolerance, max_iterations, .. } = self.limits;
-        let system = System { a: self.a, multigrid: &self.multigrid, tolerance, max_iterations };
+        let Limits { tolerance, max_iterations, seconds, .. } = self.limits;
+        let worth = seconds.map_or(usize::MAX, |seconds| iterations_in(seconds, self.a, b.columns));
+        let max_iterations = max_iterations.min(worth);
+        let sight = if seconds.is_some() { SIGHT } else { max_iterations / PATIENCE };
+        let system = System { a: self.a, multigrid: &self.multigrid, tolerance, max_iterations, sight };
         let mut error = Conditioning::default();
         // One unit a thousandth of the way down to the tolerance on a logarithmic scale.
         let batches = b.columns.div_ceil(width);

@@ -7,6 +7,7 @@
 //! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends
 //! on those numbers; the third takes any number of right-hand sides.
 
+use super::analysis::SharedAnalysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
 use crate::base::progress::{Progress, Silent};
@@ -26,7 +27,7 @@ pub struct Solver {
 
 impl Default for Solver {
     fn default() -> Solver {
-        Solver { method: Default::default(), tolerance: 1e-10, max_iterations: 20_000 }
+        Solver { method: Default::default(), tolerance: 1e-10, max_iterations: 1000 }
     }
 }
 
@@ -71,8 +72,37 @@ impl PartialEq for Solver {
 
 impl Eq for Solver {}
 
+/// What a factor is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct Job {
+    /// Right-hand sides that are solved and judged together.
+    pub columns: usize,
+    /// Whether more is asked of the factor: further solves, the inverse at chosen nodes, or that it is kept.
+    pub needs_factor: bool,
+}
+
+/// Further solves, as few as those of two control elements.
+impl Default for Job {
+    fn default() -> Job {
+        Job { columns: 24, needs_factor: true }
+    }
+}
+
+/// What a method is to analyse.
+#[derive(Clone, Copy)]
+pub struct Asked<'a> {
+    pub settings: Solver,
+    pub a: &'a StiffnessMatrix,
+    pub job: Job,
+    /// All methods.
+    pub methods: &'static [&'static Method],
+    /// The pattern of A's factor, which the methods that need one share.
+    pub(super) pattern: &'a SharedAnalysis,
+    pub progress: &'a dyn Progress,
+}
+
 /// The solver, with its settings, for all matrices with the graph of one.
-pub type Analyse = fn(&Solver, &StiffnessMatrix, &dyn Progress) -> Result<Box<dyn LinearSolver>, SolveError>;
+pub type Analyse = fn(&Asked<'_>) -> Result<Box<dyn LinearSolver>, SolveError>;
 
 /// A way to solve A x = b: an entry of the list of methods.
 #[derive(Debug)]
@@ -87,6 +117,11 @@ pub struct Method {
     pub bounds_error: bool,
     /// What to do where the forward error is too large.
     pub remedy: &'static str,
+    /// Bytes of a number of its factor; 0 of a method that makes none, or that may.
+    pub factor_number: usize,
+    /// Seconds that the job takes at least, told from the graph of A before it is analysed; `None` of a method that `auto`
+    /// leaves out.
+    pub least_seconds: Option<fn(&Asked<'_>) -> f64>,
     pub analyse: Analyse,
 }
 
@@ -112,6 +147,17 @@ pub trait LinearSolver: Send + Sync {
         a: &'a StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError>;
+
+    /// [`LinearSolver::factor`], whose solves end with [`SolveError::Slow`] as soon as they foresee to take longer than so many
+    /// seconds of [`LinearSolver::seconds`].
+    fn factor_within<'a>(
+        &'a self,
+        a: &'a StiffnessMatrix,
+        _seconds: f64,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn Factor + 'a>, SolveError> {
+        self.factor(a, progress)
+    }
 }
 
 /// x of A x = b, and how it was found.

@@ -1,5 +1,6 @@
 //! The list of methods that solve A x = b.
 
+use super::analysis::SharedAnalysis;
 use super::auto::AUTO;
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
@@ -7,7 +8,7 @@ use super::faer_cholesky::FAER;
 use super::mixed::MIXED;
 use super::no_unknowns::NO_UNKNOWNS;
 use super::pcg::PCG;
-use super::solver::{LinearSolver, Method, Solver};
+use super::solver::{Asked, Job, LinearSolver, Method, Solver};
 use crate::base::progress::Progress;
 use crate::config::unknown_name;
 use crate::fem::StiffnessMatrix;
@@ -31,8 +32,19 @@ impl Solver {
         a: &StiffnessMatrix,
         progress: &dyn Progress,
     ) -> Result<Box<dyn LinearSolver>, SolveError> {
+        self.analyse_for(a, Job::default(), progress)
+    }
+
+    /// [`Solver::analyse`] for what will be asked of it.
+    pub fn analyse_for(
+        &self,
+        a: &StiffnessMatrix,
+        job: Job,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn LinearSolver>, SolveError> {
         let method = if a.nodes() == 0 { &NO_UNKNOWNS } else { self.method };
-        (method.analyse)(self, a, progress)
+        let pattern = &SharedAnalysis::default();
+        (method.analyse)(&Asked { settings: *self, a, job, methods: SOLVERS, pattern, progress })
     }
 }
 
