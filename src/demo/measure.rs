@@ -3,13 +3,14 @@
 use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
 use crate::deform::ControlPose;
+use crate::render::Drawable;
 use crate::scene::{Generate, Scene};
-use crate::world::{Highlight, PlacedBody, World, why_unknown};
+use crate::world::{BodyFrame, Highlight, PlacedBody, World, why_unknown};
 use nalgebra::Vector3;
 
 /// The control element that a hand holds, else the one that is farthest from its place; `None` at rest.
-fn moved(body: &PlacedBody) -> Option<usize> {
-    let held = body.controls.iter().position(|control| control.highlight == Highlight::Held);
+fn moved(body: &PlacedBody, shown: &BodyFrame) -> Option<usize> {
+    let held = shown.highlights.iter().position(|highlight| *highlight == Highlight::Held);
     held.or_else(|| (0..body.controls.len()).find(|&c| body.deformer.poses[c] != ControlPose::REST))
 }
 
@@ -30,7 +31,7 @@ fn expected_part(body: &PlacedBody) -> Option<f64> {
 pub fn bend(_: &Scene, world: &World, _: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let angle = body.deformer.largest_turn().to_degrees();
-    let force = moved(body).and_then(|c| Some(force_n(body, c)?.norm()));
+    let force = moved(body, &world.frame.bodies[0]).and_then(|c| Some(force_n(body, c)?.norm()));
     let Some(force) = force else { return format!("bent by {angle:.0}°") };
     let error = expected_part(body).map_or_else(
         || format!(", error unknown ({})", why_unknown(body)),
@@ -47,7 +48,8 @@ pub fn pull(scene: &Scene, world: &World, _: f64) -> String {
     };
     let Some(Generate::Block(block)) = &asked.generate else { return String::new() };
     let [length, width, height] = block.size;
-    let (longer, ours) = match moved(body).and_then(|c| Some((c, force_n(body, c)?))) {
+    let (longer, ours) = match moved(body, &world.frame.bodies[0]).and_then(|c| Some((c, force_n(body, c)?)))
+    {
         Some((c, force)) => (body.deformer.poses[c].translation.x, -force.x),
         None => (0.0, 0.0),
     };
@@ -81,7 +83,7 @@ pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
 
 /// What the plate of the equilibrium says: how far it is solved, or how far the model is from it.
 pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
-    let Some(plate) = world.frame.plates.iter().find(|plate| plate.anchor == Anchor::LowerLeft) else {
+    let Some(plate) = world.frame.all(Drawable::plate).find(|plate| plate.anchor == Anchor::LowerLeft) else {
         return String::new();
     };
     let said = |line: &Vec<(String, Tone)>| line.iter().map(|(text, _)| text.as_str()).collect::<String>();

@@ -17,7 +17,7 @@ use crate::display::window_frame::WindowFrame;
 use crate::effect;
 use crate::interact::Action;
 use crate::render::window::{Input, Key, WindowSpec, Windows};
-use crate::render::{Gpu, RenderError};
+use crate::render::{Drawable, Gpu, RenderError};
 use crate::scene::Scene;
 use crate::session::{Leader, Session};
 use crate::stage::Stage;
@@ -188,7 +188,8 @@ impl Story {
         let caption = self.caption(&readiness);
         let Some(Shown { session, screens, bodies, .. }) = &mut self.shown else { return Ok(()) };
         // The caption stands where these would, and says what they say.
-        session.world.frame.plates.retain(|plate| plate.anchor != Anchor::LowerLeft);
+        let is_curve = |it: &Drawable| it.plate().is_some_and(|plate| plate.anchor == Anchor::LowerLeft);
+        session.world.frame.drawables.retain(|it| !is_curve(it));
         screens.overlays.caption = Some(Box::new(caption));
         let (covered, track_s) = (Default::default(), 0.0);
         let mut frame = WindowFrame { windows, session, bodies, edited: None, covered, step_s, track_s };
@@ -210,7 +211,7 @@ impl Story {
         }
         if is_told && !shown.sprang_back && chapter.springs_back_s.is_some_and(|at| self.clock_s >= at) {
             shown.sprang_back = true;
-            shown.session.world.act(Action::SnapBack);
+            shown.session.act(Action::SnapBack);
         }
         shown.session.advance(end_s.map_or(self.clock_s, |end_s| self.clock_s.min(end_s + AFTER_S)))?;
         let times = shown.session.world.frame.times;

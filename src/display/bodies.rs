@@ -5,9 +5,8 @@ use super::device::{self, Choice};
 use super::out_of_range::Watch;
 use crate::base::notice::notice;
 use crate::base::plates::Plate;
-use crate::render::{BodyBuffers, BodyInstance, FrameContents, Gpu, RenderError};
-use crate::world::{PlacedBody, World};
-use std::borrow::Cow;
+use crate::render::{BodyBuffers, BodyInstance, Drawable, FrameContents, Gpu, RenderError};
+use crate::world::{BodyFrame, PlacedBody, World};
 use std::time::Instant;
 
 /// Lines of the hatching of a body that is bent beyond its model, along the radius of the ball about it.
@@ -19,18 +18,32 @@ pub struct GpuBodies {
     /// Where each body deforms.
     pub choices: Vec<Choice>,
     watches: Vec<Watch>,
+    /// What each body's buffers hold.
+    uploaded: Vec<Uploaded>,
     /// Whether each frame is looked at for bodies that are bent too far: in pictures, which are far apart.
     pub looks_at_each: bool,
+}
+
+/// What was uploaded of a body.
+#[derive(Default)]
+struct Uploaded {
+    /// Of the surface ([`crate::deform::Deformer::version`]).
+    version: Option<u64>,
+    colours: Option<BodyFrame>,
 }
 
 impl GpuBodies {
     /// Each body deforms where it is asked to, or is faster; which is told.
     pub fn new(gpu: &Gpu, world: &mut World, asked: device::Args) -> Result<GpuBodies, RenderError> {
-        let watches = vec![Watch::default(); world.bodies.len()];
-        let mut bodies =
-            GpuBodies { buffers: Vec::new(), choices: Vec::new(), watches, looks_at_each: false };
-        for body in &mut world.bodies {
-            let (buffers, choice) = device::buffers(gpu, body, asked.deform)?;
+        let mut bodies = GpuBodies {
+            buffers: Vec::new(),
+            choices: Vec::new(),
+            watches: vec![Watch::default(); world.bodies.len()],
+            uploaded: world.bodies.iter().map(|_| Uploaded::default()).collect(),
+            looks_at_each: false,
+        };
+        for (body, shown) in world.bodies.iter_mut().zip(&world.frame.bodies) {
+            let (buffers, choice) = device::buffers(gpu, body, shown, asked.deform)?;
             notice!("body.{}: {}", body.deformer.body, choice.describe());
             bodies.buffers.push(buffers);
             bodies.choices.push(choice);
@@ -44,36 +57,39 @@ impl GpuBodies {
     }
 
     /// Uploads what changed; returns the time it took, s.
-    pub fn upload(&mut self, gpu: &Gpu, world: &mut World) -> Result<f64, RenderError> {
-        for (watch, body) in self.watches.iter_mut().zip(&mut world.bodies) {
-            watch.look(body, self.looks_at_each);
+    pub fn upload(&mut self, gpu: &Gpu, world: &World) -> Result<f64, RenderError> {
+        let has_moved =
+            |uploaded: &Uploaded, body: &PlacedBody| uploaded.version != Some(body.deformer.version);
+        for ((watch, uploaded), body) in self.watches.iter_mut().zip(&self.uploaded).zip(&world.bodies) {
+            watch.look(body, has_moved(uploaded, body), self.looks_at_each);
         }
         let started = Instant::now();
-        let watched = self.buffers.iter_mut().zip(&self.watches);
-        for ((buffers, watch), body) in watched.zip(&mut world.bodies) {
+        let own = self.buffers.iter_mut().zip(&self.watches).zip(&mut self.uploaded);
+        for (((buffers, watch), uploaded), (body, shown)) in
+            own.zip(world.bodies.iter().zip(&world.frame.bodies))
+        {
             buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.ball.1) as f32);
-            let moved = std::mem::take(&mut body.moved);
-            if moved && buffers.is_deformed_here() {
-                device::deform(gpu, buffers, body)?;
-            } else if moved {
-                buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
+            if has_moved(uploaded, body) {
+                if buffers.is_deformed_here() {
+                    device::deform(gpu, buffers, body)?;
+                } else {
+                    buffers.upload(gpu, &body.deformer.drawn_positions(), &body.deformer.normals())?;
+                }
+                uploaded.version = Some(body.deformer.version);
             }
-            if std::mem::take(&mut body.recolour) {
-                buffers.shows_field = body.field.is_some();
-                buffers.set_colors(gpu, &body.colours())?;
+            if uploaded.colours.as_ref().is_none_or(|colours| !colours.is_drawn_as(shown)) {
+                buffers.shows_field = shown.colours.is_some();
+                buffers.set_colors(gpu, &body.colours(shown))?;
+                uploaded.colours = Some(shown.clone());
             }
         }
         Ok(started.elapsed().as_secs_f64())
     }
 
     /// What is written over the pictures: what the world says, and bodies that are bent further than their models hold.
-    pub fn plates<'a>(&self, world: &'a World) -> Cow<'a, [Plate]> {
+    pub fn plates(&self, world: &World) -> Vec<Plate> {
         let beyond = self.watches.iter().zip(&world.bodies).filter_map(|(watch, body)| watch.plate(body));
-        let mut plates = Cow::Borrowed(&world.frame.plates[..]);
-        for plate in beyond {
-            plates.to_mut().push(plate);
-        }
-        plates
+        world.frame.all(Drawable::plate).cloned().chain(beyond).collect()
     }
 
     /// The bodies at their places.
@@ -91,13 +107,8 @@ impl GpuBodies {
 pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
     FrameContents {
         bodies: instances,
-        styli: &world.frame.styli,
-        arrows: &world.frame.arrows,
+        drawables: [&world.frame.drawables, &[]],
         grid: world.grid(),
-        strips: &world.frame.strips,
-        ghosts: &world.frame.ghosts,
-        lines: &world.frame.lines,
-        balls: &world.frame.balls,
         ..Default::default()
     }
 }

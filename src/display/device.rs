@@ -6,7 +6,7 @@ use crate::base::statistics::median;
 use crate::base::table::seconds;
 use crate::render;
 use crate::render::{BodyBuffers, Gpu, RenderError, Renderer, Samples};
-use crate::world::PlacedBody;
+use crate::world::{BodyFrame, PlacedBody};
 use serde_json::{Value, json};
 use std::time::Instant;
 
@@ -213,17 +213,19 @@ pub fn brief(choices: &[Choice]) -> String {
 pub fn buffers(
     gpu: &Gpu,
     body: &mut PlacedBody,
+    shown: &BodyFrame,
     asked: DeformOn,
 ) -> Result<(BodyBuffers, Choice), RenderError> {
-    let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.drawn_triangles(), &body.colours());
+    let colours = body.colours(shown);
+    let plain = |body: &PlacedBody| BodyBuffers::new(gpu, body.deformer.drawn_triangles(), &colours);
     let fixed = |on_device, why| Choice { on_device, why };
     let (mut buffers, choice) = match asked {
         _ if body.deformer.has_field() => (plain(body)?, fixed(false, Why::Model)),
         DeformOn::Cpu => (plain(body)?, fixed(false, Why::Asked)),
         DeformOn::Auto if gpu.is_software => (plain(body)?, fixed(false, Why::Software)),
-        DeformOn::Gpu => (with_columns(gpu, body)?, fixed(true, Why::Asked)),
-        DeformOn::Auto if body.field.is_some() => (plain(body)?, fixed(false, Why::Field)),
-        DeformOn::Auto => match with_columns(gpu, body) {
+        DeformOn::Gpu => (with_columns(gpu, body, &colours)?, fixed(true, Why::Asked)),
+        DeformOn::Auto if shown.colours.is_some() => (plain(body)?, fixed(false, Why::Field)),
+        DeformOn::Auto => match with_columns(gpu, body, &colours) {
             Err(RenderError::BufferSize { .. }) => (plain(body)?, fixed(false, Why::TooLarge)),
             made => {
                 let mut made = made?;
@@ -239,16 +241,15 @@ pub fn buffers(
         body.deformer.sum_only_at(nodes);
         deform(gpu, &mut buffers, body)?;
     }
-    body.moved = true;
     Ok((buffers, choice))
 }
 
-fn with_columns(gpu: &Gpu, body: &PlacedBody) -> Result<BodyBuffers, RenderError> {
+fn with_columns(gpu: &Gpu, body: &PlacedBody, colours: &[[u8; 4]]) -> Result<BodyBuffers, RenderError> {
     let deformer = &body.deformer;
     let (groups, weights) = (deformer.groups(), deformer.part_weights());
-    let (triangles, colours) = (deformer.drawn_triangles(), body.colours());
+    let triangles = deformer.drawn_triangles();
     let copies = deformer.creases().map_or(&[][..], |creases| &creases.copies);
-    BodyBuffers::with_columns(gpu, triangles, &colours, deformer.rest(), &groups, weights, copies)
+    BodyBuffers::with_columns(gpu, triangles, colours, deformer.rest(), &groups, weights, copies)
 }
 
 /// Deforms the body on the device, as its state says; false where nothing changed.

@@ -1,5 +1,6 @@
 //! What plates are not to stand over: the control elements that are held, their arrows and what is pointed at, as screens show it.
 
+use crate::render::Drawable;
 use crate::scene::Grab;
 use crate::stage::Screen;
 use crate::world::{Highlight, PlacedBody, World};
@@ -41,21 +42,27 @@ pub fn keep_clear(world: &World) -> Vec<KeepClear> {
 /// Points in the room of each thing that is held or pointed at.
 fn held(world: &World) -> Vec<Vec<Point3<f64>>> {
     let mut things = elements(world, Highlight::Held);
-    let (hits, arrows) = (world.frame.styli.iter().filter_map(|stylus| stylus.hit), &world.frame.arrows);
+    let hits = world.frame.all(Drawable::stylus).filter_map(|stylus| stylus.hit);
     things.extend(hits.map(|hit| vec![hit.cast()]));
-    things.extend(arrows.iter().map(|arrow| vec![arrow.from.cast(), (arrow.from + arrow.along).cast()]));
+    things.extend(
+        world
+            .frame
+            .all(Drawable::arrow)
+            .map(|arrow| vec![arrow.from.cast(), (arrow.from + arrow.along).cast()]),
+    );
     things
 }
 
 /// Those of each control element that can be taken and is shown so.
 fn elements(world: &World, highlight: Highlight) -> Vec<Vec<Point3<f64>>> {
     let mut things = Vec::new();
-    for body in &world.bodies {
+    for (body, shown) in world.bodies.iter().zip(&world.frame.bodies) {
         let is_meant = |grab: Grab, now: Highlight| match highlight {
             Highlight::Held => now == Highlight::Held,
             _ => now != Highlight::Held && grab == Grab::Dragger,
         };
-        for (c, _) in body.controls.iter().enumerate().filter(|(_, c)| is_meant(c.grab, c.highlight)) {
+        let controls = body.controls.iter().zip(&shown.highlights).enumerate();
+        for (c, _) in controls.filter(|(_, (control, now))| is_meant(control.grab, **now)) {
             let nodes = body.deformer.control_nodes(c);
             things.push(places(body, nodes.iter().copied(), nodes.len()));
         }

@@ -104,6 +104,7 @@ pub fn picture(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::{Drawable, StylusShape};
     use crate::stage::BUILT_IN;
     use crate::track::FakeSource;
     use crate::track::device::now_s;
@@ -171,12 +172,13 @@ sensor = \"wand\"
             let said = |model: &StageModel, of: &str| {
                 model.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)
             };
-            let styli = session.world.frame.styli.clone();
+            let styli: Vec<StylusShape> = session.world.frame.all(Drawable::stylus).copied().collect();
             (styli, said(&model, "head"), said(&model, "wand"), said(&model, "7 of lab"), model)
         };
         let (styli, head, wand, seventh, model) = drawn(&mut session);
         assert!(styli.is_empty() && [head, wand, seventh] == [None; 3], "nobody has spoken");
-        let eyes = model.balls.iter().filter(|ball| ball.radius_m == 0.016).count();
+        let eyes =
+            model.drawables.iter().filter_map(Drawable::ball).filter(|ball| ball.radius_m == 0.016).count();
         assert_eq!(eyes, 2);
         for (sensor, place) in [(0, [0.2, 0.6, 1.2]), (1, [0.3, 0.2, 0.5]), (7, [1.0, 0.0, 0.0])] {
             let [x, y, z] = place;

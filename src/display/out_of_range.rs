@@ -20,9 +20,9 @@ pub struct Watch {
 
 impl Watch {
     /// Looks at a body that may have moved: at each move, or at every fourth and after the last.
-    pub fn look(&mut self, body: &PlacedBody, at_each: bool) {
-        self.unseen = self.unseen.saturating_add(u8::from(body.moved));
-        let is_due = self.unseen > 0 && (at_each || !body.moved || self.unseen >= EVERY);
+    pub fn look(&mut self, body: &PlacedBody, has_moved: bool, at_each: bool) {
+        self.unseen = self.unseen.saturating_add(u8::from(has_moved));
+        let is_due = self.unseen > 0 && (at_each || !has_moved || self.unseen >= EVERY);
         if is_due {
             self.unseen = 0;
             self.text = out_of_range(body);

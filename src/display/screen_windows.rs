@@ -14,7 +14,6 @@ use crate::stage::{Eye, Stage, Window};
 use crate::track::MouseInput;
 use crate::track::mouse::Button as MouseButton;
 use crate::world::StepTimes;
-use std::borrow::Cow;
 
 /// Windows that show the screens of a stage.
 pub struct ScreenWindows {
@@ -118,7 +117,7 @@ impl ScreenWindows {
         let devices = effects.flat_map(|effect| effect.readings()).collect();
         let world = &session.world;
         // What the plates tell belongs to the scene's bodies, not to one on which control elements are made.
-        let plates = if edited.is_some() { Cow::Borrowed(&[][..]) } else { bodies.plates(world) };
+        let plates = if edited.is_some() { Vec::new() } else { bodies.plates(world) };
         let is_written = !plates.is_empty() || self.overlays.has_panel();
         let clear = if is_written && edited.is_none() { keep_clear(world) } else { Vec::new() };
         let stage_frame = StageFrame {
@@ -146,8 +145,7 @@ impl ScreenWindows {
         let instances = edited.map_or_else(|| bodies.instances(world), |edited| vec![edited]);
         let mut contents = contents(world, &instances);
         if edited.is_some() {
-            (contents.styli, contents.arrows, contents.strips) = (&[], &[], &[]);
-            (contents.ghosts, contents.lines, contents.balls) = (&[], &[], &[]);
+            contents.drawables = [&[]; 2];
         }
         let drawn = self.overlays.draw(windows, &stage_frame, tiles, &contents, readings)?;
         let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());

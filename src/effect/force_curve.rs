@@ -13,8 +13,9 @@ use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
 use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
+use crate::render::Drawable;
 use crate::world::running::{Memory, read, written};
-use crate::world::{Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error};
+use crate::world::{Frame, Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -115,10 +116,10 @@ impl ForceCurve {
     }
 
     /// The first control element that is held of a body that lists the effect.
-    fn held(&self, world: &World) -> Option<(usize, usize)> {
+    fn held(&self, frame: &Frame) -> Option<(usize, usize)> {
         let of = |&b: &usize| {
-            let held = |c: &usize| world.bodies[b].controls[*c].highlight == Highlight::Held;
-            (0..world.bodies[b].controls.len()).find(held).map(|c| (b, c))
+            let highlights = &frame.bodies[b].highlights;
+            highlights.iter().position(|highlight| *highlight == Highlight::Held).map(|c| (b, c))
         };
         self.bodies.iter().find_map(of)
     }
@@ -129,8 +130,8 @@ impl RunningEffect for ForceCurve {
         NAME
     }
 
-    fn show(&mut self, world: &mut World) {
-        let held = self.held(world);
+    fn show(&mut self, world: &World, frame: &mut Frame) {
+        let held = self.held(frame);
         let goes_on = self.trace.as_ref().is_some_and(|trace| trace.is_held && Some(trace.place) == held);
         if let Some(trace) = &mut self.trace {
             trace.is_held &= goes_on;
@@ -141,7 +142,7 @@ impl RunningEffect for ForceCurve {
         if let (Some(trace), Some((b, _))) = (&mut self.trace, held) {
             trace.take(&world.bodies[b], *world.graph.get(world.fields.time));
         }
-        world.frame.plates.extend(self.trace.as_ref().and_then(Trace::plate));
+        frame.drawables.extend(self.trace.as_ref().and_then(Trace::plate).map(Drawable::Plate));
     }
 
     fn memory(&self) -> Option<Memory> {
@@ -374,23 +375,35 @@ mod tests {
     fn held(name: &str, model: &str, poses: &[ControlPose]) -> (Box<dyn RunningEffect>, World) {
         let (scene, file, mut world) = bar(name, model, &[NAME]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap().remove(0);
-        running.show(&mut world);
-        assert!(world.frame.plates.is_empty() && running.table().is_none(), "nothing is held");
-        world.bodies[0].controls[1].highlight = Highlight::Held;
+        world.show_by(running.as_mut());
+        assert!(
+            world.frame.all(Drawable::plate).next().is_none() && running.table().is_none(),
+            "nothing is held"
+        );
+        world.frame.bodies[0].highlights[1] = Highlight::Held;
         for pose in poses {
             world.bodies[0].deformer.evaluate(&[ControlPose::REST, *pose]);
-            world.frame.plates.clear();
-            running.show(&mut world);
+            world.frame.drawables.clear();
+            world.show_by(running.as_mut());
         }
         (running, world)
     }
 
     fn plot(world: &World) -> &Plot {
-        world.frame.plates[0].plot.as_ref().unwrap()
+        world.frame.all(Drawable::plate).next().unwrap().plot.as_ref().unwrap()
     }
 
     fn words(world: &World) -> String {
-        world.frame.plates[0].lines.iter().flatten().map(|(text, _)| text.as_str()).collect()
+        world
+            .frame
+            .all(Drawable::plate)
+            .next()
+            .unwrap()
+            .lines
+            .iter()
+            .flatten()
+            .map(|(text, _)| text.as_str())
+            .collect()
     }
 
     /// F = E A / L · u of a bar with ν = 0, with the law's own units, and in the table too.
@@ -418,19 +431,19 @@ mod tests {
         assert!((row[0] - 5e-3).abs() < 1e-12 && row[1] == 0.0 && (row[2] - 1.25).abs() < 1e-4, "{row:?}");
 
         // Let go, the curve stays; taken again, it begins anew; and it is cleared.
-        world.bodies[0].controls[1].highlight = Highlight::Idle;
-        world.frame.plates.clear();
-        running.show(&mut world);
+        world.frame.bodies[0].highlights[1] = Highlight::Idle;
+        world.frame.drawables.clear();
+        world.show_by(running.as_mut());
         assert!(words(&world).contains("let go") && plot(&world).curves[0].len() == 5);
-        world.bodies[0].controls[1].highlight = Highlight::Held;
-        world.frame.plates.clear();
-        running.show(&mut world);
+        world.frame.bodies[0].highlights[1] = Highlight::Held;
+        world.frame.drawables.clear();
+        world.show_by(running.as_mut());
         assert_eq!(plot(&world).curves[0].len(), 1);
         running.clear();
-        world.bodies[0].controls[1].highlight = Highlight::Idle;
-        world.frame.plates.clear();
-        running.show(&mut world);
-        assert!(world.frame.plates.is_empty());
+        world.frame.bodies[0].highlights[1] = Highlight::Idle;
+        world.frame.drawables.clear();
+        world.show_by(running.as_mut());
+        assert!(world.frame.all(Drawable::plate).next().is_none());
     }
 
     /// A body under a load bears a force already at rest: 0 N at 0 mm was invented there.

@@ -2,8 +2,8 @@
 
 use super::entry::{EffectEntry, Listed};
 use crate::deform::{ControlPose, Deformer, vertex_normals};
-use crate::render::{Ghost, GhostShape, Line};
-use crate::world::{RunningEffect, World};
+use crate::render::{Drawable, Ghost, GhostShape, Line};
+use crate::world::{Frame, RunningEffect, World};
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -49,14 +49,15 @@ impl RunningEffect for RestGhosts {
         ENTRY.name
     }
 
-    fn show(&mut self, world: &mut World) {
+    fn show(&mut self, world: &World, frame: &mut Frame) {
         for (b, shape) in &self.bodies {
             let body = &world.bodies[*b];
             if body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST) {
                 let room_from_shape = body.room_from_body.to_homogeneous().cast();
-                world.frame.lines.extend(shape.lines(&room_from_shape, COLOR, false));
+                let edges = shape.lines(&room_from_shape, COLOR, false).collect();
                 let shape = shape.shape.clone();
-                world.frame.ghosts.push(Ghost { shape, room_from_shape, color: COLOR, through: 0.0 });
+                let ghost = Ghost { shape, room_from_shape, color: COLOR, through: 0.0 };
+                frame.drawables.extend([Drawable::Lines(edges), Drawable::Ghost(ghost)]);
             }
         }
     }
@@ -129,15 +130,19 @@ mod tests {
     fn the_ghost_is_the_body_at_rest_and_stands_only_beside_one_that_is_moved() {
         let (scene, file, mut world) = bar("ghost-rest", "linear", &["ghost_rest"]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
-        running[0].show(&mut world);
-        assert!(world.frame.ghosts.is_empty(), "at rest there is nothing beside the body");
+        world.show_by(running[0].as_mut());
+        assert!(
+            world.frame.all(Drawable::ghost).next().is_none(),
+            "at rest there is nothing beside the body"
+        );
         let mut poses = world.bodies[0].deformer.poses.clone();
         poses[1].translation.x = 0.01;
         world.bodies[0].deformer.evaluate(&poses);
-        running[0].show(&mut world);
+        world.show_by(running[0].as_mut());
         // The twelve edges of the bar: four of 12 pieces, eight of 3.
-        assert_eq!(world.frame.lines.len(), 4 * 12 + 8 * 3);
-        let [ghost] = &world.frame.ghosts[..] else { panic!("{:?}", world.frame.ghosts.len()) };
+        assert_eq!(world.frame.all(Drawable::lines).flatten().count(), 4 * 12 + 8 * 3);
+        let ghosts: Vec<_> = world.frame.all(Drawable::ghost).collect();
+        let [ghost] = ghosts[..] else { panic!("{} ghosts", ghosts.len()) };
         let deformer = &world.bodies[0].deformer;
         assert_eq!(ghost.shape.positions, deformer.rest());
         assert_ne!(ghost.shape.positions[..], deformer.positions()[..]);

@@ -149,9 +149,11 @@ mod tests {
     use crate::base::strips::{StripKind, Strips};
     use crate::deform::{Deformer, MODELS, find_model};
     use crate::green::{self, AFFINE, FAMILIES, STIFFNESS, Tensor};
+    use crate::render::Drawable;
     use crate::solve::Silent;
     use crate::stage::Stage;
     use crate::track::TrackerState;
+    use crate::world::Frame;
     use std::path::Path;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -257,12 +259,12 @@ mod tests {
             HALO.name
         }
 
-        fn show(&mut self, world: &mut World) {
+        fn show(&mut self, world: &World, frame: &mut Frame) {
             let place = |b: &usize| {
                 <[f32; 3]>::from(world.bodies[*b].room_from_body.isometry.translation.vector.cast())
             };
             let instances = self.bodies.iter().flat_map(place).collect();
-            world.frame.strips.push(Strips { kind: &STRIP, instances });
+            frame.drawables.push(Drawable::Strips(Strips { kind: &STRIP, instances }));
         }
     }
 
@@ -286,10 +288,11 @@ mod tests {
         scene.body["b"].effects = vec!["halo".into()];
         let mut running = attach(&[HALO], &scene, &file, &mut world).unwrap();
         for time_s in [0.0, 0.1] {
-            world.step(&TrackerState { time_s, ..Default::default() });
-            running.iter_mut().for_each(|effect| effect.show(&mut world));
+            world.step(&TrackerState { time_s, ..Default::default() }.into());
+            running.iter_mut().for_each(|effect| world.show_by(effect.as_mut()));
             let place = world.bodies[0].room_from_body.isometry.translation.vector.cast::<f32>();
-            let [strips] = &world.frame.strips[..] else { panic!("{:?}", world.frame.strips) };
+            let strips: Vec<_> = world.frame.all(Drawable::strips).collect();
+            let [strips] = strips[..] else { panic!("{strips:?}") };
             assert_eq!((strips.kind.name, &strips.instances[..]), ("halo", place.as_slice()));
         }
         drop(running);

@@ -66,4 +66,8 @@ pub enum Action {
     ScaleScene(f64),
     /// Sets the next end of the ruler where the ray hits a surface; takes a whole ruler away.
     Measure,
+    /// Shows the next field in colours.
+    NextField,
+    /// Effects forget what they draw of the past: curves, and the largest value so far.
+    Clear,
 }

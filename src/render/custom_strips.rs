@@ -1,7 +1,7 @@
 //! Strips with shaders that an effect brings: one pipeline and one buffer for each kind, found by its name.
 
 use super::error::RenderError;
-use super::frame::FrameContents;
+use super::frame::{Drawable, FrameContents};
 use super::gpu::Gpu;
 use super::pass::{DrawPass, DrawTo, MadeFor};
 use super::shader;
@@ -29,9 +29,11 @@ impl DrawPass for CustomStripsPass {
         kinds: &[MadeFor<'_>],
         contents: &FrameContents<'_>,
     ) -> Result<(), RenderError> {
-        let mut numbers: BTreeMap<&'static str, (&StripKind, Vec<f32>)> =
-            contents.strips.iter().map(|strips| (strips.kind.name, (strips.kind, Vec::new()))).collect();
-        for strips in contents.strips {
+        let mut numbers: BTreeMap<&'static str, (&StripKind, Vec<f32>)> = contents
+            .all(Drawable::strips)
+            .map(|strips| (strips.kind.name, (strips.kind, Vec::new())))
+            .collect();
+        for strips in contents.all(Drawable::strips) {
             if let Some((_, all)) = numbers.get_mut(strips.kind.name) {
                 all.extend(&strips.instances);
             }

@@ -3,6 +3,7 @@
 
 use super::body_buffers::BodyBuffers;
 use super::lighting::Lighting;
+use crate::base::plates::Plate;
 use crate::base::strips::Strips;
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::sync::Arc;
@@ -132,21 +133,65 @@ pub struct Ghost {
     pub through: f32,
 }
 
+/// One thing that is drawn beside the bodies; of those of one kind, the first in the list is drawn first.
+///
+/// Solids (styli, arrows, balls) stand among the bodies; then come ghosts, quads, lines and strips, blended in this order.
+#[derive(Clone, Debug)]
+pub enum Drawable {
+    Stylus(StylusShape),
+    Arrow(Arrow),
+    /// Lit, as heads and eyes in a picture of the room.
+    Ball(Ball),
+    Ghost(Ghost),
+    Quad(Quad),
+    Lines(Vec<Line>),
+    /// With a shader of their own.
+    Strips(Strips),
+    /// Written over the finished picture, by whoever presents it.
+    Plate(Plate),
+}
+
 /// Everything that is drawn into each viewport of a frame.
 #[derive(Clone, Copy, Default)]
 pub struct FrameContents<'a> {
     pub bodies: &'a [BodyInstance<'a>],
-    pub styli: &'a [StylusShape],
-    pub arrows: &'a [Arrow],
+    /// What the frame shows, and what its presenter adds.
+    pub drawables: [&'a [Drawable]; 2],
     pub grid: Option<Grid>,
     pub lighting: Lighting,
-    /// Lit, as heads and eyes in a picture of the room.
-    pub balls: &'a [Ball],
-    /// Blended in this order, all before the lines.
-    pub quads: &'a [Quad],
-    pub lines: &'a [Line],
-    /// Before all that is flat.
-    pub ghosts: &'a [Ghost],
-    /// With shaders of their own, blended last.
-    pub strips: &'a [Strips],
+}
+
+/// What a drawable is, where it is of one kind.
+macro_rules! kinds {
+    ($($name:ident: $kind:ident => $of:ty),*) => {
+        impl Drawable {
+            $(pub fn $name(&self) -> Option<&$of> {
+                match self {
+                    Drawable::$kind(it) => Some(it),
+                    _ => None,
+                }
+            })*
+        }
+    };
+}
+
+kinds! {
+    stylus: Stylus => StylusShape,
+    arrow: Arrow => Arrow,
+    ball: Ball => Ball,
+    ghost: Ghost => Ghost,
+    quad: Quad => Quad,
+    lines: Lines => Vec<Line>,
+    strips: Strips => Strips,
+    plate: Plate => Plate
+}
+
+impl<'a> FrameContents<'a> {
+    /// All drawables of a kind, such as [`Drawable::ball`].
+    pub(super) fn all<T>(
+        &self,
+        kind: fn(&'a Drawable) -> Option<&'a T>,
+    ) -> impl Iterator<Item = &'a T> + use<'a, T> {
+        self.drawables.into_iter().flatten().filter_map(kind)
+    }
 }

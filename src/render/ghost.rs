@@ -5,7 +5,7 @@
 
 use super::bounds::Bounds;
 use super::error::RenderError;
-use super::frame::{FrameContents, Ghost, GhostShape};
+use super::frame::{Drawable, FrameContents, Ghost, GhostShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
@@ -92,7 +92,7 @@ impl DrawPass for GhostPass {
         self.drawn.clear();
         self.instances.list.clear();
         self.shapes.retain(|known| known.shape.strong_count() > 0);
-        if contents.ghosts.is_empty() {
+        if contents.all(Drawable::ghost).next().is_none() {
             return Ok(());
         }
         let per_vertex = |attributes| {
@@ -104,7 +104,7 @@ impl DrawPass for GhostPass {
         for (pipelines, blending) in self.pipelines.iter_mut().zip([Blending::Ghost, Blending::Hidden]) {
             pipelines.complete(gpu, kinds, &Recipe { label, parts, buffers, blending, groups: &[] });
         }
-        for Ghost { shape, room_from_shape, color, through } in contents.ghosts {
+        for Ghost { shape, room_from_shape, color, through } in contents.all(Drawable::ghost) {
             let drawn = self.shape(gpu, shape)?;
             self.drawn.push(drawn);
             let [r, g, b, opacity] = *color;
@@ -117,7 +117,7 @@ impl DrawPass for GhostPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, contents: &FrameContents<'_>) {
-        for (k, (ghost, drawn)) in contents.ghosts.iter().zip(&self.drawn).enumerate() {
+        for (k, (ghost, drawn)) in contents.all(Drawable::ghost).zip(&self.drawn).enumerate() {
             let Some(shape) = drawn.and_then(|at| self.shapes.get(at)) else { continue };
             let clip_from_shape = to.view_draw.clip_from_shape(&ghost.room_from_shape);
             if !to.shows(&shape.bounds, &clip_from_shape) {

@@ -3,7 +3,6 @@
 use super::frame::{FrameContents, Grid};
 use super::shader;
 use super::strips::Strip;
-use std::borrow::Cow;
 
 /// A floor as it lies in the buffer.
 #[repr(C)]
@@ -23,7 +22,7 @@ impl Strip for Floor {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x2, 2 => Float32, 3 => Float32, 4 => Float32x3];
 
-    fn of<'a>(contents: &FrameContents<'a>) -> Cow<'a, [Self]> {
+    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
         let floor = |grid: &Grid| Floor {
             center: grid.center.into(),
             half_size: grid.half_size,
@@ -31,6 +30,6 @@ impl Strip for Floor {
             line_width: grid.line_width / grid.spacing,
             color: grid.color,
         };
-        Cow::Owned(contents.grid.iter().map(floor).collect())
+        contents.grid.iter().map(floor).collect()
     }
 }

@@ -1,9 +1,8 @@
 //! Straight lines in the room, as wide in pixels wherever they are seen from.
 
-use super::frame::{FrameContents, Line};
+use super::frame::{Drawable, FrameContents, Line};
 use super::shader;
 use super::strips::Strip;
-use std::borrow::Cow;
 
 impl Strip for Line {
     const NAME: &'static str = "lines";
@@ -11,7 +10,7 @@ impl Strip for Line {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] =
         &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32, 4 => Float32];
 
-    fn of<'a>(contents: &FrameContents<'a>) -> Cow<'a, [Self]> {
-        Cow::Borrowed(contents.lines)
+    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+        contents.all(Drawable::lines).flatten().copied().collect()
     }
 }

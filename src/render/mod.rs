@@ -59,7 +59,9 @@ pub use bounds::Bounds;
 pub use color_map::{beyond_color, field_code, map_color};
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
-pub use frame::{Arrow, Ball, BodyInstance, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape};
+pub use frame::{
+    Arrow, Ball, BodyInstance, Drawable, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape,
+};
 pub use gpu::{Gpu, Made};
 pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};

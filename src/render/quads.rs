@@ -1,9 +1,8 @@
 //! Translucent parallelograms in the room: one colour seen from the front, another from the back.
 
-use super::frame::{FrameContents, Quad};
+use super::frame::{Drawable, FrameContents, Quad};
 use super::shader;
 use super::strips::Strip;
-use std::borrow::Cow;
 
 impl Strip for Quad {
     const NAME: &'static str = "quads";
@@ -11,7 +10,7 @@ impl Strip for Quad {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x4, 4 => Float32x4];
 
-    fn of<'a>(contents: &FrameContents<'a>) -> Cow<'a, [Self]> {
-        Cow::Borrowed(contents.quads)
+    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+        contents.all(Drawable::quad).copied().collect()
     }
 }

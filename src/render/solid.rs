@@ -4,7 +4,7 @@
 
 use super::bounds::Bounds;
 use super::error::RenderError;
-use super::frame::{Arrow, FrameContents, StylusShape};
+use super::frame::{Arrow, Drawable, FrameContents, StylusShape};
 use super::gpu::Gpu;
 use super::instances::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
@@ -151,21 +151,21 @@ fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] 
         color: [r, g, b, glow],
     };
     let start = all.len();
-    for stylus in contents.styli {
+    for stylus in contents.all(Drawable::stylus) {
         let room_from_pen = stylus.room_from_stylus * Matrix4::new_scaling(stylus.size_m);
         all.push(glowing(room_from_pen, accent(stylus), 0.6));
     }
     let pens_end = all.len();
-    for stylus in contents.styli {
+    for stylus in contents.all(Drawable::stylus) {
         let pieces = ray(stylus).map(|piece| glowing(piece, accent(stylus), 1.0));
         all.extend(pieces);
     }
-    for arrow in contents.arrows {
+    for arrow in contents.all(Drawable::arrow) {
         let [shaft, _] = shaft_and_head(arrow);
         all.extend(shaft.map(|room_from_shaft| glowing(room_from_shaft, arrow.color, arrow_glow(arrow))));
     }
     let rays_end = all.len();
-    for stylus in contents.styli {
+    for stylus in contents.all(Drawable::stylus) {
         if let Some(hit) = stylus.hit {
             let room_from_hit =
                 Matrix4::new_translation(&hit.coords) * Matrix4::new_scaling(stylus.size_m * HIT_RADIUS);
@@ -173,13 +173,13 @@ fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] 
             all.push(glowing(room_from_hit, accent(stylus).map(|c| 0.55 * c + 0.45), 0.9));
         }
     }
-    for ball in contents.balls {
+    for ball in contents.all(Drawable::ball) {
         let room_from_ball =
             Matrix4::new_translation(&ball.center.coords) * Matrix4::new_scaling(ball.radius_m);
         all.push(glowing(room_from_ball, ball.color, 0.0));
     }
     let balls_end = all.len();
-    for arrow in contents.arrows {
+    for arrow in contents.all(Drawable::arrow) {
         let [_, head] = shaft_and_head(arrow);
         all.extend(head.map(|room_from_head| glowing(room_from_head, arrow.color, arrow_glow(arrow))));
     }

@@ -7,7 +7,6 @@ use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
-use std::borrow::Cow;
 use std::marker::PhantomData;
 
 /// An instance as it lies in its buffer.
@@ -18,7 +17,7 @@ pub(super) trait Strip: bytemuck::Pod {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute];
 
     /// Those of a frame, in the order in which they are blended.
-    fn of<'a>(contents: &FrameContents<'a>) -> Cow<'a, [Self]>;
+    fn of(contents: &FrameContents<'_>) -> Vec<Self>;
 }
 
 /// The pass of one kind of strip; nothing on the device until it is used.

@@ -12,7 +12,7 @@ use crate::interact::Action;
 use crate::render::window::Key;
 use crate::scene::Scene;
 use crate::track::{Mouse, MouseInput, Script};
-use crate::world::World;
+use crate::world::{Input, World};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -26,6 +26,8 @@ pub struct Session {
     pub file: Option<Arc<GreenFile>>,
     /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
     pub scene: Option<Scene>,
+    /// Commands for the next frame.
+    pending: Vec<Action>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.
     pub curve: Option<PathBuf>,
@@ -53,6 +55,7 @@ impl Session {
             recorder: None,
             file: None,
             scene: None,
+            pending: Vec::new(),
             presses: ScriptPresses::default(),
             curve: None,
             is_cleared: false,
@@ -85,19 +88,20 @@ impl Session {
         if self.input.leader() == Leader::Recording {
             return self.replay_until(time_s);
         }
-        let (mut state, changes) = self.input.state(&self.world.stage, time_s);
+        let (mut trackers, changes) = self.input.state(&self.world.stage, time_s);
         for change in changes {
             self.apply(change);
         }
         self.set_loads(time_s);
-        self.world.effects.iter_mut().for_each(|effect| effect.input(&mut state));
-        self.world.step_at(time_s, &state);
+        self.world.effects.iter_mut().for_each(|effect| effect.input(&mut trackers));
+        let (actions, arrivals) = (std::mem::take(&mut self.pending), self.world.arrivals());
+        let input = Input { clock_s: time_s, actions, arrivals, trackers };
+        self.world.step(&input);
         if self.input.leader() == Leader::Script {
-            self.presses.watch(&mut self.world, &state);
+            self.presses.watch(&mut self.world, &input.trackers);
         }
-        self.world.show_effects();
         if let Some(recorder) = &mut self.recorder {
-            recorder.frame(&mut self.world, &state)?;
+            recorder.frame(&mut self.world, input)?;
         }
         if let Some(mouse) = &mut self.input.mouse {
             mouse.hit_distance_m = self.world.hit_distance_m();
@@ -110,7 +114,7 @@ impl Session {
         for (name, value) in self.input.loads(time_s) {
             match self.world.load_named(&name) {
                 Some((body, column)) if self.world.load(body, column) != Some(value) => {
-                    self.world.act(Action::SetLoad { body, column, value });
+                    self.act(Action::SetLoad { body, column, value });
                 }
                 Some(_) => {}
                 None => self.world.warn(format!("the script sets the load {name}, which no body has")),
@@ -118,8 +122,13 @@ impl Session {
         }
     }
 
+    /// Has a command carried out at the beginning of the next frame.
+    pub fn act(&mut self, action: Action) {
+        self.pending.push(action);
+    }
+
     fn apply(&mut self, change: ScriptChange) {
-        self.world.act(match change {
+        self.act(match change {
             ScriptChange::LetGo => Action::LetGo,
             ScriptChange::Reset => Action::Reset,
         });
@@ -132,8 +141,7 @@ impl Session {
             if frame_s > time_s {
                 return Ok(SessionProgress::Running);
             }
-            replay.play_next(&mut self.world, Some(time_s))?;
-            self.world.show_effects();
+            replay.play_next(&mut self.world)?;
         }
         Ok(SessionProgress::Ended)
     }
@@ -141,9 +149,7 @@ impl Session {
     /// Plays the next frame of the recording; false at its end.
     pub fn play_frame(&mut self) -> Result<bool, Failure> {
         let Some(replay) = &mut self.input.replay else { return Ok(false) };
-        let is_played = replay.play_next(&mut self.world, None)?;
-        self.world.show_effects();
-        Ok(is_played)
+        replay.play_next(&mut self.world)
     }
 
     /// Takes what a person does with the mouse. A press takes over from a script.
@@ -154,7 +160,7 @@ impl Session {
         let Some(mouse) = &mut self.input.mouse else { return };
         match input {
             MouseInput::Wheel { notches } if mouse.control && !mouse.is_grabbing() => {
-                self.world.act(keys::scale(notches));
+                self.act(keys::scale(notches));
             }
             input => mouse.handle(input),
         }
@@ -164,24 +170,25 @@ impl Session {
     pub fn key(&mut self, key: Key, pressed: bool) {
         if key == keys::NEXT_FIELD {
             // Of the picture alone: whoever leads goes on.
-            self.world.field_changes += usize::from(pressed);
+            if pressed {
+                self.act(Action::NextField);
+            }
             return;
         }
         let is_neutral = matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt);
         if pressed && !is_neutral {
             self.take_over();
         }
-        let Some(mouse) = &mut self.input.mouse else { return };
-        if pressed && !mouse.control && key == keys::CLEAR {
+        let Some(control) = self.input.mouse.as_ref().map(|mouse| mouse.control) else { return };
+        if pressed && !control && key == keys::CLEAR {
             self.is_cleared |= self.world.effects.iter().any(|effect| effect.table().is_some());
-            self.world.effects.iter_mut().for_each(|effect| effect.clear());
+            self.act(Action::Clear);
         }
-        let action = keys::action(key, mouse.control, &self.world).filter(|_| pressed);
-        if let Some(action) = action {
-            self.world.act(action);
+        if let Some(action) = keys::action(key, control, &self.world).filter(|_| pressed) {
+            self.act(action);
         }
         let mut typed = [0; 4];
-        if let Some(name) = keys::name(key, &mut typed) {
+        if let Some((name, mouse)) = keys::name(key, &mut typed).zip(self.input.mouse.as_mut()) {
             mouse.handle(MouseInput::Key { name, pressed });
         }
     }

@@ -220,7 +220,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut session = session(folder.path());
         let pose = session.world.bodies[0].deformer.poses[1];
-        session.world.act(crate::interact::Action::SnapBack);
+        session.act(crate::interact::Action::SnapBack);
         for time_s in [0.1, 0.2, 1.0] {
             session.advance(time_s).unwrap();
         }
@@ -228,7 +228,7 @@ mod tests {
             |session: &Session| (session.world.bodies[0].deformer.poses[1], session.world.undo_depth());
         assert_eq!(seen(&session), (ControlPose::REST, [1, 0]));
         change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
-        session.world.act(crate::interact::Action::Undo);
+        session.act(crate::interact::Action::Undo);
         session.advance(1.2).unwrap();
         assert_eq!(seen(&session), (pose, [0, 1]));
     }
@@ -265,14 +265,19 @@ mod tests {
         session.world.graph.restore(field, pose);
         let heavier = Vector3::new(1.0, -30.0, 2.0);
         for (column, value) in heavier.iter().enumerate() {
-            session.world.act(crate::interact::Action::SetLoad { body: 0, column, value: *value });
+            session.act(crate::interact::Action::SetLoad { body: 0, column, value: *value });
         }
         session.world.field_changes = 2;
         session.advance(0.0).unwrap();
         let seen = |session: &Session| {
             let (world, body) = (&session.world, &session.world.bodies[0]);
             let loads: Vec<Option<f64>> = (0..3).map(|column| world.load(0, column)).collect();
-            (body.deformer.wrenches().unwrap(), body.field.clone().unwrap(), loads, world.field_changes)
+            (
+                body.deformer.wrenches().unwrap(),
+                world.frame.bodies[0].colours.clone().unwrap(),
+                loads,
+                world.field_changes,
+            )
         };
         let before = seen(&session);
         assert_eq!(before.2, heavier.iter().map(|value| Some(*value)).collect::<Vec<_>>());

@@ -47,6 +47,7 @@ impl ScriptPresses {
 mod tests {
     use crate::green::{self, GreenFile};
     use crate::prepare;
+    use crate::render::Drawable;
     use crate::scene::{Generate, Scene};
     use crate::session::Session;
     use crate::session::open::script;
@@ -109,8 +110,9 @@ mod tests {
                 let mut pressed = 0;
                 for k in 0..90 {
                     session.advance(f64::from(k) / 60.0).unwrap();
-                    pressed =
-                        pressed.max(session.world.frame.styli.iter().filter(|stylus| stylus.pressed).count());
+                    pressed = pressed.max(
+                        session.world.frame.all(Drawable::stylus).filter(|stylus| stylus.pressed).count(),
+                    );
                 }
                 let told = session.world.warnings.iter().find(|(_, text)| text.contains("grabs nothing"));
                 assert!(pressed > 0 && told.is_none(), "{name} on {stage_name}: {told:?}");

@@ -1,4 +1,4 @@
-//! A session as a file: for every frame the trackers' poses, the commands, and the hash of the resulting state.
+//! A session as a file: for every frame what came from outside, and the hash of the resulting state.
 //!
 //! Lines of JSON: a header (scene, stage, program), the [`State`] at the start, which may be in the middle of anything, then a line a
 //! frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
@@ -10,17 +10,15 @@ use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::field::{LONGEST_LINE, StreamError, read_line};
 use crate::green::GreenFile;
-use crate::interact::Action;
 use crate::scene::Scene;
 use crate::session::lines::Lines;
-use crate::track::TrackerState;
-use crate::world::{State, World};
+use crate::world::{Input, State, World};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Take};
 use std::path::{Component, Path, PathBuf};
 
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// A state of more bytes is refused.
 const LARGEST_STATE: usize = 1 << 28;
@@ -44,10 +42,7 @@ struct Header {
 pub struct Frame {
     /// Counted from 0.
     pub frame: u64,
-    /// Commands that are carried out before the frame.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub actions: Vec<Action>,
-    pub state: TrackerState,
+    pub input: Input,
     /// [`World::state_hash`] after it.
     pub hash: String,
 }
@@ -101,20 +96,15 @@ impl Recorder {
     pub fn create(path: &Path, origin: &Origin<'_>, world: &mut World) -> Result<Recorder, Failure> {
         world.wait_for_background();
         let mut text = line(&origin.header(world, path))?;
-        text.extend(line(&world.begin().map_err(Failure::work)?)?);
+        text.extend(line(&world.state().map_err(Failure::work)?)?);
         let file = output::stream(path, &KIND, &text)?;
         let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
         Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
     }
 
-    /// The frame that `world` has just made of `state`.
-    pub fn frame(&mut self, world: &mut World, state: &TrackerState) -> Result<(), Failure> {
-        let frame = Frame {
-            frame: self.frames,
-            actions: world.actions.clone(),
-            state: state.clone(),
-            hash: world.state_hash(),
-        };
+    /// The frame that `world` has just made of `input`.
+    pub fn frame(&mut self, world: &mut World, input: Input) -> Result<(), Failure> {
+        let frame = Frame { frame: self.frames, input, hash: world.state_hash() };
         self.frames += 1;
         let queued = self.lines.queue(line(&frame)?);
         queued.map_err(|error| self.failed(&error))
@@ -172,7 +162,7 @@ pub struct Replay {
     played: u64,
     /// A frame that was read and is not yet played.
     next: Option<Frame>,
-    /// The tracker's time at the first frame, s.
+    /// When the first frame was, s.
     first_s: Option<f64>,
     /// The first frame with another state, and how many there are.
     pub first_difference: Option<Frame>,
@@ -318,18 +308,14 @@ impl Replay {
             self.next = self.next_frame()?;
         }
         let first_s = &mut self.first_s;
-        Ok(self.next.as_ref().map(|frame| frame.state.time_s - *first_s.get_or_insert(frame.state.time_s)))
+        Ok(self.next.as_ref().map(|frame| frame.input.clock_s - *first_s.get_or_insert(frame.input.clock_s)))
     }
 
-    /// Plays the next frame in `world`, and compares its state with the recorded one; false at the end. `clock_s` is the time since the
-    /// start, where it is not the recorded one.
-    pub fn play_next(&mut self, world: &mut World, clock_s: Option<f64>) -> Result<bool, Failure> {
+    /// Plays the next frame in `world`, and compares its state with the recorded one; false at the end.
+    pub fn play_next(&mut self, world: &mut World) -> Result<bool, Failure> {
         self.next_time_s()?;
         let Some(frame) = self.next.take() else { return Ok(false) };
-        for action in &frame.actions {
-            world.act(*action);
-        }
-        world.step_at(clock_s.unwrap_or(frame.state.time_s), &frame.state);
+        world.step(&frame.input);
         self.played += 1;
         if world.state_hash() != frame.hash {
             self.differences += 1;
@@ -357,7 +343,7 @@ impl Replay {
                 self.differences,
                 self.played,
                 first.frame,
-                first.state.time_s
+                first.input.clock_s
             ))),
         }
     }

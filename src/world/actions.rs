@@ -6,7 +6,7 @@
 use super::body::PlacedBody;
 use super::edit_state::{Change, EditState, Posed, REST};
 use super::flow::{BodyPlace, HandState};
-use super::frame::World;
+use super::step::World;
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{Action, Asked, Ease, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest};
 use crate::stage::Workspace;
@@ -15,9 +15,8 @@ use nalgebra::Similarity3;
 use std::collections::BTreeSet;
 
 impl World {
-    /// Carries out a command, between frames.
-    pub fn act(&mut self, action: Action) {
-        self.pending.push(action);
+    /// Carries out a command, before the styli of a frame move.
+    pub(crate) fn carry_out(&mut self, action: Action) {
         let time_s = *self.graph.get(self.fields.time);
         match action {
             Action::LetGo => self.let_go(),
@@ -48,6 +47,8 @@ impl World {
             Action::SetAside(_) => {}
             Action::ScaleScene(factor) => self.edit.navigation.scale(factor),
             Action::Measure => self.measure(),
+            Action::NextField => self.field_changes += 1,
+            Action::Clear => self.effects.iter_mut().for_each(|effect| effect.clear()),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::body_memory::BodyMemory;
 use super::force_scale::ForceScale;
+use super::frame::BodyFrame;
 use super::highlight::Highlight;
 use super::place;
 use super::times::StepTimes;
@@ -35,7 +36,7 @@ pub struct PlacedBody {
     pub is_fitted: bool,
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
-    /// Per control element: whether a hand can take it, which part of it a ray can hit, and its highlight now.
+    /// Per control element: whether a hand can take it, and which part of it a ray can hit.
     pub controls: Vec<PlacedControl>,
     /// Names of its model and its effects, as in the scene.
     pub model: String,
@@ -43,8 +44,6 @@ pub struct PlacedBody {
     color: Color,
     /// Lines and image on the surface.
     pub pattern: Pattern,
-    /// Where an effect shows a field in colours: the code of every vertex ([`crate::render::field_code`]).
-    pub field: Option<Vec<[u8; 4]>>,
     /// Where an effect shows forces: how.
     pub force_scale: Option<ForceScale>,
     /// What errors to expect of it, where that was measured for its model.
@@ -60,12 +59,9 @@ pub struct PlacedBody {
     range_left: bool,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
     passing_m: f64,
-    /// Whether it was deformed, or coloured anew, since it was last uploaded.
-    pub moved: bool,
-    pub recolour: bool,
-    /// How often it was deformed, and what that took in this frame.
+    /// How often it was deformed since the start of the session, and what that took in this frame.
     pub deformations: u64,
-    /// Of its deformed positions, after so many deformations.
+    /// Of its deformed positions, as its surface was in this version ([`Deformer::version`]).
     pub(super) positions_hash: Option<(u64, blake3::Hash)>,
     pub times: StepTimes,
     /// What went wrong in this frame.
@@ -74,7 +70,6 @@ pub struct PlacedBody {
 
 pub struct PlacedControl {
     pub grab: Grab,
-    pub highlight: Highlight,
     pub(super) limiter: PoseLimiter,
     shape: PickShape,
     /// Its surface nodes as balls, for a ray that passes by.
@@ -111,7 +106,6 @@ pub fn place(
             home,
             is_fitted: body.place.is_none(),
             ball,
-            field: None,
             force_scale: None,
             expected: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
@@ -123,8 +117,6 @@ pub fn place(
             range: measured_range(file, &deformer.body),
             range_left: false,
             passing_m: PASSING_BY * stage.workspace.radius_m,
-            moved: true,
-            recolour: true,
             deformations: 0,
             positions_hash: None,
             times: StepTimes::default(),
@@ -216,8 +208,7 @@ impl PlacedBody {
         }
         self.room_from_body = memory.room_from_body;
         self.range_left = memory.range_left;
-        (self.deformations, self.positions_hash) = (memory.deformations, None);
-        (self.moved, self.recolour) = (true, true);
+        self.deformations = memory.deformations;
         Ok(())
     }
 
@@ -257,12 +248,12 @@ impl PlacedBody {
 
     /// sRGB and mark per vertex that is drawn: the body has its colour or shows a field, fixed control elements are grey, and those that can be taken orange,
     /// brighter while a ray points at them and green while a hand holds them.
-    pub fn colours(&self) -> Vec<[u8; 4]> {
+    pub fn colours(&self, shown: &BodyFrame) -> Vec<[u8; 4]> {
         let Color([r, g, b]) = self.color;
         let plain = || vec![[r, g, b, 0]; self.deformer.node_count()];
-        let mut colours = self.field.clone().unwrap_or_else(plain);
-        for (c, control) in self.controls.iter().enumerate() {
-            let [r, g, b] = match (control.grab, control.highlight) {
+        let mut colours = shown.colours.as_ref().map_or_else(plain, |codes| codes.to_vec());
+        for (c, (control, highlight)) in self.controls.iter().zip(&shown.highlights).enumerate() {
+            let [r, g, b] = match (control.grab, highlight) {
                 (Grab::Fixed, _) => [128, 130, 136],
                 (Grab::Dragger, Highlight::Idle) => [224, 138, 52],
                 (Grab::Dragger, Highlight::Hovered) => [255, 186, 96],
@@ -285,7 +276,6 @@ fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Ve
         .enumerate()
         .map(|(c, grab)| PlacedControl {
             grab,
-            highlight: Highlight::Idle,
             limiter: PoseLimiter::default(),
             shape: PickShape::new(&surface, deformer.control_nodes(c)),
             near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },

@@ -280,7 +280,7 @@ impl Fields {
         graph.compute(*surface, "sum", *coefficients, move |bodies: &mut Bodies, _: &BodyState| {
             let body = &mut bodies[b];
             body.deformer.deform();
-            (body.moved, body.deformations) = (true, body.deformations + 1);
+            body.deformations += 1;
             body.times.deform_s = body.deformer.times.deform_s;
             body.times.normals_s = body.deformer.times.normals_s;
             SurfaceVersion(body.deformations)

@@ -2,10 +2,10 @@
 //!
 //! In: the ray of the stylus to which keys refer. Out: the ends of a [`Ruler`]. Nothing is done in a frame without one.
 
-use super::frame::World;
 use super::ruler::{Measured, Ruler, SurfacePoint};
+use super::step::World;
 use crate::base::plates::{Anchor, Plate};
-use crate::render::{Ball, Line};
+use crate::render::{Ball, Drawable, Line};
 use nalgebra::Point3;
 
 /// Radius of the balls at its ends, against the workspace's.
@@ -63,19 +63,20 @@ impl World {
         };
         let ends: Vec<Point3<f64>> = self.edit.ruler.ends.iter().map(in_room).collect();
         let radius_m = (END * self.stage.workspace.radius_m) as f32;
-        self.frame.balls.extend(ends.iter().map(|end| Ball { center: end.cast(), radius_m, color: COLOR }));
+        for end in &ends {
+            self.frame.draw(Drawable::Ball(Ball { center: end.cast(), radius_m, color: COLOR }));
+        }
         let plate = match (&ends[..], self.measured()) {
             ([a, b], Some(measured)) => {
                 let [red, green, blue] = COLOR;
-                for (opacity, over) in [(1.0, 0.0), (0.35, 1.0)] {
-                    let line = Line::new(*a, *b, [red, green, blue, opacity], 3.0);
-                    self.frame.lines.push(Line { over, ..line });
-                }
+                let line =
+                    |(opacity, over)| Line { over, ..Line::new(*a, *b, [red, green, blue, opacity], 3.0) };
+                self.frame.draw(Drawable::Lines([(1.0, 0.0), (0.35, 1.0)].map(line).to_vec()));
                 Plate::of(Anchor::Place(nalgebra::center(a, b).into()), measured.words())
             }
             _ => Plate::of(Anchor::Place(ends[0].into()), "ruler: M again sets the other end"),
         };
-        self.frame.plates.push(plate);
+        self.frame.draw(Drawable::Plate(plate));
     }
 }
 
@@ -96,7 +97,7 @@ mod tests {
         let rotation = rotation_towards(&(to - from), 0.0).unwrap();
         let room_from_stylus = Isometry3::from_parts(Translation3::from(from.coords), rotation).cast();
         let styli = vec![StylusState { room_from_stylus, ..StylusState::default() }];
-        world.step(&TrackerState { head: None, styli, time_s: 0.0 });
+        world.step(&TrackerState { head: None, styli, time_s: 0.0 }.into());
     }
 
     /// A turn of both ends turns the whole block, which changes no distance; a stretch moves the points at its ends by itself.
@@ -104,10 +105,14 @@ mod tests {
     fn the_ruler_follows_the_material_through_an_affine_motion() {
         let mut world = world("ruler");
         aim(&mut world, -0.3, 0.2);
-        world.act(Action::Measure);
+        world.carry_out(Action::Measure);
         aim(&mut world, 0.45, -0.35);
-        assert!(world.measured().is_none() && world.frame.plates.len() == 1 && world.frame.balls.len() == 1);
-        world.act(Action::Measure);
+        assert!(
+            world.measured().is_none()
+                && world.frame.all(Drawable::plate).count() == 1
+                && world.frame.all(Drawable::ball).count() == 1
+        );
+        world.carry_out(Action::Measure);
         let rest = Vector3::new(0.75, 0.0, -0.55);
         let told = |world: &World| -> Measured { world.measured().unwrap() };
         assert!((told(&world).now_m - f64::hypot(rest.x, rest.z)).abs() < 1e-5, "{:?}", told(&world));
@@ -126,12 +131,12 @@ mod tests {
         let Measured { now_m, rest_m, .. } = told(&world);
         assert!((now_m - rest_m).abs() < 1e-5, "{now_m} m, {rest_m} m");
         // Stretched along x the free sides draw in; the held ends do not, and go where the map has them.
-        world.act(Action::Measure);
+        world.carry_out(Action::Measure);
         assert!(world.measured().is_none(), "the third time takes it away");
         posed(&mut world, Matrix3::identity());
         for x in [-0.999, 0.999] {
             aim(&mut world, x, 0.1);
-            world.act(Action::Measure);
+            world.carry_out(Action::Measure);
         }
         let stretch = Matrix3::from_diagonal(&Vector3::new(1.1, 1.0, 1.0));
         posed(&mut world, stretch);
@@ -141,19 +146,30 @@ mod tests {
             "{now_m} m, {rest_m} m"
         );
         aim(&mut world, 0.0, 0.0);
-        assert_eq!((world.frame.lines.len(), world.frame.balls.len(), world.frame.plates.len()), (2, 2, 1));
-        let words = &world.frame.plates[0].lines[0][0].0;
+        assert_eq!(
+            (
+                world.frame.all(Drawable::lines).flatten().count(),
+                world.frame.all(Drawable::ball).count(),
+                world.frame.all(Drawable::plate).count()
+            ),
+            (2, 2, 1)
+        );
+        let words = &world.frame.all(Drawable::plate).next().unwrap().lines[0][0].0;
         assert!(words.contains(", at rest 2.00 m: +"), "{words}");
-        world.act(Action::Reset);
+        world.carry_out(Action::Reset);
         aim(&mut world, 0.0, 0.0);
-        assert!(world.frame.plates.is_empty() && world.frame.lines.is_empty(), "as at the start");
+        assert!(
+            world.frame.all(Drawable::plate).next().is_none()
+                && world.frame.all(Drawable::lines).next().is_none(),
+            "as at the start"
+        );
     }
 
     #[test]
     fn a_ray_that_hits_nothing_sets_no_end() {
         let mut world = world("ruler-missed");
         aim(&mut world, 5.0, 0.0);
-        world.act(Action::Measure);
+        world.carry_out(Action::Measure);
         assert!(world.edit.ruler == Ruler::default() && world.warnings.len() == 1);
     }
 }

@@ -1,7 +1,15 @@
 //! All that moves in one frame: bodies at their places, hands, the graph of fields that joins them.
 //!
-//! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`](crate::prepare) finds or makes it), a stage, and what the trackers
-//! say. Out: a [`World`] that [`World::step`] moves on by one frame. It knows no window and no device.
+//! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`](crate::prepare) finds or makes it), a stage, and an [`Input`] per
+//! frame. Out: a [`World`] that [`World::step`] moves on by one frame, and the [`Frame`] that it shows. It knows no window and no device.
+//!
+//! | type | what it is | lasts for |
+//! |---|---|---|
+//! | [`World`] | what was loaded, and the state with all that follows from it | a session |
+//! | [`State`] | all that changes from frame to frame, as plain data: it is taken, stored and put back between any two frames | a session |
+//! | [`Input`] | what comes from outside: head and styli, commands, arrivals from the background | a frame |
+//! | [`Frame`] | what is shown: colours, forces, drawables, warnings, times | a frame |
+//! | [`RunningEffect`] | what an opt-in effect adds in the four phases of a frame | a session |
 
 pub mod actions;
 pub mod body;
@@ -14,6 +22,7 @@ pub mod force_scale;
 pub mod frame;
 pub mod hand;
 pub mod highlight;
+pub mod input;
 pub mod measure;
 pub mod overlap;
 pub mod place;
@@ -21,6 +30,7 @@ pub mod ruler;
 pub mod running;
 pub mod state;
 pub mod state_hash;
+pub mod step;
 pub mod times;
 pub mod touch;
 pub mod touching;
@@ -31,11 +41,14 @@ pub use body::PlacedBody;
 pub use edit_state::EditState;
 pub use flow::{Bodies, Fields};
 pub use force::HeldForce;
-pub use frame::{Frame, RunningEffect, World};
+pub use frame::{BodyFrame, Frame};
 pub use hand::shape;
 pub use highlight::Highlight;
+pub use input::Input;
 pub use ruler::SurfacePoint;
+pub use running::RunningEffect;
 pub use state::State;
+pub use step::World;
 pub use times::StepTimes;
 pub use turn_limits::{TurnLimits, Verdict, out_of_range, out_of_range_of};
 pub use wrench_error::{WrenchError, why_unknown, wrench_error, wrench_error_of};

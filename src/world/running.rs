@@ -1,5 +1,17 @@
-//! The memory of effects: what each keeps from one frame to the next, as JSON.
+//! An effect as it takes part in a world: its phases in a frame, and its memory.
+//!
+//! | phase of a frame | sees | adds |
+//! |---|---|---|
+//! | [`input`](RunningEffect::input) | what trackers, mouse or script say; not in a replay | other poses of styli |
+//! | [`solve`](RunningEffect::solve) | hands and poses of this frame, bodies as they were shaped last | coefficients, energy, slopes, curvatures |
+//! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours |
+//! | [`show`](RunningEffect::show) | the whole frame | what is drawn and written, warnings |
 
+use super::frame::{BodyFrame, Frame};
+use super::step::World;
+use crate::base::plates::Words;
+use crate::deform::Contribution;
+use crate::track::{Source, TrackerState};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
@@ -15,4 +27,65 @@ pub fn written(memory: &impl Serialize) -> Option<Memory> {
 /// Reads a memory.
 pub fn read<T: DeserializeOwned>(memory: &Memory) -> Result<T, String> {
     serde_json::from_str(memory.get()).map_err(|error| error.to_string())
+}
+
+/// An effect of a world, until it is dropped; a thread that it has started ends with it.
+pub trait RunningEffect {
+    /// As scenes name it.
+    fn name(&self) -> &'static str;
+
+    /// Changes what trackers, script or mouse say, before the world goes through a frame. A replay, whose recording holds what came
+    /// of it, does not ask.
+    fn input(&mut self, _state: &mut TrackerState) {}
+
+    /// Whether it acts on bodies ([`RunningEffect::solve`]).
+    fn acts(&self) -> bool {
+        false
+    }
+
+    /// Adds to what the bodies' shapes, energies and forces are made of in this frame, whose hands and poses are known. The bodies
+    /// are as they were shaped in the frame before. Effects act one after the other, in the order of the program's table of effects.
+    fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
+
+    /// Sees the bodies in the shape of this frame, and colours them.
+    fn surface(&mut self, _world: &World, _bodies: &mut [BodyFrame]) {}
+
+    /// Sees the world at the end of a frame, and adds what is drawn.
+    fn show(&mut self, _world: &World, _frame: &mut Frame) {}
+
+    /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what is drawn of it.
+    fn before_picture(&mut self, _world: &World, _frame: &mut Frame) {}
+
+    /// What it keeps from one frame to the next; `None` where all that it shows follows from the frame.
+    fn memory(&self) -> Option<Memory> {
+        None
+    }
+
+    /// Goes on from what an effect of the same scene kept. The error says why it cannot.
+    fn set_memory(&mut self, _memory: &Memory) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Forgets what was drawn of the past, such as a curve.
+    fn clear(&mut self) {}
+
+    /// What it has recorded, as a CSV table.
+    fn table(&self) -> Option<String> {
+        None
+    }
+
+    /// What the effect's device of this name measures, as a tracker's source; once.
+    fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {
+        None
+    }
+
+    /// Rows of the overlay for each of its devices, as they are now.
+    fn readings(&mut self) -> Vec<Vec<Words>> {
+        Vec::new()
+    }
+
+    /// How it went, in lines for the end of a session.
+    fn summary(&mut self) -> String {
+        String::new()
+    }
 }

@@ -6,9 +6,10 @@
 use super::body::PlacedBody;
 use super::body_memory::BodyMemory;
 use super::edit_state::EditState;
-use super::frame::{MOST_STYLI, World};
+use super::frame::Frame;
 use super::ruler::SurfacePoint;
 use super::running::Memory;
+use super::step::{MOST_STYLI, World};
 use crate::field::FieldState;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -52,12 +53,6 @@ impl World {
         })
     }
 
-    /// The state from which a recording begins: commands that were carried out already are part of it, and not of the next frame.
-    pub fn begin(&mut self) -> serde_json::Result<State> {
-        self.pending.clear();
-        self.state()
-    }
-
     /// Goes on from the state of a world of the same scene and stage. The error says what does not fit; the world is then not to be used.
     pub fn set_state(&mut self, state: &State) -> Result<(), String> {
         let (found, expected) = (state.bodies.len(), self.bodies.len());
@@ -93,7 +88,8 @@ impl World {
         self.field_changes = state.field_changes;
         self.warnings = state.warnings.clone();
         self.told = state.told.clone();
-        (self.actions, self.pending) = (Vec::new(), Vec::new());
+        self.frame = Frame::of(&self.bodies);
+        self.colour();
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The state of a world as a hash in hexadecimal digits, by which a replay is compared with its recording.
 
-use super::frame::World;
+use super::step::World;
 
 impl World {
     /// blake3 over the bits of all that a frame makes: the head's pose, and per body its place, control poses,
@@ -30,11 +30,12 @@ impl World {
             }
         }
         for body in &mut self.bodies {
+            let version = body.deformer.version;
             let hash = match body.positions_hash {
-                Some((deformations, hash)) if deformations == body.deformations => hash,
+                Some((of, hash)) if of == version => hash,
                 _ => blake3::hash(bytemuck::cast_slice(body.deformer.positions().as_ref())),
             };
-            body.positions_hash = Some((body.deformations, hash));
+            body.positions_hash = Some((version, hash));
             hasher.update(hash.as_bytes());
         }
         hasher.finalize().to_hex().to_string()

@@ -6,6 +6,7 @@ use crate::green;
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::prepare;
+use crate::render::Drawable;
 use crate::scene::Scene;
 use crate::stage::rotation_towards;
 use crate::stage::{Eye, Stage};
@@ -63,7 +64,10 @@ fn a_block_keeps_its_sharp_edges() {
     let (positions, normals) =
         (body.deformer.drawn_positions().into_owned(), body.deformer.normals().into_owned());
     assert_eq!([positions.len(), normals.len()], [nodes + corners_and_edges; 2]);
-    assert_eq!((body.deformer.positions().len(), body.colours().len()), (nodes, positions.len()));
+    assert_eq!(
+        (body.deformer.positions().len(), body.colours(&world.frame.bodies[0]).len()),
+        (nodes, positions.len())
+    );
     let is_axis = |n: &[f32; 3]| n.iter().filter(|x| (x.abs() - 1.0).abs() < 1e-6).count() == 1;
     assert!(normals.iter().all(is_axis), "{normals:?}");
     for (drawn, nodes) in body.deformer.drawn_triangles().iter().zip(body.deformer.triangles()) {
@@ -78,16 +82,16 @@ fn a_block_keeps_its_sharp_edges() {
 fn the_stylus_carries_the_end_of_a_fitted_body() {
     let mut world = world("carry");
     let at_end = |world: &World, y: f64, pressed| state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed);
-    world.step(&at_end(&world, 0.0, false));
-    assert_eq!(world.bodies[0].controls[1].highlight, Highlight::Hovered);
-    world.step(&at_end(&world, 0.0, true));
-    assert_eq!(world.bodies[0].controls[1].highlight, Highlight::Held);
-    world.step(&at_end(&world, 0.2, true));
+    world.step(&at_end(&world, 0.0, false).into());
+    assert_eq!(world.frame.bodies[0].highlights[1], Highlight::Hovered);
+    world.step(&at_end(&world, 0.0, true).into());
+    assert_eq!(world.frame.bodies[0].highlights[1], Highlight::Held);
+    world.step(&at_end(&world, 0.2, true).into());
     // The block of 2 m fills 0.95 of the workspace: 0.2 of the radius are 0.2 / 0.95 of its half length of 1 m.
     let carried = world.bodies[0].deformer.poses[1].translation;
     assert!((carried - Vector3::new(0.0, 0.2 / 0.95, 0.0)).norm() < 1e-6, "{carried}");
     assert_eq!(world.bodies[0].deformer.poses[0], ControlPose::REST);
-    world.step(&at_end(&world, 0.5, false));
+    world.step(&at_end(&world, 0.5, false).into());
     assert_eq!(world.bodies[0].deformer.poses[1].translation, carried, "it stays where it was let go");
     world.reset();
     assert_eq!(world.bodies[0].deformer.poses[1], ControlPose::REST);
@@ -103,11 +107,11 @@ fn a_ray_that_passes_by_takes_a_planar_end_and_a_fixed_one_is_never_taken() {
         (1.05, Highlight::Idle),
         (0.8, Highlight::Idle),
     ] {
-        world.step(&from_above(&world, x));
-        assert_eq!(world.bodies[0].controls[1].highlight, highlight, "x = {x}");
+        world.step(&from_above(&world, x).into());
+        assert_eq!(world.frame.bodies[0].highlights[1], highlight, "x = {x}");
     }
-    world.step(&from_above(&world, -0.95));
-    assert_eq!(world.bodies[0].controls[0].highlight, Highlight::Idle);
+    world.step(&from_above(&world, -0.95).into());
+    assert_eq!(world.frame.bodies[0].highlights[0], Highlight::Idle);
 }
 
 #[test]
@@ -115,12 +119,12 @@ fn an_eye_behind_a_screen_has_no_view() {
     let mut world = world("behind");
     assert!(world.view(1, Eye::Left).is_some());
     let behind = Isometry3::translation(0.0, 1.5, -0.5);
-    world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 2.5 });
+    world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 2.5 }.into());
     assert!(world.view(1, Eye::Left).is_none() && world.view(1, Eye::Left).is_none());
     let [(time_s, said)] = world.warnings.as_slice() else { panic!("{:?}", world.warnings) };
     assert!(*time_s == 2.5 && said.starts_with("left eye: "), "{time_s} s: {said}");
     let lost = Isometry3::translation(f32::NAN, 1.5, 1.0);
-    world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 3.0 });
+    world.step(&TrackerState { head: Some(lost), styli: vec![], time_s: 3.0 }.into());
     assert_eq!(world.room_from_head, behind.cast(), "a lost head stays where it was");
 }
 
@@ -144,9 +148,9 @@ fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
     let mut go_on = |worlds: &mut [&mut World], y: f64, pressed: bool, action: Option<Action>| {
         frame += 1;
         let hashes = worlds.iter_mut().map(|world| {
-            action.into_iter().for_each(|action| world.act(action));
+            action.into_iter().for_each(|action| world.carry_out(action));
             let input = carry(world, y, pressed, 0.1 * f64::from(frame));
-            world.step(&input);
+            world.step(&input.clone().into());
             (world.state_hash(), serde_json::to_string(&world.state().unwrap()).unwrap())
         });
         let hashes: Vec<_> = hashes.collect();
@@ -202,14 +206,14 @@ fn keys_act_where_the_cursor_points_though_another_stylus_is_lost() {
     let lost = StylusState { signal: Signal::Lost { age_s: 9.0 }, ..tracked.styli[0] };
     let mouse = StylusState { from_eye: true, ..tracked.styli[0] };
     tracked.styli = vec![lost, lost, mouse];
-    world.step(&tracked);
+    world.step(&tracked.clone().into());
     assert_eq!(world.cursor(), Some(2));
     let key = crate::render::window::Key::Char('p');
     assert_eq!(crate::session::keys::action(key, false, &world), Some(Action::SetAside(0)));
     tracked.styli = vec![lost, StylusState { from_eye: false, ..mouse }, mouse];
-    world.step(&tracked);
+    world.step(&tracked.clone().into());
     assert_eq!(world.cursor(), Some(2), "the one that aims from the eye");
     tracked.styli[2] = lost;
-    world.step(&tracked);
+    world.step(&tracked.clone().into());
     assert_eq!(world.cursor(), Some(1), "else the first one that is seen");
 }

@@ -3,12 +3,12 @@
 //! In: [`Touches`] of a frame. Out: a ball, an arrow and the newtons of each touched point; fields that are set.
 
 use super::body::PlacedBody;
-use super::frame::World;
+use super::step::World;
 use super::touch::{Touch, Touches};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::interact::{Taking, force_arrow};
-use crate::render::{Arrow, Ball};
+use crate::render::{Arrow, Ball, Drawable};
 use nalgebra::Point3;
 
 /// Radius of the ball at a touched point and of its arrow's shaft, and the longest arrow, against the workspace's radius.
@@ -46,7 +46,7 @@ impl World {
         let radius_m = self.stage.workspace.radius_m;
         for touch in touches.coming() {
             let words = "solving for this point".to_owned();
-            self.frame.plates.push(Plate::of(Anchor::Place(touch.place_in_room.into()), words));
+            self.frame.draw(Drawable::Plate(Plate::of(Anchor::Place(touch.place_in_room.into()), words)));
         }
         let mut shown = vec![0; self.bodies.len()];
         for touch in touches.all() {
@@ -57,22 +57,22 @@ impl World {
             // The body pulls the hand back.
             let force = -(body.room_from_body.isometry.rotation * result.force);
             let radius = (BALL * radius_m) as f32;
-            self.frame.balls.push(Ball { center: place.cast(), radius_m: radius, color: COLOR });
+            self.frame.draw(Drawable::Ball(Ball { center: place.cast(), radius_m: radius, color: COLOR }));
             if let Some(arrow) = force_arrow(&place, &force, touch.full_n, LONGEST * radius_m) {
-                self.frame.arrows.push(Arrow {
+                self.frame.draw(Drawable::Arrow(Arrow {
                     from: arrow.from.cast(),
                     along: arrow.along.cast(),
                     radius_m: (SHAFT * radius_m) as f32,
                     color: COLOR,
                     through: true,
-                });
+                }));
             }
             let newtons = quantity(force.norm(), "N");
             let words = match touch.spring {
                 Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
                 None => format!("{newtons}, held in place"),
             };
-            self.frame.plates.push(Plate::of(Anchor::Place(place.into()), words));
+            self.frame.draw(Drawable::Plate(Plate::of(Anchor::Place(place.into()), words)));
         }
     }
 

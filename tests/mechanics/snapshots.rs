@@ -2,6 +2,7 @@
 
 use greenstage::deform::{ControlPose, Kind, MODELS, ModelEntry};
 use greenstage::effect::EFFECTS;
+use greenstage::render::Drawable;
 use greenstage::scene::Scene;
 use greenstage::session::{Request, Session};
 use greenstage::world::State;
@@ -54,7 +55,8 @@ fn shown(session: &mut Session, model: &ModelEntry, frame: usize) -> (String, St
     session.advance(frame as f64 / 100.0).unwrap();
     let world = &mut session.world;
     let hash = world.state_hash();
-    (hash, format!("{:?}", world.frame.plates), world.bodies[0].colours())
+    let plates: Vec<_> = world.frame.all(Drawable::plate).collect();
+    (hash, format!("{plates:?}"), world.bodies[0].colours(&world.frame.bodies[0]))
 }
 
 #[test]

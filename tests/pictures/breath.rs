@@ -80,7 +80,7 @@ impl RunningEffect for Breath {
         true
     }
 
-    fn act(&mut self, world: &World, contributions: &mut [Contribution]) {
+    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
         let now_s = *world.graph.get(world.fields.time);
         let pose: &ControlPose = world.graph.get(world.fields.bodies[self.b].poses[1]);
         // What was done so far matters: a held body breathes faster.
@@ -150,7 +150,7 @@ fn pose(frame: usize) -> ControlPose {
 fn step(world: &mut World, frame: usize) {
     let field = world.fields.bodies[0].poses[1];
     world.graph.restore(field, pose(frame));
-    world.step(&TrackerState { time_s: frame as f64 / 50.0, ..Default::default() });
+    world.step(&TrackerState { time_s: frame as f64 / 50.0, ..Default::default() }.into());
 }
 
 #[test]

@@ -34,9 +34,13 @@ fn drawn(
 ) -> RgbaImage {
     let room_from_shape = Matrix4::from_axis_angle(&Vector3::y_axis(), turn);
     let shape = shape(square(0.5, [0.0; 3], [0; 4]));
-    let ghosts = [Ghost { shape, room_from_shape, color: [1.0, 1.0, 1.0, 0.8], through }];
-    let contents =
-        FrameContents { ghosts: &ghosts, bodies, lighting: black_room(), ..FrameContents::default() };
+    let ghosts = [Drawable::Ghost(Ghost { shape, room_from_shape, color: [1.0, 1.0, 1.0, 0.8], through })];
+    let contents = FrameContents {
+        drawables: [&ghosts, &[]],
+        bodies,
+        lighting: black_room(),
+        ..FrameContents::default()
+    };
     draw_full(gpu, renderer, SIZE, view(), &contents)
 }
 
@@ -100,7 +104,11 @@ fn a_broken_shape_is_not_drawn() {
     for (normals, triangles) in [(vec![[0.0; 3]; 2], vec![[0, 1, 2]]), (vec![[0.0; 3]; 3], vec![[0, 1, 3]])] {
         let shape = Arc::new(GhostShape { positions: positions.clone(), normals, triangles });
         let ghost = Ghost { shape, room_from_shape: Matrix4::identity(), color: [1.0; 4], through: 1.0 };
-        let contents = FrameContents { ghosts: &[ghost], lighting: black_room(), ..FrameContents::default() };
+        let contents = FrameContents {
+            drawables: [&[Drawable::Ghost(ghost)], &[]],
+            lighting: black_room(),
+            ..FrameContents::default()
+        };
         let image = draw_full(&gpu, &mut renderer, SIZE, view(), &contents);
         assert!(image.pixels().all(|pixel| pixel.0[..3] == [0; 3]));
     }
@@ -115,10 +123,10 @@ fn a_line_over_everything_is_not_hidden() {
     let bodies = [BodyInstance { buffers: &buffers, room_from_body: Matrix4::identity() }];
     for (over, is_seen) in [(0.0, false), (1.0, true)] {
         let line = Line::new(Point3::new(-0.1, 0.0, 0.0), Point3::new(0.1, 0.0, 0.0), [1.0; 4], 4.0);
-        let lines = [Line { over, ..line }];
+        let lines = [Drawable::Lines(vec![Line { over, ..line }])];
         let contents = FrameContents {
             bodies: &bodies,
-            lines: &lines,
+            drawables: [&lines, &[]],
             lighting: black_room(),
             ..FrameContents::default()
         };

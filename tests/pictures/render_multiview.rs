@@ -2,8 +2,8 @@
 
 use crate::render_common::{bent_tube, black_room, off_axis, require_gpu, square};
 use greenstage::render::{
-    Attachments, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Grid, Offscreen,
-    RenderError, Renderer, StylusShape, View, Viewport,
+    Attachments, BodyInstance, COLOR_FORMAT, DrawCounts, Drawable, EyePair, FrameContents, Gpu, Grid,
+    Offscreen, RenderError, Renderer, StylusShape, View, Viewport,
 };
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Rotation3, Vector3};
@@ -43,12 +43,13 @@ fn one_pass_for_both_eyes_draws_what_two_passes_draw() {
     let room_from_body = Matrix4::new_translation(&Vector3::new(0.0, 0.98, 0.08));
     let bodies = [BodyInstance { buffers: &tube, room_from_body }];
     let styli =
-        [pen(Vector3::new(0.3, 1.2, 0.3), None), pen(Vector3::zeros(), Some(Point3::new(0.1, 1.0, 0.0)))];
+        [pen(Vector3::new(0.3, 1.2, 0.3), None), pen(Vector3::zeros(), Some(Point3::new(0.1, 1.0, 0.0)))]
+            .map(Drawable::Stylus);
     let mut contents = FrameContents { bodies: &bodies, ..Default::default() };
     if gpu.is_software {
         contents.lighting = black_room();
     } else {
-        contents.styli = &styli;
+        contents.drawables = [&styli, &[]];
         contents.grid = Some(Grid::new(Point3::new(0.0, 0.78, 0.0), [1.6, 1.6], 0.1));
     }
     let [left, right] = eyes();
@@ -125,9 +126,9 @@ fn what_is_left_out_would_not_have_been_seen() {
             .map(|(buffers, scale)| BodyInstance { buffers, room_from_body: place(&mut random, scale) });
         let styli = [0, 1].map(|k| {
             let hit = (k == 1).then(|| Point3::from(random.vector()));
-            pen(random.vector() * 1.5, hit)
+            Drawable::Stylus(pen(random.vector() * 1.5, hit))
         });
-        let contents = FrameContents { bodies: &bodies, styli: &styli, ..Default::default() };
+        let contents = FrameContents { bodies: &bodies, drawables: [&styli, &[]], ..Default::default() };
         let eye = Point3::from(random.vector() * 1.2 + Vector3::new(0.0, 0.0, 1.6));
         let views =
             [-0.03, 0.03].map(|x| Some(off_axis(Point3::origin(), [0.8, 0.64], 0.0, eye + Vector3::x() * x)));

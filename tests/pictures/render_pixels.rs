@@ -66,7 +66,11 @@ fn ray_and_hit_point_land_on_their_projected_pixels() {
             bend: None,
             pressed,
         };
-        let contents = FrameContents { styli: &[stylus], lighting: black_room(), ..FrameContents::default() };
+        let contents = FrameContents {
+            drawables: [&[Drawable::Stylus(stylus)], &[]],
+            lighting: black_room(),
+            ..FrameContents::default()
+        };
         for view in eyes() {
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
             let expected = pixel_of(&view, SIZE, hit);
@@ -95,8 +99,9 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
     let view = off_axis(Point3::new(0.0, 1.0, 0.0), [1.0, 0.8], -0.3, Point3::new(0.0, 1.0, 0.9));
     let (from, along) = (Point3::new(-0.3, 1.0, -0.3), Vector3::new(0.6, 0.0, 0.0));
-    let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.4; 3], through: false }];
-    let contents = FrameContents { arrows: &arrows, lighting: black_room(), ..FrameContents::default() };
+    let arrows = [Drawable::Arrow(Arrow { from, along, radius_m: 0.02, color: [0.4; 3], through: false })];
+    let contents =
+        FrameContents { drawables: [&arrows, &[]], lighting: black_room(), ..FrameContents::default() };
     let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
     let brightness = |share: f32| {
         let [x, y] = pixel_of(&view, SIZE, from + along * share);
@@ -119,10 +124,11 @@ fn an_arrow_is_shown_through_what_stands_before_it() {
     }];
     let (from, along) = (Point3::new(-0.2, 1.0, -0.3), Vector3::new(0.4, 0.0, 0.0));
     for through in [false, true] {
-        let arrows = [Arrow { from, along, radius_m: 0.02, color: [0.9, 0.0, 0.0], through }];
+        let arrows =
+            [Drawable::Arrow(Arrow { from, along, radius_m: 0.02, color: [0.9, 0.0, 0.0], through })];
         let contents = FrameContents {
             bodies: &bodies,
-            arrows: &arrows,
+            drawables: [&arrows, &[]],
             lighting: black_room(),
             ..FrameContents::default()
         };
@@ -283,7 +289,12 @@ fn with_scene<R>(gpu: &Gpu, work: impl FnOnce(&FrameContents<'_>) -> R) -> R {
     let stylus =
         StylusShape { room_from_stylus, size_m: 0.2, ray_length_m: 1.0, hit, bend: None, pressed: false };
     let grid = Some(Grid::new(Point3::new(0.0, 0.8, 0.0), [1.0, 1.0], 0.1));
-    work(&FrameContents { bodies: &bodies, styli: &[stylus], grid, ..Default::default() })
+    work(&FrameContents {
+        bodies: &bodies,
+        drawables: [&[Drawable::Stylus(stylus)], &[]],
+        grid,
+        ..Default::default()
+    })
 }
 
 #[test]
@@ -463,7 +474,11 @@ fn a_body_of_nan_does_no_harm() {
         bend: None,
         pressed: false,
     };
-    let contents = FrameContents { bodies: &bodies, styli: &[broken], ..FrameContents::default() };
+    let contents = FrameContents {
+        bodies: &bodies,
+        drawables: [&[Drawable::Stylus(broken)], &[]],
+        ..FrameContents::default()
+    };
     let image = draw_full(&gpu, &mut renderer, [64, 64], eyes()[0], &contents);
     let empty = draw_full(&gpu, &mut renderer, [64, 64], eyes()[0], &FrameContents::default());
     assert_eq!(image, empty);

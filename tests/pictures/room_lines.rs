@@ -3,7 +3,9 @@
 
 use crate::render_common::{black_room, draw_full, off_axis, require_gpu};
 use greenstage::base::strips::{StripKind, Strips};
-use greenstage::render::{Arrow, Ball, COLOR_FORMAT, FrameContents, Gpu, Grid, Line, Quad, Renderer, View};
+use greenstage::render::{
+    Arrow, Ball, COLOR_FORMAT, Drawable, FrameContents, Gpu, Grid, Line, Quad, Renderer, View,
+};
 use image::RgbaImage;
 use nalgebra::{Point3, Vector3};
 
@@ -36,12 +38,17 @@ fn pipelines_are_made_with_the_first_thing_that_they_draw() {
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
     drawn(&gpu, &mut renderer, before(), &FrameContents::default());
     assert_eq!(renderer.made(), ["background"]);
-    let lines = [line([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], 2.0)];
-    drawn(&gpu, &mut renderer, before(), &FrameContents { lines: &lines, ..Default::default() });
+    let lines = [Drawable::Lines(vec![line([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], 2.0)])];
+    drawn(&gpu, &mut renderer, before(), &FrameContents { drawables: [&lines, &[]], ..Default::default() });
     assert_eq!(renderer.made(), ["background", "lines"]);
     let arrow =
         Arrow { from: Point3::origin(), along: Vector3::x(), radius_m: 0.1, color: [1.0; 3], through: false };
-    drawn(&gpu, &mut renderer, before(), &FrameContents { arrows: &[arrow], ..Default::default() });
+    drawn(
+        &gpu,
+        &mut renderer,
+        before(),
+        &FrameContents { drawables: [&[Drawable::Arrow(arrow)], &[]], ..Default::default() },
+    );
     assert_eq!(renderer.made(), ["solid", "background", "lines"]);
     let grid = Some(Grid::new(Point3::origin(), [1.0, 1.0], 0.1));
     drawn(&gpu, &mut renderer, before(), &FrameContents { grid, ..Default::default() });
@@ -61,9 +68,13 @@ fn a_line_is_as_wide_as_asked_for_wherever_it_runs() {
             (3.0, [0.3, 0.13, 1.4]),
             (2.0, [0.3, 0.23, -5.0]),
         ] {
-            let lines = [line([-0.4, -0.013, 0.0], to, width_px)];
-            let picture =
-                drawn(&gpu, &mut renderer, before(), &FrameContents { lines: &lines, ..Default::default() });
+            let lines = [Drawable::Lines(vec![line([-0.4, -0.013, 0.0], to, width_px)])];
+            let picture = drawn(
+                &gpu,
+                &mut renderer,
+                before(),
+                &FrameContents { drawables: [&lines, &[]], ..Default::default() },
+            );
             let linear = |value: u8| (f64::from(value) / 255.0).powf(2.2);
             // Upright through the line, a column at a time: the cosine of its slope makes it longer.
             let column = |x: u32| (0..SIZE[1]).map(|y| linear(picture.get_pixel(x, y)[1])).sum::<f64>();
@@ -87,8 +98,8 @@ fn a_line_that_passes_the_eye_is_cut_at_the_near_plane() {
     let Some(gpu) = require_gpu() else { return };
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
     let mut green = |from, to| {
-        let lines = [line(from, to, 2.0)];
-        let contents = FrameContents { lines: &lines, ..Default::default() };
+        let lines = [Drawable::Lines(vec![line(from, to, 2.0)])];
+        let contents = FrameContents { drawables: [&lines, &[]], ..Default::default() };
         let picture = drawn(&gpu, &mut renderer, before(), &contents);
         picture
             .enumerate_pixels()
@@ -109,14 +120,14 @@ fn a_line_that_passes_the_eye_is_cut_at_the_near_plane() {
 fn a_quad_has_a_front_and_a_back() {
     let Some(gpu) = require_gpu() else { return };
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
-    let quads = [Quad {
+    let quads = [Drawable::Quad(Quad {
         corner: [-0.2, -0.2, 0.0],
         right: [0.4, 0.0, 0.0],
         up: [0.0, 0.4, 0.0],
         front: [1.0, 0.0, 0.0, 0.5],
         back: [0.0, 0.0, 1.0, 0.25],
-    }];
-    let contents = FrameContents { quads: &quads, ..Default::default() };
+    })];
+    let contents = FrameContents { drawables: [&quads, &[]], ..Default::default() };
     let front = *drawn(&gpu, &mut renderer, before(), &contents).get_pixel(50, 40);
     let back = *drawn(&gpu, &mut renderer, behind(), &contents).get_pixel(50, 40);
     // 0.5 and 0.25 of linear light are 187.5 and 136.9 in sRGB; devices round as they like.
@@ -128,9 +139,14 @@ fn a_quad_has_a_front_and_a_back() {
 fn a_ball_covers_its_disc() {
     let Some(gpu) = require_gpu() else { return };
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
-    let balls = [Ball { center: Point3::new(0.2, 0.1, 0.0), radius_m: 0.1, color: [0.8, 0.2, 0.2] }];
-    let picture =
-        drawn(&gpu, &mut renderer, before(), &FrameContents { balls: &balls, ..Default::default() });
+    let balls =
+        [Drawable::Ball(Ball { center: Point3::new(0.2, 0.1, 0.0), radius_m: 0.1, color: [0.8, 0.2, 0.2] })];
+    let picture = drawn(
+        &gpu,
+        &mut renderer,
+        before(),
+        &FrameContents { drawables: [&balls, &[]], ..Default::default() },
+    );
     let covered: Vec<_> = picture.enumerate_pixels().filter(|(.., pixel)| pixel[0] > 30).collect();
     // A radius of 10 pixels about (70, 30).
     assert!((300..330).contains(&covered.len()), "{}", covered.len());
@@ -148,17 +164,25 @@ fn strips_with_a_shader_of_their_own_are_drawn_as_it_says() {
     let Some(gpu) = require_gpu() else { return };
     let [corner, right, up] = [[-0.3, -0.2, 0.0], [0.5, 0.1, 0.0], [0.0, 0.4, 0.1]];
     let (front, back) = ([0.1, 0.6, 0.2, 0.5], [0.7, 0.1, 0.1, 1.0]);
-    let quads = [Quad { corner, right, up, front, back }];
+    let quads = [Drawable::Quad(Quad { corner, right, up, front, back })];
     let instances = [&corner[..], &right, &up, &front, &back].concat();
-    let strips = [Strips { kind: &KIND, instances }];
+    let strips = [Drawable::Strips(Strips { kind: &KIND, instances })];
     for view in [before(), behind()] {
         let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 4).unwrap();
-        let expected =
-            drawn(&gpu, &mut renderer, view, &FrameContents { quads: &quads, ..Default::default() });
+        let expected = drawn(
+            &gpu,
+            &mut renderer,
+            view,
+            &FrameContents { drawables: [&quads, &[]], ..Default::default() },
+        );
         assert!(expected.pixels().any(|pixel| pixel.0[..3] != [0; 3]), "the quad is in the picture");
         assert!(!renderer.made().contains(&"custom strips"));
-        let found =
-            drawn(&gpu, &mut renderer, view, &FrameContents { strips: &strips, ..Default::default() });
+        let found = drawn(
+            &gpu,
+            &mut renderer,
+            view,
+            &FrameContents { drawables: [&strips, &[]], ..Default::default() },
+        );
         assert!(renderer.made().contains(&"custom strips"));
         assert_eq!(found, expected);
     }

@@ -202,7 +202,7 @@ fn a_changed_session_is_told_by_its_first_frame() {
     // The stylus of a frame in the middle of the bend, moved by hand.
     let frame: serde_json::Value = serde_json::from_str(&lines[first + 100]).unwrap();
     let mut moved = frame.clone();
-    moved["state"]["styli"][0]["room_from_stylus"][1] = serde_json::json!(0.5);
+    moved["input"]["trackers"]["styli"][0]["room_from_stylus"][1] = serde_json::json!(0.5);
     let mut changed = lines.clone();
     changed[first + 100] = moved.to_string();
     write(&folder, &changed);
@@ -347,7 +347,7 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     for x in [-0.5, 0.9] {
         aim(&mut session, [x, 0.0]);
         advance(&mut session);
-        session.world.act(Action::Measure);
+        session.act(Action::Measure);
     }
     let hold = |pressed| MouseInput::Button { button: Button::Left, pressed };
     advance(&mut session);

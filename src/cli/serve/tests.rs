@@ -62,7 +62,7 @@ impl Lab {
             let stylus = state.styli[0];
             let off = stylus.room_from_stylus.to_homogeneous() - room_from_stylus.to_homogeneous();
             if off.amax() < 1e-6 && stylus.pressed == pressed && stylus.signal == Signal::Live {
-                world.step(&state);
+                world.step(&state.clone().into());
                 return stylus;
             }
             assert!(now_s() < deadline_s, "the stylus never came: {stylus:?}, {off}");
@@ -140,7 +140,7 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
     for _ in 0..5 {
         let state = lab.trackers.state(now_s());
         assert!(!state.styli[0].pressed);
-        world.step(&state);
+        world.step(&state.clone().into());
     }
     assert_eq!(world.bodies[0].deformer.poses, bent);
     let _serving = serve(place, &source);

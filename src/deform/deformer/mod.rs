@@ -50,6 +50,8 @@ pub struct Deformer {
     /// What the model made of the poses.
     pub state: BodyState,
     pub times: FrameTimes,
+    /// Counts how often the surface was summed: whoever draws it compares this with what it has drawn.
+    pub version: u64,
     /// That for which the surface was last summed.
     summed: BodyState,
     /// How much each part moves each node, of a body of several parts.
@@ -143,6 +145,7 @@ impl Deformer {
             drawn: Vec::new(),
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
+            version: 0,
             model,
             kind,
             frame,
@@ -275,6 +278,7 @@ impl Deformer {
     /// Second half: state → displacements, positions, normals.
     pub fn deform(&mut self) -> SumStats {
         let started = Instant::now();
+        self.version += 1;
         let (file, body) = (&self.file, &self.body);
         self.summed.clone_from(&self.state);
         let (c, parts) = (&self.summed.coefficients, &self.summed.parts);

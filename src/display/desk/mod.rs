@@ -133,7 +133,7 @@ impl Desk {
                 Some(Input::Button { window, button: Button::Middle, pressed })
             }
             Input::Wheel { lines, .. } if !self.input.modifiers.ctrl => {
-                session.world.act(scale(lines.into()));
+                session.act(scale(lines.into()));
                 None
             }
             Input::Key { key: Key::Char('z'), pressed, .. } if self.input.modifiers.ctrl => {

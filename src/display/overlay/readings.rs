@@ -5,7 +5,9 @@ use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench};
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
-use crate::world::{Highlight, PlacedBody, TurnLimits, World, WrenchError, why_unknown, wrench_error};
+use crate::world::{
+    BodyFrame, Highlight, PlacedBody, TurnLimits, World, WrenchError, why_unknown, wrench_error,
+};
 
 /// The readings that the overlay shows beside times.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -117,7 +119,12 @@ impl SensorReading {
 impl Readings {
     /// The readings that a world gives; the caller adds those of device and trackers.
     pub fn of(world: &World) -> Self {
-        let bodies = world.bodies.iter().map(body_reading).collect();
+        let bodies = world
+            .bodies
+            .iter()
+            .zip(&world.frame.bodies)
+            .map(|(body, shown)| body_reading(body, shown))
+            .collect();
         Self {
             stage: world.stage.name.clone(),
             mode: world.mode().name() + world.taking_words(),
@@ -172,7 +179,7 @@ fn error_reading(
     (model.is_some() || mesh.is_some() || is_unknown).then_some(ErrorReading { model, mesh, unknown })
 }
 
-pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
+pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading {
     let deformer = &body.deformer;
     // A file may hold S for its model alone; force is shown where the scene asks for it.
     let felt = body.force_scale.is_some();
@@ -182,17 +189,17 @@ pub(super) fn body_reading(body: &PlacedBody) -> BodyReading {
         // A hand feels the torque about where the element is.
         Some(ForceReading { wrench: wrenches.as_ref()?.get(c)?.about_the_place(pose), error })
     };
-    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&body.controls).enumerate();
+    let controls = deformer.controls.iter().zip(&deformer.poses).zip(&shown.highlights).enumerate();
     let (turn, limits) = TurnLimits::of_body(body);
     BodyReading {
         name: deformer.body.clone(),
         model: body.model.clone(),
         effects: body.effects.clone(),
         controls: controls
-            .map(|(c, ((rest, pose), placed))| ControlReading {
+            .map(|(c, ((rest, pose), highlight))| ControlReading {
                 name: rest.name.clone(),
                 pose: *pose,
-                held: placed.highlight == Highlight::Held,
+                held: *highlight == Highlight::Held,
                 force: force(c, pose),
             })
             .collect(),

@@ -9,7 +9,7 @@ use crate::effect::haptics::Push;
 use crate::effect::haptics::{LoopState, LoopTiming};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
 use crate::track::Signal;
-use crate::world::{TurnLimits, WrenchError};
+use crate::world::{BodyFrame, TurnLimits, WrenchError};
 use egui::{Rect, pos2};
 use image::RgbImage;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -301,7 +301,7 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         body.expected = expected;
         let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians()).matrix();
         body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
-        let reading = readings::body_reading(body);
+        let reading = readings::body_reading(body, &world.frame.bodies[0]);
         reading.errors.iter().flat_map(body_rows::error_rows).map(|row| text(&row)).collect::<Vec<_>>()
     };
     let at = |degrees: f64, force: f64| ErrorsAt {
@@ -362,7 +362,7 @@ fn a_force_without_a_measured_error_is_a_number_and_says_what_to_list() {
     crate::effect::attach(crate::effect::EFFECTS, &scene, &file, &mut world).unwrap();
     let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
     world.bodies[0].deformer.evaluate(&[ControlPose::REST, pull]);
-    let reading = readings::body_reading(&world.bodies[0]);
+    let reading = readings::body_reading(&world.bodies[0], &world.frame.bodies[0]);
     let force = reading.controls[1].force.unwrap();
     assert!(force.wrench.force.norm() > 0.0 && force.error.is_none());
     let rows: Vec<String> = body_rows::body_rows(&reading).iter().flat_map(|(_, row)| texts(row)).collect();
@@ -387,7 +387,7 @@ fn a_measured_range_goes_before_the_models_table() {
 }
 
 fn gauge(body: &crate::world::PlacedBody) -> String {
-    text(&body_rows::gauge_rows(&readings::body_reading(body))[0].1)
+    text(&body_rows::gauge_rows(&readings::body_reading(body, &BodyFrame::default()))[0].1)
 }
 
 /// Two whole turns, followed in steps: the poses are those at rest, and the overlay knows better; undone, it is at rest.

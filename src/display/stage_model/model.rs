@@ -1,11 +1,11 @@
 //! The room seen from outside: screens, eyes with their lines of sight to the screens, head, workspace and trackers.
 //!
-//! In: a stage and where the head is now. Out: lines, quads and balls in the room, and the names to be written beside
+//! In: a stage and where the head is now. Out: [`Drawable`]s in the room, and the names to be written beside
 //! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
 use super::extent::{ball_about, corners, outline};
 use crate::display::lettering::{DARK, INK, LEFT, Lettering, QUIET, RIGHT, wrapped};
-use crate::render::{Ball, FrameContents, Grid, Line, Quad, View};
+use crate::render::{Ball, Drawable, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
@@ -34,9 +34,7 @@ const CIRCLE: u32 = 64;
 /// Everything about a stage that can be drawn, except what moves in it beside the head.
 #[derive(Clone, Debug, Default)]
 pub struct StageModel {
-    pub balls: Vec<Ball>,
-    pub quads: Vec<Quad>,
-    pub lines: Vec<Line>,
+    pub drawables: Vec<Drawable>,
     pub labels: Vec<Label>,
     pub floor: Option<Grid>,
     /// For the picture's corner.
@@ -121,14 +119,18 @@ impl StageModel {
         }
     }
 
-    /// What is drawn, with the bodies and styli of `contents`; its floor becomes the room's.
+    /// What is drawn, with what `contents` has; its floor becomes the room's.
     pub fn contents<'a>(&'a self, contents: FrameContents<'a>) -> FrameContents<'a> {
-        let Self { balls, quads, lines, .. } = self;
-        FrameContents { balls, quads, lines, grid: self.floor, ..contents }
+        let [frame, _] = contents.drawables;
+        FrameContents { drawables: [frame, &self.drawables], grid: self.floor, ..contents }
     }
 
     fn line(&mut self, from: Point3<f64>, to: Point3<f64>, colour: Colour, width_px: f32) {
-        self.lines.push(Line::new(from, to, colour, width_px));
+        let line = Line::new(from, to, colour, width_px);
+        match self.drawables.last_mut() {
+            Some(Drawable::Lines(lines)) => lines.push(line),
+            _ => self.drawables.push(Drawable::Lines(vec![line])),
+        }
     }
 
     fn label(&mut self, place: Point3<f64>, text: &str, ink: Color32, size: f32) {
@@ -156,13 +158,13 @@ impl StageModel {
             let all = corners(screen);
             let [right, up] =
                 [screen.lower_right, screen.upper_left].map(|corner| corner - screen.lower_left);
-            self.quads.push(Quad {
+            self.drawables.push(Drawable::Quad(Quad {
                 corner: screen.lower_left.cast().into(),
                 right: right.cast().into(),
                 up: up.cast().into(),
                 front: FRONT,
                 back: BACK,
-            });
+            }));
             for k in 0..4 {
                 self.line(all[k], all[(k + 1) % 4], OUTLINE, 2.0);
                 if all[k].y > floor_m + 0.02 && all[k].y <= all[(k + 2) % 4].y {
@@ -216,7 +218,7 @@ impl StageModel {
     fn add_head(&mut self, stage: &Stage, room_from_head: &Isometry3<f64>, floor_m: f64) {
         let at = |x: f64, y: f64, z: f64| room_from_head * Point3::new(x, y, z);
         let mut ball = |center: Point3<f64>, radius_m, color| {
-            self.balls.push(Ball { center: center.cast(), radius_m, color });
+            self.drawables.push(Drawable::Ball(Ball { center: center.cast(), radius_m, color }));
         };
         const SKIN: [f32; 3] = [0.42, 0.44, 0.47];
         ball(at(0.0, 0.02, 0.100), 0.092, SKIN);

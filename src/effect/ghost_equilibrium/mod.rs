@@ -21,9 +21,9 @@ use crate::deform::{
     AppliedLoads, ControlPose, ControlPoses, FollowedTurn, Kind, PointLoad, Pull, StateAge, find_model,
 };
 use crate::fem::{LAWS, Law, STVK};
-use crate::render::Ghost;
+use crate::render::{Drawable, Ghost};
 use crate::scene::Body;
-use crate::world::{PlacedBody, RunningEffect, World};
+use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use solving::{Answer, Held, Question, Solved, Solving, Subject};
@@ -126,7 +126,7 @@ impl RunningEffect for EquilibriumGhosts {
         NAME
     }
 
-    fn show(&mut self, world: &mut World) {
+    fn show(&mut self, world: &World, frame: &mut Frame) {
         if world.is_for_pictures {
             return;
         }
@@ -136,18 +136,18 @@ impl RunningEffect for EquilibriumGhosts {
             if watched.rests(body) && watched.is_to_be_solved(body) {
                 watched.ask(body);
             }
-            watched.show(world);
+            watched.show(body, frame);
         }
     }
 
-    fn before_picture(&mut self, world: &mut World) {
+    fn before_picture(&mut self, world: &World, frame: &mut Frame) {
         for watched in &mut self.bodies {
             let body = &world.bodies[watched.b];
             if watched.is_to_be_solved(body) {
                 watched.ask(body);
                 watched.take(body, true);
             }
-            watched.show(world);
+            watched.show(body, frame);
         }
     }
 }
@@ -201,8 +201,7 @@ impl Watched {
         is_held(body) && is_settled && self.found.as_ref().is_none_or(|found| found.is_left(body))
     }
 
-    fn show(&self, world: &mut World) {
-        let body = &world.bodies[self.b];
+    fn show(&self, body: &PlacedBody, frame: &mut Frame) {
         if !is_held(body) {
             return;
         }
@@ -215,11 +214,12 @@ impl Watched {
             let color = [r, g, b, opacity * if found.is_left(body) { OLD } else { 1.0 }];
             let shape = outlined.shape.clone();
             for over in [false, true] {
-                world.frame.lines.extend(outlined.lines(&room_from_shape, color, over));
+                let edges = outlined.lines(&room_from_shape, color, over).collect();
+                frame.drawables.push(Drawable::Lines(edges));
             }
-            world.frame.ghosts.push(Ghost { shape, room_from_shape, color, through: THROUGH });
+            frame.drawables.push(Drawable::Ghost(Ghost { shape, room_from_shape, color, through: THROUGH }));
         }
-        world.frame.plates.push(plate);
+        frame.drawables.push(Drawable::Plate(plate));
     }
 
     fn plate(&self, body: &PlacedBody) -> Plate {

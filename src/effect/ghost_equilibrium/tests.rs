@@ -4,6 +4,7 @@ use super::*;
 use crate::deform::{Statics, find_model, legs};
 use crate::effect::{attach, find_effect, requirements};
 use crate::green::{self, GreenFile};
+use crate::render::Drawable;
 use crate::scene::Scene;
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -46,15 +47,22 @@ fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Scene, World) {
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     world.is_for_pictures = true;
     world.bodies[0].deformer.evaluate(&pose);
-    running[0].show(&mut world);
-    assert!(world.frame.ghosts.is_empty() && world.frame.plates.is_empty(), "a picture that is kept waits");
-    running[0].before_picture(&mut world);
+    world.show_by(running[0].as_mut());
+    assert!(
+        world.frame.all(Drawable::ghost).next().is_none()
+            && world.frame.all(Drawable::plate).next().is_none(),
+        "a picture that is kept waits"
+    );
+    let mut frame = std::mem::take(&mut world.frame);
+    running[0].before_picture(&world, &mut frame);
+    world.frame = frame;
     (scene, world)
 }
 
 /// How far the ghost is from the body: the largest over the surface, m.
 fn apart(world: &World) -> f64 {
-    let [ghost] = &world.frame.ghosts[..] else { panic!("{} ghosts", world.frame.ghosts.len()) };
+    let ghosts: Vec<_> = world.frame.all(Drawable::ghost).collect();
+    let [ghost] = ghosts[..] else { panic!("{} ghosts", ghosts.len()) };
     let deformer = &world.bodies[0].deformer;
     let place =
         |node: usize| Vector3::from(deformer.rest()[node]).cast::<f64>() + deformer.displacement(node);
@@ -63,7 +71,7 @@ fn apart(world: &World) -> f64 {
 }
 
 fn words(world: &World) -> String {
-    let lines = world.frame.plates.iter().flat_map(|plate| &plate.lines);
+    let lines = world.frame.all(Drawable::plate).flat_map(|plate| &plate.lines);
     lines.map(|line| line.iter().map(|(text, _)| text.as_str()).collect::<String>() + "\n").collect()
 }
 
@@ -96,7 +104,7 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
     assert!((apart(&world) / swelling - 1.0).abs() < 0.02, "{} m, not {swelling} m", apart(&world));
     // The ghost is the turn itself: nothing of it is strained.
     let rest = world.bodies[0].deformer.rest();
-    for (ghost, rest) in world.frame.ghosts[0].shape.positions.iter().zip(rest) {
+    for (ghost, rest) in world.frame.all(Drawable::ghost).next().unwrap().shape.positions.iter().zip(rest) {
         let turned: Vector3<f64> = matrix * Vector3::from(*rest).cast::<f64>();
         assert!((Vector3::from(*ghost).cast::<f64>() - turned).norm() < 1e-5);
     }
@@ -113,7 +121,9 @@ fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let poses = vec![ControlPose::REST, pose];
     world.bodies[0].deformer.evaluate(&poses);
-    running[0].before_picture(&mut world);
+    let mut frame = std::mem::take(&mut world.frame);
+    running[0].before_picture(&world, &mut frame);
+    world.frame = frame;
     let neo_hookean = LAWS.iter().find(|law| law.name == "neo_hookean").unwrap();
     let mut statics = Statics::new(&scene, "bar", neo_hookean, &Silent).unwrap();
     let settled = statics.solve(&poses, &Silent).unwrap();
@@ -121,7 +131,8 @@ fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
     for (node, tag) in deformer.tags().iter().enumerate() {
         let at = statics.mesh.tags.iter().position(|known| known == tag).unwrap();
         let place = Vector3::from(deformer.rest()[node]).cast::<f64>() + settled.displacement[at];
-        let ghost = Vector3::from(world.frame.ghosts[0].shape.positions[node]).cast::<f64>();
+        let ghost = Vector3::from(world.frame.all(Drawable::ghost).next().unwrap().shape.positions[node])
+            .cast::<f64>();
         assert!((place - ghost).norm() < 1e-6, "node {node}: {place} is not {ghost}");
     }
     assert!(words(&world).contains("neo-Hookean"), "{}", words(&world));
@@ -142,7 +153,8 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
         let at = statics.mesh.tags.iter().position(|known| known == tag).unwrap();
         let u = settled.displacement[at];
         let place = Vector3::from(deformer.rest()[node]).cast::<f64>() + u;
-        let ghost = Vector3::from(world.frame.ghosts[0].shape.positions[node]).cast::<f64>();
+        let ghost = Vector3::from(world.frame.all(Drawable::ghost).next().unwrap().shape.positions[node])
+            .cast::<f64>();
         assert!((place - ghost).norm() < 1e-6, "node {node}: {place} is not {ghost}");
         let off = (deformer.displacement(node) - u).norm();
         (largest, sum) = (largest.max(off), sum + off * off);
@@ -163,9 +175,8 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
     let (scene, file, mut world) = bar("ghost-live", "rotation", &["ghost_equilibrium"]);
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let mut frame = |world: &mut World| {
-        world.frame.ghosts.clear();
-        world.frame.plates.clear();
-        running[0].show(world);
+        world.frame.drawables.clear();
+        world.show_by(running[0].as_mut());
         words(world)
     };
     assert_eq!(frame(&mut world), "", "at rest nothing is solved");
@@ -177,7 +188,7 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
             assert!(started.elapsed().as_secs() < 60, "{}", frame(world));
             std::thread::sleep(Duration::from_millis(5));
         }
-        (frame(world), world.frame.ghosts[0].color[3])
+        (frame(world), world.frame.all(Drawable::ghost).next().unwrap().color[3])
     };
     let (words, fresh) = until(&mut world, "of this pose");
     assert!(words.contains("is off by") && !words.contains("solving"), "{words}");
@@ -196,7 +207,7 @@ fn a_pose_without_equilibrium_is_told() {
         words.contains("no static equilibrium of this pose found") && words.contains("% of the way"),
         "{words}"
     );
-    assert!(world.frame.ghosts.is_empty());
+    assert!(world.frame.all(Drawable::ghost).next().is_none());
 }
 
 /// Twisted by 200° at one end, or by 100° at both against each other: the same shape, and another than twisted by 160° the other way

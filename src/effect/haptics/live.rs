@@ -25,7 +25,7 @@ use crate::interact::Mode;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{Source, TrackerState, usable};
 use crate::world::force_scale::ForceScale;
-use crate::world::{RunningEffect, World};
+use crate::world::{Frame, RunningEffect, World};
 use nalgebra::Isometry3;
 use std::time::{Duration, Instant};
 
@@ -186,7 +186,7 @@ impl RunningEffect for HapticSession {
         self.move_styli(state);
     }
 
-    fn show(&mut self, world: &mut World) {
+    fn show(&mut self, world: &World, _: &mut Frame) {
         self.tell(world);
     }
 

@@ -8,13 +8,14 @@ use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::deform::NodeStress;
 use crate::effect::entry::Listed;
-use crate::render::field_code;
+use crate::render::{Drawable, field_code};
 use crate::scene::{LegendSettings, Quantity};
 use crate::world::running::{Memory, read, written};
-use crate::world::{PlacedBody, RunningEffect, SurfacePoint, World, out_of_range};
+use crate::world::{BodyFrame, Frame, PlacedBody, RunningEffect, SurfacePoint, World, out_of_range};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
-/// Joins a new world; the bodies that list it are coloured from their first picture on.
+/// Joins a new world.
 pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut bodies = Vec::new();
     for &(index, name) in &listed.bodies {
@@ -30,12 +31,12 @@ pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn R
             is_beyond: false,
             was_beyond: false,
             worst: Reached::default(),
+            codes: Arc::default(),
         });
     }
     let settings = listed.scene.legend.unwrap_or_default();
     let first_tops = tops(listed, &settings, &bodies, world);
-    let mut shown = Shown { settings, first_tops, tops: first_tops, bodies, coded: None };
-    shown.show(world);
+    let shown = Shown { settings, first_tops, tops: first_tops, bodies, coded: None };
     Ok(Some(Box::new(shown)))
 }
 
@@ -109,6 +110,8 @@ struct ShownBody {
     was_beyond: bool,
     /// The most of the session.
     worst: Reached,
+    /// The code of every node.
+    codes: Arc<Vec<[u8; 4]>>,
 }
 
 /// What lasts from one frame to the next: the ends of the colours, and the most that each body has reached.
@@ -164,7 +167,7 @@ impl ShownBody {
         (0..self.nodes.len()).filter_map(|node| self.value(quantity, node)).fold(0.0, f64::max)
     }
 
-    fn codes(&self, quantity: Quantity, top: f64) -> Vec<[u8; 4]> {
+    fn coded(&self, quantity: Quantity, top: f64) -> Vec<[u8; 4]> {
         let code = |node: usize| {
             let part = self.nodes[node].map_or(0.0, |at| share(&at, &self.stressed.limits));
             field_code(self.value(quantity, node).unwrap_or(0.0) / top, part)
@@ -246,7 +249,7 @@ impl RunningEffect for Shown {
         NAME
     }
 
-    fn show(&mut self, world: &mut World) {
+    fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
         let shown = self.quantity(world);
         let mut is_new = false;
         for body in &mut self.bodies {
@@ -258,24 +261,27 @@ impl RunningEffect for Shown {
         let coded = (shown, self.tops[shown as usize].value());
         if is_new || self.coded.replace(coded) != Some(coded) {
             self.coded = Some(coded);
-            for body in &self.bodies {
-                let placed = &mut world.bodies[body.index];
-                placed.field = Some(body.codes(shown, coded.1));
-                placed.recolour = true;
-            }
+            self.bodies.iter_mut().for_each(|body| body.codes = Arc::new(body.coded(shown, coded.1)));
         }
+        for body in &self.bodies {
+            bodies[body.index].colours = Some(body.codes.clone());
+        }
+    }
+
+    fn show(&mut self, world: &World, frame: &mut Frame) {
         for body in &self.bodies {
             if let Some((_, limit)) = body.now.limit.filter(|(part, _)| *part > 1.0) {
                 let name = &body.name;
-                world.warn(format!(
+                frame.warnings.push(format!(
                     "body.{name}: its limit of {} ({}) is passed: what yields or tears is not computed",
                     limit_words(limit),
                     limit.quantity().title()
                 ));
             }
         }
-        let legend = Some(self.legend(world, shown));
-        world.frame.plates.push(Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend });
+        let legend = Some(self.legend(world, self.quantity(world)));
+        let plate = Plate { anchor: Anchor::LowerRight, lines: Vec::new(), plot: None, legend };
+        frame.drawables.push(Drawable::Plate(plate));
     }
 
     fn memory(&self) -> Option<Memory> {

@@ -8,6 +8,7 @@ use crate::effect::RunningEffect;
 use crate::effect::{EFFECTS, add_sections, attach, find_effect, requirements};
 use crate::fem::NodeFields;
 use crate::green::{self, GreenFile, LOADS, Precomputed, Requirements, Tensor};
+use crate::render::Drawable;
 use crate::scene::{Limit, Scene};
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -193,7 +194,7 @@ const BAR: &str = "[body.b]\n\
 
 /// The newest.
 fn legend_of(world: &World) -> Legend {
-    world.frame.plates.iter().rev().find_map(|plate| plate.legend.clone()).unwrap()
+    world.frame.all(Drawable::plate).filter_map(|plate| plate.legend.clone()).last().unwrap()
 }
 
 #[test]
@@ -204,7 +205,8 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     let mut world = World::new(&scene, &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };
-    assert!(world.bodies[0].field.as_ref().unwrap().iter().all(|code| *code == [0; 4]), "at rest");
+    world.show_by(effect.as_mut());
+    assert!(world.frame.bodies[0].colours.as_ref().unwrap().iter().all(|code| *code == [0; 4]), "at rest");
     let legend = legend_of(&world);
     assert_eq!(
         (legend.title.as_str(), legend.to, legend.range.as_str()),
@@ -216,7 +218,7 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     poses[1].translation.x = 0.02;
     world.bodies[0].deformer.evaluate(&poses);
     world.bodies[0].deformations += 1;
-    effect.show(&mut world);
+    world.show_by(effect.as_mut());
     let line = legend_of(&world).lines[0].clone();
     assert!(
         line.warns && line.text.contains("limit 1.00 MPa PASSED in 100 % of the surface"),
@@ -224,22 +226,22 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
         line.text
     );
     assert!(world.warnings.iter().any(|(_, warning)| warning.contains("body.b: its limit of 1.00 MPa")));
-    let codes = world.bodies[0].field.clone().unwrap();
+    let codes = world.frame.bodies[0].colours.clone().unwrap();
     assert!(codes.iter().filter(|code| code[..2] != [0, 0]).count() == 40);
     world.field_changes += 1;
-    effect.show(&mut world);
+    world.show_by(effect.as_mut());
     let legend = legend_of(&world);
     assert_eq!(
         (legend.title.as_str(), legend.range.as_str()),
         ("largest principal strain", "largest so far (C: reset)")
     );
     assert!((0.01..0.03).contains(&legend.to) && legend.lines[0].warns, "{legend:?}");
-    assert_ne!(world.bodies[0].field.as_ref().unwrap(), &codes);
-    world.step(&TrackerState::default());
-    effect.show(&mut world);
-    world.bodies[0].recolour = false;
-    effect.show(&mut world);
-    assert!(!world.bodies[0].recolour, "nothing is coded anew where nothing changed");
+    assert_ne!(world.frame.bodies[0].colours.as_ref().unwrap(), &codes);
+    world.step(&TrackerState::default().into());
+    world.show_by(effect.as_mut());
+    let before = world.frame.bodies[0].clone();
+    world.show_by(effect.as_mut());
+    assert!(world.frame.bodies[0].is_drawn_as(&before), "nothing is coded anew where nothing changed");
     let summary = effect.summary();
     assert!(
         summary.starts_with("body.b: von Mises stress at most 1") && summary.contains("PASSED"),
@@ -264,7 +266,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
             *nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_deg.to_radians()).matrix();
         world.bodies[0].deformer.evaluate(&poses);
         world.bodies[0].deformations += 1;
-        effect.show(world);
+        world.show_by(effect.as_mut());
         legend_of(world)
     };
     let [small, large] = [0.001, 0.01].map(|pull| pose(0.0, pull, &mut world, effect).to);
@@ -272,10 +274,13 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     let beyond = pose(120.0, 0.0, &mut world, effect);
     assert_eq!(beyond.to, large);
     assert!(beyond.lines[0].warns && beyond.lines[0].text == "b: beyond its model, values not reliable");
-    assert!(world.bodies[0].field.as_ref().unwrap().iter().any(|code| code[0] > 0), "its colours remain");
+    assert!(
+        world.frame.bodies[0].colours.as_ref().unwrap().iter().any(|code| code[0] > 0),
+        "its colours remain"
+    );
     assert_eq!(pose(0.0, 0.001, &mut world, effect).to, large);
     effect.clear();
-    effect.show(&mut world);
+    world.show_by(effect.as_mut());
     assert_eq!(legend_of(&world).to, small);
     let summary = effect.summary();
     assert!(summary.contains("poses beyond its model are left out"), "{summary}");

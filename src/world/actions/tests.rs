@@ -5,6 +5,7 @@ use crate::effect::{self, EFFECTS};
 use crate::green::{self, GreenFile};
 use crate::interact::{Axis, Freedom};
 use crate::prepare;
+use crate::render::Drawable;
 use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::{Signal, StylusState, TrackerState};
@@ -70,7 +71,7 @@ fn pressed(stylus: StylusState) -> StylusState {
 }
 
 fn step(world: &mut World, time_s: f64, styli: &[StylusState]) {
-    world.step(&TrackerState { head: None, styli: styli.to_vec(), time_s });
+    world.step(&TrackerState { head: None, styli: styli.to_vec(), time_s }.into());
 }
 
 fn poses(world: &World) -> [ControlPose; 2] {
@@ -98,7 +99,7 @@ fn what_the_tip_touches_wins_over_what_the_ray_hits() {
     let mut world = world("near", "");
     // Just above the right end's edge, pointing through the block at the left end.
     let at_edge = stylus([0.95, 0.50, 0.0], [-1.9, -0.1, 0.0], [0.0; 3]);
-    let highlights = |world: &World| [LEFT, RIGHT].map(|c| world.bodies[0].controls[c].highlight);
+    let highlights = |world: &World| [LEFT, RIGHT].map(|c| world.frame.bodies[0].highlights[c]);
     step(&mut world, 0.0, &[at_edge]);
     assert_eq!(highlights(&world), [Highlight::Idle, Highlight::Hovered]);
     step(&mut world, 0.0, &[StylusState { from_eye: true, ..at_edge }]);
@@ -132,7 +133,7 @@ fn two_hands_bend_a_body_symmetrically() {
     assert!((mirror * right.matrix * mirror - left.matrix).norm() < 1e-6);
     assert!(right.translation.norm() > 0.1 && right.matrix[(1, 0)] > 0.3);
     assert!(world.bodies[0].deformer.body_from_surface().rotation.angle() < 1e-6);
-    assert!(world.frame.styli.iter().all(|stylus| stylus.pressed && stylus.bend.is_none()));
+    assert!(world.frame.all(Drawable::stylus).all(|stylus| stylus.pressed && stylus.bend.is_none()));
 }
 
 #[test]
@@ -156,7 +157,7 @@ fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
     let start = right([0.0; 3], [0.0; 3]);
     step(&mut world, 0.0, &[start]);
     step(&mut world, 0.0, &[pressed(start)]);
-    world.act(Action::SetMode(Mode { freedom: Freedom::Translate, axis: None }.along(Axis::Y)));
+    world.carry_out(Action::SetMode(Mode { freedom: Freedom::Translate, axis: None }.along(Axis::Y)));
     let there = right([0.0, 0.19, 0.19], [0.3, 0.0, 0.0]);
     step(&mut world, 0.0, &[pressed(start)]);
     step(&mut world, 0.0, &[pressed(there)]);
@@ -164,11 +165,14 @@ fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
     assert!((along_y.matrix - Matrix3::identity()).norm() < 1e-12);
     assert!((along_y.translation - Vector3::y() * along_y.translation.y).norm() < 1e-12);
     assert!((along_y.translation.y - 0.2).abs() < 1e-6, "{}", along_y.translation);
-    assert!(world.frame.styli[0].bend.is_some(), "the hand is not where the end is");
-    let held = world.frame.styli[0].hit.unwrap();
+    assert!(
+        world.frame.all(Drawable::stylus).next().unwrap().bend.is_some(),
+        "the hand is not where the end is"
+    );
+    let held = world.frame.all(Drawable::stylus).next().unwrap().hit.unwrap();
     assert!(held.z < world.stage.workspace.centre.z as f32 + 0.12 * world.stage.workspace.radius_m as f32);
     // The mode changes while it is held: no jump, then only turning, about the end's own origin.
-    world.act(Action::SetMode(Mode { freedom: Freedom::Rotate, axis: None }));
+    world.carry_out(Action::SetMode(Mode { freedom: Freedom::Rotate, axis: None }));
     step(&mut world, 0.0, &[pressed(there)]);
     let before = poses(&world)[RIGHT];
     assert!((before.translation - along_y.translation).norm() < 1e-9);
@@ -187,11 +191,11 @@ fn undo_and_redo_bring_back_every_bit() {
     carry_right(&mut world, 0.0, [0.0, 0.2, 0.0], [0.0, 0.0, 0.7]);
     let first = poses(&world);
     // Back to where it is grabbed, and a turn beyond half a turn.
-    world.act(Action::Undo);
+    world.carry_out(Action::Undo);
     carry_right(&mut world, 0.0, [0.1, 0.0, 0.0], [3.6, 0.0, 0.0]);
     let (twisted, shown) = (poses(&world), world.bodies[0].deformer.positions().into_owned());
     assert_ne!(first, rest);
-    world.act(Action::Undo);
+    world.carry_out(Action::Undo);
     step(&mut world, 0.1, &[]);
     assert_eq!(poses(&world), rest);
     let left_over = |world: &World| {
@@ -199,15 +203,15 @@ fn undo_and_redo_bring_back_every_bit() {
         (0..body.node_count()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max)
     };
     assert!(left_over(&world) < 1e-6, "no turn is left in it: {}", left_over(&world));
-    world.act(Action::Redo);
+    world.carry_out(Action::Redo);
     step(&mut world, 0.2, &[]);
     assert_eq!(poses(&world), twisted);
     assert_eq!(*world.bodies[0].deformer.positions(), shown, "twisted the same way round");
-    world.act(Action::Redo);
+    world.carry_out(Action::Redo);
     step(&mut world, 0.3, &[]);
     assert_eq!(poses(&world), twisted, "nothing more to do again");
-    world.act(Action::Undo);
-    world.act(Action::Undo);
+    world.carry_out(Action::Undo);
+    world.carry_out(Action::Undo);
     step(&mut world, 0.4, &[]);
     assert_eq!(poses(&world), rest);
 }
@@ -221,7 +225,7 @@ fn undo_while_holding_takes_back_the_hold() {
         step(&mut world, 0.0, &[state]);
     }
     assert!(poses(&world)[RIGHT].translation.y > 0.2);
-    world.act(Action::Undo);
+    world.carry_out(Action::Undo);
     for _ in 0..3 {
         step(&mut world, 0.0, &[pressed(there)]);
         assert_eq!(poses(&world)[RIGHT], ControlPose::REST);
@@ -234,7 +238,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
     carry_right(&mut world, 0.0, [0.0, 0.1, 0.0], [0.0; 3]);
     let before = poses(&world);
     let home = world.bodies[0].room_from_body;
-    world.act(Action::ScaleScene(0.5));
+    world.carry_out(Action::ScaleScene(0.5));
     let away = |x: f64| stylus([x, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]);
     let second = |stylus| StylusState { second: true, ..stylus };
     step(&mut world, 0.1, &[away(0.0)]);
@@ -250,8 +254,9 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
     // The right end stands at 0.4 + 0.95 / 2 of the radius now; a second hand holds it while the first navigates.
     let at_end = stylus([1.5, 0.0, 0.05], [-1.0, 0.0, 0.0], [0.0; 3]);
     step(&mut world, 0.5, &[away(0.0), at_end]);
-    assert_eq!(world.bodies[0].controls[RIGHT].highlight, Highlight::Hovered);
-    let hit = world.frame.styli[1].hit.unwrap().cast::<f64>() - world.stage.workspace.centre;
+    assert_eq!(world.frame.bodies[0].highlights[RIGHT], Highlight::Hovered);
+    let hit = world.frame.all(Drawable::stylus).nth(1).unwrap().hit.unwrap().cast::<f64>()
+        - world.stage.workspace.centre;
     assert!((hit.x / radius - 0.875).abs() < 1e-5, "{hit}");
     step(&mut world, 0.6, &[second(away(0.0)), pressed(at_end)]);
     step(&mut world, 0.7, &[second(away(-0.3)), pressed(at_end)]);
@@ -262,9 +267,12 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
                 && (now.matrix - before.matrix).norm() < 1e-6
         );
     }
-    assert!(world.frame.styli[1].bend.is_some(), "the held place went with the scene");
+    assert!(
+        world.frame.all(Drawable::stylus).nth(1).unwrap().bend.is_some(),
+        "the held place went with the scene"
+    );
     step(&mut world, 0.9, &[]);
-    world.act(Action::ResetNavigation);
+    world.carry_out(Action::ResetNavigation);
     step(&mut world, 1.0, &[]);
     step(&mut world, 1.5, &[]);
     assert_eq!(world.bodies[0].room_from_body, home);
@@ -309,11 +317,11 @@ fn a_body_goes_aside_by_a_double_press_and_comes_back() {
     assert!(((aside * middle - workspace.centre).norm() - workspace.radius_m).abs() < 1e-9);
     assert!((aside.scaling() * radius - 0.2 * workspace.radius_m).abs() < 1e-9);
     assert_eq!(poses(&world), [ControlPose::REST; 2]);
-    world.act(Action::SetAside(0));
+    world.carry_out(Action::SetAside(0));
     step(&mut world, 1.1, &[]);
     step(&mut world, 1.6, &[]);
     assert_eq!(world.bodies[0].room_from_body, home);
-    world.act(Action::SetAside(7));
+    world.carry_out(Action::SetAside(7));
     assert_eq!(world.pointed_body(7), None);
 }
 
@@ -327,11 +335,11 @@ fn a_lost_stylus_leaves_the_element_where_it_is() {
     }
     let held = poses(&world)[RIGHT];
     step(&mut world, 0.1, &[StylusState { signal: Signal::Held { age_s: 0.4 }, ..pressed(there) }]);
-    assert_eq!(world.bodies[0].controls[RIGHT].highlight, Highlight::Held);
+    assert_eq!(world.frame.bodies[0].highlights[RIGHT], Highlight::Held);
     for _ in 0..3 {
         step(&mut world, 0.2, &[StylusState { signal: Signal::Lost { age_s: 3.0 }, ..pressed(start) }]);
         assert_eq!(poses(&world)[RIGHT], held);
-        assert_eq!(world.bodies[0].controls[RIGHT].highlight, Highlight::Idle);
+        assert_eq!(world.frame.bodies[0].highlights[RIGHT], Highlight::Idle);
     }
 }
 
@@ -346,7 +354,7 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
         step(&mut world, 0.0, &[pressed(start)]);
         step(&mut world, 0.0, &[pressed(there)]);
         assert_eq!(
-            (world.frame.forces.len(), world.frame.arrows.len()),
+            (world.frame.forces.len(), world.frame.all(Drawable::arrow).count()),
             (usize::from(wanted), usize::from(wanted))
         );
         let Some(force) = world.frame.forces.first() else { continue };
@@ -354,18 +362,27 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
         assert!((force.force_n + wrenches[RIGHT].force).norm() < 1e-9, "the body pulls back");
         // A bar of 1 m² and 2 m stretched by 0.2 m at 1 kPa: 100 N, more where its held ends cannot narrow.
         assert!(force.force_n.x < -95.0 && force.force_n.x > -130.0, "{}", force.force_n);
-        let along = Vector3::from(world.frame.arrows[0].along).cast::<f64>();
+        let along = Vector3::from(world.frame.all(Drawable::arrow).next().unwrap().along).cast::<f64>();
         assert!(along.x < 0.0 && along.norm() <= 0.6 * world.stage.workspace.radius_m + 1e-6);
         // It starts where the ray holds the bar, moved on with the hand.
-        let (from, held) = (world.frame.arrows[0].from, world.frame.styli[0].hit.unwrap());
+        let (from, held) = (
+            world.frame.all(Drawable::arrow).next().unwrap().from,
+            world.frame.all(Drawable::stylus).next().unwrap().hit.unwrap(),
+        );
         assert!((from - held).norm() < 1e-6, "{from} is not {held}");
         // Pushed in, the body pushes the hand out again, from the same place.
         step(&mut world, 0.0, &[pressed(right([-0.19, 0.0, 0.0], [0.0; 3]))]);
-        let (from, held) = (world.frame.arrows[0].from, world.frame.styli[0].hit.unwrap());
-        assert!((from - held).norm() < 1e-6 && world.frame.arrows[0].along.x > 0.0, "{from} is not {held}");
+        let (from, held) = (
+            world.frame.all(Drawable::arrow).next().unwrap().from,
+            world.frame.all(Drawable::stylus).next().unwrap().hit.unwrap(),
+        );
+        assert!(
+            (from - held).norm() < 1e-6 && world.frame.all(Drawable::arrow).next().unwrap().along.x > 0.0,
+            "{from} is not {held}"
+        );
         step(&mut world, 0.0, &[there]);
         assert_eq!(
-            (world.frame.forces.len(), world.frame.arrows.len()),
+            (world.frame.forces.len(), world.frame.all(Drawable::arrow).count()),
             (0, 0),
             "nothing held, nothing felt"
         );
@@ -376,7 +393,7 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
 fn the_hands_and_every_command_are_the_same_after_a_stream() {
     let mut world = world("stream", "");
     let start = right([0.0; 3], [0.0; 3]);
-    world.act(Action::SetMode(Mode::FREE.along(Axis::Z)));
+    world.carry_out(Action::SetMode(Mode::FREE.along(Axis::Z)));
     step(&mut world, 0.0, &[start, start]);
     step(&mut world, 0.1, &[pressed(start), StylusState { second: true, ..start }]);
     let grasp = world.graph.get(world.fields.hands);

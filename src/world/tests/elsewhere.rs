@@ -13,11 +13,11 @@ fn a_surface_that_the_device_deforms_reads_as_one_that_the_cpu_deforms() {
 
     for (y, pressed) in [(0.0, false), (0.0, true), (0.3, true), (0.6, true), (0.6, false)] {
         for world in [&mut here, &mut elsewhere] {
-            world.step(&state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed));
+            world.step(&state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed).into());
         }
         assert_eq!(here.state_hash(), elsewhere.state_hash());
         let [a, b] = [&here, &elsewhere].map(|world| &world.bodies[0]);
-        assert_eq!(a.controls[1].highlight, b.controls[1].highlight, "what is pointed at and held");
+        assert_eq!(here.frame.bodies, elsewhere.frame.bodies, "what is pointed at and held");
         assert_eq!(a.deformer.positions(), b.deformer.positions());
         assert_eq!(a.deformer.normals(), b.deformer.normals());
         for node in 0..a.deformer.node_count() {
@@ -41,7 +41,7 @@ fn a_body_that_the_device_deforms_is_pointed_at_where_it_is_bent_to() {
     let kept = world.bodies[0].pickable();
     world.bodies[0].deformer.sum_only_at(kept.clone());
     for (y, pressed) in [(0.0, false), (0.0, true), (1.2, true), (1.2, false)] {
-        world.step(&state(&world, [1.5, y, 0.1], [0.0, y, 0.1], pressed));
+        world.step(&state(&world, [1.5, y, 0.1], [0.0, y, 0.1], pressed).into());
     }
     let body = &world.bodies[0];
     let place = |at: &[[f32; 3]], node: usize| {
@@ -60,9 +60,9 @@ fn a_body_that_the_device_deforms_is_pointed_at_where_it_is_bent_to() {
     // From the front, a little inside of the surface.
     let aim = [0.98 * there.x, 0.98 * there.y, 0.0];
     let from = [aim[0], aim[1], 3.0];
-    world.step(&state(&world, from, aim, false));
+    world.step(&state(&world, from, aim, false).into());
     assert_eq!(world.pointed_body(0), Some(0));
     let past = [aim[0], aim[1] + 0.8, 0.0];
-    world.step(&state(&world, [past[0], past[1], 3.0], past, false));
+    world.step(&state(&world, [past[0], past[1], 3.0], past, false).into());
     assert_eq!(world.pointed_body(0), None);
 }

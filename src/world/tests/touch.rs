@@ -41,22 +41,24 @@ fn positions(world: &World) -> Vec<[f32; 3]> {
 #[test]
 fn a_held_point_follows_the_hand_and_goes_back() {
     let mut world = loaded("held");
-    world.step(&above(&world, 0.3, 0.0, false));
+    world.step(&above(&world, 0.3, 0.0, false).into());
     let before = positions(&world);
-    world.step(&above(&world, 0.3, 0.0, true));
+    world.step(&above(&world, 0.3, 0.0, true).into());
     let scale = world.bodies[0].room_from_body.scaling();
     for up in [0.05, 0.2, -0.1] {
-        world.step(&above(&world, 0.3, up, true));
+        world.step(&above(&world, 0.3, up, true).into());
         let (touch, place) = world.touched(0).unwrap();
         let off = (place - touch.place_in_room).norm();
         assert!(off < 1e-6 * scale, "{off} m");
-        assert!(world.frame.plates.len() == 1 && world.frame.balls.len() == 1);
+        assert!(
+            world.frame.all(Drawable::plate).count() == 1 && world.frame.all(Drawable::ball).count() == 1
+        );
     }
-    assert_eq!(world.frame.arrows.len(), 1, "the body pulls the hand");
+    assert_eq!(world.frame.all(Drawable::arrow).count(), 1, "the body pulls the hand");
     let pulled = positions(&world);
     assert_ne!(pulled, before);
-    world.step(&above(&world, 0.3, 0.0, false));
-    assert!(world.touched(0).is_none() && world.frame.plates.is_empty());
+    world.step(&above(&world, 0.3, 0.0, false).into());
+    assert!(world.touched(0).is_none() && world.frame.all(Drawable::plate).next().is_none());
     let back = positions(&world);
     let off = back.as_flattened().iter().zip(before.as_flattened()).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f32::max) < 1e-6);
@@ -66,32 +68,32 @@ fn a_held_point_follows_the_hand_and_goes_back() {
 #[test]
 fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
     let mut world = loaded("spring");
-    world.act(Action::SetTaking(Taking::Force));
-    world.step(&above(&world, 0.0, 0.0, false));
-    world.step(&above(&world, 0.0, 0.0, true));
+    world.carry_out(Action::SetTaking(Taking::Force));
+    world.step(&above(&world, 0.0, 0.0, false).into());
+    world.step(&above(&world, 0.0, 0.0, true).into());
     let scale = world.bodies[0].room_from_body.scaling();
     let start = world.touched(0).unwrap().1;
-    world.step(&above(&world, 0.0, 0.2, true));
+    world.step(&above(&world, 0.0, 0.2, true).into());
     let moved = (world.touched(0).unwrap().1 - start).norm() / scale;
     assert!((0.06..0.14).contains(&moved), "{moved} m of 0.2 m");
-    world.act(Action::LetGo);
-    world.step(&above(&world, 0.0, 0.2, false));
-    world.act(Action::SetTaking(Taking::Elements));
-    world.step(&above(&world, 0.0, 0.0, true));
+    world.carry_out(Action::LetGo);
+    world.step(&above(&world, 0.0, 0.2, false).into());
+    world.carry_out(Action::SetTaking(Taking::Elements));
+    world.step(&above(&world, 0.0, 0.0, true).into());
     assert!(world.touched(0).is_none());
 }
 
 #[test]
 fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
     let mut world = loaded("load");
-    world.step(&above(&world, 0.0, 1.0, false));
+    world.step(&above(&world, 0.0, 1.0, false).into());
     let before = positions(&world);
     let (body, column) = world.load_named("b.press").unwrap();
     assert_eq!((body, column, world.load_named("press")), (0, 3, Some((0, 3))));
     assert_eq!(world.load_named("pull"), None);
-    world.act(Action::SetLoad { body, column, value: 3000.0 });
-    world.act(Action::SetLoad { body: 9, column: 9, value: 1.0 });
-    world.step(&above(&world, 0.0, 1.0, false));
+    world.carry_out(Action::SetLoad { body, column, value: 3000.0 });
+    world.carry_out(Action::SetLoad { body: 9, column: 9, value: 1.0 });
+    world.step(&above(&world, 0.0, 1.0, false).into());
     assert_ne!(positions(&world), before);
     world.reset();
     assert_eq!((world.load(0, 3), positions(&world)), (Some(0.0), before));
@@ -102,11 +104,11 @@ fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
 fn what_loads_bend_counts_as_bent() {
     let mut world = loaded("bent");
     let turn = |world: &World| TurnLimits::of_body(&world.bodies[0]).0.to_degrees();
-    world.step(&above(&world, 0.0, 1.0, false));
+    world.step(&above(&world, 0.0, 1.0, false).into());
     let by_weight = turn(&world);
     let (body, column) = world.load_named("b.press").unwrap();
-    world.act(Action::SetLoad { body, column, value: 30_000.0 });
-    world.step(&above(&world, 0.0, 1.0, false));
+    world.carry_out(Action::SetLoad { body, column, value: 30_000.0 });
+    world.step(&above(&world, 0.0, 1.0, false).into());
     let pressed = turn(&world);
     assert!(by_weight > 1.0 && pressed > 2.0 * by_weight, "{by_weight}° {pressed}°");
 }
@@ -115,7 +117,7 @@ fn what_loads_bend_counts_as_bent() {
 #[test]
 fn gravity_stays_in_the_room() {
     let mut world = loaded("gravity");
-    world.step(&above(&world, 0.0, 1.0, false));
+    world.step(&above(&world, 0.0, 1.0, false).into());
     let c = world.bodies[0].deformer.state.coefficients.clone();
     let gravity = &c[24..27];
     let weight: f64 = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -64,7 +64,7 @@ fn play(
             device.link = Link::Up;
             device.take_button(0, i >= PRESS, None);
         });
-        world.step(&trackers.state(time_s));
+        world.step(&trackers.state(time_s).into());
         frames.push(check(&world, frames.last()));
     }
     frames
@@ -84,7 +84,7 @@ fn check(world: &World, last: Option<&Frame>) -> Frame {
         let turn = turn_between(&last.pose, &pose);
         assert!(turn < 2.0 * CATCH_UP, "turned by {}° in one frame", turn.to_degrees());
     }
-    Frame { pose, held: body.controls[1].highlight == Highlight::Held }
+    Frame { pose, held: world.frame.bodies[0].highlights[1] == Highlight::Held }
 }
 
 /// By the trace, as nothing here scales: exact at half a turn too.

@@ -83,8 +83,8 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
                 let time_s = started.elapsed().as_secs_f64();
                 let mut state = TrackerState { head: None, styli: vec![stylus], time_s };
                 haptics.input(&mut state);
-                world.step(&state);
-                haptics.show(world);
+                world.step(&state.clone().into());
+                world.show_by(&mut haptics);
                 let felt = haptics.links[0].running.report().state;
                 if until(&felt, &state) {
                     return felt;
@@ -156,8 +156,8 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
                 trackers::merge(&mut trackers, TrackerState { time_s: now_s(), ..Default::default() });
             let mut haptics = haptics.borrow_mut();
             haptics.input(&mut state);
-            world.step(&state);
-            haptics.show(&mut world);
+            world.step(&state.clone().into());
+            world.show_by(&mut *haptics);
             let felt = haptics.links[0].running.report().state;
             drop(haptics);
             if y == up_to && until(&world, &felt) {
@@ -167,11 +167,11 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             std::thread::sleep(Duration::from_millis(5));
         }
     };
-    follow(0.0, false, &|world, _| world.bodies[0].controls[1].highlight == Highlight::Hovered);
+    follow(0.0, false, &|world, _| world.frame.bodies[0].highlights[1] == Highlight::Hovered);
     // It is there; now it is known for a while with its button up.
     let there = Instant::now();
     follow(0.0, false, &|_, _| there.elapsed() > GREETED);
-    follow(0.0, true, &|world, _| world.bodies[0].controls[1].highlight == Highlight::Held);
+    follow(0.0, true, &|world, _| world.frame.bodies[0].highlights[1] == Highlight::Held);
     // 0.2 of the workspace's radius are 0.2 / 0.95 of the block's half length of 1 m.
     let carried = |world: &World| world.bodies[0].deformer.poses[1].translation;
     let there = Vector3::y() * (0.2 / 0.95);
@@ -331,7 +331,7 @@ fn in_every_mode_and_with_two_hands_the_push_is_the_slope_of_the_energy_that_is_
         let mut time_s = 0.0;
         let mut go = |world: &mut World, styli: &[StylusState]| {
             time_s += 0.5;
-            world.step(&TrackerState { head: None, styli: styli.to_vec(), time_s });
+            world.step(&TrackerState { head: None, styli: styli.to_vec(), time_s }.into());
         };
         let styli = |world: &World, by: f64, pressed: bool| -> Vec<StylusState> {
             let zs = if two { &[0.3, -0.3][..] } else { &[0.3] };
@@ -344,7 +344,7 @@ fn in_every_mode_and_with_two_hands_the_push_is_the_slope_of_the_energy_that_is_
         // Bent first, so that there is a force whatever the mode lets through after it.
         let bent = styli(&world, 0.3, true);
         go(&mut world, &bent);
-        world.act(Action::SetMode(mode));
+        world.carry_out(Action::SetMode(mode));
         let mut now = styli(&world, 0.3, true);
         now[0].second = scales;
         go(&mut world, &now);

@@ -10,7 +10,7 @@ fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
     for rate in [7.0, 30.0, 144.0] {
         let mut world = world(&format!("snap-{rate}"), "");
         carry_right(&mut world, 1.0, [0.1, 0.2, 0.0], [4.0, 0.0, 0.0]);
-        world.act(Action::SnapBack);
+        world.carry_out(Action::SnapBack);
         let mut time_s = 1.0;
         while time_s + 1.0 / rate < 1.2 {
             time_s += 1.0 / rate;
@@ -27,7 +27,7 @@ fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
         let body = &world.bodies[0].deformer;
         let away = (0..body.node_count()).map(|i| body.displacement(i).norm()).fold(0.0, f64::max);
         assert!(away < 1e-6, "{away} m off at {rate} frames/s");
-        world.act(Action::Undo);
+        world.carry_out(Action::Undo);
         step(&mut world, 1.6, &[]);
         assert!(poses(&world)[RIGHT].translation.norm() > 0.1, "it is an entry of the history");
     }
@@ -38,7 +38,7 @@ fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
 fn a_new_grab_ends_the_way_back() {
     let mut world = world("snap-grab", "");
     carry_right(&mut world, 1.0, [0.0, 0.1, 0.0], [0.0; 3]);
-    world.act(Action::SnapBack);
+    world.carry_out(Action::SnapBack);
     let start = right([0.0; 3], [0.0; 3]);
     step(&mut world, 1.2, &[start]);
     step(&mut world, 1.2, &[pressed(start)]);
@@ -54,7 +54,7 @@ fn snapping_back_acts_after_undo_and_redo_with_ctrl_still_down_and_on_its_own_wa
     let mut world = world("snap-keys", "");
     let press = |world: &mut World, time_s: f64, key: Key, control: bool| {
         let action = keys::action(key, control, world);
-        action.into_iter().for_each(|action| world.act(action));
+        action.into_iter().for_each(|action| world.carry_out(action));
         step(world, time_s, &[]);
         action
     };

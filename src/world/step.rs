@@ -1,0 +1,363 @@
+//! One step of a world, from what comes from outside to what is shown: hands, control poses, deformed bodies, eyes.
+//!
+//! In: a scene, its .green file, a stage, and an [`Input`] per frame. Out: a [`Frame`], the deformed bodies at their places, and one
+//! view per screen and eye. [`World::step`] is the only way in which anything moves; what it moves are the fields of one graph
+//! ([`flow`]), which is evaluated once a frame, and what [`State`](super::State) lists beside them.
+
+use super::body;
+use super::edit_state::EditState;
+use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, Tracked};
+use super::force::{self, HeldForce};
+use super::frame::Frame;
+use super::hand::{self, HeldPlace};
+use super::highlight::Highlight;
+use super::input::Input;
+use super::running::RunningEffect;
+use super::times::StepTimes;
+use crate::base::failure::Failure;
+use crate::base::notice::notice;
+use crate::deform::{Contribution, ControlPose, Deformer};
+use crate::field::{Field, Graph, Value};
+use crate::green::GreenFile;
+use crate::interact::Grip;
+use crate::render::{Drawable, Grid, View};
+use crate::scene::{Body, Scene};
+use crate::stage::{Eye, Stage, Workspace};
+use crate::track::Signal;
+use indexmap::IndexMap;
+use nalgebra::{Isometry3, Point3, Vector3};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What is nearer to the eye than this is not drawn, m.
+const NEAR_M: f64 = 0.05;
+
+/// At most so many styli are followed; further ones are ignored.
+pub(super) const MOST_STYLI: usize = 16;
+
+/// All that moves.
+pub struct World {
+    /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
+    /// waited for.
+    pub effects: Vec<Box<dyn RunningEffect>>,
+    pub stage: Stage,
+    pub bodies: Bodies,
+    pub room_from_head: Isometry3<f64>,
+    /// What the last frame shows.
+    pub frame: Frame,
+    /// Each picture is kept, and waits for what is computed in the background.
+    pub is_for_pictures: bool,
+    /// How often somebody asked for another field; only the picture changes.
+    pub field_changes: usize,
+    /// Warnings, each told once, with the time since the start at which it was told, s.
+    pub warnings: Vec<(f64, String)>,
+    /// Time since the start of the session, s; a script's own time begins anew with every round.
+    pub(super) clock_s: f64,
+    pub graph: Graph<Bodies>,
+    pub fields: Fields,
+    pub edit: EditState,
+    /// The reasons for black screens that were told already.
+    pub(super) told: BTreeSet<String>,
+}
+
+impl World {
+    /// The bodies of a scene, from its .green file, at their places on the stage.
+    pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
+        World::of_bodies(scene, file, World::deformers(scene, file)?, stage)
+    }
+
+    /// What takes time of [`World::new`], for another thread.
+    pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
+        let deformer = |(name, body): (&String, &Body)| Deformer::new(file.clone(), name, &body.model);
+        scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)
+    }
+
+    /// The rest of it.
+    pub fn of_bodies(
+        scene: &Scene,
+        file: &GreenFile,
+        deformers: Vec<Deformer>,
+        stage: Stage,
+    ) -> Result<World, Failure> {
+        let bodies = body::place(scene, file, deformers, &stage)?;
+        let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
+        Ok(World::of(stage, bodies, graph, fields))
+    }
+
+    /// A stage without bodies: head and styli alone.
+    pub fn of_stage(stage: Stage) -> Result<World, Failure> {
+        let (graph, fields) = flow::graph(&IndexMap::new(), &stage).map_err(Failure::request)?;
+        Ok(World::of(stage, Bodies::new(), graph, fields))
+    }
+
+    fn of(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
+        let mut world = World {
+            edit: EditState::new(&stage.workspace, bodies.len(), fields.targets.len()),
+            effects: Vec::new(),
+            room_from_head: stage.viewer.room_from_head,
+            stage,
+            frame: Frame::of(&bodies),
+            bodies,
+            is_for_pictures: false,
+            field_changes: 0,
+            warnings: Vec::new(),
+            clock_s: 0.0,
+            graph,
+            fields,
+            told: BTreeSet::new(),
+        };
+        for b in 0..world.bodies.len() {
+            world.put(world.fields.bodies[b].place, BodyPlace(world.bodies[b].room_from_body));
+        }
+        world
+    }
+
+    /// The ball that bodies without a place of their own fill as they were put: the stage's workspace, or higher and smaller where
+    /// they would not be seen whole.
+    pub fn filled(&self) -> Workspace {
+        let fitted = self.bodies.iter().filter(|body| body.is_fitted);
+        let places = fitted.flat_map(|body| {
+            let point = |x: &[f32; 3]| body.home * Point3::from(Vector3::from(*x).cast::<f64>());
+            body.deformer.rest().iter().map(point)
+        });
+        let bounds = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
+        bounds.map_or(self.stage.workspace, |(low, high)| Workspace {
+            centre: nalgebra::center(&low, &high),
+            radius_m: (high - low).max() / 2.0 / Workspace::FILL,
+        })
+    }
+
+    /// The bodies whose state has come from the background since the last frame; what is told here goes into the next [`Input`].
+    pub fn arrivals(&mut self) -> Vec<usize> {
+        let bodies = self.bodies.iter_mut().zip(&self.fields.bodies).enumerate();
+        bodies
+            .filter_map(|(b, (body, fields))| {
+                (fields.arrived.is_some() && body.deformer.has_news()).then_some(b)
+            })
+            .collect()
+    }
+
+    /// From now on every frame shows the state of its own poses, however long it takes: for pictures and recordings.
+    pub fn wait_for_background(&mut self) {
+        self.bodies.iter_mut().for_each(|body| body.deformer.be_patient(Duration::MAX));
+    }
+
+    pub fn styli_count(&self) -> usize {
+        self.fields.styli.len()
+    }
+
+    /// Makes fields for so many styli.
+    pub fn have_styli(&mut self, count: usize) {
+        while self.fields.styli.len() < count.min(MOST_STYLI) {
+            if let Err(error) = self.fields.add_stylus(&mut self.graph) {
+                unreachable!("the names of styli are their own: {error}");
+            }
+        }
+    }
+
+    /// Moves everything on by one frame.
+    pub fn step(&mut self, input: &Input) -> &Frame {
+        let started = Instant::now();
+        for action in &input.actions {
+            self.carry_out(*action);
+        }
+        let trackers = &input.trackers;
+        self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::of(&self.bodies) };
+        self.clock_s = input.clock_s;
+        self.have_styli(trackers.styli.len());
+        self.put(self.fields.tracked_head, Tracked(trackers.head));
+        self.put(self.fields.time, trackers.time_s);
+        for stylus in 0..self.fields.styli.len() {
+            self.put(self.fields.styli[stylus].stylus, trackers.styli.get(stylus).copied());
+        }
+        self.ease(trackers.time_s);
+        for b in &input.arrivals {
+            let Some(arrived) = self.fields.bodies.get(*b).and_then(|body| body.arrived) else { continue };
+            let count = self.graph.get(arrived) + 1.0;
+            self.put(arrived, count);
+        }
+        self.evaluate();
+        self.show_ruler();
+        self.show_touches();
+        let times = &mut self.frame.times;
+        times.interact_s = started.elapsed().as_secs_f64() - times.deform_s - times.normals_s;
+        self.colour();
+        self.with_frame(|effect, world, frame| effect.show(world, frame));
+        &self.frame
+    }
+
+    /// Lets the effects see the world before a picture that is kept.
+    pub fn before_picture(&mut self) {
+        self.with_frame(|effect, world, frame| effect.before_picture(world, frame));
+    }
+
+    /// Asks the effects what they add to the bodies, where one acts.
+    fn gather_contributions(&mut self) {
+        let Some(field) = self.fields.contributions else { return };
+        let poses: Vec<Vec<Field<ControlPose>>> =
+            self.fields.bodies.iter().map(|body| body.poses.clone()).collect();
+        self.graph.evaluate_first(&poses, &mut self.bodies);
+        let mut contributions: Vec<Contribution> =
+            self.bodies.iter().map(|body| body.deformer.no_contribution()).collect();
+        self.with_effects(|effect, world| effect.solve(world, &mut contributions));
+        self.put(field, Contributions(contributions));
+    }
+
+    /// Takes the scene's effects, before the first frame.
+    pub fn join(&mut self, effects: Vec<Box<dyn RunningEffect>>) -> Result<(), Failure> {
+        if effects.iter().any(|effect| effect.acts()) {
+            self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
+        }
+        self.effects = effects;
+        self.colour();
+        Ok(())
+    }
+
+    fn with_effects(&mut self, mut take_part: impl FnMut(&mut dyn RunningEffect, &World)) {
+        let mut effects = std::mem::take(&mut self.effects);
+        effects.iter_mut().for_each(|effect| take_part(effect.as_mut(), self));
+        self.effects = effects;
+    }
+
+    /// Lets the effects colour the bodies as they are.
+    pub(super) fn colour(&mut self) {
+        let mut bodies = std::mem::take(&mut self.frame.bodies);
+        self.with_effects(|effect, world| effect.surface(world, &mut bodies));
+        self.frame.bodies = bodies;
+    }
+
+    /// The last two phases of an effect that the world has not joined.
+    #[cfg(test)]
+    pub fn show_by(&mut self, effect: &mut dyn RunningEffect) {
+        let mut frame = std::mem::take(&mut self.frame);
+        effect.surface(self, &mut frame.bodies);
+        effect.show(self, &mut frame);
+        frame.warnings.iter().for_each(|warning| self.warn(warning.clone()));
+        self.frame = frame;
+    }
+
+    /// Lets the effects add to the frame, each of which sees what is there already.
+    fn with_frame(&mut self, take_part: impl Fn(&mut dyn RunningEffect, &World, &mut Frame)) {
+        let mut frame = std::mem::take(&mut self.frame);
+        self.with_effects(|effect, world| take_part(effect, world, &mut frame));
+        frame.warnings.iter().for_each(|warning| self.warn(warning.clone()));
+        self.frame = frame;
+    }
+
+    /// Sets a field that is fed from outside.
+    pub(super) fn put<T: Value>(&mut self, field: Field<T>, value: T) {
+        if let Err(error) = self.graph.set(field, value) {
+            unreachable!("nothing is connected to what is fed from outside: {error}");
+        }
+    }
+
+    /// Evaluates the graph, and takes over what pictures show of it.
+    pub(super) fn evaluate(&mut self) {
+        for body in &mut self.bodies {
+            body.times = StepTimes::default();
+        }
+        self.gather_contributions();
+        self.graph.evaluate(&mut self.bodies);
+        self.frame.times = StepTimes::default();
+        self.frame.bodies.iter_mut().for_each(|body| body.highlights.fill(Highlight::Idle));
+        let mut warnings = Vec::new();
+        for body in &mut self.bodies {
+            self.frame.times.deform_s += body.times.deform_s;
+            self.frame.times.normals_s += body.times.normals_s;
+            warnings.append(&mut body.warnings);
+        }
+        for warning in warnings {
+            self.warn(warning);
+        }
+        self.room_from_head = self.graph.get(self.fields.head).0;
+        self.follow_hands(*self.graph.get(self.fields.time));
+        self.show_hands();
+    }
+
+    /// Tells a warning once, on standard error and in the overlay.
+    pub fn warn(&mut self, warning: String) {
+        if self.warnings.iter().all(|(_, told)| *told != warning) {
+            notice!("note: {warning}");
+            self.warnings.push((self.clock_s, warning));
+        }
+    }
+
+    /// Styli as they are drawn, what they feel, and the colours of what they point at.
+    fn show_hands(&mut self) {
+        let (graph, workspace) = (&self.graph, &self.stage.workspace);
+        let hands = &graph.get(self.fields.hands).hands;
+        let mut touched: Vec<((usize, usize), Highlight)> = Vec::new();
+        let (mut forces, mut drawables): (Vec<HeldForce>, Vec<Drawable>) = (Vec::new(), Vec::new());
+        for (i, fields) in self.fields.styli.iter().enumerate() {
+            // One that is lost is not drawn where it was.
+            let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
+            let (Some(stylus), Some(pose)) = (seen, hands.room_from_stylus(i)) else {
+                continue;
+            };
+            let hit = graph.get(fields.hit).as_ref();
+            let grip = hands.grip(i).zip(hands.grip(i).and_then(|grip| self.fields.targets.get(grip.target)));
+            let held = grip.map(|(grip, &(b, c))| {
+                let now = self.bodies[b].room_from_element(c, graph.get(self.fields.bodies[b].poses[c]));
+                let place = now.transform_point(&grip.place_in_element);
+                touched.push(((b, c), Highlight::Held));
+                let is_told = forces.iter().any(|force| (force.body, force.control) == (b, c));
+                if self.bodies[b].force_scale.is_some() && !is_told {
+                    let force = force::held_force(b, &self.bodies[b], c);
+                    let shown = force.as_ref().and_then(|f| force::arrow(f, &place, workspace.radius_m));
+                    forces.extend(force);
+                    drawables.extend(shown.map(Drawable::Arrow));
+                }
+                HeldPlace { grip, place }
+            });
+            let touched_point = self.touched(i).map(|(touch, place)| (touch.place_in_stylus, place));
+            let as_grip = touched_point.map(|(place_in_stylus, place)| {
+                let place_in_element = Point3::origin();
+                (Grip { target: usize::MAX, place_in_stylus, place_in_element, is_near: false }, place)
+            });
+            let held = held.or(as_grip.as_ref().map(|(grip, place)| HeldPlace { grip, place: *place }));
+            let hit = hit.filter(|_| held.is_none());
+            let target = hit.and_then(|hit| self.fields.targets.get(hit.target));
+            touched.extend(target.map(|&target| (target, Highlight::Hovered)));
+            drawables.push(Drawable::Stylus(hand::shape(stylus, pose, hit, held, workspace)));
+        }
+        for ((b, c), highlight) in touched {
+            let now = &mut self.frame.bodies[b].highlights[c];
+            *now = highlight.max(*now);
+        }
+        (self.frame.forces, self.frame.drawables) = (forces, drawables);
+    }
+
+    /// Distance from the first stylus to what it points at, for the mouse to grab there.
+    pub fn hit_distance_m(&self) -> Option<f64> {
+        let stylus = self.frame.all(Drawable::stylus).next()?;
+        let hit: Point3<f64> = stylus.hit?.cast();
+        let eye = self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre);
+        Some((hit - eye).norm())
+    }
+
+    /// What `eye` sees on one screen; `None` where it stays black. The reason is told once.
+    pub fn view(&mut self, screen: usize, eye: Eye) -> Option<View> {
+        let place = self.stage.viewer.eye_in_room(&self.room_from_head, eye);
+        match self.stage.screens[screen].view(&place, NEAR_M) {
+            Ok(view) => Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room }),
+            Err(unseen) => {
+                let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
+                if self.told.insert(key) {
+                    self.warn(format!("{} eye: {unseen}", eye.name()));
+                }
+                None
+            }
+        }
+    }
+
+    /// The floor grid of the stage.
+    pub fn grid(&self) -> Option<Grid> {
+        self.stage.grid.map(|grid| {
+            let centre = self.stage.workspace.centre;
+            let centre = Point3::new(centre.x, grid.height_m, centre.z).cast::<f32>();
+            let half = grid.half_size_m as f32;
+            Grid::new(centre, [half, half], half / 8.0)
+        })
+    }
+}
