@@ -111,14 +111,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let mut counts = Vec::new();
         for frame in 0..count {
             let step = playback.step_to(&mut session, frame)?;
-            let draw = targets.draw(&mut session.world)?;
+            let draw = targets.draw(&session.world)?;
             let (_, read_s) = targets.read()?;
             frames.push((step, draw, read_s));
             counts.push(targets.draw_counts());
         }
         session.report()?;
         // The first frame also compiles and allocates.
-        let mut measured = Drawn::new((samples, shadows), targets.gpu.describe(), &stage, &frames[1..]);
+        let mut measured =
+            Drawn::new((samples, shadows), targets.images.gpu.describe(), &stage, &frames[1..]);
         let mean = |of: fn(&DrawCounts) -> usize| {
             counts[1..].iter().map(|c| of(c) as f64).sum::<f64>() / (count - 1) as f64
         };
@@ -163,7 +164,7 @@ fn beside_frames(mut session: Session, args: &Args) -> Result<Vec<bench_haptics:
         if let Some(duration_s) = duration_s {
             session.advance(started.elapsed().as_secs_f64() % duration_s)?;
         }
-        targets.draw(&mut session.world)?;
+        targets.draw(&session.world)?;
         Ok(())
     })
 }

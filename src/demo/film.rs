@@ -13,8 +13,8 @@ use crate::display::device;
 use crate::display::film::apng::Apng;
 use crate::display::film::mp4::{Mp4, PROGRAM};
 use crate::display::pictures::{PNG, save};
-use crate::render::Samples;
-use crate::render::window::Windows;
+use crate::display::presenter::Images;
+use crate::render::{Gpu, Samples};
 use image::{DynamicImage, RgbaImage, imageops};
 use std::io::{Cursor, ErrorKind};
 use std::path::PathBuf;
@@ -64,10 +64,12 @@ impl Request {
         Ok(format!("{told}{film}"))
     }
 
-    fn windows(&self, size: [u32; 2]) -> Result<Windows, Failure> {
-        let mut windows = Windows::offscreen(size, self.samples)?;
-        self.device.apply(&windows.gpu, &mut windows.renderer)?;
-        Ok(windows)
+    /// One image of this size, in place of a window.
+    fn image(&self, size: [u32; 2]) -> Result<Images, Failure> {
+        let mut image = Images::new(self.samples)?;
+        self.device.apply(&image.gpu, &mut image.renderer)?;
+        image.add(size, [0; 2])?;
+        Ok(image)
     }
 
     fn story(&self) -> Result<Story, Failure> {
@@ -77,16 +79,16 @@ impl Request {
 
     /// The pictures, and what is told of them.
     fn stills(&self) -> Result<(String, Vec<RgbaImage>), Failure> {
-        let (mut windows, mut story) = (self.windows(self.size)?, self.story()?);
-        notice!("demo: drawing on {}", windows.gpu.describe());
+        let (mut image, mut story) = (self.image(self.size)?, self.story()?);
+        notice!("demo: drawing on {}", image.gpu.describe());
         let mut pictures = Vec::new();
         for &chapter in &self.chapters {
-            story.begin(chapter, &windows)?;
+            story.begin(chapter, &image.gpu)?;
             for (k, &at_s) in CHAPTERS[chapter].stills_s.iter().enumerate() {
                 story.tell_until(at_s)?;
                 story.wait_for_effects();
-                story.frame(&mut windows, 0.0)?;
-                let picture = windows.read()?;
+                story.frame(&mut image, 0.0)?;
+                let picture = shown(&image)?;
                 let name = format!("{}-{}-{}.png", chapter + 1, CHAPTERS[chapter].name, k + 1);
                 save(&picture, &self.folder.join(&name))?;
                 notice!("{}", self.folder.join(&name).display());
@@ -102,7 +104,7 @@ impl Request {
     /// `stills` tell which colours it has.
     fn film(&self, stills: &[RgbaImage]) -> Result<String, Failure> {
         let size = self.size.map(|side| (side / 2).max(2) & !1);
-        let (mut windows, mut story) = (self.windows(size)?, self.story()?);
+        let (mut image, mut story) = (self.image(size)?, self.story()?);
         let path = self.folder.join(MP4);
         let mut video = match Mp4::start(PROGRAM, &path, size, u32::from(RATE_HZ) * FINER) {
             Ok(video) => Some(video),
@@ -113,7 +115,7 @@ impl Request {
         let step_s = 1.0 / (f64::from(RATE_HZ) * f64::from(finer));
         let mut counts = Vec::new();
         for &chapter in &self.chapters {
-            story.begin(chapter, &windows)?;
+            story.begin(chapter, &image.gpu)?;
             let length_s = story.duration_s().unwrap_or(1.0) + END_S;
             counts.push((length_s * f64::from(RATE_HZ)) as u32 * finer);
         }
@@ -123,7 +125,7 @@ impl Request {
         let rgb = |still: &RgbaImage| DynamicImage::from(still.clone()).to_rgb8();
         animation.expect(&stills.iter().map(rgb).collect::<Vec<_>>());
         for (&chapter, count) in self.chapters.iter().zip(counts) {
-            story.begin(chapter, &windows)?;
+            story.begin(chapter, &image.gpu)?;
             let last_s = CHAPTERS[chapter].stills_s.last().copied().unwrap_or(f64::INFINITY);
             for frame in 0..count {
                 let at_s = f64::from(frame) * step_s;
@@ -132,8 +134,8 @@ impl Request {
                 if at_s >= last_s {
                     story.wait_for_effects();
                 }
-                story.frame(&mut windows, 0.0)?;
-                let picture = DynamicImage::from(windows.read()?).to_rgb8();
+                story.frame(&mut image, 0.0)?;
+                let picture = DynamicImage::from(shown(&image)?).to_rgb8();
                 if frame % finer == 0 {
                     animation.add(&picture, 1.0 / f64::from(RATE_HZ)).map_err(Failure::work)?;
                 }
@@ -162,9 +164,9 @@ impl Request {
 
 impl Story {
     /// Begins a chapter as soon as what it needs is made.
-    fn begin(&mut self, chapter: usize, windows: &Windows) -> Result<(), Failure> {
+    fn begin(&mut self, chapter: usize, gpu: &Gpu) -> Result<(), Failure> {
         self.go_to(chapter);
-        self.open_ready(&windows.gpu)
+        self.open_ready(gpu)
     }
 
     /// Tells up to a time of the chapter, in fine steps that nobody sees.
@@ -174,6 +176,12 @@ impl Story {
         }
         Ok(())
     }
+}
+
+/// The picture that was shown last.
+fn shown(image: &Images) -> Result<RgbaImage, Failure> {
+    let (pictures, _) = image.read()?;
+    pictures.into_iter().next().ok_or_else(|| Failure::wrong("no picture was shown"))
 }
 
 /// Pictures in rows, each a third of the sheet's width.

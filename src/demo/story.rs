@@ -1,6 +1,6 @@
 //! Tells the chapters: which is shown, at what time of its script, and what the caption says.
 //!
-//! In: the time that has passed, keys and the mouse. Out: frames in a [`Windows`]. A key of the story's own is taken here; all
+//! In: the time that has passed, keys and the mouse. Out: frames for a [`Presenter`]. A key of the story's own is taken here; all
 //! else goes to the scene, where a press of a mouse button or another key takes over from the script. The story then rests
 //! until it is called again.
 
@@ -11,12 +11,13 @@ use crate::base::plates::Anchor;
 use crate::display::bodies::GpuBodies;
 use crate::display::caption::Caption;
 use crate::display::device;
+use crate::display::presenter::Presenter;
 use crate::display::screen_windows::ScreenWindows;
 use crate::display::stage_model::Camera;
 use crate::display::window_frame::WindowFrame;
 use crate::effect;
 use crate::interact::Action;
-use crate::render::window::{Input, Key, WindowSpec, Windows};
+use crate::render::window::{Input, Key, WindowSpec};
 use crate::render::{Drawable, Gpu, RenderError};
 use crate::scene::Scene;
 use crate::session::{Leader, Session};
@@ -177,12 +178,12 @@ impl Story {
     }
 
     /// Moves on and draws, `step_s` after the frame before.
-    pub fn frame(&mut self, windows: &mut Windows, step_s: f64) -> Result<(), Failure> {
+    pub fn frame(&mut self, presenter: &mut dyn Presenter, step_s: f64) -> Result<(), Failure> {
         let told_s = step_s.min(LONGEST_STEP_S);
         self.keys_s = (self.keys_s - told_s).max(0.0);
         let readiness = self.preparation.of(self.chapter);
         if self.shown.as_ref().is_none_or(|shown| shown.scene.is_none()) {
-            self.open(&windows.gpu, &readiness)?;
+            self.open(presenter.gpu(), &readiness)?;
         }
         self.advance(told_s)?;
         let caption = self.caption(&readiness);
@@ -192,7 +193,7 @@ impl Story {
         session.world.frame.drawables.retain(|it| !is_curve(it));
         screens.overlays.caption = Some(Box::new(caption));
         let (covered, track_s) = (Default::default(), 0.0);
-        let mut frame = WindowFrame { windows, session, bodies, edited: None, covered, step_s, track_s };
+        let mut frame = WindowFrame { presenter, session, bodies, edited: None, covered, step_s, track_s };
         screens.draw(&mut frame).map_err(|error| Failure::work(RenderError::App(error)))
     }
 

@@ -191,7 +191,15 @@ impl WindowApp for Application<'_> {
             Some(desk) => desk.edited(&windows.gpu, session)?,
             None => None,
         };
-        self.shows.draw(&mut WindowFrame { windows, session, bodies, edited, covered, step_s, track_s })?;
+        self.shows.draw(&mut WindowFrame {
+            presenter: windows,
+            session,
+            bodies,
+            edited,
+            covered,
+            step_s,
+            track_s,
+        })?;
         self.frames += 1;
         self.change(windows)?;
         let is_shown = self.opening.is_none();

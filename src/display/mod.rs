@@ -1,7 +1,8 @@
 //! Shows a session on screens or in images.
 //!
 //! In: a [`Session`](crate::session::Session) and a stage. Out: windows ([`application`]) or PNG files ([`pictures`]), in
-//! which [`render`](crate::render) draws each screen and eye off-axis. A lab engineer can call up [`overlays`] in them:
+//! which [`render`](crate::render) draws each screen and eye off-axis. A [`ViewSource`](view_source::ViewSource) says what is seen, a
+//! [`Presenter`](presenter::Presenter) shows it: a headset would be one of each. A lab engineer can call up [`overlays`] in them:
 //! times and readings, the stage from outside, the test pattern. The crate's first page lists the functions of a frame.
 
 pub mod application;
@@ -24,7 +25,9 @@ pub mod pictures;
 mod plate_seats;
 mod plates;
 mod plot;
+pub mod presenter;
 pub mod screen_windows;
 pub mod stage_model;
+pub mod view_source;
 pub mod window_frame;
 pub mod window_layout;

@@ -3,12 +3,11 @@
 use super::bodies::{GpuBodies, contents};
 use super::device;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
+use super::view_source::ViewSource;
 use super::window_frame::WindowFrame;
 use crate::base::failure::Failure;
 use crate::render::window::{AppError, Input, WindowSpec};
-use crate::render::{
-    COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Samples, Show, Tile, Viewport,
-};
+use crate::render::{COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Samples, Viewport};
 use crate::session::Session;
 use crate::stage::Stage;
 use crate::track::doubts::doubts;
@@ -44,15 +43,15 @@ impl ModelWindow {
     }
 
     pub(super) fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
-        let WindowFrame { windows, session, bodies, .. } = frame;
-        bodies.upload(&windows.gpu, &mut session.world)?;
+        let WindowFrame { presenter, session, bodies, .. } = frame;
+        bodies.upload(presenter.gpu(), &session.world)?;
         let model = model(session, &self.orbit.camera);
         let instances = bodies.instances(&session.world);
         let contents = model.contents(contents(&session.world, &instances));
-        let size = windows.sizes().next().unwrap_or([0, 0]);
+        let sizes = presenter.sizes();
+        let size = sizes.first().copied().unwrap_or([0, 0]);
         let view = self.orbit.camera.view(f64::from(size[0]) / f64::from(size[1].max(1)));
-        let tile = Tile { rect: [0, 0, size[0], size[1]], show: Show::One(Viewport::full(size, view)[0]) };
-        let tiles = if size.contains(&0) { vec![] } else { vec![tile] };
+        let tiles = self.orbit.camera.tiles(&session.world, &sizes);
         let overlay = &mut self.overlay;
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
             let overlay = overlay.get_or_insert_with(|| Overlay::new(picture.format));
@@ -60,7 +59,7 @@ impl ModelWindow {
                 view.iter().for_each(|view| write_names(painter, painter.clip_rect(), view, &model, &[]));
             })
         };
-        windows.draw(&[tiles], |_| &contents, Some(&mut paint))?;
+        presenter.present(&tiles, &vec![&contents; tiles.len()], Some(&mut paint))?;
         Ok(())
     }
 }
@@ -91,7 +90,7 @@ pub fn picture(
     let view = camera.view(f64::from(size[0]) / f64::from(size[1]));
     let model = model(session, camera);
     let mut bodies = GpuBodies::new(&gpu, &mut session.world, device)?;
-    bodies.upload(&gpu, &mut session.world)?;
+    bodies.upload(&gpu, &session.world)?;
     let instances = bodies.instances(&session.world);
     let contents = model.contents(contents(&session.world, &instances));
     renderer.draw(&gpu, &[target.picture(&Viewport::full(size, view))], &contents)?;

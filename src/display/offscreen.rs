@@ -6,28 +6,24 @@ use super::keep_clear::{KeepClear, keep_clear};
 use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
 use super::plate_seats::PlateSeats;
 use super::plates::Plates;
+use super::presenter::{Images, Presenter};
+use super::view_source::{Screens, ViewSource};
 use super::window_layout;
 use crate::base::plates::Plate;
 use crate::render::window::Monitor;
-use crate::render::{
-    COLOR_FORMAT, Canvas, DrawCounts, EyePicture, Gpu, Overlay, Readable, RenderError, Renderer, Samples,
-    Target, Tile, TilePainter,
-};
+use crate::render::{COLOR_FORMAT, DrawCounts, EyePicture, Gpu, Overlay, RenderError, Samples};
 use crate::stage::{self, Stage, Stereo, Window};
 use crate::world::{StepTimes, World};
 use image::RgbaImage;
 use std::collections::BTreeSet;
 
-/// Offscreen targets for every picture of a stage.
+/// Images of every picture of a stage.
 pub struct Targets {
-    pub gpu: Gpu,
-    renderer: Renderer,
-    painter: TilePainter,
+    pub images: Images,
+    screens: Screens,
+    /// Of the pictures, as their files are called.
+    names: Vec<String>,
     pub bodies: GpuBodies,
-    pictures: Vec<OneTarget>,
-    /// The windows of the stage file, if the pictures show its windows.
-    monitors: Vec<Monitor>,
-    swapped: bool,
     /// Made with the first thing that is written over a picture.
     overlay: Option<Overlay>,
     /// The overlay is shown on the screen that the viewer looks at, where it is asked for.
@@ -45,16 +41,6 @@ pub enum Pictures {
     Joined(Stereo),
     /// One per window, as it would be presented.
     Windows,
-}
-
-/// The picture that a window would show.
-struct OneTarget {
-    window: Window,
-    name: String,
-    /// Its top left pixel on the desktop.
-    desktop: [i32; 2],
-    canvas: Canvas,
-    image: Readable,
 }
 
 /// A picture and the screen and eye it belongs to.
@@ -77,46 +63,41 @@ impl Targets {
         scale: f64,
         asked: device::Args,
     ) -> Result<Targets, RenderError> {
-        let gpu = Gpu::headless()?;
-        let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
-        asked.apply(&gpu, &mut renderer)?;
-        let mut bodies = GpuBodies::new(&gpu, world, asked)?;
+        let mut images = Images::new(samples)?;
+        asked.apply(&images.gpu, &mut images.renderer)?;
+        let mut bodies = GpuBodies::new(&images.gpu, world, asked)?;
         bodies.looks_at_each = true;
-        let painter = TilePainter::new(COLOR_FORMAT);
-        let mut pictures = Vec::new();
-        for (window, name) in windows(&world.stage, asked_for) {
-            let (desktop, size) = match (asked_for, window.tiles.as_slice()) {
+        let stage = &world.stage;
+        let (layout, names): (Vec<Window>, Vec<String>) = windows(stage, asked_for).into_iter().unzip();
+        for window in &layout {
+            let (place, size) = match (asked_for, window.tiles.as_slice()) {
                 // Whole pixels of the screen first, so that both halves of a picture come out alike.
                 (Pictures::Eyes | Pictures::Joined(_), [tile]) => {
-                    let pixels = window_layout::scaled(world.stage.screens[tile.screen].pixels, scale);
+                    let pixels = window_layout::scaled(stage.screens[tile.screen].pixels, scale);
                     ([0, 0], tile.stereo.window_size(pixels))
                 }
                 _ => {
-                    let place = window.on_desktop(&world.stage.monitors);
+                    let place = window.on_desktop(&stage.monitors);
                     let (at, size) = place.unwrap_or(([0, 0], window.size));
                     (window_layout::moved(at, scale), window_layout::scaled(size, scale))
                 }
             };
-            let image = Readable::new(&gpu, size)?;
-            pictures.push(OneTarget { window, name, desktop, canvas: Canvas::default(), image });
+            images.add(size, place)?;
         }
         let monitor = |monitor: &stage::Monitor| Monitor {
             name: monitor.name.clone(),
             at: window_layout::moved(monitor.at, scale),
             size: window_layout::scaled(monitor.size, scale),
         };
-        let monitors = match asked_for {
-            Pictures::Windows => world.stage.monitors.iter().map(monitor).collect(),
-            Pictures::Eyes | Pictures::Joined(_) => Vec::new(),
-        };
+        if asked_for == Pictures::Windows {
+            images.monitors = stage.monitors.iter().map(monitor).collect();
+        }
+        let swapped = asked_for != Pictures::Eyes && stage.swap_eyes;
         Ok(Targets {
-            gpu,
-            renderer,
-            painter,
+            images,
+            screens: Screens { layout, swapped },
+            names,
             bodies,
-            pictures,
-            monitors,
-            swapped: asked_for != Pictures::Eyes && world.stage.swap_eyes,
             overlay: None,
             panel: None,
             seats: PlateSeats::default(),
@@ -130,69 +111,45 @@ impl Targets {
 
     /// Pictures of a frame.
     pub fn count(&self) -> usize {
-        self.pictures.len()
+        self.images.count()
     }
 
     /// How many shapes the last frame drew and left out.
     pub fn draw_counts(&self) -> DrawCounts {
-        self.renderer.counts
+        self.images.renderer.counts
     }
 
-    /// Draws the world into all targets and waits for the device.
-    pub fn draw(&mut self, world: &mut World) -> Result<DrawTimes, RenderError> {
-        let upload_s = self.bodies.upload(&self.gpu, world)?;
-        let tiles: Vec<Vec<Tile>> = self
-            .pictures
-            .iter()
-            .map(|target| window_layout::tiles(world, &target.window, target.image.size, self.swapped))
-            .collect();
+    /// Draws the world into all images and waits for the device.
+    pub fn draw(&mut self, world: &World) -> Result<DrawTimes, RenderError> {
+        let upload_s = self.bodies.upload(&self.images.gpu, world)?;
+        let sizes = self.images.sizes();
+        let tiles = self.screens.tiles(world, &sizes);
         let instances = self.bodies.instances(world);
         let contents = contents(world, &instances);
+        let contents = vec![&contents; tiles.len()];
         let plates = self.bodies.plates(world);
-        let is_plain = self.panel.is_none() && plates.is_empty();
-        let layout: Vec<(Window, [u32; 2])> = match is_plain {
-            false => self.pictures.iter().map(|target| (target.window.clone(), target.image.size)).collect(),
-            true => Vec::new(),
-        };
-        let mut targets: Vec<Target<'_>> = self
-            .pictures
-            .iter_mut()
-            .zip(&tiles)
-            .enumerate()
-            .map(|(window, (OneTarget { canvas, image, desktop, .. }, tiles))| Target {
-                window,
-                canvas,
-                texture: &image.view,
-                size: image.size,
-                desktop: *desktop,
-                monitors: &self.monitors,
-                tiles,
-                contents: &contents,
-            })
-            .collect();
-        let deformation = self.bodies.deformation();
-        let encode = if is_plain {
-            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, None)?
+        let drawn = if self.panel.is_none() && plates.is_empty() {
+            self.images.present(&tiles, &contents, None)?
         } else {
             let readings = self.panel.as_ref().map(|_| Readings {
-                device: self.gpu.adapter_name.clone(),
-                deformation: deformation.clone(),
+                device: self.images.gpu.adapter_name.clone(),
+                deformation: self.bodies.deformation(),
                 source: "offscreen; present is the drawing".to_owned(),
                 warnings: world.warnings.clone(),
                 ..Readings::of(world)
             });
             let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
             let panel = readings.as_ref().zip(self.panel.as_mut());
-            let (clear, seats) = (keep_clear(world), &mut self.seats);
-            let mut over = Over { world, plates: &plates, clear, swapped: self.swapped, panel, seats };
+            let (clear, seats, Screens { layout, swapped }) =
+                (keep_clear(world), &mut self.seats, &self.screens);
+            let mut over = Over { world, plates: &plates, clear, swapped: *swapped, panel, seats };
             let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
-                let (window, size) = &layout[picture.window];
-                over.paint(overlay, gpu, picture, window, *size)
+                let (window, size) = (&layout[picture.window], sizes[picture.window]);
+                over.paint(overlay, gpu, picture, window, size)
             };
-            self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, Some(&mut paint))?
+            self.images.present(&tiles, &contents, Some(&mut paint))?
         };
-        let draw_s = self.gpu.wait()?.as_secs_f64();
-        let encode_s = encode.as_secs_f64();
+        let [encode_s, draw_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
         if let Some((history, _)) = &mut self.panel {
             let StepTimes { interact_s, deform_s, normals_s } = world.frame.times;
             let steps = [0.0, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, draw_s];
@@ -203,14 +160,8 @@ impl Targets {
 
     /// Reads all pictures back, named by screen and eye; and the time it took, s.
     pub fn read(&self) -> Result<(Vec<NamedImage<'_>>, f64), RenderError> {
-        let mut read_s = 0.0;
-        let mut images = Vec::new();
-        for target in &self.pictures {
-            let (image, time) = target.image.read(&self.gpu)?;
-            read_s += time.as_secs_f64();
-            images.push((target.name.as_str(), image));
-        }
-        Ok((images, read_s))
+        let (images, read_s) = self.images.read()?;
+        Ok((self.names.iter().map(String::as_str).zip(images).collect(), read_s))
     }
 }
 

@@ -10,10 +10,11 @@ use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
 use super::plate_seats::PlateSeats;
 use super::plates::Plates;
+use super::presenter::Presenter;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::window_layout::{self, Part};
 use crate::base::plates::Plate;
-use crate::render::window::{Input, Key, WindowTimes, Windows};
+use crate::render::window::{Input, Key, PresentTimes};
 use crate::render::{EyePicture, FrameContents, Gpu, Overlay, RenderError, Tile};
 use crate::stage::{Stage, Window};
 use crate::track::tracker_set::TrackerReport;
@@ -203,22 +204,22 @@ impl Overlays {
     /// Draws a frame: `tiles` and `contents` as they are without overlays. `readings` is asked when an overlay is shown.
     ///
     /// # Errors
-    /// As of [`Windows::draw`].
+    /// As of [`Presenter::present`].
     pub fn draw(
         &mut self,
-        windows: &mut Windows,
+        presenter: &mut dyn Presenter,
         frame: &StageFrame<'_>,
         tiles: Vec<Vec<Tile>>,
         contents: &FrameContents<'_>,
         readings: impl FnOnce(&Gpu) -> Readings,
-    ) -> Result<WindowTimes, RenderError> {
+    ) -> Result<PresentTimes, RenderError> {
         let is_plain = !self.pattern
             && !self.has_panel()
             && frame.plates.is_empty()
             && self.caption.is_none()
             && self.outside.iter().all(Option::is_none);
         if is_plain {
-            return windows.draw(&tiles, |_| contents, None);
+            return presenter.present(&tiles, &vec![contents; tiles.len()], None);
         }
         let tiles = self.tiles(frame, tiles);
         let last: Vec<usize> = tiles.iter().map(|tiles| tiles.len().saturating_sub(1)).collect();
@@ -235,7 +236,7 @@ impl Overlays {
         let rooms: Vec<Option<(Camera, StageModel)>> = outside.iter().map(of).collect();
         let outer: Vec<Option<FrameContents<'_>>> =
             rooms.iter().map(|room| Some(room.as_ref()?.1.contents(*contents))).collect();
-        let readings = panels.contains(&true).then(|| readings(&windows.gpu));
+        let readings = panels.contains(&true).then(|| readings(presenter.gpu()));
         let is_captioned = caption.is_some();
         let nothing = KeepClear::default();
         let mut paint = |gpu: &Gpu, picture: &EyePicture<'_>| {
@@ -272,7 +273,9 @@ impl Overlays {
                 }
             })
         };
-        windows.draw(&tiles, |window| outer[leader[window]].as_ref().unwrap_or(contents), Some(&mut paint))
+        let of = |leader: &usize| outer[*leader].as_ref().unwrap_or(contents);
+        let contents: Vec<&FrameContents<'_>> = leader.iter().map(of).collect();
+        presenter.present(&tiles, &contents, Some(&mut paint))
     }
 
     /// Windows that look at the room show it to both eyes, those with the pattern nothing below it.

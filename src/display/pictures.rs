@@ -58,7 +58,11 @@ impl PictureRequest {
         if self.overlay {
             targets = targets.with_overlay();
         }
-        notice!("{}: drawing on {}", session.world.stage.name, device::describe(&targets.gpu, self.samples));
+        notice!(
+            "{}: drawing on {}",
+            session.world.stage.name,
+            device::describe(&targets.images.gpu, self.samples)
+        );
         let shown = [0, self.frames / 2, self.frames - 1];
         let bar = indicatif::ProgressBar::new(self.frames as u64).with_message("frames");
         let mut sheet: Vec<SheetFrame> = Vec::new();
@@ -69,7 +73,7 @@ impl PictureRequest {
             mechanics_s += playback.step_to(session, frame)?.total_s();
             session.world.before_picture();
             let DrawTimes { upload_s, encode_s, draw_s } =
-                targets.draw(&mut session.world).map_err(Failure::work)?;
+                targets.draw(&session.world).map_err(Failure::work)?;
             drawn_s += upload_s + encode_s + draw_s;
             let (images, _) = targets.read().map_err(Failure::work)?;
             let named = |frame: usize| {

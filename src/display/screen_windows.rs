@@ -4,13 +4,14 @@ use super::bodies::contents;
 use super::keep_clear::keep_clear;
 use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
+use super::view_source::{Screens, ViewSource};
 use super::window_frame::WindowFrame;
 use super::window_layout;
 use crate::interact::PickRay;
+use crate::render::Gpu;
 use crate::render::window::{AppError, Button, Input, Key, WindowSpec};
-use crate::render::{Gpu, Tile};
 use crate::session::Session;
-use crate::stage::{Eye, Stage, Window};
+use crate::stage::{Eye, Stage};
 use crate::track::MouseInput;
 use crate::track::mouse::Button as MouseButton;
 use crate::world::StepTimes;
@@ -18,12 +19,10 @@ use crate::world::StepTimes;
 /// Windows that show the screens of a stage.
 pub struct ScreenWindows {
     pub overlays: Overlays,
-    layout: Vec<Window>,
+    screens: Screens,
     scale: f64,
     /// Size of each window now.
     sizes: Vec<[u32; 2]>,
-    /// Whether each eye is shown what the other should see.
-    swapped: bool,
     /// Whether the test pattern is shown instead of the scene.
     pattern_alone: bool,
     /// Times of the frame before, for the overlay.
@@ -41,8 +40,7 @@ impl ScreenWindows {
             overlays: Overlays::new(stage, &layout),
             scale,
             sizes: layout.iter().map(|window| window_layout::scaled(window.size, scale)).collect(),
-            layout,
-            swapped: stage.swap_eyes,
+            screens: Screens { layout, swapped: stage.swap_eyes },
             pattern_alone: false,
             times: FrameSteps::default(),
         }
@@ -63,23 +61,23 @@ impl ScreenWindows {
     }
 
     pub fn specs(&self, stage: &Stage) -> Vec<WindowSpec> {
-        window_layout::specs(stage, &self.layout, self.scale)
+        window_layout::specs(stage, &self.screens.layout, self.scale)
     }
 
     pub fn input(&mut self, input: Input, session: &mut Session) {
         if let Input::Key { key: Key::Function(4), pressed: true, .. } = input {
-            self.swapped = !self.swapped;
+            self.screens.swapped = !self.screens.swapped;
         }
         if self.pattern_alone && matches!(input, Input::Key { key: Key::Function(1 | 3), .. }) {
             return;
         }
-        if self.overlays.input(&input, &session.world.stage, &self.layout) {
+        if self.overlays.input(&input, &session.world.stage, &self.screens.layout) {
             return;
         }
         match input {
             Input::Cursor { window, position } => {
                 let (stage, position) = (&session.world.stage, position.map(f64::from));
-                let (layout, size) = (&self.layout[window], self.sizes[window]);
+                let (layout, size) = (&self.screens.layout[window], self.sizes[window]);
                 if let Some((screen, ndc)) = window_layout::at_cursor(stage, layout, size, position) {
                     session.mouse(MouseInput::Cursor { screen, ndc });
                 }
@@ -102,15 +100,18 @@ impl ScreenWindows {
     }
 
     pub fn draw(&mut self, frame: &mut WindowFrame<'_>) -> Result<(), AppError> {
-        let WindowFrame { windows, session, bodies, edited, covered, step_s, track_s } = frame;
-        self.sizes = windows.sizes().collect();
-        let tiles = self.tiles(session);
+        let WindowFrame { presenter, session, bodies, edited, covered, step_s, track_s } = frame;
+        self.sizes = presenter.sizes();
+        let tiles = match self.pattern_alone {
+            true => vec![Vec::new(); self.sizes.len()],
+            false => self.screens.tiles(&session.world, &self.sizes),
+        };
         let StepTimes { interact_s, deform_s, normals_s } = session.world.frame.times;
         if self.overlays.has_panel() {
-            self.times.steps[ACQUIRE] = windows.waited.as_secs_f64();
+            self.times.steps[ACQUIRE] = presenter.waited().as_secs_f64();
             self.overlays.history.push(FrameSteps { whole_s: *step_s, ..self.times });
         }
-        let upload_s = bodies.upload(&windows.gpu, &mut session.world)?;
+        let upload_s = bodies.upload(presenter.gpu(), &session.world)?;
         let is_wanted = self.overlays.wants_reports();
         let reports = if is_wanted { session.input.tracker_reports() } else { Vec::new() };
         let effects = session.world.effects.iter_mut().filter(|_| self.overlays.has_panel());
@@ -122,9 +123,9 @@ impl ScreenWindows {
         let clear = if is_written && edited.is_none() { keep_clear(world) } else { Vec::new() };
         let stage_frame = StageFrame {
             stage: &world.stage,
-            layout: &self.layout,
+            layout: &self.screens.layout,
             sizes: &self.sizes,
-            swapped: self.swapped,
+            swapped: self.screens.swapped,
             room_from_head: world.room_from_head,
             reports: &reports,
             plates: &plates,
@@ -147,7 +148,7 @@ impl ScreenWindows {
         if edited.is_some() {
             contents.drawables = [&[]; 2];
         }
-        let drawn = self.overlays.draw(windows, &stage_frame, tiles, &contents, readings)?;
+        let drawn = self.overlays.draw(*presenter, &stage_frame, tiles, &contents, readings)?;
         let [encode_s, present_s] = [drawn.encode, drawn.present].map(|time| time.as_secs_f64());
         self.times.steps = [*track_s, interact_s, deform_s, normals_s, upload_s, encode_s, 0.0, present_s];
         Ok(())
@@ -156,19 +157,10 @@ impl ScreenWindows {
     /// The ray from the eye through a place of a window.
     pub(super) fn ray(&self, window: usize, position: [f32; 2], session: &Session) -> Option<PickRay> {
         let world = &session.world;
-        let (layout, size) = (self.layout.get(window)?, *self.sizes.get(window)?);
+        let (layout, size) = (self.screens.layout.get(window)?, *self.sizes.get(window)?);
         let (screen, ndc) = window_layout::at_cursor(&world.stage, layout, size, position.map(f64::from))?;
         let eye = world.stage.viewer.eye_in_room(&world.room_from_head, Eye::Centre);
         let towards = (world.stage.screens.get(screen)?.point(ndc) - eye).try_normalize(1e-9)?;
         Some(PickRay { origin_in_room: eye.cast(), direction_in_room: towards.cast() })
-    }
-
-    fn tiles(&self, session: &mut Session) -> Vec<Vec<Tile>> {
-        if self.pattern_alone {
-            return vec![Vec::new(); self.layout.len()];
-        }
-        let world = &mut session.world;
-        let windows = self.layout.iter().zip(&self.sizes);
-        windows.map(|(window, size)| window_layout::tiles(world, window, *size, self.swapped)).collect()
     }
 }

@@ -1,14 +1,14 @@
-//! The parts that drawing one frame into windows needs.
+//! The parts that showing one frame needs.
 
 use super::bodies::GpuBodies;
+use super::presenter::Presenter;
 use crate::render::BodyInstance;
-use crate::render::window::Windows;
 use crate::session::Session;
 use egui::Rect;
 
-/// One frame on its way into the windows.
+/// One frame on its way to the eye.
 pub struct WindowFrame<'a> {
-    pub windows: &'a mut Windows,
+    pub presenter: &'a mut dyn Presenter,
     pub session: &'a mut Session,
     pub bodies: &'a mut GpuBodies,
     /// A body that is shown in place of the scene's, while control elements are made on it.

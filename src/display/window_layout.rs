@@ -56,7 +56,7 @@ pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
 
 /// What a window of `size` pixels shows; with `swapped` each eye gets what the other should. Tiles and eyes for which
 /// the window has become too small are left out.
-pub fn tiles(world: &mut World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
+pub fn tiles(world: &World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
     shown(window, size, &mut |tile, eye_size, eye| viewport(world, tile, eye_size, seen(tile, eye, swapped)))
 }
 
@@ -168,7 +168,7 @@ fn drawn(
 }
 
 /// An eye's view of the part of the screen that the tile shows.
-fn viewport(world: &mut World, tile: &stage::Tile, eye_size: [u32; 2], eye: Eye) -> Viewport {
+fn viewport(world: &World, tile: &stage::Tile, eye_size: [u32; 2], eye: Eye) -> Viewport {
     let [width, height] = eye_size;
     let Some(visible) = tile.visible(&world.stage.screens[tile.screen], eye_size) else {
         return Viewport { rect: [0, 0, width, height], view: None };

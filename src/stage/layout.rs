@@ -21,6 +21,15 @@ impl Stage {
         if self.windows.is_empty() { self.usual_layout() } else { self.windows.clone() }
     }
 
+    /// Whether a screen is shown to an eye: in one of the stage's windows, or by its kind of stereo where it has none.
+    pub fn shows(&self, screen: usize, eye: Eye) -> bool {
+        if self.windows.is_empty() {
+            return self.stereo.eyes().contains(&eye);
+        }
+        let mut tiles = self.windows.iter().flat_map(|window| &window.tiles);
+        tiles.any(|tile| tile.screen == screen && tile.stereo.eyes().contains(&eye))
+    }
+
     /// Windows for all screens, from the highest to the lowest; with a column per eye if each eye has its own window.
     pub fn usual_layout(&self) -> Vec<Window> {
         let from_top = self.screens_from_top();

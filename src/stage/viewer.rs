@@ -20,6 +20,8 @@ pub struct Viewer {
 }
 
 impl Eye {
+    pub const ALL: [Eye; 3] = [Eye::Left, Eye::Right, Eye::Centre];
+
     /// The eye whose picture is shown instead when the eyes are swapped.
     pub fn other(self) -> Self {
         match self {

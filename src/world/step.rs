@@ -178,6 +178,7 @@ impl World {
             self.put(arrived, count);
         }
         self.evaluate();
+        self.warn_of_black_screens();
         self.show_ruler();
         self.show_touches();
         let times = &mut self.frame.times;
@@ -332,21 +333,31 @@ impl World {
     pub fn hit_distance_m(&self) -> Option<f64> {
         let stylus = self.frame.all(Drawable::stylus).next()?;
         let hit: Point3<f64> = stylus.hit?.cast();
-        let eye = self.stage.viewer.eye_in_room(&self.room_from_head, Eye::Centre);
-        Some((hit - eye).norm())
+        Some((hit - self.eye(Eye::Centre)).norm())
     }
 
-    /// What `eye` sees on one screen; `None` where it stays black. The reason is told once.
-    pub fn view(&mut self, screen: usize, eye: Eye) -> Option<View> {
-        let place = self.stage.viewer.eye_in_room(&self.room_from_head, eye);
-        match self.stage.screens[screen].view(&place, NEAR_M) {
-            Ok(view) => Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room }),
-            Err(unseen) => {
-                let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&unseen));
-                if self.told.insert(key) {
-                    self.warn(format!("{} eye: {unseen}", eye.name()));
-                }
-                None
+    /// What `eye` sees on one screen; `None` where it stays black, of which a warning tells ([`World::step`]).
+    pub fn view(&self, screen: usize, eye: Eye) -> Option<View> {
+        let view = self.stage.screens.get(screen)?.view(&self.eye(eye), NEAR_M).ok()?;
+        Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
+    }
+
+    fn eye(&self, eye: Eye) -> Point3<f64> {
+        self.stage.viewer.eye_in_room(&self.room_from_head, eye)
+    }
+
+    /// Warns of each screen that stays black to an eye to which the stage shows it, once for each reason.
+    fn warn_of_black_screens(&mut self) {
+        let mut unseen = Vec::new();
+        for (number, screen) in self.stage.screens.iter().enumerate() {
+            for eye in Eye::ALL.into_iter().filter(|eye| self.stage.shows(number, *eye)) {
+                unseen.extend(screen.view(&self.eye(eye), NEAR_M).err().map(|why| (number, eye, why)));
+            }
+        }
+        for (screen, eye, why) in unseen {
+            let key = format!("{screen} {eye:?} {:?}", std::mem::discriminant(&why));
+            if self.told.insert(key) {
+                self.warn(format!("{} eye: {why}", eye.name()));
             }
         }
     }

@@ -11,6 +11,7 @@ mod golden;
 mod golden_hands;
 mod golden_room;
 mod golden_stereo;
+mod headset;
 mod looks;
 #[path = "../render_common/mod.rs"]
 mod render_common;

@@ -66,7 +66,7 @@ impl WindowApp for TwoScreens {
         });
         let tiles: Vec<_> = tiles.collect();
         assert!(windows.waited > Duration::ZERO, "a frame begins when its images are there");
-        self.times = windows.draw(&tiles, |_| &contents, None)?;
+        self.times = windows.draw(&tiles, &vec![&contents; tiles.len()], None)?;
         self.frames += 1;
         if self.frames == 6 {
             // As a projector that calls itself 160 mm wide would: three times as many pixels to the inch.

@@ -18,11 +18,10 @@ pub use spec::{Monitor, MonitorChoice, WindowSpec};
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
-use super::offscreen::{COLOR_FORMAT, Readable};
 use super::overlay::{Overlay, OverlayMesh};
 use super::renderer::Renderer;
 use super::samples::Samples;
-use super::tiles::{Canvas, Paint, Target, Tile, TilePainter};
+use super::tiles::{Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};
 use image::RgbaImage;
@@ -99,94 +98,46 @@ pub struct Windows {
     is_ready: bool,
     painter: TilePainter,
     surfaces: Vec<WindowSurface>,
-    /// Where no window is open: a picture in its place.
-    picture: Option<(Readable, Canvas)>,
 }
 
 /// Where a frame's time went on the CPU; with vsync, waiting for the display may be in `present`, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WindowTimes {
+pub struct PresentTimes {
     pub encode: Duration,
     pub present: Duration,
 }
 
 impl Windows {
-    /// A picture of `size` pixels in place of a window, for [`Windows::read`].
-    /// Errors: no graphics device, or a picture beyond its limits.
-    pub fn offscreen(size: [u32; 2], samples: Samples) -> Result<Windows, RenderError> {
-        let gpu = Gpu::headless()?;
-        let renderer = Renderer::new(&gpu, COLOR_FORMAT, samples.on(&gpu))?;
-        let picture = Some((Readable::new(&gpu, size)?, Canvas::default()));
-        let (waited, painter) = (Duration::ZERO, TilePainter::new(COLOR_FORMAT));
-        Ok(Windows {
-            gpu,
-            renderer,
-            waited,
-            glass: None,
-            wanted: None,
-            taken: None,
-            reopen: None,
-            is_ready: true,
-            painter,
-            surfaces: Vec::new(),
-            picture,
-        })
-    }
-
-    /// The picture that was drawn in place of a window.
-    pub fn read(&self) -> Result<RgbaImage, RenderError> {
-        let (picture, _) = self.picture.as_ref().ok_or(RenderError::WindowCount { found: 0, expected: 1 })?;
-        Ok(picture.read(&self.gpu)?.0)
-    }
-
     /// Width and height of each window in pixels; zero while it is minimised.
     pub fn sizes(&self) -> impl Iterator<Item = [u32; 2]> {
-        let of_picture = self.picture.iter().map(|(picture, _)| picture.size);
-        self.surfaces.iter().map(|surface| surface.size).chain(of_picture)
+        self.surfaces.iter().map(|surface| surface.size)
     }
 
-    /// Draws into each window's tiles what `contents` gives for it, and presents all windows together. A window that cannot be drawn just
+    /// Draws into each window's tiles what `contents` has for it, and presents all windows together. A window that cannot be drawn just
     /// now (minimised, covered, being resized) is left out of this frame. `paint` draws over the eyes' pictures.
     /// Errors: a tile outside its window, a number of windows that differs, or a device that failed.
-    pub fn draw<'c, T: AsRef<[Tile]>>(
+    pub fn draw(
         &mut self,
-        tiles: &[T],
-        contents: impl Fn(usize) -> &'c FrameContents<'c>,
+        tiles: &[Vec<Tile>],
+        contents: &[&FrameContents<'_>],
         paint: Option<Paint<'_>>,
-    ) -> Result<WindowTimes, RenderError> {
-        let (found, expected) = (tiles.len(), self.sizes().count());
-        if found != expected {
+    ) -> Result<PresentTimes, RenderError> {
+        let expected = self.surfaces.len();
+        if let Some(found) = [tiles.len(), contents.len()].into_iter().find(|found| *found != expected) {
             return Err(RenderError::WindowCount { found, expected });
-        }
-        if let Some((picture, canvas)) = &mut self.picture {
-            let (texture, size, tiles) = (&picture.view, picture.size, tiles[0].as_ref());
-            let target = Target {
-                window: 0,
-                canvas,
-                texture,
-                size,
-                desktop: [0; 2],
-                monitors: &[],
-                tiles,
-                contents: contents(0),
-            };
-            let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut [target], paint)?;
-            let start = Instant::now();
-            self.gpu.wait()?;
-            return Ok(WindowTimes { encode, present: start.elapsed() });
         }
         self.is_ready = false;
         let mut frames = Vec::new();
         for (window, (surface, tiles)) in self.surfaces.iter_mut().zip(tiles).enumerate() {
-            if tiles.as_ref().iter().any(Tile::takes_turns) {
+            if tiles.iter().any(Tile::takes_turns) {
                 surface.follow();
             }
             if let Some(frame) = surface.frame.take() {
-                frames.push((window, frame, surface, tiles.as_ref()));
+                frames.push((window, frame, surface, tiles));
             }
         }
         if frames.is_empty() {
-            return Ok(WindowTimes::default());
+            return Ok(PresentTimes::default());
         }
         let mut targets: Vec<_> = frames
             .iter_mut()
@@ -198,7 +149,7 @@ impl Windows {
                 monitors: &surface.monitors,
                 canvas: &mut surface.canvas,
                 tiles,
-                contents: contents(*window),
+                contents: contents[*window],
             })
             .collect();
         let encode = self.painter.draw(&self.gpu, &mut self.renderer, &mut targets, paint)?;
@@ -222,7 +173,7 @@ impl Windows {
             self.gpu.queue.present(frame.texture);
         }
         self.gpu.check()?;
-        Ok(WindowTimes { encode, present: start.elapsed() })
+        Ok(PresentTimes { encode, present: start.elapsed() })
     }
 
     /// Waits until every window that can be drawn has an image to draw into.
@@ -302,7 +253,6 @@ impl<A: WindowApp> Handler<'_, A> {
             is_ready: false,
             painter,
             surfaces,
-            picture: None,
         });
         Ok(())
     }
