@@ -6,7 +6,7 @@ use greenstage::base::failure::Failure;
 use greenstage::deform::{ControlPose, Superposition, vertex_normals};
 use greenstage::field::{Each, Field, FieldError, Graph, Value};
 use greenstage::green::FIELDS;
-use greenstage::scene::Scene;
+use greenstage::prepare::Resolved;
 use greenstage::session::{Request, Session};
 use greenstage::world::World;
 use nalgebra::{Rotation3, Vector3};
@@ -127,7 +127,7 @@ fn bent_tube() -> Result<World, Failure> {
          control.left = { nodes = { group = \"left\" }, grab = \"fixed\" }\n\
          control.right = { nodes = { group = \"right\" }, grab = \"dragger\" }\n";
     let folder = tempfile::tempdir().map_err(Failure::work)?;
-    let scene = Scene::parse(text, &folder.path().join("tube.toml")).map_err(Failure::request)?;
+    let scene = Resolved::parse(text, &folder.path().join("tube.toml"))?;
     let mut session = Session::open(&Request::of(&scene))?;
     let right = session.world.fields.bodies[0].poses[1];
     let turn = Rotation3::from_scaled_axis(Vector3::z() * 0.4);

@@ -1,4 +1,6 @@
-//! Makes a scene ready for the online stage: checks its models and effects, and finds or makes its .green file.
+//! Makes a scene ready for the online stage: finds or makes its .green file.
+//!
+//! In: a scene whose names are [`Resolved`]. Out: the file, fresh for the scene as it is now.
 
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
@@ -7,194 +9,24 @@ use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, ModelEntry, Statics, find_model, load_refusal};
-use crate::effect::{self, EffectEntry, expected, find_effect};
-use crate::fem::{Dilatation, Law};
-use crate::green::{
-    self, AFFINE, COMPLIANCE, COMPRESSED, GreenError, GreenFile, Journal, KEPT_AFTER, KEPT_FACTOR, LOADS,
-    Precomputed, Requirements, STIFFNESS, UPDATES,
-};
+use crate::effect;
+pub use crate::effect::Resolved;
+use crate::green::{self, GreenError, GreenFile, Journal, KEPT_AFTER, Precomputed, Requirements};
 use crate::mesh::formats::files_of;
-use crate::scene::{Body, Kept, Method, Scene, SceneError};
+use crate::scene::{Body, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The law under which a body is in static equilibrium, found anew for every pose; `None` for a model that is summed from
-/// the .green file. Errors name an unknown model or effect.
-pub fn law(scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
-    unknown_names(scene, name, body)
-        .into_iter()
-        .next()
-        .map_or(Ok(()), |unknown| Err(Failure::request(unknown)))?;
-    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    match model.kind {
-        Kind::Background(law) if body.method == Method::Bem => {
-            let message = format!(
-                "\"{}\" finds equilibrium in tetrahedra, which boundary elements do not have: write model = \"linear\", or \
-                 leave out method = \"bem\"",
-                law.name
-            );
-            Err(wrong(scene, name, "model", message))
-        }
-        // Solved anew it has its loads whatever the columns are.
-        Kind::Background(law) => Ok(Some(law)),
-        Kind::Online(_) => loads_required(scene, name, body, model).map(|_| None),
-    }
-}
-
-/// The effects and the model that a body names and that there are not, and settings that its effects do not have.
-pub fn unknown_names(scene: &Scene, name: &str, body: &Body) -> Vec<SceneError> {
-    let effects = body.effects.iter().filter_map(|effect| Some(("effects", find_effect(effect).err()?)));
-    let model = find_model(&body.model).err().map(|message| ("model", message));
-    let unknown = |(key, message): (&str, String)| scene.invalid(&format!("body.{name}.{key}"), message);
-    effects.chain(model).map(unknown).chain(settings_faults(scene, name, body)).collect()
-}
-
-/// What is wrong with the settings of a body's effects.
-fn settings_faults(scene: &Scene, name: &str, body: &Body) -> Vec<SceneError> {
-    let check = |effect: &str| {
-        let check_settings = find_effect(effect)?.check_settings;
-        if !body.effects.iter().any(|listed| listed == effect) {
-            return Err(format!(
-                "the body does not list this effect: add \"{effect}\" to effects, or leave this out"
-            ));
-        }
-        check_settings.map_or_else(|| Err("this effect has no settings".to_owned()), |check| check(body))
-    };
-    let fault = |effect: &String| {
-        let message = check(effect).err()?;
-        Some(scene.invalid(&format!("body.{name}.effect.{effect}"), message))
-    };
-    body.effect.keys().filter_map(fault).collect()
-}
-
-/// What must be precomputed for the model and the effects of a body. Errors name an unknown one, and what a model of
-/// large strain does not have.
-pub fn requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
-    if let Some(law) = law(scene, name, body)? {
-        Statics::suits(scene, name, law).map_err(Failure::request)?;
-    }
-    let model = find_model(&body.model).map_err(|message| wrong(scene, name, "model", message))?;
-    let loads = loads_required(scene, name, body, model)?;
-    let required = effect::requirements(model, effects(body)).and(loads);
-    check_method(scene, name, body, &required)?;
-    if body.updates.is_none() {
-        return Ok(required);
-    }
-    if let Some(family) = required.families().find(|family| !green::is_derived(family)) {
-        let message = format!(
-            "model = \"{}\" with these effects needs the columns called {family}, which cannot be found again when a control \
-             element is released or a modulus changed: write model = \"linear\", or leave updates out",
-            body.model
-        );
-        return Err(wrong(scene, name, "updates", message));
-    }
-    if !body.updates.iter().all(|updates| updates.modulus.is_empty())
-        && body.element.dilatation == Dilatation::Nodal
-    {
-        let message = format!(
-            "element = \"{}\" averages the pressure across the border of regions, so that the modulus of one cannot be \
-             changed by itself: write element = \"tet4\" or \"tet10\"",
-            body.element.name
-        );
-        return Err(wrong(scene, name, "updates.modulus", message));
-    }
-    let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
-    if changes_modulus && (required.has(LOADS) || body.surface_compliance.is_some()) {
-        let message = "a region's modulus is changed from its border, which does not know of forces inside: leave out modulus, \
-                       or the body's loads and surface_compliance; release goes with both";
-        return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
-    }
-    Ok(required.and(Requirements::of(&[UPDATES])))
-}
-
-/// Errors name what a body of boundary elements cannot have.
-fn check_method(scene: &Scene, name: &str, body: &Body, required: &Requirements) -> Result<(), Failure> {
-    if body.method == Method::Fem {
-        return Ok(());
-    }
-    let remedy = "leave out method = \"bem\", and fill a surface by tetrahedralise = { cell = … }";
-    if let Some(effect) = effects(body).find(|effect| effect.needs_inside) {
-        let message = format!(
-            "\"{}\" looks inside the body, of which boundary elements know the surface alone: leave the effect out, or {remedy}",
-            effect.name
-        );
-        return Err(wrong(scene, name, "effects", message));
-    }
-    let is_known = |family: &&str| [AFFINE.name, STIFFNESS.name].contains(family);
-    let Some(family) = required.families().find(|family| !is_known(family)) else { return Ok(()) };
-    let message = format!(
-        "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model = \"linear\", for \
-         pictures without forces also \"rotation\", or {remedy}",
-        body.model
-    );
-    Err(wrong(scene, name, "model", message))
-}
-
-/// The families of a body's loads; errors name what cannot be together with them.
-fn loads_required(
-    scene: &Scene,
-    name: &str,
-    body: &Body,
-    model: &ModelEntry,
-) -> Result<Requirements, Failure> {
-    let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-    if let Some(message) = load_refusal(model, loads, compliance) {
-        return Err(wrong(scene, name, "model", message));
-    }
-    if let Kind::Background(_) = model.kind {
-        // Its own family has the forces.
-        return Ok(Requirements::default());
-    }
-    let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
-        Kept::Inverse => COMPLIANCE,
-        Kept::Compressed(_) => COMPRESSED,
-        Kept::Factor => KEPT_FACTOR,
-    });
-    let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
-    Ok(Requirements::of(&families))
-}
-
-/// The same of a body that is measured; refuses the models that others are measured against.
-pub fn measured_requirements(scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
-    match law(scene, name, body)? {
-        None if body.method == Method::Bem => {
-            let message =
-                "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
-            Err(wrong(scene, name, "method", message.to_owned()))
-        }
-        None => requirements(scene, name, body),
-        Some(law) => {
-            let message = format!(
-                "\"{}\" is static equilibrium itself, which other models are measured against: write model = \
-                 \"rotation\" or \"linear\" to have an accuracy measured",
-                law.name
-            );
-            Err(wrong(scene, name, "model", message))
-        }
-    }
-}
-
-/// The entries of the effects that a body lists.
-fn effects(body: &Body) -> impl Iterator<Item = &'static EffectEntry> {
-    body.effects.iter().filter_map(|effect| find_effect(effect).ok())
-}
-
-fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
-    Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
-}
-
 /// The scene with those of its bodies alone that `greenstage deform` sums from the .green file; maybe none.
-pub fn summed_part(scene: &Scene) -> Result<Scene, Failure> {
-    let mut part = scene.clone();
-    part.body.clear();
-    for (name, body) in &scene.body {
-        if law(scene, name, body)?.is_none() {
-            part.body.insert(name.clone(), body.clone());
+pub fn summed_part(scene: &Resolved) -> Result<Resolved, Failure> {
+    let mut summed = Vec::new();
+    for name in scene.body.keys() {
+        if scene.law(name)?.is_none() {
+            summed.push(name.as_str());
         }
     }
-    Ok(part)
+    Ok(scene.with_bodies(|name| summed.contains(&name)))
 }
 
 /// The files that a run of the scene reads: itself, its stage and script, its meshes and lists of nodes.
@@ -235,7 +67,7 @@ pub fn green_path(scene: &Scene) -> PathBuf {
 /// The scene's .green file if it is there and belongs to the scene as it is now; why not, otherwise.
 ///
 /// A damaged file is an error, not a reason: it is never replaced without a word.
-pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
+pub fn fresh(scene: &Resolved, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
     let scene = &scene.as_prepared();
     let file = match GreenFile::open(path) {
         Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
@@ -243,12 +75,12 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
         }
         other => other?,
     };
-    for (name, body) in &scene.body {
-        match file.check_belongs(scene, name, &requirements(scene, name, body)?) {
+    for name in scene.body.keys() {
+        match file.check_belongs(scene, name, &scene.requirements(name)?) {
             Err(stale @ GreenError::Stale { .. }) => return Ok(Err(stale)),
             other => other?,
         }
-        expected::read(&file, name)?;
+        effect::check_sections(scene, &file, name)?;
         for warning in green::judge_file(&file, name)? {
             notice!("{}: {warning}", path.display());
         }
@@ -257,14 +89,14 @@ pub fn fresh(scene: &Scene, path: &Path) -> Result<Result<GreenFile, GreenError>
 }
 
 /// Precomputes every body of the scene.
-pub fn precompute(scene: &Scene, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
+pub fn precompute(scene: &Resolved, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
     precompute_telling(&scene.as_prepared(), None, &|name| Box::new(Bars::new(name, quiet)))
 }
 
 /// Precomputes every body and writes the .green file, whose size it returns with the time of writing, s. A run that is ended
 /// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there.
 pub fn make(
-    scene: &Scene,
+    scene: &Resolved,
     path: &Path,
     kept_after: Duration,
     teller: Teller<'_>,
@@ -272,9 +104,8 @@ pub fn make(
     let scene = &scene.as_prepared();
     let identity = || {
         let mut hasher = blake3::Hasher::new();
-        for (name, body) in &scene.body {
-            let requirements = requirements(scene, name, body).ok()?;
-            hasher.update(green::fingerprint(scene, name, &requirements).ok()?.as_bytes());
+        for name in scene.body.keys() {
+            hasher.update(green::fingerprint(scene, name, &scene.requirements(name).ok()?).ok()?.as_bytes());
         }
         Some(hasher.finalize().into())
     };
@@ -289,20 +120,19 @@ pub fn make(
 }
 
 fn precompute_telling(
-    scene: &Scene,
+    scene: &Resolved,
     journal: Option<&Journal<'_>>,
     teller: Teller<'_>,
 ) -> Result<Vec<Precomputed>, Failure> {
     scene
-        .body
+        .bodies
         .iter()
         .map(|(name, body)| {
-            let requirements = requirements(scene, name, body)?;
-            let progress = teller(name);
-            let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+            let (requirements, progress) = (scene.requirements(name)?, teller(name));
+            let fits = body.model.fits;
             let mut precomputed =
                 green::precompute_kept(scene, name, &requirements, fits, journal, &*progress)?;
-            effect::add_sections(scene, effects(body), &mut precomputed, &*progress)?;
+            effect::add_sections(scene, &mut precomputed, &*progress)?;
             for notice in &precomputed.solution.notices {
                 notice!("{notice}");
             }
@@ -312,13 +142,13 @@ fn precompute_telling(
 }
 
 /// The scene's .green file, made now where it is missing or stale. A file named by the user is only read.
-pub fn green_file(scene: &Scene, named: Option<&Path>) -> Result<Arc<GreenFile>, Failure> {
+pub fn green_file(scene: &Resolved, named: Option<&Path>) -> Result<Arc<GreenFile>, Failure> {
     green_file_telling(scene, named, &|name| Box::new(Bars::new(name, false)))
 }
 
 /// The same, with the progress told elsewhere.
 pub fn green_file_telling(
-    scene: &Scene,
+    scene: &Resolved,
     named: Option<&Path>,
     teller: Teller<'_>,
 ) -> Result<Arc<GreenFile>, Failure> {
@@ -326,12 +156,11 @@ pub fn green_file_telling(
 }
 
 /// The file of a scene after what is released and changed of it now.
-fn updated(base: Arc<GreenFile>, scene: &Scene, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
+fn updated(base: Arc<GreenFile>, scene: &Resolved, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
     if !scene.body.values().any(Body::is_updated) {
         return Ok(base);
     }
-    let sections =
-        |file: &GreenFile, name: &str| effect::sections_after_change(file, name, &scene.body[name]);
+    let sections = |file: &GreenFile, name: &str| effect::sections_after_change(scene, file, name);
     let (file, notices) = green::derive(base, scene, &sections, teller)?;
     for notice in notices {
         notice!("{notice}");
@@ -339,12 +168,16 @@ fn updated(base: Arc<GreenFile>, scene: &Scene, teller: Teller<'_>) -> Result<Ar
     Ok(Arc::new(file))
 }
 
-fn prepared_file(scene: &Scene, named: Option<&Path>, teller: Teller<'_>) -> Result<Arc<GreenFile>, Failure> {
+fn prepared_file(
+    scene: &Resolved,
+    named: Option<&Path>,
+    teller: Teller<'_>,
+) -> Result<Arc<GreenFile>, Failure> {
     if let Some(path) = named {
         return Ok(Arc::new(fresh(scene, path)??));
     }
-    for (name, body) in &scene.body {
-        requirements(scene, name, body)?;
+    for name in scene.body.keys() {
+        scene.requirements(name)?;
     }
     let path = green_path(scene);
     unpack_shipped(&path)?;
@@ -366,7 +199,7 @@ fn prepared_file(scene: &Scene, named: Option<&Path>, teller: Teller<'_>) -> Res
 /// The .green file of a scene that is changed while it is shown. Bodies that one of `known` holds as they are now are taken
 /// from there; the others are precomputed, and the file is made at `path`. It is one of `known` where that holds them all.
 pub fn changed_file(
-    scene: &Scene,
+    scene: &Resolved,
     path: &Path,
     known: &[Arc<GreenFile>],
     progress: &dyn Progress,
@@ -377,16 +210,15 @@ pub fn changed_file(
 }
 
 fn changed_base(
-    scene: &Scene,
+    scene: &Resolved,
     path: &Path,
     known: &[Arc<GreenFile>],
     progress: &dyn Progress,
 ) -> Result<Arc<GreenFile>, Failure> {
-    let names = scene.body.iter();
-    let required = names.map(|(name, body)| Ok((name.as_str(), requirements(scene, name, body)?)));
+    let required = scene.body.keys().map(|name| Ok((name.as_str(), scene.requirements(name)?)));
     let required: Vec<(&str, Requirements)> = required.collect::<Result<_, Failure>>()?;
     let holds = |file: &GreenFile, (name, required): &(&str, Requirements)| {
-        file.check_belongs(scene, name, required).is_ok() && expected::read(file, name).is_ok()
+        file.check_belongs(scene, name, required).is_ok() && effect::check_sections(scene, file, name).is_ok()
     };
     let of_all = known.iter().find(|file| {
         file.meta.bodies.len() == required.len() && required.iter().all(|body| holds(file, body))
@@ -399,10 +231,9 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let body = &scene.body[*name];
-                let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+                let fits = scene.bodies[*name].model.fits;
                 let mut precomputed = green::precompute_kept(scene, name, required, fits, None, progress)?;
-                effect::add_sections(scene, effects(body), &mut precomputed, progress)?;
+                effect::add_sections(scene, &mut precomputed, progress)?;
                 for notice in &precomputed.solution.notices {
                     notice!("{notice}");
                 }

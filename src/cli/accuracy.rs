@@ -9,7 +9,7 @@ use crate::base::output::Scratch;
 use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::green::Requirements;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::report::measure::TimeLimit;
 use crate::report::{self, Limits, Request};
 use crate::scene::{AccuracyTarget, Scene};
@@ -77,10 +77,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         None => scene.body.keys().next().cloned().unwrap_or_default(),
     };
-    let requirements = |scene: &Scene| -> Requirements {
-        prepare::requirements(scene, &name, &scene.body[&name].unloaded()).unwrap_or_default()
+    let requirements = |scene: &Resolved| -> Requirements {
+        let unloaded = scene.body[&name].unloaded();
+        scene.bodies[&name].requirements(scene, &name, &unloaded).unwrap_or_default()
     };
-    prepare::measured_requirements(&scene, &name, &scene.body[&name])?;
+    scene.measured_requirements(&name)?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
     let keep = args.output.join(report::measure::FOLDER);
@@ -143,7 +144,7 @@ fn command(args: &Args) -> String {
 }
 
 /// The poses of an accuracy report, and one sentence on where they come from.
-fn all_poses(args: &Args, scene: &Scene, name: &str) -> Result<NamedPoses, Failure> {
+fn all_poses(args: &Args, scene: &Resolved, name: &str) -> Result<NamedPoses, Failure> {
     if let Some(path) = &args.poses {
         let body = &scene.body[name];
         let file = pose_file::load(path)?;

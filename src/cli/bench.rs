@@ -14,7 +14,6 @@ use crate::deform::{BYTES_PER_THREAD, Superposition, vertex_normals};
 use crate::display::device::{self, Shadows};
 use crate::display::offscreen::{DrawTimes, Pictures, Targets};
 use crate::display::pictures;
-use crate::effect::any_requires;
 use crate::green::{FIELDS, Precomputed, STIFFNESS};
 use crate::prepare;
 use crate::render::{DrawCounts, Samples};
@@ -151,7 +150,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 fn beside_frames(mut session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
     // The script moves it, as often as there is time for.
     session.input.replay = None;
-    let felt = session.world.bodies.iter().filter(|b| args.haptics || any_requires(&b.effects, STIFFNESS));
+    let scene = session.scene.clone();
+    let is_felt =
+        |body: &str| scene.as_ref().is_some_and(|scene| scene.bodies[body].effects_require(STIFFNESS));
+    let felt = session.world.bodies.iter().filter(|b| args.haptics || is_felt(&b.deformer.body));
     let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
     if subjects.is_empty() {
         return Ok(Vec::new());

@@ -29,7 +29,7 @@ const TURNS: f64 = 0.25;
 #[derive(serde::Serialize)]
 pub struct Row {
     body: String,
-    model: String,
+    model: &'static str,
     elements: usize,
     work_p50_s: f64,
     work_p99_s: f64,
@@ -46,7 +46,7 @@ pub struct Row {
 /// A body of the scene, of which a hand holds a control element.
 pub struct Subject {
     body: String,
-    model: String,
+    model: &'static str,
     held: usize,
     /// The element's origin at rest, and the body's size, m.
     origin: Vector3<f64>,
@@ -64,7 +64,7 @@ impl Subject {
         let held = body.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);
         Ok(Subject {
             body: deformer.body.clone(),
-            model: body.model.clone(),
+            model: body.model.name,
             held,
             origin: deformer.controls[held].origin,
             size: body.ball.1,
@@ -135,7 +135,7 @@ pub fn table(rows: &[Row]) -> (String, Table) {
             row.late_p50_s,
             row.late_p99_s,
         ];
-        let mut cells = vec![format!("body.{}", row.body), row.model.clone(), row.elements.to_string()];
+        let mut cells = vec![format!("body.{}", row.body), row.model.to_owned(), row.elements.to_string()];
         cells.extend(times.map(seconds));
         table.rows.push(cells);
     }

@@ -6,7 +6,7 @@ use super::print::print;
 use super::stability::{NOTHING_J, device, settled_cell};
 use crate::base::failure::Failure;
 use crate::base::table::Table;
-use crate::deform::{Kind, MODELS};
+use crate::deform::MODELS;
 use crate::effect::haptics::bent::{BENDS_DEG, beam, let_go};
 use crate::effect::haptics::settling::{MODULI, SettlingResult};
 use crate::effect::haptics::{Hand, Reports};
@@ -39,8 +39,7 @@ fn bent() -> Result<(Table, Vec<serde_json::Value>), Failure> {
     let moduli = MODULI.map(|young| format!("{young:.0e} Pa"));
     let mut table = Table { rows: vec![heading.into_iter().chain(moduli).collect()] };
     let mut found = Vec::new();
-    let models =
-        MODELS.iter().filter(|model| model.energy.is_some() && matches!(model.kind, Kind::Online(_)));
+    let models = MODELS.iter().filter(|model| model.energy.is_some() && model.law().is_none());
     for model in models {
         let ways: Vec<(Reports, f64)> =
             BENT_REPORTS.into_iter().flat_map(|r| BENDS_DEG.map(|degrees| (r, degrees))).collect();

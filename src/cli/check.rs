@@ -6,13 +6,12 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, Statics, find_model};
-use crate::effect::{EFFECTS, EffectEntry, stress};
+use crate::deform::{ExpectedErrors, Statics};
+use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::green::{self, Forecast, GreenError, Prepared};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
-use crate::prepare::{self, unknown_names};
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::survey::State;
 use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
@@ -52,11 +51,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(scene) = &survey.scene {
         let mut meshes = Vec::new();
         for ((name, body), state) in scene.body.iter().zip(&survey.states) {
-            if *state != State::Faulty {
-                findings.extend(unknown_names(scene, name, body).iter().map(SceneError::finding));
+            let resolved = ResolvedBody::of(scene, name, EFFECTS);
+            if let (Err(unknown), false) = (&resolved, *state == State::Faulty) {
+                findings.extend(unknown.iter().map(SceneError::finding));
             }
+            let resolved = resolved.ok();
             match state {
-                State::Sound => findings.extend(of_body(scene, name, body, &mut meshes)?),
+                State::Sound => {
+                    findings.extend(of_body(scene, name, resolved.as_ref(), &mut meshes)?);
+                    effects.extend(effects_of(name, body, resolved.as_ref()));
+                    let errors = resolved.as_ref().map(|resolved| expected::known(scene, name, resolved));
+                    known.push((name, errors.unwrap_or_else(|| Err("the body is refused".into()))));
+                }
                 // Of what is faulty already no more is told.
                 State::HasMesh => {
                     let all = green::unjudged(scene, name);
@@ -75,11 +81,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         for problem in [open::stage(scene, None).err(), open::script(scene, None).err()].into_iter().flatten()
         {
             findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
-        }
-        let sound = scene.body.iter().zip(&survey.states).filter(|(_, state)| **state == State::Sound);
-        for ((name, body), _) in sound {
-            effects.extend(effects_of(name, body));
-            known.push((name, expected::known(scene, name, body)));
         }
     }
     findings.sort_by_key(|finding| finding.severity);
@@ -118,28 +119,25 @@ struct Standing<'a> {
 
 /// What is found wrong with a body whose keys are sound.
 fn of_body<'a>(
-    scene: &Scene,
+    scene: &'a Scene,
     name: &'a String,
-    body: &'a Body,
+    resolved: Option<&ResolvedBody>,
     meshes: &mut Vec<Standing<'a>>,
 ) -> Result<Vec<Diagnostic>, Failure> {
-    let entity = format!("body.{name}");
+    let (entity, body) = (format!("body.{name}"), &scene.body[name]);
     let mut findings = Vec::new();
-    let has_known_names = unknown_names(scene, name, body).is_empty();
-    let required = prepare::requirements(scene, name, body);
-    if let Err(failure) = required.as_ref()
-        && has_known_names
-    {
+    let required = resolved.map(|resolved| resolved.requirements(scene, name, body));
+    if let (Some(Err(failure)), Some(resolved)) = (&required, resolved) {
         let (Failure::Request(error) | Failure::Work(error)) = failure;
         let found = error.downcast_ref().map(SceneError::finding);
         let mut found =
             found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string()));
-        if is_solved_anew(scene, name, body) {
+        if is_solved_anew(scene, name, resolved) {
             found.severity = Severity::Warning;
         }
         findings.push(found);
     }
-    findings.extend(unwatched_limit(name, body));
+    findings.extend(unwatched_limit(name, body, resolved));
     findings.extend(holds(name, body));
     findings.extend(in_degrees(name, body));
     let prepared = match green::prepare(scene, name) {
@@ -157,7 +155,7 @@ fn of_body<'a>(
         Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
         Err(wrong) => findings.push(Diagnostic::new(Severity::Error, &entity, wrong.to_string())),
     }
-    if let Ok(required) = &required
+    if let Some(Ok(required)) = &required
         && let Err(refused) = green::suits(scene, name, &prepared, required)
     {
         findings.push(Diagnostic::new(Severity::Error, format!("{entity}.model"), refused.to_string()));
@@ -165,7 +163,7 @@ fn of_body<'a>(
     findings.extend(forecast(name, body, &prepared));
     // A mesh that is refused tells nothing of the shape that is meant.
     let is_refused = prepared.findings.iter().any(|finding| finding.severity == Severity::Error);
-    let fits = find_model(&body.model).ok().and_then(|model| model.fits);
+    let fits = resolved.and_then(|resolved| resolved.model.fits);
     if let Some(fits) = fits.filter(|_| !is_refused)
         && let Err((severity, why)) = fits(&prepared)
     {
@@ -179,8 +177,9 @@ fn of_body<'a>(
 }
 
 /// Whether `deform` solves the body although no session shows it: with the loads of a model of large strain.
-fn is_solved_anew(scene: &Scene, name: &str, body: &Body) -> bool {
-    let law = prepare::law(scene, name, body).ok().flatten();
+fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
+    let body = &scene.body[name];
+    let law = resolved.law(scene, name, body).ok().flatten();
     law.is_some_and(|law| body.updates.is_none() && Statics::suits(scene, name, law).is_ok())
 }
 
@@ -263,16 +262,19 @@ fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
 }
 
 /// A word about a limit that no effect looks at.
-fn unwatched_limit(name: &str, body: &Body) -> Option<Diagnostic> {
+fn unwatched_limit(name: &str, body: &Body, resolved: Option<&ResolvedBody>) -> Option<Diagnostic> {
     let is_own = |material: &Material| {
         material.known.and_then(|known| known.yield_stress).map(Limit::Stress) != material.limit
     };
     let limited: Vec<&Material> = body.materials().filter(|material| material.limit.is_some()).collect();
-    let is_watched = body.effects.iter().any(|effect| effect == stress::NAME);
+    let is_watched = resolved.is_some_and(|resolved| resolved.entries().any(|effect| effect.shows_stress));
     // Whoever wrote a limit wants to hear of it; the library's stands there unasked.
     let severity =
         if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
-    let message = "its material has a limit, but nothing checks it: list effects = [\"stress\"] to see where it is passed";
+    let message = format!(
+        "its material has a limit, but nothing checks it: list effects = [\"{}\"] to see where it is passed",
+        name_of(|effect| effect.shows_stress)
+    );
     let entity = format!("body.{name}");
     (!limited.is_empty() && !is_watched).then(|| Diagnostic::new(severity, &entity, message))
 }
@@ -312,14 +314,11 @@ struct Cost {
 }
 
 /// Every effect of a body: one that is not listed adds nothing.
-fn effects_of(name: &str, body: &Body) -> Vec<Cost> {
+fn effects_of(name: &str, body: &Body, resolved: Option<&ResolvedBody>) -> Vec<Cost> {
     let cost = |effect: &EffectEntry| {
-        let listed = body.effects.iter().any(|known| known == effect.name);
-        let bytes = match find_model(&body.model) {
-            Ok(model) if listed => effect.bytes(model, body.control.len()),
-            _ => 0,
-        };
-        let has_section = listed && effect.precompute.is_some();
+        let lists = resolved.filter(|resolved| resolved.lists(effect));
+        let bytes = lists.map_or(0, |resolved| effect.bytes(resolved.model, body.control.len()));
+        let (listed, has_section) = (lists.is_some(), lists.is_some() && effect.precompute.is_some());
         Cost { body: name.to_owned(), effect: effect.name, listed, bytes, has_section }
     };
     EFFECTS.iter().map(cost).collect()

@@ -8,7 +8,7 @@ use crate::deform::pose_file::{self, Pose};
 use crate::export::batch::Outlook;
 use crate::export::{Asked, Files, ResultSet, ask, batch, pose_text};
 use crate::green;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::scene::{Scene, SceneError, Updates};
 use crate::tuning;
 use std::path::PathBuf;
@@ -61,7 +61,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = updated(Scene::load(&args.scene)?, args)?;
+    let scene = Resolved::of(updated(Scene::load(&args.scene)?, args)?)?;
     let poses = pose_file::load(&args.poses)?;
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
@@ -141,7 +141,7 @@ fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
 }
 
 /// Whether everything can be written, before anything is solved.
-fn try_outputs(args: &Args, files: &Files, scene: &Scene, has_found: bool) -> Result<(), Failure> {
+fn try_outputs(args: &Args, files: &Files, scene: &Resolved, has_found: bool) -> Result<(), Failure> {
     let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
     let outlook = batch::outlook(scene)?;
     let outlook = Outlook { has_found, ..outlook };

@@ -4,9 +4,10 @@ use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
 use crate::effect::expected;
 use crate::effect::expected::model::PULLS;
+use crate::effect::{ResolvedBody, name_of};
 use crate::green::{GreenError, GreenFile};
 use crate::prepare;
-use crate::scene::{Body, Method, Scene};
+use crate::scene::{Method, Scene};
 
 /// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
@@ -113,8 +114,9 @@ fn within(far: &str, at: &ErrorsAt) -> String {
 }
 
 /// What is known of a scene's body by its .green file; or what to do to know it.
-pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, String> {
-    let Ok(requirements) = prepare::requirements(scene, name, body) else {
+pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<ExpectedErrors, String> {
+    let body = &scene.body[name];
+    let Ok(requirements) = resolved.requirements(scene, name, body) else {
         return Err("the body is refused".into());
     };
     if body.method == Method::Bem {
@@ -123,8 +125,8 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
     if let Some(why) = expected::unmeasurable(body) {
         return Err(why.to_owned());
     }
-    if requirements.sections().all(|section| section != expected::NAME) {
-        let name = expected::NAME;
+    if !resolved.entries().any(|effect| effect.measures_errors) {
+        let name = name_of(|effect| effect.measures_errors);
         return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));
     }
     let path = prepare::green_path(scene);
@@ -140,7 +142,7 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
         expected::read(&file, name)
     };
     match read() {
-        Ok(Some(errors)) if errors.model == body.model => Ok(errors),
+        Ok(Some(errors)) if errors.model == resolved.model => Ok(errors),
         Err(damaged @ GreenError::Damaged { .. }) => Err(damaged.to_string()),
         _ => Err(format!("`greenstage precompute {}` measures them", scene.path.display())),
     }
@@ -149,6 +151,7 @@ pub fn known(scene: &Scene, name: &str, body: &Body) -> Result<ExpectedErrors, S
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::Resolved;
     use std::path::Path;
 
     /// `check` sent users to `precompute`, which measured nothing for `stress` and `haptics`.
@@ -164,8 +167,8 @@ mod tests {
                  control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
                  control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
             );
-            let scene = Scene::parse(&text, Path::new("missing/part.toml")).unwrap();
-            let to_do = known(&scene, "a", &scene.body["a"]).unwrap_err();
+            let scene = Resolved::parse(&text, Path::new("missing/part.toml")).unwrap();
+            let to_do = known(&scene, "a", &scene.bodies["a"]).unwrap_err();
             assert!(to_do.starts_with(said), "{effects}: {to_do}");
         }
     }

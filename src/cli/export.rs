@@ -13,7 +13,7 @@ use crate::export::{
     batch, chosen, surfaces,
 };
 use crate::green::ColumnSource;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::scene::Scene;
 use crate::tuning;
 use std::path::{Path, PathBuf};
@@ -106,7 +106,7 @@ impl Format {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let format = Format::of(&args.output)?;
-    let scene = Scene::load(&args.scene)?;
+    let scene = Resolved::load(&args.scene)?;
     let names = names(args, &scene)?;
     let poses = args.poses.as_deref().map(pose_file::load).transpose()?;
     refuse_pointless(args, &format, &names)?;
@@ -183,7 +183,7 @@ struct Posed<'a> {
 }
 
 impl<'a> Posed<'a> {
-    fn chosen(&self, scene: &'a Scene) -> Result<Vec<Asked<'a>>, Failure> {
+    fn chosen(&self, scene: &'a Resolved) -> Result<Vec<Asked<'a>>, Failure> {
         let Some((poses, path)) = self.poses.zip(self.args.poses.as_deref()) else { return Ok(Vec::new()) };
         chosen(scene, poses, self.args.pose.as_deref(), path)
     }
@@ -192,7 +192,12 @@ impl<'a> Posed<'a> {
 /// Files above this size are told before they are written.
 const LARGE: u64 = 100_000_000;
 
-fn write_basis(scene: &Scene, names: &[String], posed: &Posed<'_>, file: &BasisFile) -> Result<(), Failure> {
+fn write_basis(
+    scene: &Resolved,
+    names: &[String],
+    posed: &Posed<'_>,
+    file: &BasisFile,
+) -> Result<(), Failure> {
     let args = posed.args;
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     for name in &names {
@@ -265,7 +270,7 @@ fn told(bodies: &[BodyBasis], file: &BasisFile, args: &Args) -> String {
 }
 
 fn write_surface(
-    scene: &Scene,
+    scene: &Resolved,
     names: &[String],
     posed: &Posed<'_>,
     exporter: &Exporter,

@@ -9,7 +9,7 @@ use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::length_unit::{LARGEST_M, implausible};
 use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::scene::built_in::{self, BUILT_IN};
 use crate::scene::{Material, Method, Scene};
 use crate::session::open;
@@ -270,14 +270,12 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
 }
 
 fn scene(path: &Path) -> Result<(String, Value), Failure> {
-    let scene = Scene::load(path)?;
+    let scene = Resolved::load(path)?;
     let mut text = format!("{}\nstage {}\n", path.display(), scene.stage);
     for (name, body) in &scene.body {
-        let needs = match prepare::law(&scene, name, body)? {
+        let needs = match scene.law(name)? {
             Some(_) => "; solved anew for every pose",
-            None if prepare::requirements(&scene, name, body)?.has(STIFFNESS) => {
-                "; needs the handle stiffness"
-            }
+            None if scene.requirements(name)?.has(STIFFNESS) => "; needs the handle stiffness",
             None => "",
         };
         let loaded = scene.load_mesh(name, body)?;
@@ -313,6 +311,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         Err(_) => "is not there yet",
     };
     text.push_str(&format!("\n{} {state}\n", path.display()));
+    let scene = Scene::clone(&scene);
     Ok((text, json!({ "scene": scene, "green": path.to_string_lossy(), "state": state })))
 }
 
@@ -322,9 +321,9 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     if !is_built_in_scene(path) && (!is_toml || is_stage(path)?) {
         return Err(Failure::wrong(format!("{}: only a scene has a data flow to show", path.display())));
     }
-    let scene = tuning::settle_from_file(Scene::load(path)?)?;
+    let scene = tuning::settle_from_file(Resolved::load(path)?)?;
     let stage = open::stage(&scene, None)?;
-    let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
+    let (graph, _) = flow::graph(&scene.body, &scene.models(), &stage).map_err(Failure::request)?;
     print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),

@@ -6,6 +6,7 @@ use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
+use crate::prepare::Resolved;
 use crate::scene::Scene;
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
@@ -50,8 +51,8 @@ fn is_a_person_there() -> bool {
 
 /// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
 /// and .green file then go to a folder of their own ([`cache::folder`]), so that nothing appears beside the mesh.
-pub fn scene(path: &Path, guess: &Guess) -> Result<Scene, Failure> {
-    Ok(Scene::load(&scene_path(path, guess)?)?)
+pub fn scene(path: &Path, guess: &Guess) -> Result<Resolved, Failure> {
+    Resolved::load(&scene_path(path, guess)?)
 }
 
 /// The same with all of its faults.

@@ -4,9 +4,8 @@ use super::opening::Guess;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::display::pictures::PictureRequest;
-use crate::effect::force_curve;
-use crate::prepare;
-use crate::scene::{Body, Scene};
+use crate::effect::{ListedEffect, name_of};
+use crate::prepare::{self, Resolved};
 use crate::session::{Request, recording};
 use std::path::{Path, PathBuf};
 
@@ -42,7 +41,7 @@ impl SessionArgs {
         self.record.is_some() || self.replay.is_some()
     }
 
-    pub fn request<'a>(&'a self, scene: &'a Scene) -> Request<'a> {
+    pub fn request<'a>(&'a self, scene: &'a Resolved) -> Request<'a> {
         Request {
             scene,
             stage: self.stage.as_deref(),
@@ -53,20 +52,20 @@ impl SessionArgs {
         }
     }
 
-    fn try_curve(&self, scene: &Scene, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
-        let lists = |body: &Body| body.effects.iter().any(|effect| effect == force_curve::NAME);
-        if !scene.body.values().any(lists) {
-            let (path, name) = (scene.path.display(), force_curve::NAME);
+    fn try_curve(&self, scene: &Resolved, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+        let mut listed = scene.bodies.values().flat_map(|body| &body.effects);
+        let Some(kind) = listed.find_map(|ListedEffect { entry, .. }| entry.table) else {
+            let (path, name) = (scene.path.display(), name_of(|effect| effect.table.is_some()));
             return Err(Failure::wrong(format!(
                 "--curve: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body whose \
                  curve you want"
             )));
-        }
-        Ok(output::try_path(path, &force_curve::TABLE, inputs)?)
+        };
+        Ok(output::try_path(path, kind, inputs)?)
     }
 
     /// Whether everything can be written, before anything is solved.
-    pub fn try_outputs(&self, scene: &Scene, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
+    pub fn try_outputs(&self, scene: &Resolved, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
         let stage = self.stage.as_deref().map(Path::new);
         let named = [stage, self.script.as_deref(), self.replay.as_deref(), self.green.as_deref()];
         let inputs = prepare::inputs_and(scene, named);

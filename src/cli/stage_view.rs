@@ -12,9 +12,8 @@ use crate::display::device;
 use crate::display::model_window::{ModelWindow, picture};
 use crate::display::pictures::{PNG, save};
 use crate::display::stage_model::Camera;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::render::Samples;
-use crate::scene::Scene;
 use crate::session::{Request, Session};
 use crate::tuning;
 use crate::world::World;
@@ -129,7 +128,7 @@ fn open(args: &Args) -> Result<Session, Failure> {
         let stage = crate::track::find_stage(&path.display().to_string()).map_err(Failure::request)?;
         return Ok(Session::new(World::of_stage(stage)?, None));
     }
-    let scene = Scene::load(path)?;
+    let scene = Resolved::load(path)?;
     prepare::try_green(&scene, args.green.as_deref())?;
     let scene = tuning::settle(scene, false, false)?;
     Session::open(&Request {

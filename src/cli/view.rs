@@ -11,8 +11,8 @@ use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
+use crate::prepare::Resolved;
 use crate::render::{Samples, window};
-use crate::scene::Scene;
 use crate::session::{Making, Session, keys, open, playback};
 use crate::tuning;
 use crate::world::World;
@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Opens the windows at once; the scene is put into them when it is ready.
-fn show(args: &Args, scene: &Scene, device: device::Args) -> Result<(), Failure> {
+fn show(args: &Args, scene: &Resolved, device: device::Args) -> Result<(), Failure> {
     let request = args.session.request(scene);
     let stage = open::stage(scene, request.stage)?;
     let making = Making::begin(scene.clone(), args.session.green.clone())?;
@@ -118,7 +118,7 @@ fn show(args: &Args, scene: &Scene, device: device::Args) -> Result<(), Failure>
     report(application::run(session, Some(opening), shows, options)?)
 }
 
-fn start(args: &Args, scene: &Scene, session: &mut Session) -> Result<(), Failure> {
+fn start(args: &Args, scene: &Resolved, session: &mut Session) -> Result<(), Failure> {
     print(&format!("{}\n", keys::bindings()))?;
     session.attach_mouse();
     session.start_effects(scene)?;

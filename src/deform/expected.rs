@@ -9,8 +9,7 @@ use super::force::Wrench;
 use super::freedom::Freedom;
 use super::load_share;
 use super::mesh_errors::MeshErrors;
-use super::model::Kind;
-use super::models::find_model;
+use super::model::ModelEntry;
 use super::turn::{Reach, reach, rests};
 use crate::fem::nearest_turn;
 use serde::{Deserialize, Serialize};
@@ -19,7 +18,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExpectedErrors {
-    pub model: String,
+    pub model: &'static ModelEntry,
     pub element: String,
     /// Whether the model has the forces of the stiffness matrix near rest, so that its errors begin there with nothing.
     #[serde(default)]
@@ -129,11 +128,6 @@ impl ExpectedErrors {
     fn begin(&self) -> Option<ErrorsAt> {
         let at_rest = if self.loads.is_empty() { Some(ErrorsAt::NONE) } else { self.loaded };
         at_rest.filter(|_| self.begin_at_zero)
-    }
-
-    /// Whether the model is static equilibrium itself, and has no errors of its own.
-    pub fn is_equilibrium(&self) -> bool {
-        find_model(&self.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)))
     }
 
     /// Whether the loads act under which the errors were measured, and no others.

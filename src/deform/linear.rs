@@ -8,7 +8,7 @@ use super::pose::ControlPose;
 use crate::green::{AFFINE, FIELDS, STIFFNESS};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
 
-pub(super) const ENTRY: ModelEntry = ModelEntry {
+pub const ENTRY: ModelEntry = ModelEntry {
     name: "linear",
     summary: "the paper's main method: exact in the linear theory, right for small rotations",
     requirements: &[AFFINE],

@@ -8,6 +8,8 @@ use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
 use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
+use std::cmp::Ordering;
+use std::fmt;
 use std::time::Duration;
 
 /// How a body's control poses become its state. Exactly one per body.
@@ -101,13 +103,27 @@ impl ModelEntry {
     /// without them has a shape of its own.
     pub fn is_of_small_strain(&self) -> bool {
         let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
-        matches!(self.kind, Kind::Online(_)) && has_columns && !self.is_quartic()
+        self.law().is_none() && has_columns && !self.is_quartic()
+    }
+
+    /// The law whose static equilibrium it is, found anew for every pose; `None` of a model that is computed in every frame from
+    /// what the .green file holds.
+    pub fn law(&self) -> Option<&'static Law> {
+        match self.kind {
+            Kind::Background(law) => Some(law),
+            Kind::Online(_) => None,
+        }
+    }
+
+    /// Whether it is linear in the matrices of the poses, and takes them as they are, not as turns.
+    pub fn is_linear(&self) -> bool {
+        self.frame == Frame::Rest
     }
 
     /// Whether its forces near rest are those of the stiffness matrix: sums of columns in one frame.
     pub fn is_exact_near_rest(&self) -> bool {
         let has = |wanted: Family| self.requirements.iter().any(|family| family.name == wanted.name);
-        matches!(self.kind, Kind::Online(_)) && has(AFFINE) && !has(CUBIC)
+        self.law().is_none() && has(AFFINE) && !has(CUBIC)
     }
 
     fn is_quartic(&self) -> bool {
@@ -125,10 +141,44 @@ impl ModelEntry {
     }
 }
 
+/// Its name.
+impl fmt::Display for ModelEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl fmt::Debug for ModelEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl PartialEq for ModelEntry {
+    fn eq(&self, other: &ModelEntry) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for ModelEntry {}
+
+/// In the order of their names.
+impl Ord for ModelEntry {
+    fn cmp(&self, other: &ModelEntry) -> Ordering {
+        self.name.cmp(other.name)
+    }
+}
+
+impl PartialOrd for ModelEntry {
+    fn partial_cmp(&self, other: &ModelEntry) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
 /// In which frame a model's displacements stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// In that of the body at rest: it is linear in the matrices of the poses, and takes them as they are, not as turns.
+    /// In that of the body at rest.
     Rest,
     /// In one that follows the mean motion of the control elements.
     MeanMotion,

@@ -3,6 +3,8 @@
 use super::model::{DeformationModel, Kind, ModelEntry, ModelInput};
 use super::{equilibria, linear, perturbation, plate, reduced, rod, rotation, statics, substructured};
 use crate::fem::LAWS;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
 const ONLINE: &[ModelEntry] = &[
@@ -32,6 +34,25 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .iter()
         .find(|entry| entry.name == name)
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
+}
+
+/// What a body has that asks for no model.
+impl Default for &'static ModelEntry {
+    fn default() -> &'static ModelEntry {
+        &linear::ENTRY
+    }
+}
+
+impl Serialize for ModelEntry {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for &'static ModelEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static ModelEntry, D::Error> {
+        find_model(&String::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
 }
 
 /// Makes a model of this kind; the error says why this body cannot have it.

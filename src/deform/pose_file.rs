@@ -4,7 +4,7 @@ use super::pose_loads::LARGEST;
 pub use super::pose_loads::{PointForce, PoseLoads};
 use crate::base::failure::Failure;
 use crate::config;
-use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, Screw};
+use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, ModelEntry, Screw};
 use crate::scene::{Body, LoadValue, Updates};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -254,13 +254,19 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
 }
 
 /// The loads of a pose of the body called `name`: those of the scene, but for what the pose says. A body without loads has none.
-pub fn loads(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<PoseLoads, Failure> {
+pub fn loads(
+    pose: &Pose,
+    (name, body): (&str, &Body),
+    model: &ModelEntry,
+    path: &Path,
+) -> Result<PoseLoads, Failure> {
     let wrong = |message: String| {
         Failure::wrong(format!("{}: pose \"{}\": body.{name}: {message}", path.display(), pose.name))
     };
     let place = |&(line, column): &(usize, usize)| format!("{}:{line}:{column}", path.display());
     let forces = pose.force.iter().map(|force| *force.get_ref()).zip(pose.force_places.iter().map(place));
-    PoseLoads::of_pose(&pose.load, forces.collect(), name, body).map_err(wrong)
+    let loads = PoseLoads::of_pose(&pose.load, name, body);
+    loads.and_then(|loads| loads.with_forces(forces.collect(), body, model)).map_err(wrong)
 }
 
 /// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.

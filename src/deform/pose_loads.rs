@@ -5,8 +5,7 @@
 
 use super::deformer::Deformer;
 use super::loads::{AppliedLoads, PointLoad, Pull};
-use super::model::Kind;
-use super::models::find_model;
+use super::model::ModelEntry;
 use super::static_forces::StaticForces;
 use super::statics::Statics;
 use super::surface_point::nearest_point;
@@ -68,13 +67,12 @@ fn as_in_scene(load: &LoadEntry<'_>, body: &Body) -> LoadValue {
 impl PoseLoads {
     /// All of a body as they are in the scene.
     pub fn of_scene(body: &Body) -> PoseLoads {
-        PoseLoads::of_pose(&BTreeMap::new(), Vec::new(), "", body).unwrap_or_default()
+        PoseLoads::of_pose(&BTreeMap::new(), "", body).unwrap_or_default()
     }
 
-    /// Those of the scene, but for what the pose says of `load` and `force`, each of these with its place in the file. The error says which is wrong, of the body `name`.
+    /// Those of the scene, but for what the pose says of `load`. The error says which is wrong, of the body `name`.
     pub(super) fn of_pose(
         load: &BTreeMap<String, LoadValue>,
-        forces: Vec<(PointForce, String)>,
         name: &str,
         body: &Body,
     ) -> Result<PoseLoads, String> {
@@ -105,11 +103,20 @@ impl PoseLoads {
             }
             written.push((entry.name.to_owned(), value));
         }
-        let is_solved = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+        Ok(PoseLoads { written, coefficients, ..PoseLoads::default() })
+    }
+
+    /// The same with forces at points, each with its place in the file. The error says which the body cannot have.
+    pub(super) fn with_forces(
+        self,
+        forces: Vec<(PointForce, String)>,
+        body: &Body,
+        model: &ModelEntry,
+    ) -> Result<PoseLoads, String> {
         let (forces, places): (Vec<PointForce>, Vec<String>) = forces.into_iter().unzip();
         for (number, force) in forces.iter().enumerate() {
             let place = called(number, &places);
-            if body.surface_compliance.is_none() && !is_solved {
+            if body.surface_compliance.is_none() && model.law().is_none() {
                 return Err(format!(
                     "{place}: forces at points need surface_compliance = {{ nodes = \"surface\" }} in the scene"
                 ));
@@ -122,7 +129,7 @@ impl PoseLoads {
                 return Err(format!("{place}: a number is not finite, or above {LARGEST:e}"));
             }
         }
-        Ok(PoseLoads { written, coefficients, forces, places })
+        Ok(PoseLoads { forces, places, ..self })
     }
 
     /// Whether nothing acts on the body but its control elements.

@@ -16,7 +16,7 @@ use crate::field::numbers::Numbers;
 use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-pub(super) const ENTRY: ModelEntry = ModelEntry {
+pub const ENTRY: ModelEntry = ModelEntry {
     name: "rotation",
     summary: "method 2a: the control elements' mean rotation is given to the whole body, a bent tube keeps its wall",
     requirements: &[AFFINE],

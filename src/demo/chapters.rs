@@ -2,6 +2,7 @@
 
 use super::measure;
 use crate::base::failure::Failure;
+use crate::effect::Resolved;
 use crate::scene::Scene;
 use crate::world::World;
 use std::path::Path;
@@ -139,7 +140,7 @@ pub fn workbench() -> usize {
 impl Chapter {
     /// The scene with the chapter's own script and effects, which must require no columns beyond the scene's: its .green file
     /// serves several chapters.
-    pub fn scene(&self) -> Result<Scene, Failure> {
+    pub fn scene(&self) -> Result<Resolved, Failure> {
         let mut scene = Scene::load(Path::new(self.scene))?;
         if let Some(script) = self.script {
             scene.script = Some(script.into());
@@ -147,6 +148,6 @@ impl Chapter {
         for body in scene.body.values_mut() {
             body.effects.extend(self.effects.iter().map(|effect| (*effect).to_owned()));
         }
-        Ok(scene)
+        Resolved::of(scene)
     }
 }

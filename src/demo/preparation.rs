@@ -6,14 +6,13 @@ use super::chapters::{CHAPTERS, Chapter};
 use crate::base::failure::Failure;
 use crate::base::progress::Progress;
 use crate::green::GreenFile;
-use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::{self, Resolved};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
 /// What a chapter needs, once it is there.
 #[derive(Clone)]
 pub struct Ready {
-    pub scene: Arc<Scene>,
+    pub scene: Arc<Resolved>,
     pub file: Arc<GreenFile>,
 }
 

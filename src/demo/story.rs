@@ -15,11 +15,10 @@ use crate::display::presenter::Presenter;
 use crate::display::screen_windows::ScreenWindows;
 use crate::display::stage_model::Camera;
 use crate::display::window_frame::WindowFrame;
-use crate::effect;
+use crate::effect::{self, Resolved};
 use crate::interact::Action;
 use crate::render::window::{Input, Key, WindowSpec};
 use crate::render::{Drawable, Gpu, RenderError};
-use crate::scene::Scene;
 use crate::session::{Leader, Session};
 use crate::stage::Stage;
 use crate::track::find_stage;
@@ -56,7 +55,7 @@ struct Shown {
     screens: ScreenWindows,
     bodies: GpuBodies,
     /// `None` while what it needs is made.
-    scene: Option<Arc<Scene>>,
+    scene: Option<Arc<Resolved>>,
     sprang_back: bool,
     /// Time of the mechanics of the last frame that moved anything, s.
     mechanics_s: f64,
@@ -299,7 +298,7 @@ impl Story {
 fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, Failure> {
     let stage: Stage = find_stage(chapter.stage).map_err(Failure::request)?;
     let script = crate::session::open::script(scene, None)?;
-    let mut world = World::new(scene, file, stage)?;
+    let mut world = World::new(scene, &scene.models(), file, stage)?;
     let effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
     world.join(effects)?;
     let mut session = Session::new(world, script);

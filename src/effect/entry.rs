@@ -1,32 +1,75 @@
-//! One entry of the list of effects: name, required column families, own tensors.
+//! One entry of the list of effects, and the scene in which bodies list them.
 
 use crate::base::failure::Failure;
+use crate::base::output;
 use crate::deform::ModelEntry;
 use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
-use crate::scene::{Body, Scene};
+use crate::scene::Scene;
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
+use indexmap::IndexMap;
+use std::any::Any;
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// A scene with every name of a model or an effect turned into its entry, and the settings of effects parsed. It is read as
+/// the scene; a scene that has changed is resolved anew.
+#[derive(Clone, Debug)]
+pub struct Resolved {
+    pub(super) scene: Scene,
+    /// By name, in the order of the scene.
+    pub bodies: IndexMap<String, ResolvedBody>,
+}
+
+impl Deref for Resolved {
+    type Target = Scene;
+
+    fn deref(&self) -> &Scene {
+        &self.scene
+    }
+}
+
+/// What a body of a scene names.
+#[derive(Clone, Debug)]
+pub struct ResolvedBody {
+    pub model: &'static ModelEntry,
+    pub effects: Vec<ListedEffect>,
+}
+
+/// An effect that a body lists.
+#[derive(Clone, Debug)]
+pub struct ListedEffect {
+    pub entry: &'static EffectEntry,
+    /// `None` of an effect without settings.
+    pub settings: Option<Settings>,
+}
+
+/// Settings of an effect, of a type that the effect alone knows.
+pub type Settings = Arc<dyn Any + Send + Sync>;
+
+/// Parses `[body.NAME.effect.EFFECT]` of a scene; without a table come the effect's defaults. The error names a key that does
+/// not exist, or a value that it cannot have.
+pub type ReadSettings = fn(Option<&toml::Table>) -> Result<Settings, String>;
 
 /// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
 pub type Precompute =
-    fn(&Scene, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
+    fn(&Resolved, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
 
 /// A scene in which some bodies list an effect.
 pub struct Listed<'a> {
-    pub scene: &'a Scene,
+    pub scene: &'a Resolved,
     pub file: &'a GreenFile,
     /// The bodies that list it: number in the scene and in the world, and name.
     pub bodies: Vec<(usize, &'a str)>,
 }
-
-/// What is wrong with the settings of an effect in a body.
-pub type CheckSettings = fn(&Body) -> Result<(), String>;
 
 pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 /// One entry of the list of effects.
+#[derive(Clone, Copy)]
 pub struct EffectEntry {
     pub name: &'static str,
     pub summary: &'static str,
@@ -36,11 +79,21 @@ pub struct EffectEntry {
     pub needs_energy: bool,
     /// Whether it needs the body's inside, which boundary elements do not have.
     pub needs_inside: bool,
-    /// Whether its settings in a body can be used; `None` of an effect without ([`settings`](super::settings())).
-    pub check_settings: Option<CheckSettings>,
+    /// Whether it shows stresses, and where a material's limit is passed.
+    pub shows_stress: bool,
+    /// Whether it measures the errors of force and shape to expect of a body.
+    pub measures_errors: bool,
+    /// The table of what it has recorded, which `--curve` writes ([`RunningEffect::table`]).
+    pub table: Option<&'static output::Kind>,
+    /// `None` of an effect without settings ([`read`](super::settings::read)).
+    pub settings: Option<ReadSettings>,
     /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,
+    /// Errors where the section of a body, by its name, does not hold what `precompute` makes.
+    pub check_section: Option<fn(&GreenFile, &str) -> Result<(), GreenError>>,
+    /// The section of a body, by its name, of which something was released or changed since; `None` where it stays as it is.
+    pub section_after_change: Option<fn(&Resolved, &str) -> Vec<(String, Tensor)>>,
     /// Joins a new world: in windows, in pictures and where a session is checked.
     pub attach: Option<Attach>,
     /// Starts what a live session alone has: devices, and nothing where the stage has none.
@@ -48,6 +101,24 @@ pub struct EffectEntry {
 }
 
 impl EffectEntry {
+    /// An effect that does nothing and needs nothing: what an entry leaves out.
+    pub const NOTHING: EffectEntry = EffectEntry {
+        name: "",
+        summary: "",
+        requirements: &[],
+        needs_energy: false,
+        needs_inside: false,
+        shows_stress: false,
+        measures_errors: false,
+        table: None,
+        settings: None,
+        precompute: None,
+        check_section: None,
+        section_after_change: None,
+        attach: None,
+        start: None,
+    };
+
     /// Its families, and its own section where it has one.
     pub fn requirements(&self) -> Requirements {
         let families = Requirements::of(self.requirements);
@@ -66,3 +137,17 @@ impl EffectEntry {
         entries.map(|entry| (entry.fixed_bytes)(control_elements)).sum()
     }
 }
+
+impl fmt::Debug for EffectEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for EffectEntry {
+    fn eq(&self, other: &EffectEntry) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for EffectEntry {}

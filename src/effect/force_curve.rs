@@ -29,17 +29,15 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force over displacement, or torque over turn, of the control element that is held, as a live plot",
     requirements: &[STIFFNESS],
     needs_energy: true,
-    needs_inside: false,
-    check_settings: None,
-    precompute: None,
+    table: Some(&TABLE),
     attach: Some(|listed, world| Ok(Some(Box::new(ForceCurve::new(listed, world))))),
-    start: None,
+    ..EffectEntry::NOTHING
 };
 
 const HEADING: &str = "body,control,time,displacement,turn,force,torque,force_error,torque_error\n";
 
 /// The table of `--curve`.
-pub const TABLE: Kind =
+const TABLE: Kind =
     Kind { name: "a table by `--curve`", recognizes: |head| head.starts_with(HEADING.as_bytes()) };
 
 /// Beyond so many samples every second one is left out.
@@ -107,7 +105,7 @@ impl ForceCurve {
             if body.deformer.respond().is_none() {
                 notice!(
                     "note: body.{name}: the model {} has no forces, so {NAME} shows no curve",
-                    body.model
+                    body.model.name
                 );
             }
         }
@@ -164,8 +162,8 @@ impl RunningEffect for ForceCurve {
         self.trace = None;
     }
 
-    fn table(&self) -> Option<String> {
-        self.trace.as_ref().map(Trace::table)
+    fn table(&self) -> Option<(&'static Kind, String)> {
+        Some((&TABLE, self.trace.as_ref()?.table()))
     }
 }
 
@@ -425,7 +423,7 @@ mod tests {
             words(&world).contains("error unknown (list expected_errors)")
                 && plot(&world).band.iter().all(Vec::is_empty)
         );
-        let table = running.table().unwrap();
+        let (_, table) = running.table().unwrap();
         let row: Vec<f64> =
             table.lines().last().unwrap().split(',').skip(3).take(3).map(|x| x.parse().unwrap()).collect();
         assert!((row[0] - 5e-3).abs() < 1e-12 && row[1] == 0.0 && (row[2] - 1.25).abs() < 1e-4, "{row:?}");

@@ -14,13 +14,8 @@ const COLOR: [f32; 4] = [0.55, 0.62, 0.72, 0.4];
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: "ghost_rest",
     summary: "the rest shape, translucent, beside the deformed body",
-    requirements: &[],
-    needs_energy: false,
-    needs_inside: false,
-    check_settings: None,
-    precompute: None,
     attach: Some(|listed, world| Ok(Some(Box::new(RestGhosts::new(listed, world))))),
-    start: None,
+    ..EffectEntry::NOTHING
 };
 
 struct RestGhosts {

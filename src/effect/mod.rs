@@ -6,84 +6,33 @@
 //! is made ([`attach`]), and a live session starts their devices and threads ([`start`]); as [`RunningEffect`]s they act before
 //! and after each frame, and may draw with a shader of their own ([`Frame::strips`](crate::world::frame::Frame::strips)).
 
+mod effects;
 mod entry;
 pub mod expected;
 pub mod force_curve;
 pub mod ghost_equilibrium;
 mod ghost_rest;
 pub mod haptics;
-mod settings;
+mod resolved;
+pub mod settings;
 pub mod stress;
 
-pub use entry::{EffectEntry, Listed, Precompute};
-pub use settings::settings;
+pub use effects::{EFFECTS, find_effect, name_of};
+pub use entry::{EffectEntry, Listed, ListedEffect, Precompute, Resolved, ResolvedBody};
+pub use resolved::requirements;
 
 use crate::base::failure::Failure;
-use crate::config;
-use crate::deform::ModelEntry;
-use crate::green::{Family, GreenError, GreenFile, Precomputed, Requirements, Tensor, UPDATES, is_column};
-use crate::scene::{Body, Scene};
+use crate::green::{GreenError, GreenFile, Precomputed, Tensor, UPDATES, is_column};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 
-/// All effects; a new one is one file and one line here.
-pub const EFFECTS: &[EffectEntry] = &[
-    haptics::live::ENTRY,
-    expected::ENTRY,
-    stress::ENTRY,
-    ghost_rest::ENTRY,
-    ghost_equilibrium::ENTRY,
-    force_curve::ENTRY,
-];
-
-/// The effect called `name`, or what there is instead.
-pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
-    let found = EFFECTS.iter().find(|entry| entry.name == name);
-    found.ok_or_else(|| {
-        let absent = ABSENT.iter().find(|(names, _)| names.contains(&name));
-        if let Some((_, fact)) = absent {
-            return format!("there is no effect \"{name}\": {fact}");
-        }
-        if config::keys::<Body>().iter().any(|key| key == name) {
-            return format!("\"{name}\" is no effect but a key: write {name} = … below [body.NAME]");
-        }
-        config::unknown_name("effect", name, EFFECTS.iter().map(|entry| entry.name))
-    })
-}
-
-/// Effects that people look for by these names and that the program does not have, with what it does instead.
-const ABSENT: &[(&[&str], &str)] = &[
-    (&["contact", "collision"], "bodies pass through each other and through tools"),
-    (&["dynamics", "inertia", "vibration", "modes"], "bodies follow the hands without inertia"),
-    (&["cut", "cutting"], "bodies cannot be cut"),
-    (&["sound", "audio"], "bodies are silent"),
-];
-
-/// What must be precomputed for a body of this model with these effects.
-pub fn requirements<'a>(
-    model: &ModelEntry,
-    effects: impl IntoIterator<Item = &'a EffectEntry>,
-) -> Requirements {
-    let of_model = Requirements::of(model.requirements);
-    effects.into_iter().fold(of_model, |all, effect| {
-        let energy = model.energy.filter(|_| effect.needs_energy).unwrap_or_default();
-        all.and(effect.requirements()).and(Requirements::of(energy))
-    })
-}
-
-/// Whether one of these effects, by their names, requires the family.
-pub fn any_requires(effects: &[String], family: Family) -> bool {
-    effects.iter().any(|name| find_effect(name).is_ok_and(|effect| effect.requirements().has(family)))
-}
-
-/// Makes the tensors of those effects that own some, and leaves them in what is written of the body.
-pub fn add_sections<'a>(
-    scene: &Scene,
-    effects: impl IntoIterator<Item = &'a EffectEntry>,
+/// Makes the tensors of those effects of a body that own some, and leaves them in what is written of the body.
+pub fn add_sections(
+    scene: &Resolved,
     body: &mut Precomputed,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    for effect in effects {
+    for effect in scene.bodies[&body.name].entries() {
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
         let tensors = precompute(scene, body, progress)?;
@@ -95,23 +44,29 @@ pub fn add_sections<'a>(
     Ok(())
 }
 
+/// Errors where the section of an effect of a body does not hold what the effect makes.
+pub fn check_sections(scene: &Resolved, file: &GreenFile, body: &str) -> Result<(), GreenError> {
+    let checks = scene.bodies[body].entries().filter_map(|effect| effect.check_section);
+    checks.into_iter().try_for_each(|check| check(file, body))
+}
+
 /// The sections of a body of which something was released or changed since: what was measured of it holds no more, the
 /// others stay.
-pub fn sections_after_change(file: &GreenFile, name: &str, body: &Body) -> Vec<(String, Tensor)> {
-    let Some(meta) = file.meta.bodies.get(name) else { return Vec::new() };
-    let sections = meta.requirements.sections().flat_map(|effect| file.section_tensors(name, effect));
-    sections
-        .map(|(tensor, content)| match expected::is_measured(&tensor) {
-            true => (tensor, expected::not_measured(body)),
-            false => (tensor, content),
-        })
-        .collect()
+pub fn sections_after_change(scene: &Resolved, file: &GreenFile, body: &str) -> Vec<(String, Tensor)> {
+    let sections = scene.bodies[body].entries().filter(|effect| effect.precompute.is_some());
+    let tensors = |effect: &EffectEntry| match effect.section_after_change {
+        Some(changed) => {
+            let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
+            changed(scene, body).into_iter().map(named).collect()
+        }
+        None => file.section_tensors(body, effect.name),
+    };
+    sections.flat_map(tensors).collect()
 }
 
 /// The effect of `entry` where a body of the scene lists it.
-fn listed<'a>(entry: &EffectEntry, scene: &'a Scene, file: &'a GreenFile) -> Option<Listed<'a>> {
-    let lists = |body: &Body| body.effects.iter().any(|name| name == entry.name);
-    let bodies = scene.body.iter().enumerate().filter(|(_, (_, body))| lists(body));
+fn listed<'a>(entry: &EffectEntry, scene: &'a Resolved, file: &'a GreenFile) -> Option<Listed<'a>> {
+    let bodies = scene.bodies.iter().enumerate().filter(|(_, (_, body))| body.lists(entry));
     let bodies: Vec<_> = bodies.map(|(b, (name, _))| (b, name.as_str())).collect();
     (!bodies.is_empty()).then_some(Listed { scene, file, bodies })
 }
@@ -119,7 +74,7 @@ fn listed<'a>(entry: &EffectEntry, scene: &'a Scene, file: &'a GreenFile) -> Opt
 /// Joins those of `entries` that the scene lists to its new world.
 pub fn attach(
     entries: &[EffectEntry],
-    scene: &Scene,
+    scene: &Resolved,
     file: &GreenFile,
     world: &mut World,
 ) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
@@ -133,7 +88,11 @@ pub fn attach(
 }
 
 /// Starts what the effects of a scene have in a live session.
-pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
+pub fn start(
+    scene: &Resolved,
+    file: &GreenFile,
+    world: &World,
+) -> Result<Vec<Box<dyn RunningEffect>>, Failure> {
     let mut running = Vec::new();
     for entry in EFFECTS {
         if let Some((start, listed)) = entry.start.zip(listed(entry, scene, file)) {
@@ -147,9 +106,10 @@ pub fn start(scene: &Scene, file: &GreenFile, world: &World) -> Result<Vec<Box<d
 mod tests {
     use super::*;
     use crate::base::strips::{StripKind, Strips};
-    use crate::deform::{Deformer, MODELS, find_model};
-    use crate::green::{self, AFFINE, FAMILIES, STIFFNESS, Tensor};
+    use crate::deform::{Deformer, LINEAR, MODELS, ROTATION};
+    use crate::green::{self, AFFINE, FAMILIES, Family, Requirements, STIFFNESS, Tensor};
     use crate::render::Drawable;
+    use crate::scene::Scene;
     use crate::solve::Silent;
     use crate::stage::Stage;
     use crate::track::TrackerState;
@@ -164,9 +124,6 @@ mod tests {
         name: "means",
         summary: "the mean of every column",
         requirements: &[AFFINE],
-        needs_energy: false,
-        needs_inside: false,
-        check_settings: None,
         precompute: Some(|_, body, _| {
             let fields = &body.solution.fields;
             let mean = |column: usize| {
@@ -176,25 +133,26 @@ mod tests {
             let means = Tensor::new(&[fields.columns], (0..fields.columns).map(mean));
             Ok(vec![("columns".into(), means)])
         }),
-        attach: None,
-        start: None,
+        ..EffectEntry::NOTHING
     };
 
-    fn scene() -> Scene {
-        let text = "[body.b]\n\
+    /// With effects that stand in no list.
+    fn scene(effects: &str) -> Resolved {
+        let text = "\n\
                     generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }\n\
                     material = { young = 1.0, poisson = 0.3 }\n\
                     [body.b.control]\n\
                     low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                     high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-        Scene::parse(text, Path::new("test.toml")).unwrap()
+        let text = format!("[body.b]\neffects = [{effects}]{text}");
+        let scene = Scene::parse(&text, Path::new("test.toml")).unwrap();
+        Resolved::among(scene, const { &[MEANS, HALO] }).unwrap()
     }
 
     #[test]
     fn an_effect_with_tensors_of_its_own_fills_its_section_of_the_file() {
-        let (scene, folder) = (scene(), tempfile::tempdir().unwrap());
-        let linear = find_model("linear").unwrap();
-        let required = requirements(linear, [&MEANS]);
+        let (scene, folder) = (scene("\"means\""), tempfile::tempdir().unwrap());
+        let required = requirements(&LINEAR, [&MEANS]);
         assert_eq!(required.describe(), "affine, means");
         let mut body = green::precompute(&scene, "b", &required, &Silent).unwrap();
         let path = folder.path().join("b.green");
@@ -202,11 +160,11 @@ mod tests {
         let error = GreenFile::open(&path).unwrap_err().to_string();
         assert!(error.contains("the section b/means/ of the effect means is missing"), "{error}");
 
-        add_sections(&scene, [&MEANS], &mut body, &Silent).unwrap();
+        add_sections(&scene, &mut body, &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = GreenFile::open(&path).unwrap();
         file.check_belongs(&scene, "b", &required).unwrap();
-        let other = file.check_belongs(&scene, "b", &requirements(linear, [])).unwrap_err().to_string();
+        let other = file.check_belongs(&scene, "b", &requirements(&LINEAR, [])).unwrap_err().to_string();
         assert!(other.contains("is stale"), "{other}");
         let (shape, means) = file.section::<f64>("b", "means", "columns").unwrap();
         assert_eq!((shape, means.len()), (&[24][..], 24));
@@ -215,18 +173,13 @@ mod tests {
         assert!(file.section::<f32>("b", "means", "columns").is_err());
         let missing = file.section::<f64>("b", "means", "rows").unwrap_err().to_string();
         assert!(missing.contains("tensor b/means/rows is missing"), "{missing}");
-        assert!(Deformer::new(Arc::new(file), "b", "linear").unwrap().wrenches().is_none());
+        assert!(Deformer::new(Arc::new(file), "b", &LINEAR).unwrap().wrenches().is_none());
     }
 
     /// An effect that stands in no list: a strip above each body that lists it, and a thread that counts until its end.
     const HALO: EffectEntry = EffectEntry {
         name: "halo",
         summary: "a strip, and a thread that counts",
-        requirements: &[],
-        needs_energy: false,
-        needs_inside: false,
-        check_settings: None,
-        precompute: None,
         attach: Some(|listed, _| {
             let ends = Arc::new(AtomicBool::new(false));
             let seen = ends.clone();
@@ -241,7 +194,7 @@ mod tests {
             let bodies = listed.bodies.iter().map(|(b, _)| *b).collect();
             Ok(Some(Box::new(Halo { bodies, ends, thread: Some(thread) })))
         }),
-        start: None,
+        ..EffectEntry::NOTHING
     };
 
     const STRIP: StripKind = StripKind { name: "halo", shader: "", attributes: &[3] };
@@ -279,13 +232,13 @@ mod tests {
     fn an_effect_joins_the_worlds_of_scenes_that_list_it_and_no_others() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("halo.green");
-        let mut scene = scene();
+        let [unlisted, scene] = ["", "\"halo\""].map(scene);
         let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
-        let mut world = World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap();
-        assert!(attach(&[HALO], &scene, &file, &mut world).unwrap().is_empty(), "it is not listed");
-        scene.body["b"].effects = vec!["halo".into()];
+        let mut world =
+            World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap();
+        assert!(attach(&[HALO], &unlisted, &file, &mut world).unwrap().is_empty(), "it is not listed");
         let mut running = attach(&[HALO], &scene, &file, &mut world).unwrap();
         for time_s in [0.0, 0.1] {
             world.step(&TrackerState { time_s, ..Default::default() }.into());
@@ -308,11 +261,9 @@ mod tests {
             assert_eq!(requirements(model, []).has(STIFFNESS), is_own, "{}", model.name);
             assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
         }
-        assert!(any_requires(&["haptics".into()], STIFFNESS) && !any_requires(&[], STIFFNESS));
-        let linear = find_model("linear").unwrap();
-        assert_eq!((haptics::live::ENTRY.bytes(linear, 2), MEANS.bytes(linear, 2)), (24 * 24 * 8, 0));
-        let rotation = find_model("rotation").unwrap();
-        assert_eq!(haptics::live::ENTRY.bytes(rotation, 2), 24 * 24 * 8 + 24 * 25 * 26 / 6 * 8);
+        assert!(haptics::live::ENTRY.requirements().has(STIFFNESS));
+        assert_eq!((haptics::live::ENTRY.bytes(&LINEAR, 2), MEANS.bytes(&LINEAR, 2)), (24 * 24 * 8, 0));
+        assert_eq!(haptics::live::ENTRY.bytes(&ROTATION, 2), 24 * 24 * 8 + 24 * 25 * 26 / 6 * 8);
     }
 
     /// A section must not stand where a family's tensors or the surface do.

@@ -1,10 +1,15 @@
 //! Settings of effects: `[body.NAME.effect.EFFECT]` of a scene, or the effect's defaults.
 
+use super::entry::Settings;
 use crate::config;
-use crate::scene::Body;
 use serde::de::DeserializeOwned;
+use std::sync::Arc;
 
-/// The settings of an effect of a body. The error names a key that does not exist, or a value that it cannot have.
-pub fn settings<T: DeserializeOwned + Default>(body: &Body, effect: &str) -> Result<T, String> {
-    body.effect.get(effect).map_or_else(|| Ok(T::default()), config::from_table)
+/// The settings of an effect whose settings are of this type ([`EffectEntry::settings`](super::EffectEntry::settings)).
+pub fn read<T>(table: Option<&toml::Table>) -> Result<Settings, String>
+where
+    T: DeserializeOwned + Default + Send + Sync + 'static,
+{
+    let settings: T = table.map_or_else(|| Ok(T::default()), config::from_table)?;
+    Ok(Arc::new(settings))
 }

@@ -4,8 +4,7 @@ use crate::base::failure::Failure;
 use crate::deform::pose_file::{self, Pose, PoseLoads};
 use crate::deform::{ControlPoses, Deformer, Freedom, Way};
 use crate::green::STIFFNESS;
-use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::Resolved;
 use std::path::{Path, PathBuf};
 
 /// A pose, and the body that it is for.
@@ -33,7 +32,7 @@ impl Asked<'_> {
 }
 
 /// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
-pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
+pub fn ask<'a>(scene: &'a Resolved, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
     let names = || scene.body.keys().map(String::as_str);
     let wrong =
         |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
@@ -54,7 +53,7 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
              effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
         )));
     }
-    let loads = pose_file::loads(pose, body, &scene.body[body], path)?;
+    let loads = pose_file::loads(pose, (body, &scene.body[body]), scene.bodies[body].model, path)?;
     Ok(Asked {
         path: path.to_owned(),
         pose: &pose.name,
@@ -68,9 +67,8 @@ pub fn ask<'a>(scene: &'a Scene, pose: &'a Pose, path: &Path) -> Result<Asked<'a
 }
 
 /// Whether the results of a body have forces.
-pub(super) fn has_forces(scene: &Scene, name: &str) -> Result<bool, Failure> {
-    let body = &scene.body[name];
-    Ok(prepare::law(scene, name, body)?.is_some() || prepare::requirements(scene, name, body)?.has(STIFFNESS))
+pub(super) fn has_forces(scene: &Resolved, name: &str) -> Result<bool, Failure> {
+    Ok(scene.law(name)?.is_some() || scene.requirements(name)?.has(STIFFNESS))
 }
 
 /// Steps in which a body is led from the pose that another goes on from to that one, so that a model that follows turns

@@ -11,15 +11,14 @@ use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::deform::pose_file;
 use crate::deform::{
-    AppliedLoads, ControlPose, Deformer, EquilibriumResult, Frame, PoseSlope, Strain, Wrench, find_model,
-    model_of,
+    AppliedLoads, ControlPose, Deformer, EquilibriumResult, ModelEntry, PoseSlope, Strain, Wrench, model_of,
 };
 use crate::effect::expected;
-use crate::effect::stress::{NAME as STRESS, StressedBody, SurfaceLoads};
+use crate::effect::stress::{StressedBody, SurfaceLoads};
 use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
 use crate::mesh::{Surface, TetMesh};
-use crate::prepare;
-use crate::scene::{Body, Scene};
+use crate::prepare::{self, Resolved};
+use crate::scene::Body;
 use crate::solve::Silent;
 use crate::world::{out_of_range_of, wrench_error_of};
 use nalgebra::{DVector, Matrix3, Vector3};
@@ -37,7 +36,7 @@ fn verified(file: Arc<GreenFile>) -> Result<Arc<GreenFile>, Failure> {
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
 /// in f64 instead.
 pub fn solve(
-    scene: &Scene,
+    scene: &Resolved,
     asked: &[Asked<'_>],
     green: Option<&Path>,
     all_nodes: bool,
@@ -59,14 +58,14 @@ pub fn solve(
         // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
         let doubtful = |asked: &Asked<'_>| {
             let doubt = pose_file::doubtful_turn(&asked.control, body);
-            doubt.filter(|_| !takes_matrices(body) && asked.after.is_none())
+            doubt.filter(|_| !scene.bodies[name].model.is_linear() && asked.after.is_none())
         };
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
             notice!("note: {}: {doubt}", asked.place());
         }
-        let (shape, found) = match (prepare::law(scene, name, body)?, &file) {
+        let (shape, found) = match (scene.law(name)?, &file) {
             (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
-            (None, None) => volume_results(scene, name, body, &own, &mut set.missed)?,
+            (None, None) => volume_results(scene, name, &own, &mut set.missed)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
                 let poses: Vec<_> = own
@@ -89,7 +88,7 @@ pub fn solve(
 }
 
 /// A result with where its control elements are, and by how much they were free.
-fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
+fn told(scene: &Resolved, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
         return result;
     };
@@ -97,17 +96,14 @@ fn told(scene: &Scene, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     if told.control.is_empty() {
         told.control.clone_from(&asked.control);
     }
-    told.model.clone_from(&scene.body[&result.body].model);
+    told.model = scene.bodies[&result.body].model;
     told.names = scene.body[&result.body].control.keys().cloned().collect();
     told.freedom.clone_from(&asked.freedom);
     told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
-        told.error = Sureness::Unknown(unsure::why(
-            &scene.body[&result.body],
-            unsure::Looked::Nowhere,
-            &asked.freedom,
-        ));
+        let why = unsure::why(scene, &result.body, unsure::Looked::Nowhere, &asked.freedom);
+        told.error = Sureness::Unknown(why);
     }
     PoseResult { told, ..result }
 }
@@ -133,12 +129,12 @@ struct SolvedStress {
 
 /// Where the body lists it.
 fn solved_stress(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     mesh: &TetMesh,
     held: &[&[u32]],
 ) -> Result<Option<SolvedStress>, GreenError> {
-    if !lists_stress(&scene.body[name]) {
+    if !lists_stress(scene, name) {
         return Ok(None);
     }
     let (surface, body) = StressedBody::of_mesh(scene, name, mesh, held)?;
@@ -172,17 +168,16 @@ impl SolvedStress {
     }
 }
 
-fn lists_stress(body: &Body) -> bool {
-    body.effects.iter().any(|effect| effect == STRESS)
+fn lists_stress(scene: &Resolved, body: &str) -> bool {
+    scene.bodies[body].entries().any(|effect| effect.shows_stress)
 }
 
 /// What a run of the scene will read and give.
-pub fn outlook(scene: &Scene) -> Result<Outlook, Failure> {
+pub fn outlook(scene: &Resolved) -> Result<Outlook, Failure> {
     let mut outlook = Outlook::default();
-    for (name, body) in &scene.body {
-        let is_static = prepare::law(scene, name, body)?.is_some();
-        outlook.needs_green |= !is_static;
-        outlook.has_stress |= lists_stress(body);
+    for name in scene.body.keys() {
+        outlook.needs_green |= scene.law(name)?.is_none();
+        outlook.has_stress |= lists_stress(scene, name);
         outlook.has_forces |= has_forces(scene, name)?;
     }
     Ok(outlook)
@@ -199,26 +194,21 @@ impl Outlook {
     }
 }
 
-/// Whether the body's model is linear in the matrices of the poses, not in their turns.
-fn takes_matrices(body: &Body) -> bool {
-    find_model(&body.model).is_ok_and(|model| model.frame == Frame::Rest)
-}
-
 fn control_forces(body: &Body, (wrenches, energy): (Vec<Wrench>, f64)) -> ControlForces {
     ControlForces { controls: body.control.keys().cloned().zip(wrenches).collect(), energy }
 }
 
 fn surface_results(
-    scene: &Scene,
+    scene: &Resolved,
     file: &Arc<GreenFile>,
     name: &str,
     own: &[&Asked<'_>],
     all: &[Asked<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
-    let body = &scene.body[name];
-    let stressed = lists_stress(body).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
-    let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
-    let expected = expected::read(file, name)?.filter(|errors| errors.model == body.model);
+    let (body, model) = (&scene.body[name], scene.bodies[name].model);
+    let stressed = lists_stress(scene, name).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
+    let mut deformer = Deformer::new(file.clone(), name, model).map_err(Failure::wrong)?;
+    let expected = expected::read(file, name)?.filter(|errors| errors.model == model);
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
     let mut applied = own.iter().map(|asked| {
         let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
@@ -238,15 +228,15 @@ fn surface_results(
         let error =
             known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
         let unknown = || {
-            Sureness::Unknown(unsure::why(body, unsure::Looked::InFile(expected.as_ref()), &asked.freedom))
+            let looked = unsure::Looked::InFile(expected.as_ref());
+            Sureness::Unknown(unsure::why(scene, name, looked, &asked.freedom))
         };
         let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
-        told.beyond = out_of_range_of(&deformer, &body.model);
+        told.beyond = out_of_range_of(&deformer);
         told.pushed = Pushed::of(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
-            told.first_yield =
-                free_poses::first_yield(asked, body, &mut deformer, stressed, expected.as_ref());
+            told.first_yield = free_poses::first_yield(asked, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
             lead(asked, all, None, &mut deformer);
             deformer.evaluate(&asked.control);
@@ -271,7 +261,7 @@ fn surface_result(
              turned too far against each other or too far apart, and keeps one of before: the result is not to be trusted; \
              model = \"stvk\" solves such a pose anew",
             asked.place(),
-            scene_body.model
+            body.entry.name
         );
     }
     PoseResult {
@@ -285,23 +275,23 @@ fn surface_result(
 }
 
 fn volume_results(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
-    body: &Body,
     asked: &[&Asked<'_>],
     missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
-    if !takes_matrices(body) {
+    let (body, model) = (&scene.body[name], scene.bodies[name].model);
+    if !model.is_linear() {
         return Err(Failure::request(scene.invalid(
             &format!("body.{name}.model"),
-            format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model),
+            format!("--all-nodes solves the linear theory, not the model \"{}\"", model.name),
         )));
     }
     if let Some(asked) = asked.iter().find(|asked| !asked.loads.forces.is_empty()) {
         let message = "forces at points are summed from the .green file: leave --all-nodes out";
         return Err(Failure::wrong(format!("{}: {message}", asked.place())));
     }
-    let solution = green::solve(scene, name, &prepare::requirements(scene, name, body)?, &Silent)?;
+    let solution = green::solve(scene, name, &scene.requirements(name)?, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }
@@ -309,7 +299,7 @@ fn volume_results(
     let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
     let mut found = Vec::new();
     for asked in asked {
-        let asked = match found_in(asked, body, &solution) {
+        let asked = match found_in(asked, model, &solution) {
             Ok(asked) => asked,
             Err(why) => {
                 let (pose, body) = (asked.pose.to_owned(), name.to_owned());
@@ -317,7 +307,7 @@ fn volume_results(
                 continue;
             }
         };
-        let result = volume_result(&asked, name, body, &solution);
+        let result = volume_result(&asked, name, (body, model), &solution);
         let stretch = asked.loads.free_stretch(body);
         let stress_of = |stressed: &SolvedStress, u: &[Vector3<f64>]| {
             stressed.result(u, stretch, &asked.loads.coefficients, &[])
@@ -328,7 +318,7 @@ fn volume_results(
         let first_yield =
             stressed.as_ref().filter(|_| yields && asked.after.is_none()).and_then(|stressed| {
                 free_poses::first_yield_linear(&asked, |asked| {
-                    let at = volume_result(asked, name, body, &solution);
+                    let at = volume_result(asked, name, (body, model), &solution);
                     let wrenches =
                         at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
                     Some((wrenches, free_poses::parts(&stress_of(stressed, &at.displacement).reached)?))
@@ -341,22 +331,27 @@ fn volume_results(
 }
 
 /// A pose with its free control elements found.
-fn found_in<'a>(asked: &Asked<'a>, body: &Body, solution: &Solution) -> Result<Asked<'a>, String> {
+fn found_in<'a>(asked: &Asked<'a>, model: &ModelEntry, solution: &Solution) -> Result<Asked<'a>, String> {
     if asked.freedom.is_empty() {
         return Ok(asked.clone());
     }
     let length = free_poses::size(solution.mesh.nodes.iter().copied());
     let mut wrenches = |poses: &[ControlPose]| {
         let at = Asked { control: poses.to_vec(), ..asked.clone() };
-        let found = volume_slopes(&at, body, solution);
+        let found = volume_slopes(&at, model, solution);
         let (slopes, _) = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
         Ok(slopes.iter().map(Wrench::of_small_strain).collect())
     };
-    let control = free_poses::find(asked, None, (body, length), &mut wrenches)?;
+    let control = free_poses::find(asked, None, (model, length), &mut wrenches)?;
     Ok(Asked { control, ..asked.clone() })
 }
 
-fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution) -> PoseResult {
+fn volume_result(
+    asked: &Asked<'_>,
+    name: &str,
+    (body, model): (&Body, &ModelEntry),
+    solution: &Solution,
+) -> PoseResult {
     let c: Vec<f64> = asked.control.iter().flat_map(ControlPose::coefficients).collect();
     let loads = solution.tables.get(LOAD_FIELDS);
     let loaded = |row: usize| {
@@ -371,22 +366,22 @@ fn volume_result(asked: &Asked<'_>, name: &str, body: &Body, solution: &Solution
         displacement: (0..solution.mesh.nodes.len())
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
-        wrenches: volume_forces(asked, body, solution),
+        wrenches: volume_slopes(asked, model, solution).map(|(slopes, energy)| {
+            let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
+            control_forces(body, (wrenches.collect(), energy))
+        }),
         stress: None,
         told: Told::default(),
     }
 }
 
-/// Forces by the energy of the body's model, where the scene asks for them.
-fn volume_forces(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<ControlForces> {
-    let (slopes, energy) = volume_slopes(asked, body, solution)?;
-    let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
-    Some(control_forces(body, (wrenches.collect(), energy)))
-}
-
-/// The slopes of the energy by the poses, and the energy.
-fn volume_slopes(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<(Vec<PoseSlope>, f64)> {
-    let (mut model, _) = model_of(find_model(&body.model).ok()?, solution).ok()?;
+/// The slopes of the energy of the body's model by the poses, and the energy, where the scene asks for forces.
+fn volume_slopes(
+    asked: &Asked<'_>,
+    model: &ModelEntry,
+    solution: &Solution,
+) -> Option<(Vec<PoseSlope>, f64)> {
+    let (mut model, _) = model_of(model, solution).ok()?;
     let mut slopes = vec![PoseSlope::default(); asked.control.len()];
     let response = model.respond(&asked.control, &mut slopes)?;
     let mut energy = response.energy;
@@ -407,13 +402,13 @@ fn volume_slopes(asked: &Asked<'_>, body: &Body, solution: &Solution) -> Option<
 }
 
 fn static_results(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     mut solved: statics::Solved,
     asked: &[&Asked<'_>],
     missed: &mut Vec<Missed>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
-    let body = &scene.body[name];
+    let (body, model) = (&scene.body[name], scene.bodies[name].model);
     let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solved.statics.mesh, &held)?;
     let mut found = Vec::new();
@@ -437,7 +432,7 @@ fn static_results(
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
                     let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
                     statics::apply(asked, &mut solved.statics)?;
-                    told.first_yield = free_poses::first_yield_of(asked, body, &mut solved.statics, &parts);
+                    told.first_yield = free_poses::first_yield_of(asked, model, &mut solved.statics, &parts);
                 }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }

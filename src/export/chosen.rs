@@ -4,13 +4,13 @@ use super::asked::{Asked, ask};
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
 use crate::deform::pose_file::Pose;
-use crate::scene::Scene;
+use crate::prepare::Resolved;
 use std::path::Path;
 
 /// The pose called `name` of every body that has one of this name; the only pose of the file, where no name is given. Each of
 /// them stands behind those that it goes on from.
 pub fn chosen<'a>(
-    scene: &'a Scene,
+    scene: &'a Resolved,
     poses: &'a [Pose],
     name: Option<&str>,
     path: &Path,

@@ -5,12 +5,12 @@ use super::result_set::{Missed, StressResult};
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, ExpectedErrors, Frame, Screw, Search, Statics, Way, Wrench,
-    Wrenches, find_model,
+    ControlPose, ControlPoses, Deformer, ExpectedErrors, ModelEntry, Screw, Search, Statics, Way, Wrench,
+    Wrenches,
 };
 use crate::effect::stress::{Reached, StressedBody};
 use crate::green::GreenFile;
-use crate::scene::{Body, Scene};
+use crate::prepare::Resolved;
 use crate::solve::Silent;
 use crate::world::wrench_error_of;
 use nalgebra::{Matrix3, Vector3};
@@ -35,11 +35,6 @@ pub(super) fn way(
     asked.iter().enumerate().map(part).collect()
 }
 
-/// Whether the body's model is linear in the matrices of the poses.
-pub(super) fn is_linear(body: &Body) -> bool {
-    find_model(&body.model).is_ok_and(|model| model.frame == Frame::Rest)
-}
-
 /// The largest extent of places, m.
 pub(super) fn size<'a>(places: impl Iterator<Item = Vector3<f64>> + 'a) -> f64 {
     let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
@@ -56,11 +51,11 @@ fn size_of(body: &Deformer) -> f64 {
 pub(super) fn find(
     asked: &Asked<'_>,
     before: Option<&ControlPoses>,
-    (body, length): (&Body, f64),
+    (model, length): (&ModelEntry, f64),
     wrenches: &mut Wrenches<'_>,
 ) -> Result<ControlPoses, String> {
-    let way = |share: f64| way(&asked.given, before, is_linear(body), share);
-    let mut search = Search::new(&asked.freedom, length, is_linear(body), &way);
+    let way = |share: f64| way(&asked.given, before, model.is_linear(), share);
+    let mut search = Search::new(&asked.freedom, length, model.is_linear(), &way);
     match before {
         Some(_) => search.going_on(wrenches)?.follow(wrenches),
         None => search.follow(wrenches),
@@ -78,19 +73,19 @@ fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<V
 /// All that is asked for, with the poses of free control elements found for the bodies of the .green file; what is not found is
 /// missed.
 pub(super) fn found<'a>(
-    scene: &Scene,
+    scene: &Resolved,
     asked: &[Asked<'a>],
     file: Option<&Arc<GreenFile>>,
     missed: &mut Vec<Missed>,
 ) -> Result<Vec<Asked<'a>>, Failure> {
     let mut all = asked.to_vec();
     let Some(file) = file else { return Ok(all) };
-    for (name, body) in scene.body.iter().filter(|(name, _)| file.meta.bodies.contains_key(*name)) {
+    for (name, body) in scene.bodies.iter().filter(|(name, _)| file.meta.bodies.contains_key(*name)) {
         let is_own = |asked: &Asked<'_>| asked.body == *name;
         if !all.iter().any(|asked| is_own(asked) && !asked.freedom.is_empty()) {
             continue;
         }
-        let mut deformer = Deformer::new(file.clone(), name, &body.model).map_err(Failure::wrong)?;
+        let mut deformer = Deformer::new(file.clone(), name, body.model).map_err(Failure::wrong)?;
         let length = size_of(&deformer);
         for place in (0..all.len()).filter(|&place| is_own(&asked[place])) {
             let one = all[place].clone();
@@ -117,7 +112,7 @@ pub(super) fn found<'a>(
                     }
                     deformer.apply(&loads(&one, &deformer)?);
                     let before = before.map(|before| &before.control);
-                    find(&one, before, (body, length), &mut of_file(&mut deformer))
+                    find(&one, before, (body.model, length), &mut of_file(&mut deformer))
                 }
             };
             match settled {
@@ -185,7 +180,6 @@ fn approach(
 /// Where a body of the .green file first yields on its way from rest to a pose in which it has.
 pub(super) fn first_yield(
     asked: &Asked<'_>,
-    body: &Body,
     deformer: &mut Deformer,
     stressed: &StressedBody,
     expected: Option<&ExpectedErrors>,
@@ -193,7 +187,7 @@ pub(super) fn first_yield(
     if asked.after.is_some() {
         return None;
     }
-    let (linear, length) = (is_linear(body), size_of(deformer));
+    let (linear, length) = (deformer.entry.is_linear(), size_of(deformer));
     let way = |share: f64| way(&asked.given, None, linear, share);
     let mut search = (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, linear, &way));
     let mut at_edges = 0.0;
@@ -223,7 +217,7 @@ pub(super) type Parts<'a> = dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]> + 'a;
 /// The same of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its nodes.
 pub(super) fn first_yield_of(
     asked: &Asked<'_>,
-    body: &Body,
+    model: &ModelEntry,
     statics: &mut Statics,
     parts: &Parts<'_>,
 ) -> Option<FirstYield> {
@@ -231,9 +225,9 @@ pub(super) fn first_yield_of(
         return None;
     }
     let length = size(statics.mesh.nodes.iter().copied());
-    let way = |share: f64| way(&asked.given, None, is_linear(body), share);
+    let way = |share: f64| way(&asked.given, None, model.is_linear(), share);
     let mut search =
-        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, is_linear(body), &way));
+        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, model.is_linear(), &way));
     let (mut wrenches, mut at_edges) = (None, 0.0);
     let (share, control) = approach(NEAR[1], !asked.loads.is_none(), |share| {
         let poses = match &mut search {

@@ -5,7 +5,7 @@ use super::result_set::{PoseResult, ResultSet};
 use super::told::{FirstYield, Pushed, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
-use crate::deform::{COMPONENTS, ControlPose, Freedom, Kind, Wrench, find_model, percent};
+use crate::deform::{COMPONENTS, ControlPose, Freedom, Wrench, percent};
 use crate::fem::nearest_turn;
 use crate::scene::LoadValue;
 use nalgebra::Vector3;
@@ -29,7 +29,8 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
     let rest =
         set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
     let size = super::free_poses::size(rest.unwrap_or_default().iter().copied());
-    let heading = format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model);
+    let heading =
+        format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model.name);
     let lines: String = sentences(result, Some(size)).into_iter().map(|line| format!("  {line}\n")).collect();
     format!("{heading}{}{lines}", table(result).text())
 }
@@ -331,11 +332,9 @@ fn sureness(result: &PoseResult) -> Vec<String> {
             let mut lines = vec![format!(
                 "error of forces: {} of the largest force by the model {}, {of_mesh} by the mesh",
                 percent(model),
-                result.told.model
+                result.told.model.name
             )];
-            let is_online =
-                find_model(&result.told.model).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
-            if model > DOUBTFUL && is_online {
+            if model > DOUBTFUL && result.told.model.law().is_none() {
                 lines.push(
                     "for forces in this pose take model = \"stvk\": solved anew for each pose, nothing is precomputed, no \
                      error by the model"

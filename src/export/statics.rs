@@ -6,9 +6,11 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::{Table, seconds};
-use crate::deform::{ControlPose, ControlPoses, EquilibriumResult, HeldBody, Statics, StaticsError};
+use crate::deform::{
+    ControlPose, ControlPoses, EquilibriumResult, HeldBody, ModelEntry, Statics, StaticsError,
+};
 use crate::fem::Law;
-use crate::scene::{Body, Scene};
+use crate::prepare::Resolved;
 use crate::solve::{Progress, Silent};
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -33,7 +35,7 @@ pub struct PoseToSolve<'a> {
 
 /// Solves body `name` in `poses`, in their order.
 pub fn solve(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     law: &'static Law,
     poses: &[PoseToSolve<'_>],
@@ -54,17 +56,21 @@ pub fn solve(
         let place = pose.asked.place();
         apply(pose.asked, &mut statics)?;
         let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
-        let body = &scene.body[name];
-        let at =
-            match found(pose.asked, before.and_then(|(_, held, at)| Some((held?, at))), body, &mut statics) {
-                Ok(at) => at,
-                Err(why) => {
-                    table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
-                    control.push(pose.asked.control.clone());
-                    settled.push(Err(format!("{place}: {why}")));
-                    continue;
-                }
-            };
+        let model = scene.bodies[name].model;
+        let at = match found(
+            pose.asked,
+            before.and_then(|(_, held, at)| Some((held?, at))),
+            model,
+            &mut statics,
+        ) {
+            Ok(at) => at,
+            Err(why) => {
+                table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
+                control.push(pose.asked.control.clone());
+                settled.push(Err(format!("{place}: {why}")));
+                continue;
+            }
+        };
         let found = match before {
             None => statics.solve(&at, &bars),
             Some((before, Some(held), _)) => statics.solve_after(before, held, &at, &bars),
@@ -121,7 +127,7 @@ pub fn apply(asked: &Asked<'_>, statics: &mut Statics) -> Result<(), Failure> {
 fn found(
     asked: &Asked<'_>,
     before: Option<(&HeldBody, &ControlPoses)>,
-    body: &Body,
+    model: &ModelEntry,
     statics: &mut Statics,
 ) -> Result<ControlPoses, String> {
     if asked.freedom.is_empty() {
@@ -137,7 +143,7 @@ fn found(
         };
         Ok(found.map_err(|error| error.to_string())?.balance(&poses))
     };
-    free_poses::find(asked, before.map(|(_, at)| at), (body, length), &mut wrenches)
+    free_poses::find(asked, before.map(|(_, at)| at), (model, length), &mut wrenches)
 }
 
 /// What a pose took; its residual, or how far of its way there is an equilibrium, and its energy.

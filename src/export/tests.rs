@@ -3,7 +3,7 @@
 use super::batch::solve;
 use super::{Asked, ResultSet, ask};
 use crate::deform::{Wrench, pose_file};
-use crate::scene::Scene;
+use crate::prepare::Resolved;
 use nalgebra::{Matrix6, Vector6};
 use std::path::Path;
 
@@ -23,7 +23,7 @@ fn solved(model: &str, element: &str, poses: &str) -> ResultSet {
          control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
          control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
     );
-    let scene = Scene::parse(&scene, Path::new("beam.toml")).unwrap();
+    let scene = Resolved::parse(&scene, Path::new("beam.toml")).unwrap();
     let path = Path::new("poses.toml");
     let poses = pose_file::parse(poses, path).unwrap();
     let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
@@ -127,7 +127,7 @@ fn first_yield_counts_the_loads_and_found_poses_keep_them() {
     };
     let path = Path::new("poses.toml");
     let run = |scene: &str, poses: &str| {
-        let scene = Scene::parse(scene, Path::new("bar.toml")).unwrap();
+        let scene = Resolved::parse(scene, Path::new("bar.toml")).unwrap();
         let poses = pose_file::parse(poses, path).unwrap();
         let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
         solve(&scene, &asked, None, scene.body["bar"].model == "linear").unwrap().0
@@ -146,7 +146,7 @@ fn first_yield_counts_the_loads_and_found_poses_keep_them() {
         let exact = (900.0 / YOUNG - e) * 4.0 / 4e-3;
         assert!((first.share / exact - 1.0).abs() < 0.1, "{model}: {} {exact}", first.share);
         // In that pose, solved by itself, the limit is just reached.
-        let scene = Scene::parse(&text(model, 900.0), Path::new("bar.toml")).unwrap();
+        let scene = Resolved::parse(&text(model, 900.0), Path::new("bar.toml")).unwrap();
         let poses = pose_file::parse(&pushed, path).unwrap();
         let there = first.control.clone();
         let asked = Asked { control: there.clone(), given: there, ..ask(&scene, &poses[0], path).unwrap() };
@@ -184,7 +184,7 @@ fn a_pushed_end_yields_where_linear_theory_says() {
                 control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
     let poses = "[[pose]]\nname = \"push\"\ncontrol.right = { translation = [0, 0, 0.01], free = [\"rotation\", \"x\", \"y\"] }\n";
-    let scene = Scene::parse(text, &folder.path().join("bar.toml")).unwrap();
+    let scene = Resolved::parse(text, &folder.path().join("bar.toml")).unwrap();
     let path = Path::new("poses.toml");
     let poses = pose_file::parse(poses, path).unwrap();
     let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();

@@ -2,7 +2,7 @@
 //! the material first yields, where the points of forces went.
 
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{ControlPoses, Freedom, PointLoad, Pull, Wrench};
+use crate::deform::{ControlPoses, Freedom, ModelEntry, PointLoad, Pull, Wrench};
 use crate::world::WrenchError;
 use nalgebra::Vector3;
 
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 #[derive(Clone, Debug, Default)]
 pub struct Told {
     /// By which the body was deformed.
-    pub model: String,
+    pub model: &'static ModelEntry,
     /// Of the control elements, in the body's order.
     pub names: Vec<String>,
     /// Where their origins rest, m, in the mesh's coordinates.

@@ -1,8 +1,9 @@
 //! Why it is not known how sure the forces of a body are.
 
-use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, Kind, MovedErrors, find_model};
-use crate::effect::expected::{CHANGED, NAME, unmeasurable};
-use crate::scene::{Body, Method};
+use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors};
+use crate::effect::expected::{CHANGED, unmeasurable};
+use crate::effect::{Resolved, name_of};
+use crate::scene::Method;
 
 /// Where measured errors were looked for.
 #[derive(Clone, Copy, Debug)]
@@ -14,11 +15,12 @@ pub(super) enum Looked<'a> {
 }
 
 /// Why a body's errors are not known at a pose whose control elements are free so, and what makes them known.
-pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> String {
+pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[Freedom]) -> String {
+    let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     if body.method == Method::Bem {
         return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
     }
-    if find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_))) {
+    if resolved.model.law().is_some() {
         return "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
             .to_owned();
     }
@@ -28,7 +30,6 @@ pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> Strin
     if let Some(why) = unmeasurable(body) {
         return format!("{why}; solve again on a finer mesh, and compare");
     }
-    let lists = body.effects.iter().any(|effect| effect == NAME);
     match looked {
         Looked::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
         Looked::InFile(Some(errors)) if !errors.moved.is_empty() => {
@@ -41,10 +42,13 @@ pub(super) fn why(body: &Body, looked: Looked<'_>, freedom: &[Freedom]) -> Strin
             }
         }
         Looked::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
-        Looked::Nowhere if lists => {
+        Looked::Nowhere if resolved.entries().any(|effect| effect.measures_errors) => {
             "the .green file has them, which is not read: leave --all-nodes out".to_owned()
         }
-        _ => format!("list the effect \"{NAME}\", which measures it while precomputing"),
+        _ => {
+            let effect = name_of(|effect| effect.measures_errors);
+            format!("list the effect \"{effect}\", which measures it while precomputing")
+        }
     }
 }
 
@@ -72,7 +76,7 @@ mod tests {
     use crate::scene::Scene;
     use std::path::Path;
 
-    fn body(keys: &str, ends: &[&str]) -> Body {
+    fn scene(keys: &str, ends: &[&str]) -> Scene {
         let end = |group: &&str| {
             format!("control.{group} = {{ nodes = {{ group = \"{group}\" }}, grab = \"dragger\" }}\n")
         };
@@ -81,36 +85,41 @@ mod tests {
              material = {{ young = 1.0, poisson = 0.0 }}\n{keys}\n{}",
             ends.iter().map(end).collect::<String>()
         );
-        Scene::parse(&text, Path::new("any.toml")).unwrap().body["a"].clone()
+        Scene::parse(&text, Path::new("any.toml")).unwrap()
+    }
+
+    fn why_of(scene: &Scene, looked: Looked<'_>, freedom: &[Freedom]) -> String {
+        why(&Resolved::of(scene.clone()).unwrap(), "a", looked, freedom)
     }
 
     const BOTH: [&str; 2] = ["xmin", "xmax"];
 
     #[test]
     fn no_effect_is_advised_that_would_not_help() {
-        let listed = |body: &Body, looked: Looked<'_>| why(body, looked, &[]).starts_with("list the effect");
-        let plain = body("", &BOTH);
+        let listed =
+            |scene: &Scene, looked: Looked<'_>| why_of(scene, looked, &[]).starts_with("list the effect");
+        let plain = scene("", &BOTH);
         assert!(listed(&plain, Looked::InFile(None)) && listed(&plain, Looked::Nowhere));
-        let one = body("", &["xmin"]);
-        assert!(why(&one, Looked::InFile(None), &[]).starts_with("it has one control element"));
-        let mut changed = body("updates = { release = [\"xmax\"] }", &BOTH);
+        let one = scene("", &["xmin"]);
+        assert!(why_of(&one, Looked::InFile(None), &[]).starts_with("it has one control element"));
+        let mut changed = scene("updates = { release = [\"xmax\"] }", &BOTH);
         assert!(listed(&changed, Looked::InFile(None)));
-        assert!(changed.release("xmax"));
-        assert_eq!(why(&changed, Looked::InFile(None), &[]), CHANGED);
-        let lists = body("effects = [\"expected_errors\"]", &BOTH);
-        assert!(why(&lists, Looked::Nowhere, &[]).contains("--all-nodes"));
+        assert!(changed.body["a"].release("xmax"));
+        assert_eq!(why_of(&changed, Looked::InFile(None), &[]), CHANGED);
+        let lists = scene("effects = [\"expected_errors\"]", &BOTH);
+        assert!(why_of(&lists, Looked::Nowhere, &[]).contains("--all-nodes"));
     }
 
     #[test]
     fn what_the_file_tells_comes_first() {
-        let lists = body("effects = [\"expected_errors\"]", &BOTH);
+        let lists = scene("effects = [\"expected_errors\"]", &BOTH);
         let mut errors = ExpectedErrors { left_out: vec!["too large".into()], ..ExpectedErrors::default() };
-        assert_eq!(why(&lists, Looked::InFile(Some(&errors)), &[]), "too large");
+        assert_eq!(why_of(&lists, Looked::InFile(Some(&errors)), &[]), "too large");
         let control = "xmax".to_owned();
         errors.moved.push(MovedErrors { control, ..MovedErrors::default() });
-        assert!(why(&lists, Looked::InFile(Some(&errors)), &[]).contains("beyond those"));
+        assert!(why_of(&lists, Looked::InFile(Some(&errors)), &[]).contains("beyond those"));
         let free = [Freedom { free: [true; 6], ..Freedom::default() }];
-        let told = |errors: &ExpectedErrors| why(&lists, Looked::InFile(Some(errors)), &free);
+        let told = |errors: &ExpectedErrors| why_of(&lists, Looked::InFile(Some(errors)), &free);
         assert!(told(&errors).contains("no free end"));
         let none = Deviation { force: None, torque: None, energy: None, shape: 0.0 };
         let at = vec![ErrorsAt::new(5.0, Reach::default(), &none)];

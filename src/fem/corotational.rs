@@ -18,6 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 
 pub const COROTATIONAL: Law = Law {
     name: "corotational",
+    title: "corotational",
     summary: "method 1b, found in the background: corotational statics, Hooke's law in every element's own frame",
     remedy: "Press, turn or shear less, or refine where it folds",
     energy,

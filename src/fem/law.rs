@@ -13,6 +13,8 @@ pub type Tangent = SMatrix<f64, 9, 9>;
 pub struct Law {
     /// As a scene's `model` names it.
     pub name: &'static str,
+    /// As books name it.
+    pub title: &'static str,
     /// The method of the paper that it belongs to, and what it is good for.
     pub summary: &'static str,
     /// What to do where a body of this material has no equilibrium.

@@ -16,6 +16,7 @@ mod free_face;
 mod hyperelastic;
 mod lame;
 mod law;
+mod laws;
 mod loads;
 mod neo_hookean;
 mod partition;
@@ -42,6 +43,7 @@ pub use free_face::{FreeFace, hooke as hooke_at_free_face};
 pub use hyperelastic::Hyperelastic;
 pub use lame::Lame;
 pub use law::{Law, Tangent};
+pub use laws::LAWS;
 pub use loads::{Area, FacePoint, body_force, expansion, traction};
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
@@ -53,6 +55,3 @@ pub use strain_points::{Means, StrainPoints};
 pub use stvk::STVK;
 pub use tet4::TET4;
 pub use tet10::TET10;
-
-/// The laws of large strain. A new one is a file with its `mod` and `pub use` lines above, and an entry here.
-pub const LAWS: &[&Law] = &[&STVK, &NEO_HOOKEAN, &COROTATIONAL];

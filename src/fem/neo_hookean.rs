@@ -14,6 +14,7 @@ use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {
     name: "neo_hookean",
+    title: "neo-Hookean",
     summary: "method 1a, found in the background: neo-Hookean statics, which bear compression",
     remedy: "Press, turn or shear less, or refine where it folds",
     energy,

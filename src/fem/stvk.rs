@@ -14,6 +14,7 @@ use nalgebra::Matrix3;
 
 pub const STVK: Law = Law {
     name: "stvk",
+    title: "St. Venant–Kirchhoff",
     summary: "method 1a, found in the background: St. Venant–Kirchhoff statics, right for large rotations and small strain",
     remedy: "St. Venant–Kirchhoff material gives way under compression, a bar at 58 % of its length: press or shear \
              less, refine where it folds, or take model = \"neo_hookean\"",

@@ -4,32 +4,10 @@
 //! element, `gravity.x` or `press` of a load, `reduced.3` of a family whose columns have no names of their own. The names of
 //! control elements and loads a scene alone tells.
 
-use super::control::FIELD_NAMES;
-use super::families::{AFFINE, FAMILIES, LOADS};
+use super::families::{FAMILIES, names_of_fields, names_of_loads};
+use super::family::{ColumnName, ColumnSource};
 use super::file::{GreenFile, LoadMeta};
 use crate::scene::Body;
-
-/// One column.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ColumnName {
-    pub name: String,
-    /// Of its coefficient; "1" of a pure number.
-    pub unit: String,
-    pub source: ColumnSource,
-}
-
-/// What a column is the answer to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColumnSource {
-    /// A field of a control element.
-    Field {
-        control: usize,
-        field: usize,
-    },
-    Load,
-    /// Nothing by itself: its coefficient follows from the others by the model's equilibrium.
-    Model,
-}
 
 impl GreenFile {
     /// All columns of a body.
@@ -37,12 +15,12 @@ impl GreenFile {
         let Some(meta) = self.meta.bodies.get(body) else { return Vec::new() };
         let required = FAMILIES.iter().filter(|entry| meta.requirements.has(entry.family));
         required
-            .flat_map(|entry| match entry.family.name {
-                name if name == AFFINE.name => affine_names(meta.controls.iter().map(|c| c.name.as_str())),
-                name if name == LOADS.name => load_names(&meta.loads),
-                name => {
+            .flat_map(|entry| match entry.column_names {
+                Some(names) => names(meta),
+                None => {
                     let groups = (entry.groups)(self, body);
-                    numbered(name, groups.iter().map(|g| g.columns(meta.surface_nodes).unwrap_or(0)).sum())
+                    let count = groups.iter().map(|g| g.columns(meta.surface_nodes).unwrap_or(0)).sum();
+                    numbered(entry.family.name, count)
                 }
             })
             .chain(
@@ -55,8 +33,8 @@ impl GreenFile {
 /// Those of a body's control elements and loads, which its scene tells before anything is solved.
 pub fn column_names_of(body: &Body) -> Vec<ColumnName> {
     let loads: Vec<LoadMeta> = body.loads().iter().map(LoadMeta::of).collect();
-    let mut names = affine_names(body.control.keys().map(String::as_str));
-    names.extend(load_names(&loads));
+    let mut names = names_of_fields(body.control.keys().map(String::as_str));
+    names.extend(names_of_loads(&loads));
     names
 }
 
@@ -69,25 +47,4 @@ pub fn is_numbered(name: &str) -> bool {
 fn numbered(of: &str, count: usize) -> Vec<ColumnName> {
     let name = |k| ColumnName { name: format!("{of}.{k}"), unit: "1".into(), source: ColumnSource::Model };
     (1..=count).map(name).collect()
-}
-
-fn affine_names<'a>(controls: impl Iterator<Item = &'a str>) -> Vec<ColumnName> {
-    let of = |(e, name): (usize, &'a str)| {
-        FIELD_NAMES.into_iter().enumerate().map(move |(k, field)| ColumnName {
-            name: format!("{name}.{field}"),
-            unit: if k < 3 { "m" } else { "1" }.into(),
-            source: ColumnSource::Field { control: e, field: k },
-        })
-    };
-    controls.enumerate().flat_map(of).collect()
-}
-
-fn load_names(loads: &[LoadMeta]) -> Vec<ColumnName> {
-    let named =
-        |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
-    let of = |load: &LoadMeta| match load.columns {
-        3 => ["x", "y", "z"].map(|axis| named(format!("{}.{axis}", load.name), &load.unit)).to_vec(),
-        _ => vec![named(load.name.clone(), &load.unit)],
-    };
-    loads.iter().flat_map(of).collect()
 }

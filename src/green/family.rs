@@ -11,6 +11,28 @@ use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::scene::{Body, Scene};
 use crate::solve::{Factor, Progress};
 
+/// One column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnName {
+    pub name: String,
+    /// Of its coefficient; "1" of a pure number.
+    pub unit: String,
+    pub source: ColumnSource,
+}
+
+/// What a column is the answer to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColumnSource {
+    /// A field of a control element.
+    Field {
+        control: usize,
+        field: usize,
+    },
+    Load,
+    /// Nothing by itself: its coefficient follows from the others by the model's equilibrium.
+    Model,
+}
+
 /// What a family is made from beside the affine fields.
 pub struct Assembled<'a> {
     /// `scene: body.name`, for errors.
@@ -55,4 +77,8 @@ pub struct FamilyEntry {
     pub groups: for<'a> fn(&'a GreenFile, &str) -> Vec<ColumnGroup<'a>>,
     /// Bytes of those of its numbers that do not grow with the surface, of a body of so many control elements.
     pub fixed_bytes: fn(usize) -> usize,
+    /// Whether it is found again when a control element is released or a modulus changed.
+    pub is_derived: bool,
+    /// What its columns are called in a body; `None` where they are numbered, or where there are none.
+    pub column_names: Option<fn(&BodyMeta) -> Vec<ColumnName>>,
 }

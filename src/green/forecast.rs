@@ -14,7 +14,7 @@ use crate::base::machine;
 use crate::base::table::bytes;
 use crate::bem;
 use crate::mesh::{Surface, TetMesh};
-use crate::solve::{NUMBER, Solver};
+use crate::solve::{NUMBER, Solver, without_factor};
 
 /// Numbers of the factor of a compact body: (a - b/n^{1/3}) n^{4/3}.
 const COMPACT: [f64; 2] = [23.5, 340.0];
@@ -56,8 +56,8 @@ pub struct Forecast {
     pub memory: [f64; 2],
     /// Time of the factor and of all columns, s.
     pub seconds: [f64; 2],
-    /// Memory with conjugate gradients, bytes.
-    pub pcg_memory: f64,
+    /// Memory with a method that makes no factor, bytes.
+    pub iterative_memory: f64,
 }
 
 impl Forecast {
@@ -77,21 +77,23 @@ impl Forecast {
             factor_entries,
             memory: [0, 1].map(|i| base + 8.0 * BESIDE[i] * factor_entries[i]),
             seconds: [thin / SPREAD, compact * SPREAD],
-            pcg_memory: base,
+            iterative_memory: base,
         }
     }
 
     /// Refused where the body's method surely needs more memory than this machine has, with what would fit.
     pub fn fits(&self, solver: &Solver) -> Result<(), String> {
-        let direct = self.memory[0] - self.pcg_memory;
-        let need = self.pcg_memory + direct * solver.method.factor_number as f64 / size_of::<f64>() as f64;
+        let direct = self.memory[0] - self.iterative_memory;
+        let need =
+            self.iterative_memory + direct * solver.method.factor_number as f64 / size_of::<f64>() as f64;
         let refused = match machine::fits("precomputing", need, 0.0) {
             Ok(()) => return Ok(()),
             Err(refused) => refused,
         };
-        let iterative = match machine::fits("", self.pcg_memory, 0.0) {
+        let iterative = match machine::fits("", self.iterative_memory, 0.0) {
             Ok(()) => {
-                format!("solver = {{ method = \"pcg\" }}, which takes about {}, or ", bytes(self.pcg_memory))
+                let (name, memory) = (without_factor().name, bytes(self.iterative_memory));
+                format!("solver = {{ method = \"{name}\" }}, which takes about {memory}, or ")
             }
             Err(_) => String::new(),
         };
@@ -146,11 +148,12 @@ impl Forecast {
         (self.unknowns > SMALL).then(|| {
             format!(
                 "{:.3e} unknowns: by an estimate from their number and the surface, precomputing takes {least} to {most} of \
-                 memory and {soon} to {late} on {} threads; with solver = {{ method = \"pcg\" }} about {} \
+                 memory and {soon} to {late} on {} threads; with solver = {{ method = \"{}\" }} about {} \
                  and more time",
                 self.unknowns,
                 rayon::current_num_threads(),
-                bytes(self.pcg_memory)
+                without_factor().name,
+                bytes(self.iterative_memory)
             )
         })
     }

@@ -49,9 +49,9 @@ mod zstd_context;
 pub use acting::acting;
 pub use basis::{precompute, precompute_kept, solve, solve_prepared, suits};
 pub use check::refuse;
-pub use column_names::{ColumnName, ColumnSource, column_names_of, is_numbered};
+pub use column_names::{column_names_of, is_numbered};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
-pub use derive::{derive, is_derived};
+pub use derive::derive;
 pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,
@@ -59,7 +59,7 @@ pub use families::{
     SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume, columns_of_effect, compliance_size,
     is_column, nodal_forces,
 };
-pub use family::{Assembled, FamilyEntry};
+pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
 pub use fingerprint::fingerprint;
 pub use forecast::{Forecast, boundary_told, compliance_fits};

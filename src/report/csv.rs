@@ -76,7 +76,7 @@ pub fn csv(rows: &[Measurement]) -> String {
             ("element", &setting.element),
             ("solver", &solver),
             ("storage", &setting.storage),
-            ("model", &setting.model),
+            ("model", setting.model.name),
         ];
         let words = words.into_iter().map(|(name, word)| (name.to_owned(), quoted(word)));
         let numbers = numbers(row).into_iter();

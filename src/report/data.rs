@@ -2,6 +2,7 @@
 //!
 //! accuracy.json is a [`Report`] as JSON; the names of the fields are the names in the file.
 
+use crate::deform::ModelEntry;
 use crate::scene::{Storage, TOLERANCE};
 use crate::solve::{ERROR_LIMITS, Solver};
 use nalgebra::Vector3;
@@ -103,7 +104,7 @@ pub struct Setting {
     #[serde(with = "crate::solve::solver_as_text")]
     pub solver: Solver,
     pub storage: String,
-    pub model: String,
+    pub model: &'static ModelEntry,
 }
 
 impl Setting {

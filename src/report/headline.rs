@@ -192,7 +192,7 @@ mod tests {
                 element: "tet4".into(),
                 solver: Default::default(),
                 storage: "f32".into(),
-                model: model.into(),
+                model: crate::deform::find_model(model).unwrap(),
             },
             mesh_nodes: 100,
             surface_nodes: 80,

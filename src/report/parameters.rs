@@ -33,7 +33,7 @@ pub const STORAGE: Parameter = Parameter {
 };
 pub const MODEL: Parameter = Parameter {
     name: "model",
-    value: |setting| setting.model.clone(),
+    value: |setting| setting.model.name.to_owned(),
     part: "model",
     error: |error| Some(error.model),
 };

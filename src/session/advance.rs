@@ -6,11 +6,10 @@ use super::presses::ScriptPresses;
 use super::recording::{Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::base::output;
-use crate::effect;
+use crate::effect::{self, Resolved};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
-use crate::scene::Scene;
 use crate::track::{Mouse, MouseInput, Script};
 use crate::world::{Input, World};
 use std::path::PathBuf;
@@ -25,7 +24,7 @@ pub struct Session {
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
     /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
-    pub scene: Option<Scene>,
+    pub scene: Option<Resolved>,
     /// Commands for the next frame.
     pending: Vec<Action>,
     pub(super) presses: ScriptPresses,
@@ -68,7 +67,7 @@ impl Session {
     }
 
     /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
-    pub fn start_effects(&mut self, scene: &Scene) -> Result<(), Failure> {
+    pub fn start_effects(&mut self, scene: &Resolved) -> Result<(), Failure> {
         if let Some(file) = &self.file {
             let started = effect::start(scene, file, &self.world)?;
             self.world.effects.extend(started);
@@ -203,14 +202,14 @@ impl Session {
     /// Writes what the effects have recorded, where that is asked for.
     fn write_curve(&mut self) -> Result<String, Failure> {
         let Some(path) = self.curve.take() else { return Ok(String::new()) };
-        let Some(table) = self.world.effects.iter().find_map(|effect| effect.table()) else {
+        let Some((kind, table)) = self.world.effects.iter().find_map(|effect| effect.table()) else {
             let why = match self.is_cleared {
                 true => "C cleared the force curve, and nothing was held since",
                 false => "nothing was held",
             };
             return Ok(format!("note: {why}: {} is not written\n", path.display()));
         };
-        output::write(&path, &effect::force_curve::TABLE, |file| file.write_all(table.as_bytes()))?;
+        output::write(&path, kind, |file| file.write_all(table.as_bytes()))?;
         Ok(format!("force curve {}\n", path.display()))
     }
 

@@ -10,8 +10,7 @@ use crate::base::progress::Progress;
 use crate::deform::Deformer;
 use crate::effect;
 use crate::green::GreenFile;
-use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::{self, Resolved};
 use crate::stage::Stage;
 use crate::track::Mouse;
 use crate::world::World;
@@ -27,7 +26,7 @@ pub struct Change {
 
 /// What a change came to.
 pub struct Changed {
-    pub scene: Scene,
+    pub scene: Resolved,
     pub file: Arc<GreenFile>,
     deformers: Vec<Deformer>,
     pub stage: Stage,
@@ -73,7 +72,7 @@ impl Change {
     /// While a session is recorded or replayed, of which the change could not be told.
     pub fn begin(
         session: &Session,
-        scene: Scene,
+        scene: Resolved,
         stage: Stage,
         path: PathBuf,
         known: Vec<Arc<GreenFile>>,
@@ -85,7 +84,7 @@ impl Change {
         let compute = move || {
             let file = prepare::changed_file(&scene, &path, &known, &*told)?;
             told.begin("model", 0);
-            let deformers = World::deformers(&scene, &file)?;
+            let deformers = World::deformers(&scene, &scene.models(), &file)?;
             Ok(Changed { scene, file, deformers, stage, is_other_stage })
         };
         let thread =
@@ -158,7 +157,7 @@ impl Session {
 mod tests {
     use super::*;
     use crate::deform::ControlPose;
-    use crate::scene::Grab;
+    use crate::scene::{Grab, Scene};
     use crate::session::Request;
     use nalgebra::Vector3;
     use std::path::Path;
@@ -177,7 +176,7 @@ mod tests {
         high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 
     fn session(folder: &Path) -> Session {
-        let scene = Scene::parse(SCENE, &folder.join("scene.toml")).unwrap();
+        let scene = Resolved::parse(SCENE, &folder.join("scene.toml")).unwrap();
         let mut session = Session::open(&Request::of(&scene)).unwrap();
         let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
         let field = session.world.fields.bodies[0].poses[1];
@@ -192,9 +191,10 @@ mod tests {
         folder: &Path,
         edit: impl FnOnce(&mut Scene),
     ) -> Result<Arc<GreenFile>, Failure> {
-        let mut scene = session.scene.clone().unwrap();
+        let mut scene = Scene::clone(session.scene.as_ref().unwrap());
         edit(&mut scene);
         let (stage, known) = (session.world.stage.clone(), session.file.iter().cloned().collect());
+        let scene = Resolved::of(scene)?;
         let changed = Change::begin(session, scene, stage, folder.join("new.green"), known)?.finish()?;
         let file = changed.file.clone();
         session.take(changed)?;
@@ -211,7 +211,7 @@ mod tests {
             change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
         assert!(Arc::ptr_eq(&file, &before) && !folder.path().join("new.green").exists());
         let body = &session.world.bodies[0];
-        assert_eq!((body.model.as_str(), body.deformer.poses[1]), ("rotation", pose));
+        assert_eq!((body.model.name, body.deformer.poses[1]), ("rotation", pose));
         assert_eq!(session.scene.as_ref().unwrap().body["a"].model, "rotation");
     }
 
@@ -259,6 +259,7 @@ mod tests {
         body.effects = vec!["haptics".into(), "stress".into()];
         body.material.density = Some(1000.0);
         body.gravity = Some(crate::scene::Gravity::Earth(true));
+        let scene = Resolved::of(scene).unwrap();
         let mut session = Session::open(&Request::of(&scene)).unwrap();
         let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
         let field = session.world.fields.bodies[0].poses[1];
@@ -319,7 +320,7 @@ mod tests {
     #[test]
     fn a_session_that_is_recorded_is_not_changed() {
         let folder = tempfile::tempdir().unwrap();
-        let scene = Scene::parse(SCENE, &folder.path().join("scene.toml")).unwrap();
+        let scene = Resolved::parse(SCENE, &folder.path().join("scene.toml")).unwrap();
         let path = folder.path().join("all.jsonl");
         let mut session = Session::open(&Request { record: Some(&path), ..Request::of(&scene) }).unwrap();
         let error = change(&mut session, folder.path(), |_| {}).unwrap_err().to_string();

@@ -7,8 +7,7 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::progress::Progress;
 use crate::green::GreenFile;
-use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::{self, Resolved};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -50,9 +49,9 @@ impl Making {
     ///
     /// # Errors
     /// What of the scene cannot be made.
-    pub fn begin(scene: Scene, green: Option<PathBuf>) -> Result<Making, Failure> {
-        for (name, body) in &scene.body {
-            prepare::requirements(&scene, name, body)?;
+    pub fn begin(scene: Resolved, green: Option<PathBuf>) -> Result<Making, Failure> {
+        for name in scene.body.keys() {
+            scene.requirements(name)?;
         }
         let steps = Arc::new(Steps::default());
         let told = steps.clone();

@@ -5,7 +5,7 @@ use super::recording::{Origin, Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::effect;
 use crate::green::GreenFile;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::scene::Scene;
 use crate::scene::proposal::relative;
 use crate::stage::Stage;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// The options with which a session is opened; what they leave out is taken from the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    pub scene: &'a Scene,
+    pub scene: &'a Resolved,
     /// A built-in stage, or a stage file.
     pub stage: Option<&'a str>,
     pub script: Option<&'a Path>,
@@ -31,7 +31,7 @@ pub struct Request<'a> {
 
 impl<'a> Request<'a> {
     /// With everything as the scene has it.
-    pub fn of(scene: &'a Scene) -> Request<'a> {
+    pub fn of(scene: &'a Resolved) -> Request<'a> {
         Request { scene, stage: None, script: None, green: None, replay: None, record: None }
     }
 }
@@ -57,7 +57,7 @@ impl Session {
         };
         let stage = stage(scene, named.as_deref())?;
         let file = file()?;
-        let mut world = World::new(scene, &file, stage)?;
+        let mut world = World::new(scene, &scene.models(), &file, stage)?;
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
         world.join(effects)?;
         let named = named.unwrap_or_else(|| stage_of_scene(scene));
@@ -69,7 +69,7 @@ impl Session {
         let mut session = Session::new(world, script);
         (session.input.replay, session.recorder) = (replay, recorder);
         session.file = Some(file);
-        session.scene = Some(Scene { stage: stage_from_scene(scene, &named), ..scene.clone() });
+        session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
         Ok(session)
     }
 }

@@ -47,6 +47,7 @@ impl ScriptPresses {
 mod tests {
     use crate::green::{self, GreenFile};
     use crate::prepare;
+    use crate::prepare::Resolved;
     use crate::render::Drawable;
     use crate::scene::{Generate, Scene};
     use crate::session::Session;
@@ -99,12 +100,13 @@ mod tests {
     fn every_built_in_script_grabs_on_every_stage() {
         let folder = tempfile::tempdir().unwrap();
         for (name, _) in crate::scene::built_in::BUILT_IN {
-            let scene = coarse(name);
+            let scene = Resolved::of(coarse(name)).unwrap();
             let path = folder.path().join(format!("{name}.green"));
             green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
             let file = Arc::new(GreenFile::open(&path).unwrap());
             for (stage_name, _) in crate::stage::BUILT_IN {
-                let world = World::new(&scene, &file, Stage::find(stage_name).unwrap()).unwrap();
+                let world =
+                    World::new(&scene, &scene.models(), &file, Stage::find(stage_name).unwrap()).unwrap();
                 let script = script(&scene, None).unwrap();
                 let mut session = Session::new(world, script);
                 let mut pressed = 0;

@@ -51,5 +51,5 @@ pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::{
     Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
 };
-pub use solvers::{SOLVERS, find_method};
+pub use solvers::{SOLVERS, find_method, without_factor};
 pub use stability::Stability;

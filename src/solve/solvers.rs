@@ -25,6 +25,11 @@ pub fn find_method(name: &str) -> Result<&'static Method, String> {
     found.ok_or_else(|| unknown_name("solver", name, SOLVERS.iter().map(|method| method.name)))
 }
 
+/// The method that takes least memory, where no factor fits: the first that makes none.
+pub fn without_factor() -> &'static Method {
+    SOLVERS.iter().copied().find(|method| !method.is_direct).unwrap_or(&PCG)
+}
+
 impl Solver {
     /// The solver for all matrices with the graph of `a`.
     pub fn analyse(

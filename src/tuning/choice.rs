@@ -28,7 +28,7 @@ const SAME_ERROR: f64 = 1.02;
 fn preference(a: &Measurement, b: &Measurement) -> std::cmp::Ordering {
     let words = |row: &Measurement| {
         let setting = &row.setting;
-        let model = MODELS.iter().position(|model| model.name == setting.model).unwrap_or(MODELS.len());
+        let model = MODELS.iter().position(|model| model == setting.model).unwrap_or(MODELS.len());
         (!setting.solver.method.is_direct, setting.storage != Storage::F32.name(), model)
     };
     let numbers = |row: &Measurement| [row.cost.offline_bytes, error(row)];
@@ -148,7 +148,7 @@ pub fn name(setting: &Setting) -> String {
         0 => String::new(),
         times => format!(", refined {times}×"),
     };
-    format!("{}{refined}, {}, {}, {}", setting.element, setting.solver, setting.storage, setting.model)
+    format!("{}{refined}, {}, {}, {}", setting.element, setting.solver, setting.storage, setting.model.name)
 }
 
 impl Choice<'_> {

@@ -8,10 +8,10 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::notice::notice;
-use crate::deform::{ControlPose, ControlPoses, Kind, MODELS};
+use crate::deform::{ControlPose, ControlPoses, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::report::measure::{FOLDER, remove, settings};
 use crate::report::{Limits, Measurement, Request, SCHEMA, Setting};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
@@ -59,12 +59,12 @@ const LARGEST: f64 = 200_000.0;
 /// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
 /// have, and what is asked for.
 type TableSource<'a> =
-    &'a dyn Fn(&Scene, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, Failure>;
+    &'a dyn Fn(&Resolved, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, Failure>;
 
 /// The scene with the settings chosen for every body that asks for an accuracy or a budget. Measures a body that has
 /// no table yet. Errors where no setting reaches what is asked for; a damaged .green file is an error too, unless
 /// `force` says that it will be made anew.
-pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> {
+pub fn settle(scene: Resolved, quiet: bool, force: bool) -> Result<Resolved, Failure> {
     let source: TableSource<'_> = &|plain, name, key, demand| {
         let kept = kept(plain, name, &key, demand).or_else(|error| if force { Ok(None) } else { Err(error) });
         let mut table = match kept? {
@@ -90,7 +90,7 @@ pub fn settle(scene: Scene, quiet: bool, force: bool) -> Result<Scene, Failure> 
 /// Measures the setting that is chosen itself, and again the next where it misses what is asked; where nothing reaches
 /// that, those that seem the nearest.
 fn verify_choice(
-    plain: &Scene,
+    plain: &Resolved,
     name: &str,
     table: &mut MeasuredTable,
     demand: &AccuracyTarget,
@@ -111,8 +111,9 @@ fn verify_choice(
             Some(poses) => poses,
             none => none.insert(further_poses(plain, name)?),
         };
-        let mut chosen = plain.clone();
+        let mut chosen = Scene::clone(plain);
         set(&mut chosen.body[name], &setting).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+        let chosen = Resolved::of(chosen)?;
         table.verified.push(setting.clone());
         let Some(found) = verify(&chosen, name, &row, poses)? else {
             notice!(
@@ -137,7 +138,7 @@ fn verify_choice(
         }
         // Storage and solver are the least part of what was found.
         let is_alike = |other: &Setting| {
-            (other.refine, &other.element, &other.model) == (setting.refine, &setting.element, &setting.model)
+            (other.refine, &other.element, other.model) == (setting.refine, &setting.element, setting.model)
         };
         for row in table.rows.iter_mut().filter(|row| is_alike(&row.setting)) {
             let error = &mut row.error;
@@ -151,7 +152,7 @@ fn verify_choice(
 
 /// Poses by which nothing was chosen: those that turn and move the furthest among more moments of the script, or other random
 /// ones.
-fn further_poses(scene: &Scene, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
+fn further_poses(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
     let (mut poses, _) = scripted_or_random(scene, name, None, false)?;
     let (known, _) = scripted_or_random(scene, name, None, true)?;
     poses.retain(|(_, pose)| known.iter().all(|(_, other)| other != pose));
@@ -165,7 +166,7 @@ fn further_poses(scene: &Scene, name: &str) -> Result<Vec<(String, ControlPoses)
 
 /// The same from the tables in the .green file alone, without a word. A body that has no table, or asks for what
 /// nothing in its table reaches, stays as it is.
-pub fn settle_from_file(scene: Scene) -> Result<Scene, Failure> {
+pub fn settle_from_file(scene: Resolved) -> Result<Resolved, Failure> {
     let source: TableSource<'_> = &|plain, name, key, demand| kept(plain, name, &key, demand);
     choose_from(scene, source, &|_| Ok(()))
 }
@@ -173,18 +174,19 @@ pub fn settle_from_file(scene: Scene) -> Result<Scene, Failure> {
 /// Chooses from the tables of `source`. What none of them reaches goes to `unmet`, and its body stays as it is where
 /// that is no error.
 fn choose_from(
-    mut scene: Scene,
+    scene: Resolved,
     source: TableSource<'_>,
     unmet: &dyn Fn(SceneError) -> Result<(), Failure>,
-) -> Result<Scene, Failure> {
+) -> Result<Resolved, Failure> {
     let demands: Vec<(String, AccuracyTarget)> =
         scene.body.iter().filter_map(|(name, body)| Some((name.clone(), body.accuracy_target()?))).collect();
-    let mut plain = scene.clone();
+    let (mut plain, mut settled) = (Scene::clone(&scene), Scene::clone(&scene));
     for (name, _) in &demands {
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
     }
+    let plain = Resolved::of(plain)?;
     for (name, demand) in demands {
-        let requirements = prepare::measured_requirements(&plain, &name, &plain.body[&name])?;
+        let requirements = plain.measured_requirements(&name)?;
         let largest = demand.largest().unwrap_or(LARGEST);
         let body = green::fingerprint(&plain, &name, &requirements)?;
         let key = format!("{body}, {largest} unknowns, schema {SCHEMA}");
@@ -196,12 +198,12 @@ fn choose_from(
             unmet(scene.invalid(&format!("body.{name}.{}", demand.key()), reason))?;
             continue;
         }
-        set(&mut scene.body[&name], &choice.row.setting).map_err(|message| {
+        set(&mut settled.body[&name], &choice.row.setting).map_err(|message| {
             Failure::work(anyhow::anyhow!("body.{name}: the measured setting cannot be used: {message}"))
         })?;
-        scene.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
+        settled.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
-    Ok(scene)
+    Resolved::of(settled)
 }
 
 /// The table in the scene's .green file where it is of this body and, for what is asked in seconds, of this machine.
@@ -224,7 +226,7 @@ fn kept(
 }
 
 fn measure(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     key: String,
     demand: &AccuracyTarget,
@@ -249,7 +251,8 @@ fn measure(
         quick: true,
         packs: false,
         requirements_of: &|scene| {
-            prepare::requirements(scene, name, &scene.body[name].unloaded()).unwrap_or_default()
+            let unloaded = scene.body[name].unloaded();
+            scene.bodies[name].requirements(scene, name, &unloaded).unwrap_or_default()
         },
         command: String::new(),
         scratch: scratch.path(),
@@ -279,7 +282,7 @@ pub fn forget_steps(scene: &Scene) {
 
 /// The models of this program that are evaluated in every frame: a table without one of them is measured again.
 fn models() -> Vec<String> {
-    let online = MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)));
+    let online = MODELS.iter().filter(|model| model.law().is_none());
     online.map(|model| model.name.to_owned()).collect()
 }
 
@@ -304,7 +307,7 @@ fn largest_turn(poses: &[ControlPose]) -> f64 {
 /// Sets the parameters of a body; errors name an element or a storage that is not known.
 fn set(body: &mut Body, setting: &Setting) -> Result<(), String> {
     body.refine = setting.refine;
-    body.model.clone_from(&setting.model);
+    setting.model.name.clone_into(&mut body.model);
     body.element = find_element(&setting.element)?;
     body.storage =
         Storage::named(&setting.storage).ok_or_else(|| format!("unknown storage \"{}\"", setting.storage))?;

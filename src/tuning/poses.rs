@@ -5,7 +5,7 @@ use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
 use crate::green::{self, GreenFile};
 use crate::mesh::quality::bounding_box;
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::report::measure::poses::random;
 use crate::scene::Scene;
 use crate::session::{Playback, Session, open};
@@ -28,7 +28,7 @@ const SEED: u64 = 1;
 
 /// Moments of the scene's script; without one, or where a seed is given, random poses.
 pub fn scripted_or_random(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     seed: Option<u64>,
     quick: bool,
@@ -39,7 +39,7 @@ pub fn scripted_or_random(
         let path = folder.path().join("script.green");
         green::write(&path, &prepare::precompute(scene, true)?)?;
         let file = Arc::new(GreenFile::open(&path)?);
-        let world = World::new(scene, &file, open::stage(scene, None)?)?;
+        let world = World::new(scene, &scene.models(), &file, open::stage(scene, None)?)?;
         let duration_s = script.duration_s;
         let mut session = Session::new(world, Some(script));
         let mut playback = Playback::new(&session, count)?;
@@ -59,7 +59,7 @@ pub fn scripted_or_random(
         }
     }
     let seed = seed.unwrap_or(SEED);
-    let mut plain = scene.clone();
+    let mut plain = Scene::clone(scene);
     (plain.body[name].element, plain.body[name].solver) = (&TET4, Solver::default());
     let prepared = green::prepare(&plain, name)?;
     let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();

@@ -4,10 +4,11 @@
 //! settings are chosen adds parts of errors, each found apart from the others; this is the whole at once.
 
 use crate::base::failure::Failure;
-use crate::deform::{ControlPose, ControlPoses, Deformer, Statics, StaticsError, Wrench, find_model};
+use crate::deform::{ControlPose, ControlPoses, Deformer, Statics, StaticsError, Wrench};
 use crate::fem::{STVK, TET4, TET10};
 use crate::green::{self, GreenFile, Requirements};
 use crate::mesh::quality::bounding_box;
+use crate::prepare::Resolved;
 use crate::report::Measurement;
 use crate::report::measure::poses::on_the_way;
 use crate::scene::Scene;
@@ -34,12 +35,12 @@ pub struct Verified {
 
 /// Measures the setting of the body `name` in these poses. `None` where none of them has an equilibrium, or the element none.
 pub fn verify(
-    scene: &Scene,
+    scene: &Resolved,
     name: &str,
     row: &Measurement,
     poses: &[(String, ControlPoses)],
 ) -> Result<Option<Verified>, Failure> {
-    let mut plain = scene.clone();
+    let mut plain = Scene::clone(scene);
     let body = &mut plain.body[name];
     (body.element, body.solver, body.refine) = (&TET4, Solver::default(), 0);
     let about: Vec<Vector3<f64>> =
@@ -84,15 +85,15 @@ pub fn verify(
 }
 
 /// The body as a session would have it, with the energy of its model.
-fn deformer(scene: &Scene, name: &str, folder: &std::path::Path) -> Result<Deformer, Failure> {
-    let model = find_model(&scene.body[name].model).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+fn deformer(scene: &Resolved, name: &str, folder: &std::path::Path) -> Result<Deformer, Failure> {
+    let model = scene.bodies[name].model;
     let requirements =
         Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()));
     let made = green::precompute(scene, name, &requirements, &Silent)?;
     let path = folder.join("verified.green");
     green::write(&path, std::slice::from_ref(&made))?;
     let file = Arc::new(GreenFile::open(&path)?);
-    Deformer::of_model(file, name, model).map_err(|why| Failure::work(anyhow::anyhow!(why)))
+    Deformer::new(file, name, model).map_err(|why| Failure::work(anyhow::anyhow!(why)))
 }
 
 /// A reference, what has to be added to errors against it (of shape and of force), and its name.
@@ -176,7 +177,7 @@ mod tests {
     use std::path::Path;
 
     /// A bar far from the mesh's origin, with a mesh file of its own.
-    fn bar(folder: &Path, keys: &str) -> Scene {
+    fn bar(folder: &Path, keys: &str) -> Resolved {
         let mesh =
             crate::mesh::block(&crate::mesh::Block { size: [1.0, 0.2, 0.2], cells: [3, 1, 1] }).unwrap();
         let mut text = String::from("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n");
@@ -195,7 +196,7 @@ mod tests {
              low = {{ nodes = {{ box = {{ min = [2.4, -3.0, 4.0], max = [2.6, 0.0, 6.0] }} }}, grab = \"fixed\" }}\n\
              high = {{ nodes = {{ box = {{ min = [3.4, -3.0, 4.0], max = [3.6, 0.0, 6.0] }} }}, grab = \"dragger\" }}\n"
         );
-        Scene::parse(&text, &folder.join("bar.toml")).unwrap()
+        Resolved::parse(&text, &folder.join("bar.toml")).unwrap()
     }
 
     fn verified(keys: &str, angle: f64) -> Verified {

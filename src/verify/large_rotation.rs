@@ -6,7 +6,7 @@
 
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{Deformer, Deviation, Kind, MODELS, ModelEntry, Motion, Moved, Statics, Trial, trials};
+use crate::deform::{Deformer, Deviation, LINEAR, MODELS, ModelEntry, Motion, Moved, Statics, Trial, trials};
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Requirements};
 use crate::scene::Scene;
@@ -89,7 +89,7 @@ const MOTIONS: [Motion; 16] = [
 pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     let mut rows = Vec::new();
     for body in &BODIES {
-        let scene = scene(body, "linear")?;
+        let scene = scene(body, &LINEAR)?;
         let mut statics = Statics::new(&scene, "b", &STVK, &Silent).map_err(Failure::work)?;
         let origins = [statics.controls[0].origin, statics.controls[1].origin];
         let moved = Moved::new(&origins, RIGHT).ok_or_else(|| Failure::wrong("the ends are in one place"))?;
@@ -98,10 +98,7 @@ pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
         let held = trials(&mut statics, &moved, &MOTIONS, &Silent, &mut left_out).map_err(Failure::work)?;
         let first = rows.len();
         rows.extend(held.iter().map(|trial| row(body.name, trial)));
-        for model in MODELS.iter().filter(|model| model.energy.is_some()) {
-            if !matches!(model.kind, Kind::Online(_)) {
-                continue;
-            }
+        for model in MODELS.iter().filter(|model| model.energy.is_some() && model.law().is_none()) {
             let mut deformer = match deformer(body, model) {
                 Ok(deformer) => deformer,
                 Err(why) => {
@@ -120,20 +117,20 @@ pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     Ok(rows)
 }
 
-fn scene(body: &HeldBody, model: &str) -> Result<Scene, Failure> {
+fn scene(body: &HeldBody, model: &ModelEntry) -> Result<Scene, Failure> {
     let [left, right] = body.ends;
     let text = format!(
-        "[body.b]\ngenerate = {{ {} }}\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"{model}\"\n\
+        "[body.b]\ngenerate = {{ {} }}\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"{}\"\n\
          control.left = {{ nodes = {{ group = \"{left}\" }}, grab = \"fixed\" }}\n\
          control.right = {{ nodes = {{ group = \"{right}\" }}, grab = \"dragger\" }}\n",
-        body.generate
+        body.generate, model.name
     );
     Scene::parse(&text, Path::new("large-rotation.toml")).map_err(Failure::request)
 }
 
 /// The body as a session would have it, with the energy of the model.
-fn deformer(body: &HeldBody, model: &ModelEntry) -> Result<Deformer, Failure> {
-    let scene = scene(body, model.name)?;
+fn deformer(body: &HeldBody, model: &'static ModelEntry) -> Result<Deformer, Failure> {
+    let scene = scene(body, model)?;
     let energy = Requirements::of(model.energy.unwrap_or_default());
     let requirements = Requirements::of(model.requirements).and(energy);
     let made = green::precompute(&scene, "b", &requirements, &Silent).map_err(Failure::work)?;
@@ -141,7 +138,7 @@ fn deformer(body: &HeldBody, model: &ModelEntry) -> Result<Deformer, Failure> {
     let path = folder.path().join("b.green");
     green::write(&path, &[made]).map_err(Failure::work)?;
     let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-    Deformer::of_model(file, "b", model).map_err(Failure::wrong)
+    Deformer::new(file, "b", model).map_err(Failure::wrong)
 }
 
 fn row(body: &'static str, trial: &Trial) -> HeldPose {

@@ -7,7 +7,7 @@ use super::highlight::Highlight;
 use super::place;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
-use crate::deform::{Contribution, ControlPose, Deformer, ExpectedErrors, PoseLimiter};
+use crate::deform::{Contribution, ControlPose, Deformer, ExpectedErrors, ModelEntry, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
@@ -38,8 +38,8 @@ pub struct PlacedBody {
     pub ball: (Point3<f64>, f64),
     /// Per control element: whether a hand can take it, and which part of it a ray can hit.
     pub controls: Vec<PlacedControl>,
-    /// Names of its model and its effects, as in the scene.
-    pub model: String,
+    pub model: &'static ModelEntry,
+    /// Names of its effects, as in the scene.
     pub effects: Vec<String>,
     color: Color,
     /// Lines and image on the surface.
@@ -109,7 +109,7 @@ pub fn place(
             force_scale: None,
             expected: None,
             controls: placed_controls(&deformer, body.control.values().map(|control| control.grab)),
-            model: body.model.clone(),
+            model: deformer.entry,
             effects: body.effects.clone(),
             takes_forces: deformer.takes_forces(),
             spring: body.surface_compliance.as_ref().and_then(|of| of.spring),

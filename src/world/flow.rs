@@ -22,7 +22,7 @@
 use super::body::PlacedBody;
 use super::hand;
 use super::touch::{LoadValues, Touches};
-use crate::deform::{BodyState, Contribution, ControlPose, Kind, find_model};
+use crate::deform::{BodyState, Contribution, ControlPose, ModelEntry};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Asked, Element, Hands, Hit, Taking};
@@ -131,9 +131,13 @@ value_types! {
     BodyState => "coefficients",
 }
 
-/// The graph of the bodies of a scene on a stage, with one stylus. The head stands where it was last tracked; before it is
+/// The graph of the bodies of a scene, each with its model, on a stage, with one stylus. The head stands where it was last tracked; before it is
 /// tracked for the first time, where the stage's viewer stands.
-pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bodies>, Fields), FieldError> {
+pub fn graph(
+    bodies: &IndexMap<String, Body>,
+    models: &[&'static ModelEntry],
+    stage: &Stage,
+) -> Result<(Graph<Bodies>, Fields), FieldError> {
     let (head, radius_m) = (stage.viewer.room_from_head, stage.workspace.radius_m);
     let mut graph = Graph::default();
     let time = graph.field("tracker.time", 0.0)?;
@@ -156,8 +160,8 @@ pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bo
         contributions: None,
         targets: targets(bodies),
     };
-    for (b, (name, body)) in bodies.iter().enumerate() {
-        fields.bodies.push(body_fields(&mut graph, name, body)?);
+    for (b, ((name, body), model)) in bodies.iter().zip(models).enumerate() {
+        fields.bodies.push(body_fields(&mut graph, name, body, model)?);
         fields.connect_body(&mut graph, b)?;
     }
     fields.add_stylus(&mut graph)?;
@@ -208,7 +212,12 @@ fn touch_fields(
 }
 
 /// The fields of a body.
-fn body_fields(graph: &mut Graph<Bodies>, name: &str, body: &Body) -> Result<BodyFields, FieldError> {
+fn body_fields(
+    graph: &mut Graph<Bodies>,
+    name: &str,
+    body: &Body,
+    model: &ModelEntry,
+) -> Result<BodyFields, FieldError> {
     let pose =
         |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
     let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
@@ -216,10 +225,10 @@ fn body_fields(graph: &mut Graph<Bodies>, name: &str, body: &Body) -> Result<Bod
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
-    let is_background = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
     let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == Kept::Factor);
-    let arrived =
-        (is_background || is_solved).then(|| graph.field(format!("body.{name}.arrived"), 0.0)).transpose()?;
+    let arrived = (model.law().is_some() || is_solved)
+        .then(|| graph.field(format!("body.{name}.arrived"), 0.0))
+        .transpose()?;
     let starting: Vec<f64> = body.loads().into_iter().flat_map(|load| load.start).collect();
     let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
     let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));

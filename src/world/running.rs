@@ -9,6 +9,7 @@
 
 use super::frame::{BodyFrame, Frame};
 use super::step::World;
+use crate::base::output::Kind;
 use crate::base::plates::Words;
 use crate::deform::Contribution;
 use crate::track::{Source, TrackerState};
@@ -69,8 +70,8 @@ pub trait RunningEffect {
     /// Forgets what was drawn of the past, such as a curve.
     fn clear(&mut self) {}
 
-    /// What it has recorded, as a CSV table.
-    fn table(&self) -> Option<String> {
+    /// What it has recorded, as a CSV table of this kind.
+    fn table(&self) -> Option<(&'static Kind, String)> {
         None
     }
 

@@ -16,12 +16,12 @@ use super::running::RunningEffect;
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
-use crate::deform::{Contribution, ControlPose, Deformer};
+use crate::deform::{Contribution, ControlPose, Deformer, ModelEntry};
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Grip;
 use crate::render::{Drawable, Grid, View};
-use crate::scene::{Body, Scene};
+use crate::scene::Scene;
 use crate::stage::{Eye, Stage, Workspace};
 use crate::track::Signal;
 use indexmap::IndexMap;
@@ -62,18 +62,27 @@ pub struct World {
 }
 
 impl World {
-    /// The bodies of a scene, from its .green file, at their places on the stage.
-    pub fn new(scene: &Scene, file: &Arc<GreenFile>, stage: Stage) -> Result<World, Failure> {
-        World::of_bodies(scene, file, World::deformers(scene, file)?, stage)
+    /// The bodies of a scene, each with its model, from its .green file, at their places on the stage.
+    pub fn new(
+        scene: &Scene,
+        models: &[&'static ModelEntry],
+        file: &Arc<GreenFile>,
+        stage: Stage,
+    ) -> Result<World, Failure> {
+        World::of_bodies(scene, file, World::deformers(scene, models, file)?, stage)
     }
 
     /// What takes time of [`World::new`], for another thread.
-    pub fn deformers(scene: &Scene, file: &Arc<GreenFile>) -> Result<Vec<Deformer>, Failure> {
-        let deformer = |(name, body): (&String, &Body)| Deformer::new(file.clone(), name, &body.model);
-        scene.body.iter().map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)
+    pub fn deformers(
+        scene: &Scene,
+        models: &[&'static ModelEntry],
+        file: &Arc<GreenFile>,
+    ) -> Result<Vec<Deformer>, Failure> {
+        let deformer = |(name, model): (&String, &&'static _)| Deformer::new(file.clone(), name, model);
+        scene.body.keys().zip(models).map(deformer).collect::<Result<_, _>>().map_err(Failure::wrong)
     }
 
-    /// The rest of it.
+    /// Builds the world from deformers that were made on another thread.
     pub fn of_bodies(
         scene: &Scene,
         file: &GreenFile,
@@ -81,13 +90,14 @@ impl World {
         stage: Stage,
     ) -> Result<World, Failure> {
         let bodies = body::place(scene, file, deformers, &stage)?;
-        let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
+        let models: Vec<_> = bodies.iter().map(|body| body.model).collect();
+        let (graph, fields) = flow::graph(&scene.body, &models, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))
     }
 
     /// A stage without bodies: head and styli alone.
     pub fn of_stage(stage: Stage) -> Result<World, Failure> {
-        let (graph, fields) = flow::graph(&IndexMap::new(), &stage).map_err(Failure::request)?;
+        let (graph, fields) = flow::graph(&IndexMap::new(), &[], &stage).map_err(Failure::request)?;
         Ok(World::of(stage, Bodies::new(), graph, fields))
     }
 

@@ -6,8 +6,8 @@ use crate::green;
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::prepare;
+use crate::prepare::Resolved;
 use crate::render::Drawable;
-use crate::scene::Scene;
 use crate::stage::rotation_towards;
 use crate::stage::{Eye, Stage};
 use crate::track::StylusState;
@@ -36,12 +36,12 @@ grab = "dragger"
 
 pub fn world(name: &str) -> World {
     let folder = std::env::temp_dir().join(format!("greenstage-world-{name}-{}", std::process::id()));
-    let scene = Scene::parse(SCENE, Path::new("scene.toml")).unwrap();
+    let scene = Resolved::parse(SCENE, Path::new("scene.toml")).unwrap();
     let path = folder.join("scene.green");
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
-    World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap()
+    World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap()
 }
 
 /// A stylus at workspace units `from`, pointing at `to`.

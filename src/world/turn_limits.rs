@@ -1,7 +1,7 @@
 //! How far a body is bent, against the turn up to which its model is good.
 
 use super::body::PlacedBody;
-use crate::deform::{Deformer, find_model, local_turn};
+use crate::deform::{Deformer, ModelEntry, local_turn};
 use std::f64::consts::PI;
 
 /// So many triangles of a body are sampled for their turns.
@@ -33,10 +33,10 @@ pub enum Verdict {
 
 impl TurnLimits {
     /// Angles at which bent bodies were measured to be off by about 0.2 % and 2 % of their length, RMS, as the model's
-    /// entry has them; 0 of an unknown model.
-    pub fn of_model(model: &str) -> Self {
-        let [good, fair] = find_model(model).map_or([0.0; 2], |entry| entry.turn_limits_deg);
-        Self { good: f64::to_radians(good), fair: f64::to_radians(fair), is_measured: false }
+    /// entry has them.
+    pub fn of_model(model: &ModelEntry) -> Self {
+        let [good, fair] = model.turn_limits_deg.map(f64::to_radians);
+        Self { good, fair, is_measured: false }
     }
 
     /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
@@ -46,16 +46,16 @@ impl TurnLimits {
             Some(range) => {
                 (body.deformer.largest_turn(), Self { good: range, fair: range, is_measured: true })
             }
-            None => Self::of_deformer(&body.deformer, &body.model),
+            None => Self::of_deformer(&body.deformer),
         }
     }
 
     /// The same of a body for which nothing was measured.
-    pub fn of_deformer(deformer: &Deformer, model: &str) -> (f64, Self) {
+    pub fn of_deformer(deformer: &Deformer) -> (f64, Self) {
         let apart = deformer.largest_turn();
         let is_apart = apart > PI || deformer.moves_in_parts();
         let turn = if is_apart { apart } else { local_turn(deformer, PIECES) };
-        (turn, Self::of_model(model))
+        (turn, Self::of_model(deformer.entry))
     }
 
     pub fn verdict(&self, turn: f64) -> Verdict {
@@ -88,22 +88,22 @@ impl Verdict {
 
 /// What a body that is bent further than its model holds says of itself; `None` of one that is not.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
-    words(TurnLimits::of_body(body), &body.model)
+    words(TurnLimits::of_body(body), body.model)
 }
 
 /// The same of a body that is in no world.
-pub fn out_of_range_of(deformer: &Deformer, model: &str) -> Option<String> {
-    words(TurnLimits::of_deformer(deformer, model), model)
+pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
+    words(TurnLimits::of_deformer(deformer), deformer.entry)
 }
 
-fn words((turn, limits): (f64, TurnLimits), model: &str) -> Option<String> {
+fn words((turn, limits): (f64, TurnLimits), ModelEntry { name, .. }: &ModelEntry) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
     match limits.verdict(turn) {
         Verdict::Good | Verdict::Fair => None,
         Verdict::Beyond => {
-            Some(format!("{:.1} turns: beyond the model {model}, for up to {most:.0}°", turn / (2.0 * PI)))
+            Some(format!("{:.1} turns: beyond the model {name}, for up to {most:.0}°", turn / (2.0 * PI)))
         }
         Verdict::NotMeasured => Some(format!("{turned:.0}°: its error was measured up to {most:.0}°")),
-        Verdict::Poor => Some(format!("{turned:.0}°: beyond the model {model}, for up to {most:.0}°")),
+        Verdict::Poor => Some(format!("{turned:.0}°: beyond the model {name}, for up to {most:.0}°")),
     }
 }

@@ -7,7 +7,7 @@ use crate::common::folder;
 use crate::display_common::{Display, wait_for};
 use crate::render_common::require_gpu;
 use greenstage::base::{fault, guard, memory, signal};
-use greenstage::deform::{ControlPose, ControlRest};
+use greenstage::deform::{ControlPose, ControlRest, LINEAR};
 use greenstage::effect::haptics::{
     Control, Device, Elastic, Grasp, Haply, Held, HoldConstraint, Loop, VrpnDevice,
 };
@@ -40,7 +40,7 @@ fn control() -> (Control, Grasp) {
     let controls: Vec<ControlRest> = (0..2).map(rest).collect();
     let stiffness = DMatrix::from_diagonal_element(2 * FIELDS, 2 * FIELDS, 100.0);
     let table = |name: &str| (name == "stiffness").then(|| stiffness.clone());
-    let body = Elastic::of_tables("linear", &controls, &table).unwrap();
+    let body = Elastic::of_tables(&LINEAR, &controls, &table).unwrap();
     let held = Held {
         grip: 1,
         body: 0,

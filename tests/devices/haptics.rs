@@ -5,7 +5,7 @@ mod body;
 use crate::common;
 
 use common::{coarse_demo, folder};
-use greenstage::deform::{ControlPose, ControlPoses, Deformer};
+use greenstage::deform::{ControlPose, ControlPoses, Deformer, find_model};
 use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
@@ -37,7 +37,7 @@ fn tube() -> Arc<GreenFile> {
 }
 
 fn deformer(model: &str) -> Deformer {
-    Deformer::new(tube(), "tube", model).unwrap()
+    Deformer::new(tube(), "tube", find_model(model).unwrap()).unwrap()
 }
 
 fn elastic(model: &str) -> Elastic {

@@ -1,7 +1,7 @@
 //! The force loop gives back no more than it got: at its limit, with a second hand, with slow reports, and when what it
 //! relies on falls silent. On springs of known stiffness, in virtual time.
 
-use greenstage::deform::{ControlPose, ControlRest, ElementPotential, PoseCurvature, PoseSlope};
+use greenstage::deform::{ControlPose, ControlRest, ElementPotential, LINEAR, PoseCurvature, PoseSlope};
 use greenstage::effect::haptics::bent;
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
@@ -28,7 +28,7 @@ impl TestLoop {
         };
         let rest = |name: &str| ControlRest { name: name.into(), origin: Vector3::zeros(), nodes: 1 };
         let matrix = DMatrix::from_fn(24, 24, spring);
-        let body = Elastic::of_tables("linear", &[rest("other"), rest("held")], &|name| {
+        let body = Elastic::of_tables(&LINEAR, &[rest("other"), rest("held")], &|name| {
             (name == "stiffness").then(|| matrix.clone())
         })
         .unwrap();

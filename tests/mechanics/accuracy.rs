@@ -4,6 +4,7 @@ use crate::common::{case_poses, folder, scene, shared};
 use greenstage::deform::{
     ControlPose, ControlPoses, Motion, Moved, PoseSlope, Statics, Wrench, find_model, model_of, trials,
 };
+use greenstage::effect::Resolved;
 use greenstage::fem::{Element, Lame, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::mesh::quadratic::straight;
@@ -28,11 +29,12 @@ nodes = { group = "HIGH" }
 grab = "dragger"
 "#;
 
-fn held(body: &str, low: &str, high: &str) -> Scene {
-    scene(&format!("[body.b]\n{body}{}", HELD.replace("LOW", low).replace("HIGH", high)))
+fn held(body: &str, low: &str, high: &str) -> Resolved {
+    let body = scene(&format!("[body.b]\n{body}{}", HELD.replace("LOW", low).replace("HIGH", high)));
+    Resolved::of(body).unwrap()
 }
 
-fn bodies() -> [(&'static str, Scene); 3] {
+fn bodies() -> [(&'static str, Resolved); 3] {
     let bar = "generate = { block = { size = [0.3, 0.1, 0.1], cells = [6, 2, 2] } }\n";
     let tube = "generate = { tube = { inner_radius = 0.05, outer_radius = 0.1, length = 0.6, radial = 1, around = 10, \
                 along = 8, control_length = 0.0 } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
@@ -50,7 +52,7 @@ fn poses(scene: &Scene, angles: &[f64]) -> Vec<(String, ControlPoses)> {
     random(&origins, angles, 0.005, 3)
 }
 
-fn report(name: &str, scene: &Scene, angles: &[f64]) -> Report {
+fn report(name: &str, scene: &Resolved, angles: &[f64]) -> Report {
     report_of(name, scene, &poses(scene, angles), 1)
 }
 
@@ -58,13 +60,13 @@ fn report(name: &str, scene: &Scene, angles: &[f64]) -> Report {
 static REPORTS: LazyLock<[(&str, Report); 3]> =
     LazyLock::new(|| bodies().map(|(name, scene)| (name, report(&format!("bodies-{name}"), &scene, &[0.2]))));
 
-fn report_of(name: &str, scene: &Scene, poses: &[(String, ControlPoses)], refinements: u32) -> Report {
+fn report_of(name: &str, scene: &Resolved, poses: &[(String, ControlPoses)], refinements: u32) -> Report {
     let folder = folder(&format!("accuracy-{name}"));
     measure(&request(scene, poses, &folder, refinements), &Silent).unwrap()
 }
 
 fn request<'a>(
-    scene: &'a Scene,
+    scene: &'a Resolved,
     poses: &'a [(String, ControlPoses)],
     scratch: &'a Path,
     refinements: u32,
@@ -96,7 +98,7 @@ fn row<'a>(
 ) -> &'a Measurement {
     let is = |row: &&Measurement| {
         let s = &row.setting;
-        (s.refine, &*s.element, &*s.solver.to_string(), &*s.storage, &*s.model)
+        (s.refine, &*s.element, &*s.solver.to_string(), &*s.storage, s.model.name)
             == (refine, element, solver, storage, model)
     };
     report.rows.iter().find(is).unwrap()
@@ -173,7 +175,7 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
     let report = report_of(name, scene, &poses(scene, &[0.4]), 0);
     let poses = &poses(scene, &[0.4])[0].1;
     let solved = |element: &'static Element| {
-        let mut scene = scene.clone();
+        let mut scene = Scene::clone(scene);
         scene.body["b"].element = element;
         let solution = green::solve(&scene, "b", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
         let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
@@ -246,7 +248,7 @@ fn a_body_too_large_to_measure_is_refused_with_the_key_to_raise() {
 #[test]
 fn the_error_of_a_model_is_not_that_of_locking() {
     let [bar, rubber, _] = bodies();
-    let measured = |(name, scene): (&str, Scene)| {
+    let measured = |(name, scene): (&str, Resolved)| {
         report_of(&format!("locking-{name}"), &scene, &poses(&scene, &[0.2, 0.5]), 0)
     };
     let (bar, rubber) = (measured(bar), measured(rubber));
@@ -403,14 +405,13 @@ fn a_limit_of_time_leaves_out_what_does_not_fit() {
 #[test]
 fn effects_that_are_not_listed_cost_nothing() {
     let (_, listed) = &bodies()[0];
-    let mut unlisted = listed.clone();
-    unlisted.body["b"].effects.clear();
+    let unlisted = listed.with_effects("b", |_| false);
     let folder = folder("accuracy-effects");
-    let cost = |scene: &Scene| {
+    let cost = |scene: &Resolved| {
         let poses = poses(scene, &[0.1]);
         let request = Request {
             limits: Limits { largest: 5_000.0, largest_of_models: 0.0, refinements: 0, rounds: 1 },
-            requirements_of: &|scene: &Scene| {
+            requirements_of: &|scene: &Resolved| {
                 let is_listed = !scene.body["b"].effects.is_empty();
                 Requirements::of(if is_listed { &[STIFFNESS] } else { &[AFFINE] })
             },
@@ -468,7 +469,7 @@ fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
     let (folder, poses) = (folder("accuracy-models"), poses(&scene, &[0.5, 1.0]));
     let request = Request {
         limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
-        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
+        requirements_of: &|scene| Requirements::of(scene.bodies["b"].model.requirements),
         ..request(&scene, &poses, &folder, 0)
     };
     let costs_more = |report: &Report| {
@@ -556,11 +557,11 @@ fn a_body_that_cannot_be_cut_is_measured_without_parts() {
                 control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.mid = { nodes = { sphere = { centre = [0.0, 0.05, 0.05], radius = 0.03 } }, grab = \"dragger\" }\n\
                 control.right = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n";
-    let scene = scene(text);
+    let scene = Resolved::of(scene(text)).unwrap();
     let (folder, poses) = (folder("accuracy-uncut"), poses(&scene, &[0.1]));
     let request = Request {
         limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
-        requirements_of: &|scene| Requirements::of(find_model(&scene.body["b"].model).unwrap().requirements),
+        requirements_of: &|scene| Requirements::of(scene.bodies["b"].model.requirements),
         ..request(&scene, &poses, &folder, 0)
     };
     let report = measure(&request, &Silent).unwrap();

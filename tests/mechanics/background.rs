@@ -3,6 +3,7 @@
 use crate::common::{block_scene, folder};
 use greenstage::deform::{
     ControlPose, ControlPoses, DeformationModel, Deformer, EquilibriumResult, PoseSlope, StateAge, Statics,
+    find_model,
 };
 use greenstage::fem::LAWS;
 use greenstage::green::{self, GreenFile, Requirements, VOLUME};
@@ -31,7 +32,9 @@ fn file_of(name: &str, scene: &Scene) -> Arc<GreenFile> {
 
 /// A body that waits for the equilibrium of each of its poses.
 fn waiting(name: &str, scene: &Scene, model: &str) -> Deformer {
-    let mut deformer = Deformer::new(file_of(name, scene), scene.body.keys().next().unwrap(), model).unwrap();
+    let mut deformer =
+        Deformer::new(file_of(name, scene), scene.body.keys().next().unwrap(), find_model(model).unwrap())
+            .unwrap();
     deformer.be_patient(Duration::MAX);
     deformer
 }
@@ -214,7 +217,7 @@ fn a_lost_equilibrium_is_told_and_found_again() {
 fn a_hand_is_followed_without_waiting() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
     let file = file_of("background-live", &scene);
-    let mut deformer = Deformer::new(file, "b", "neo_hookean").unwrap();
+    let mut deformer = Deformer::new(file, "b", find_model("neo_hookean").unwrap()).unwrap();
     let before = deformer.state.field_version;
     for step in 1..=40 {
         deformer.take(&bend(f64::from(step)));

@@ -3,7 +3,7 @@
 
 use crate::common::{block_scene, folder};
 use crate::forged_files::assert_refused;
-use greenstage::deform::{AppliedLoads, ControlPose, Deformer, PointLoad, Pull};
+use greenstage::deform::{AppliedLoads, ControlPose, Deformer, LINEAR, PointLoad, Pull};
 use greenstage::fem::{NodeFields, Partition};
 use greenstage::green::{self, AFFINE, COMPLIANCE, GreenError, GreenFile, KEPT_FACTOR, Requirements};
 use greenstage::mesh::Surface;
@@ -97,7 +97,7 @@ fn a_damaged_compliance_is_told_where_it_is_read() {
     assert_refused(column(&file, 0), "tile 0 of tensor block/compliance/values is damaged");
     assert_eq!(column(&file, last).unwrap().len(), file.rest("block").len());
     // A force there does nothing, and one elsewhere what it should.
-    let mut body = Deformer::new(file, "block", "linear").unwrap();
+    let mut body = Deformer::new(file, "block", &LINEAR).unwrap();
     let moved = |body: &mut Deformer, node: u32| {
         let pull = Pull::Force(Vector3::new(0.0, 1.0, 0.0));
         let points = vec![PointLoad { nodes: [node; 3], weights: [1.0, 0.0, 0.0], pull }];
@@ -194,7 +194,7 @@ fn a_damaged_factor_is_told_where_it_is_read() {
         let late = file.columns("block", &[0, 3], Duration::from_secs(60)).unwrap_err();
         assert!(late.to_string().contains(expected) && late.is_request(), "{late}");
         // It goes on without: the body is there, and takes no force.
-        let mut body = Deformer::new(file, "block", "linear").unwrap();
+        let mut body = Deformer::new(file, "block", &LINEAR).unwrap();
         let pull = Pull::Force(Vector3::new(0.0, 1.0, 0.0));
         let node = *body.takes_forces().first().unwrap();
         let points = vec![PointLoad { nodes: [node; 3], weights: [1.0, 0.0, 0.0], pull }];

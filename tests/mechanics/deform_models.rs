@@ -3,7 +3,8 @@
 use crate::common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{
-    BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, ModelEntry, local_turn,
+    BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, LINEAR, ModelEntry,
+    find_model, local_turn,
 };
 use greenstage::green::{self, AFFINE, GreenFile, Requirements};
 use greenstage::scene::Scene;
@@ -24,7 +25,7 @@ fn green_file(name: &str, scene: &Scene) -> Arc<GreenFile> {
 /// A body of the file in the given poses; others rest.
 fn deformed(file: &Arc<GreenFile>, model: &str, poses: &[(&str, ControlPose)]) -> Deformer {
     let body = file.meta.bodies.keys().next().unwrap();
-    let mut deformer = Deformer::new(file.clone(), body, model).unwrap();
+    let mut deformer = Deformer::new(file.clone(), body, find_model(model).unwrap()).unwrap();
     let all: ControlPoses = deformer
         .controls
         .iter()
@@ -92,7 +93,7 @@ impl DeformationModel for TwoParts {
 #[test]
 fn a_model_of_several_parts_moves_each_node_by_its_weights() {
     let file = green_file("models-parts", &block_scene([4, 3, 3], ""));
-    let mut body = Deformer::of_model(file.clone(), "block", &TWO_PARTS).unwrap();
+    let mut body = Deformer::new(file.clone(), "block", &TWO_PARTS).unwrap();
     let mut poses = vec![ControlPose::REST; body.controls.len()];
     assert_eq!(body.body_from_surface(), Isometry3::identity());
     (poses[0].translation, poses[1].matrix[(0, 1)]) = (Vector3::new(0.02, 0.01, -0.03), 0.05);
@@ -100,7 +101,7 @@ fn a_model_of_several_parts_moves_each_node_by_its_weights() {
     let parts = [Isometry3::new(poses[0].translation, Vector3::z() * 0.8), Isometry3::identity()];
     let weights = TwoParts.part_weights(body.rest()).unwrap();
     let plain = deformed(&file, "linear", &[]);
-    let mut plain_body = Deformer::new(file.clone(), "block", "linear").unwrap();
+    let mut plain_body = Deformer::new(file.clone(), "block", &LINEAR).unwrap();
     plain_body.evaluate(&poses);
     let expected: Vec<Vector3<f64>> = (0..body.node_count())
         .map(|i| {

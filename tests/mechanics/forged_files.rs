@@ -250,9 +250,11 @@ fn forged_metadata_do_no_harm() {
                     refused += 1;
                 }
                 Ok(file) => {
-                    if let Ok(mut body) =
-                        greenstage::deform::Deformer::new(std::sync::Arc::new(file), "block", "rotation")
-                    {
+                    if let Ok(mut body) = greenstage::deform::Deformer::new(
+                        std::sync::Arc::new(file),
+                        "block",
+                        &greenstage::deform::ROTATION,
+                    ) {
                         let poses = vec![common::some_pose(1.0); body.controls.len()];
                         body.evaluate(&poses);
                     }

@@ -1,7 +1,7 @@
 //! The .green file: what is written is what is read, and no damage passes.
 
 use crate::common::{HAPTICS, block_scene, folder, scene, some_pose};
-use greenstage::deform::{ControlPose, Deformer};
+use greenstage::deform::{ControlPose, Deformer, LINEAR, ROTATION};
 use greenstage::green::{self, AFFINE, FIELDS, GreenError, GreenFile, Requirements};
 use greenstage::mesh::{self, generate};
 use greenstage::scene::Scene;
@@ -79,7 +79,7 @@ fn compact_columns_are_as_exact_as_their_file_says() {
             largest <= bound && (largest / meta.accuracy.storage_error - 1.0).abs() < 0.01,
             "{largest:e}"
         );
-        let mut deformer = Deformer::new(file.clone(), "block", "linear").unwrap();
+        let mut deformer = Deformer::new(file.clone(), "block", &LINEAR).unwrap();
         let poses = vec![some_pose(0.3), some_pose(2.0)];
         deformer.evaluate(&poses);
         let c: Vec<f64> = poses.iter().flat_map(|pose| pose.coefficients()).collect();
@@ -217,7 +217,7 @@ fn what_is_not_required_is_neither_solved_nor_stored() {
         names,
         ["block/control/high", "block/control/low", "block/rest", "block/tags", "block/triangles"]
     );
-    let refused = Deformer::new(file, "block", "linear").err().unwrap();
+    let refused = Deformer::new(file, "block", &LINEAR).err().unwrap();
     assert!(refused.contains("no numbers of the family affine, which the model \"linear\""), "{refused}");
 }
 
@@ -291,7 +291,7 @@ fn a_file_that_shrinks_while_it_is_open_changes_nothing() {
     std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(0).unwrap();
     assert_eq!(file.triangles("block"), precomputed.solution.surface.triangles);
     assert_eq!(file.stiffness("block").as_ref(), precomputed.solution.stiffness());
-    let mut deformer = Deformer::new(file, "block", "rotation").unwrap();
+    let mut deformer = Deformer::new(file, "block", &ROTATION).unwrap();
     deformer.evaluate(&[some_pose(0.3), some_pose(2.0)]);
     assert!(deformer.positions().as_flattened().iter().all(|x| x.is_finite()));
     let error = GreenFile::open(&path).unwrap_err();
@@ -318,7 +318,7 @@ fn flat_control_elements_may_lie_oblique() {
         let file = Arc::new(GreenFile::open(&path).unwrap());
         let vanishing: Vec<usize> =
             file.meta.bodies["block"].controls.iter().map(|control| control.vanishing.len()).collect();
-        let mut body = Deformer::new(file, "block", "linear").unwrap();
+        let mut body = Deformer::new(file, "block", &LINEAR).unwrap();
         let bend = Matrix3::identity() + Vector3::new(0.02, 0.05, -0.1).cross_matrix();
         let pose = ControlPose {
             translation: turn * Vector3::new(0.01, -0.02, 0.03),

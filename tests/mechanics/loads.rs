@@ -50,7 +50,7 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("loads.green");
     green::write(&path, &[made]).unwrap();
-    Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, model).unwrap()
+    Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, entry).unwrap()
 }
 
 pub fn applied(coefficients: &[f64], points: Vec<PointLoad>) -> AppliedLoads {

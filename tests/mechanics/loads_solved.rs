@@ -2,6 +2,7 @@
 
 use super::loads::{applied, bar, deformer};
 use greenstage::deform::{ControlPose, StaticForces, Statics};
+use greenstage::effect::Resolved;
 use greenstage::effect::stress::StressedBody;
 use greenstage::fem::STVK;
 use greenstage::solve::Silent;
@@ -115,7 +116,8 @@ fn warmth_is_no_stress_in_a_free_body_and_e_alpha_t_in_a_clamped_one() {
     body.apply(&applied(&[strain], Vec::new()));
     let mesh = greenstage::green::prepare(&scene, "b").unwrap();
     let held: Vec<&[u32]> = mesh.controls.iter().map(|control| &control.nodes[..]).collect();
-    let (surface, stressed) = StressedBody::of_mesh(&scene, "b", &mesh.mesh, &held).unwrap();
+    let (surface, stressed) =
+        StressedBody::of_mesh(&Resolved::of(scene.clone()).unwrap(), "b", &mesh.mesh, &held).unwrap();
     let tags: Vec<u64> = surface.nodes.iter().map(|&node| mesh.mesh.tags[node as usize]).collect();
     assert_eq!(tags, body.tags(), "the same surface");
     let grown = |origin: V3| ControlPose {

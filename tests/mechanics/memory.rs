@@ -48,8 +48,8 @@ fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
     Arc::new(GreenFile::open(&path).unwrap())
 }
 
-fn patient(file: &Arc<GreenFile>, model: &ModelEntry) -> Deformer {
-    let mut deformer = Deformer::of_model(file.clone(), "b", model).unwrap();
+fn patient(file: &Arc<GreenFile>, model: &'static ModelEntry) -> Deformer {
+    let mut deformer = Deformer::new(file.clone(), "b", model).unwrap();
     deformer.be_patient(Duration::MAX);
     deformer
 }
@@ -90,7 +90,7 @@ fn told(deformer: &Deformer) -> (String, Vec<u32>) {
     (serde_json::to_string(&deformer.snapshot()).unwrap(), bits)
 }
 
-fn goes_on(model: &ModelEntry, with_loads: bool, wildness: f64) {
+fn goes_on(model: &'static ModelEntry, with_loads: bool, wildness: f64) {
     let file = file_of(if with_loads { "loads" } else { "models" }, model, with_loads);
     let node = file.rest("b").len() as u32 / 2;
     let step = |deformer: &mut Deformer, frame: usize| {

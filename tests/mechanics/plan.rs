@@ -1,9 +1,10 @@
 //! A body that asks for an accuracy or a budget, as the command line answers it.
 
 use crate::common::{attempt, folder};
-use greenstage::deform::{Deformer, Screw, Statics, Way, Wrench, find_model};
+use greenstage::deform::{Deformer, ModelEntry, Screw, Statics, Way, Wrench};
 use greenstage::fem::STVK;
 use greenstage::green::{GreenFile, Requirements};
+use greenstage::prepare::Resolved;
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use greenstage::tuning::poses::scripted_or_random;
@@ -125,7 +126,7 @@ grab = "dragger"
 /// wrench of the equilibrium on its mesh refined once more.
 fn worst_wrench_error(
     scene: &Scene,
-    model: &str,
+    model: &'static ModelEntry,
     poses: &[(String, Vec<greenstage::deform::ControlPose>)],
 ) -> f64 {
     let file = Arc::new(GreenFile::open(&scene.path.with_extension("green")).unwrap());
@@ -175,19 +176,20 @@ fn a_demand_for_force_chooses_a_model_that_meets_it() {
     let (output, said) = ask("0.28");
     assert!(output.status.success() && said.contains("body.bar: chosen: "), "{said}");
     assert!(said.contains(" itself, in 3 further poses"), "{said}");
-    let asking = Scene::load(&folder.join("bar.toml")).unwrap();
+    let asking = Resolved::load(&folder.join("bar.toml")).unwrap();
     let (mut poses, _) = scripted_or_random(&asking, "bar", None, true).unwrap();
     assert_eq!(poses.last().unwrap().0, "turned 60°");
     let (further, _) = scripted_or_random(&asking, "bar", None, false).unwrap();
     poses.extend(further.into_iter().rev().take(3));
     let chosen = settle_from_file(asking).unwrap();
-    let model = chosen.body["bar"].model.clone();
-    assert!(["reduced", "substructured", "rod"].contains(&model.as_str()), "{model}");
-    let error = worst_wrench_error(&chosen, &model, &poses);
+    let entry = chosen.bodies["bar"].model;
+    let model = entry.name;
+    assert!(["reduced", "substructured", "rod"].contains(&model), "{model}");
+    let error = worst_wrench_error(&chosen, entry, &poses);
     println!("{model} with {}: {error:.4}", chosen.body["bar"].element.name);
     assert!(error < 0.28, "{model}: {error}");
     let file = GreenFile::open(&folder.join("bar.green")).unwrap();
-    let own = Requirements::of(find_model(&model).unwrap().requirements);
+    let own = Requirements::of(entry.requirements);
     assert_eq!(file.meta.bodies["bar"].requirements, own);
     let mut all = said;
     for force in ["0.001", "1e-6"] {

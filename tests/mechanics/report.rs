@@ -324,12 +324,12 @@ fn records(csv: &str) -> Vec<Vec<String>> {
 #[test]
 fn the_csv_has_a_line_a_row_and_every_number_of_it() {
     let mut report = made_up();
-    report.rows[2].setting.model = "pcg \"1e-4\",\r\nthen".into();
+    report.rows[2].setting.storage = "pcg \"1e-4\",\r\nthen".into();
     let (_dir, files) = written(&report);
     let records = records(&files[2].1);
     assert_eq!(records.len(), report.rows.len() + 1);
     let column = |name: &str| records[0].iter().position(|head| head == name).unwrap();
-    assert_eq!(records[3][column("model")], report.rows[2].setting.model);
+    assert_eq!(records[3][column("storage")], report.rows[2].setting.storage);
     for (record, row) in records[1..].iter().zip(&report.rows) {
         assert_eq!(record.len(), records[0].len());
         let number = |name: &str| record[column(name)].parse::<f64>().ok();
@@ -398,8 +398,8 @@ fn names_from_files_stay_text() {
     ];
     text.iter_mut().for_each(|text| hostile.clone_into(text));
     hostile.clone_into(&mut report.models[1].pose);
-    let Setting { element, storage, model, .. } = &mut report.rows[0].setting;
-    [element, storage, model].into_iter().for_each(|text| hostile.clone_into(text));
+    let Setting { element, storage, .. } = &mut report.rows[0].setting;
+    [element, storage].into_iter().for_each(|text| hostile.clone_into(text));
     let (_dir, files) = written(&report);
     for (name, file) in
         files.iter().filter(|(name, _)| [".svg", ".html"].iter().any(|end| name.ends_with(end)))

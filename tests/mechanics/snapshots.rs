@@ -2,8 +2,8 @@
 
 use greenstage::deform::{ControlPose, Kind, MODELS, ModelEntry};
 use greenstage::effect::EFFECTS;
+use greenstage::prepare::Resolved;
 use greenstage::render::Drawable;
-use greenstage::scene::Scene;
 use greenstage::session::{Request, Session};
 use greenstage::world::State;
 use nalgebra::{Rotation3, Vector3};
@@ -13,7 +13,7 @@ use std::path::Path;
 const FRAMES: usize = 1000;
 
 /// A leaf, which every model fits, with every effect that computes in frames.
-fn scene(folder: &Path, model: &str) -> Scene {
+fn scene(folder: &Path, model: &str) -> Resolved {
     let effects: Vec<String> = EFFECTS
         .iter()
         .filter(|effect| effect.attach.is_some() && effect.name != "expected_errors")
@@ -26,7 +26,7 @@ fn scene(folder: &Path, model: &str) -> Scene {
          control.right = {{ nodes = {{ box = {{ min = [0.35, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n",
         effects.join(", ")
     );
-    Scene::parse(&text, &folder.join("scene.toml")).unwrap()
+    Resolved::parse(&text, &folder.join("scene.toml")).unwrap()
 }
 
 /// The right end lifted, shifted and turned; of a model that is solved anew for every pose, in every 25th frame alone.
@@ -40,7 +40,7 @@ fn pose(model: &ModelEntry, frame: usize) -> ControlPose {
     }
 }
 
-fn open(scene: &Scene) -> Session {
+fn open(scene: &Resolved) -> Session {
     let mut session = Session::open(&Request::of(scene)).unwrap();
     session.world.wait_for_background();
     // What the clock of the machine decides is for windows alone.

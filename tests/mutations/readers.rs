@@ -4,7 +4,7 @@ use crate::common::block_scene;
 use crate::mutate::{Random, mutated};
 use crate::{meshes, surfaces};
 use greenstage::deform::pose_file as poses;
-use greenstage::deform::{ControlPose, Deformer};
+use greenstage::deform::{ControlPose, Deformer, ROTATION};
 use greenstage::green::{self, GreenFile, Requirements, STIFFNESS};
 use greenstage::mesh::{
     self, Block, Order, Surface, block, diagnostics, formats, quality, surface_check, surface_files,
@@ -170,7 +170,7 @@ fn read_green(path: &Path) -> Then {
     let file = Arc::new(GreenFile::open(path).ok()?);
     Some(Box::new(move || {
         for body in file.meta.bodies.keys() {
-            let Ok(mut deformer) = Deformer::new(file.clone(), body, "rotation") else { continue };
+            let Ok(mut deformer) = Deformer::new(file.clone(), body, &ROTATION) else { continue };
             let mut poses = vec![ControlPose::REST; deformer.controls.len()];
             poses.iter_mut().for_each(|pose| pose.translation.x = 0.1);
             deformer.evaluate(&poses);

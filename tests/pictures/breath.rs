@@ -4,7 +4,7 @@
 use crate::common::folder;
 use crate::render_common::require_gpu;
 use greenstage::deform::{Contribution, ControlPose, Deformer, PoseCurvature};
-use greenstage::effect::{EffectEntry, Listed, add_sections, attach, requirements, settings};
+use greenstage::effect::{EffectEntry, Listed, Resolved, add_sections, attach, settings};
 use greenstage::green::{self, GreenFile, columns_of_effect};
 use greenstage::render::BodyBuffers;
 use greenstage::scene::Scene;
@@ -22,10 +22,8 @@ use std::sync::Arc;
 const BREATH: EffectEntry = EffectEntry {
     name: "breath",
     summary: "the body breathes, and a spring pulls what is held back to its place",
-    requirements: &[],
     needs_energy: true,
-    needs_inside: false,
-    check_settings: Some(|body| settings::<Settings>(body, "breath").map(|_| ())),
+    settings: Some(settings::read::<Settings>),
     precompute: Some(|_, body, _| {
         let nodes = body.solution.mesh.nodes.clone();
         let bump = |row: usize, _| {
@@ -36,7 +34,7 @@ const BREATH: EffectEntry = EffectEntry {
         Ok(columns_of_effect(body, 1, &bump))
     }),
     attach: Some(join),
-    start: None,
+    ..EffectEntry::NOTHING
 };
 
 #[derive(Deserialize)]
@@ -57,7 +55,7 @@ fn join(
     _: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, greenstage::base::failure::Failure> {
     let (b, name) = listed.bodies[0];
-    let settings: Settings = settings(&listed.scene.body[name], "breath").unwrap();
+    let settings: &Settings = listed.scene.bodies[name].settings(&BREATH).unwrap();
     Ok(Some(Box::new(Breath { b, stiffness: settings.stiffness, seen_s: None, phase: 0.0 })))
 }
 
@@ -106,7 +104,7 @@ impl RunningEffect for Breath {
     }
 }
 
-fn scene(effects: &str) -> Scene {
+fn scene(effects: &str) -> Resolved {
     let text = format!(
         "[body.b]\n\
          generate = {{ block = {{ size = [1.0, 0.2, 0.2], cells = [10, 2, 2] }} }}\n\
@@ -114,26 +112,23 @@ fn scene(effects: &str) -> Scene {
          control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
          control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
     );
-    Scene::parse(&text, Path::new("breath.toml")).unwrap()
+    Resolved::among(Scene::parse(&text, Path::new("breath.toml")).unwrap(), &[BREATH]).unwrap()
 }
 
 const LISTED: &str = "effects = [\"breath\"]\neffect.breath.stiffness = 300.0";
 
-fn file(name: &str, scene: &Scene) -> Arc<GreenFile> {
-    let body = &scene.body["b"];
-    let effects: Vec<&EffectEntry> = body.effects.iter().map(|_| &BREATH).collect();
-    let model = greenstage::deform::find_model(&body.model).unwrap();
-    let required = requirements(model, effects.iter().copied())
-        .and(green::Requirements::of(model.energy.unwrap_or_default()));
+fn file(name: &str, scene: &Resolved) -> Arc<GreenFile> {
+    let energy = scene.bodies["b"].model.energy.unwrap_or_default();
+    let required = scene.requirements("b").unwrap().and(green::Requirements::of(energy));
     let mut solved = green::precompute(scene, "b", &required, &Silent).unwrap();
-    add_sections(scene, effects, &mut solved, &Silent).unwrap();
+    add_sections(scene, &mut solved, &Silent).unwrap();
     let path = folder(name).join("b.green");
     green::write(&path, &[solved]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
 
-fn world(scene: &Scene, file: &Arc<GreenFile>) -> World {
-    let mut world = World::new(scene, file, Stage::find("desktop").unwrap()).unwrap();
+fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
+    let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
     let effects = attach(&[BREATH], scene, file, &mut world).unwrap();
     world.join(effects).unwrap();
     world

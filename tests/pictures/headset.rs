@@ -7,8 +7,8 @@ use greenstage::display::device;
 use greenstage::display::offscreen::{Pictures, Targets};
 use greenstage::display::presenter::{Images, Presenter};
 use greenstage::display::view_source::{ViewSource, show};
+use greenstage::prepare::Resolved;
 use greenstage::render::{Samples, Show, Tile, View, Viewport};
-use greenstage::scene::Scene;
 use greenstage::session::{Request, Session};
 use greenstage::stage::Eye;
 use greenstage::world::World;
@@ -34,7 +34,7 @@ fn session(name: &str) -> Session {
                 material = { young = 1.0e4, poisson = 0.3 }\nmodel = \"rotation\"\neffects = [\"ghost_rest\"]\n\
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-    let scene = Scene::parse(text, &folder(name).join("scene.toml")).unwrap();
+    let scene = Resolved::parse(text, &folder(name).join("scene.toml")).unwrap();
     let request = Request { stage: Some("powerwall"), ..Request::of(&scene) };
     let mut session = Session::open(&request).unwrap();
     session.act(greenstage::interact::Action::ScaleScene(1.3));

@@ -16,7 +16,7 @@ struct TwoScreens {
     body: Option<BodyBuffers>,
     end: Instant,
     frames: u32,
-    times: WindowTimes,
+    times: PresentTimes,
     sizes: Vec<[u32; 2]>,
     inputs: Vec<Input>,
     display: Display,
@@ -62,7 +62,7 @@ impl WindowApp for TwoScreens {
                 0 => Show::One(whole(left)),
                 _ => Show::Two(composite, [whole(left), whole(right)]),
             };
-            [Tile { rect: [0, 0, width, height], show }]
+            vec![Tile { rect: [0, 0, width, height], show }]
         });
         let tiles: Vec<_> = tiles.collect();
         assert!(windows.waited > Duration::ZERO, "a frame begins when its images are there");
@@ -168,7 +168,7 @@ fn opens_two_windows() {
         body: None,
         end: Instant::now() + Duration::from_secs_f64(seconds),
         frames: 0,
-        times: WindowTimes::default(),
+        times: PresentTimes::default(),
         sizes: vec![],
         inputs: vec![],
         settings: display.manage_settings(),

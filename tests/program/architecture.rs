@@ -1,5 +1,7 @@
 //! The house: who may import whom, who may know the graphics library.
 
+use greenstage::deform::MODELS;
+use greenstage::effect::EFFECTS;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -293,6 +295,59 @@ fn the_graphics_and_window_libraries_are_known_to_render_alone() {
     assert!(inside.iter().any(|(_, text)| knows(text)));
     let faults: Vec<&String> = outside.iter().filter(|(_, text)| knows(text)).map(|(file, _)| file).collect();
     assert!(faults.is_empty(), "{faults:?} speak of the graphics or window library");
+}
+
+/// Where a string is an effect's or a model's name and is not found in a list, with the reason. `*` stands for all names.
+const NAMED: &[(&str, &str, &str)] = &[
+    ("src/scene/mod.rs", "linear", "the model of a body that asks for none"),
+    ("src/scene/proposal/choice.rs", "*", "what a proposed scene lists by default"),
+    ("src/demo/chapters.rs", "ghost_equilibrium", "what a chapter of the demo lists"),
+    ("src/cli/check.rs", "expected_errors", "a key of the JSON that it prints"),
+    ("src/cli/stability.rs", "haptics", "the mark of its table in the README"),
+    ("src/green/families/perturbation.rs", "perturbation", "a family of columns"),
+    ("src/green/families/reduced.rs", "reduced", "a family of columns"),
+    ("src/export/basis/gltf.rs", "rotation", "a key of glTF"),
+    ("src/report/files.rs", "rotation", "a column of a table: an angle"),
+    ("src/stage/file/mount.rs", "rotation", "a key of a stage: an angle"),
+    ("src/track/osc.rs", "rotation", "a part of an address"),
+    ("src/track/script.rs", "rotation", "a key of a script: an angle"),
+    ("src/verify/large_rotation.rs", "plate", "a body that is held"),
+];
+
+/// A scene's names are looked up once: code that asks for an effect or a model by its name knows what the entry should say.
+#[test]
+fn no_effect_and_no_model_is_named_outside_its_own_room() {
+    let effects: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+    let models: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
+    let is_own = |file: &str, name: &str| match effects.contains(&name) {
+        true => file.starts_with("src/effect/"),
+        false => ["src/deform/", "src/fem/"].iter().any(|room| file.starts_with(room)),
+    };
+    let is_test = |file: &str| file.ends_with("tests.rs") || file.contains("/tests/");
+    let (mut faults, mut met) = (Vec::new(), BTreeSet::new());
+    for (file, text) in files("src", "rs").iter().filter(|(file, _)| !is_test(file)) {
+        let text = code(text);
+        for &name in effects.iter().chain(&models).filter(|name| !is_own(file, name)) {
+            let literal = format!("\"{name}\"");
+            let is_whole = |(at, _): (usize, &str)| !text[..at].ends_with('\\');
+            if !text.match_indices(&literal).any(is_whole) {
+                continue;
+            }
+            match NAMED.iter().find(|(known, word, _)| known == file && ["*", name].contains(word)) {
+                Some(row) => drop(met.insert(row)),
+                None => faults.push(format!("{file} names \"{name}\"")),
+            }
+        }
+        let looks_up = ["find_model(", "find_effect("].iter().any(|word| text.contains(word));
+        let may =
+            ["src/deform/models.rs", "src/effect/effects.rs", "src/effect/resolved.rs", "src/cli/new.rs"];
+        if looks_up && !may.contains(&file.as_str()) {
+            faults.push(format!("{file} looks up a name: take it from `Resolved`"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    let unmet: Vec<_> = NAMED.iter().filter(|row| !met.contains(row)).collect();
+    assert!(unmet.is_empty(), "rows that excuse nothing: {unmet:?}");
 }
 
 /// What a reader opens by itself would be in no fingerprint: `mesh::mod` reads the files that a format names.

@@ -4,7 +4,7 @@ use crate::common;
 
 use common::{folder, program, text};
 use greenstage::deform::MODELS;
-use greenstage::scene::Scene;
+use greenstage::prepare::Resolved;
 use greenstage::session::{Request, Session};
 
 const ENDS: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
@@ -40,7 +40,7 @@ fn check_and_a_session_agree_for_every_model() {
             std::fs::write(place.join(&name), scene).unwrap();
             let output = program(&place, &["check", &name]).output().unwrap();
             let said = text(&output.stdout) + &text(&output.stderr);
-            let scene = Scene::load(&place.join(&name)).unwrap();
+            let scene = Resolved::load(&place.join(&name)).unwrap();
             let opened = Session::open(&Request::of(&scene)).map(drop).map_err(|error| error.to_string());
             let has_error = output.status.code() == Some(2);
             let has_warning = said.contains("warning: body.b");
@@ -74,7 +74,7 @@ fn a_heavy_body_of_large_strain_passes_the_check_and_opens_in_a_session() {
     let check = run(&["check", "heavy.toml"]);
     assert_eq!(check.status.code(), Some(0), "{}", text(&check.stdout));
     assert!(!text(&check.stdout).contains("warning: body.b"), "{}", text(&check.stdout));
-    let scene = Scene::load(&place.join("heavy.toml")).unwrap();
+    let scene = Resolved::load(&place.join("heavy.toml")).unwrap();
     assert!(Session::open(&Request::of(&scene)).is_ok());
 }
 

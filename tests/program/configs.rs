@@ -3,8 +3,8 @@
 use crate::common;
 
 use common::folder;
-use greenstage::deform::{ControlPose, Deformer, find_model};
-use greenstage::effect::{self, stress::StressedBody};
+use greenstage::deform::{ControlPose, Deformer, ROTATION};
+use greenstage::effect::{self, Resolved, stress::StressedBody};
 use greenstage::green::{self, AFFINE, GreenFile, LOAD_FIELDS, LOADS, Requirements};
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
@@ -97,7 +97,7 @@ fn scripts() {
 /// The beam of `ghosts.toml` is bent by 60°, and asks for all that shows its mechanics.
 #[test]
 fn ghosts() {
-    let scene = Scene::load(&config("scenes/ghosts.toml")).unwrap();
+    let scene = Resolved::load(&config("scenes/ghosts.toml")).unwrap();
     let body = &scene.body["beam"];
     assert_eq!(body.effects, ["haptics", "ghost_rest", "ghost_equilibrium", "force_curve"]);
     let precomputed = green::precompute(&scene, "beam", &Requirements::of(&[AFFINE]), &Silent).unwrap();
@@ -105,7 +105,7 @@ fn ghosts() {
     let path = folder("configs-ghosts").join("beam.green");
     green::write(&path, &[precomputed]).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
-    let mut beam = Deformer::new(file, "beam", &body.model).unwrap();
+    let mut beam = Deformer::new(file, "beam", scene.bodies["beam"].model).unwrap();
     let stage = Stage::find(&scene.stage).unwrap();
     let script = Script::load(&scene.resolve(scene.script.as_deref().unwrap())).unwrap();
     let right = beam.controls.iter().position(|control| control.name == "right").unwrap();
@@ -118,16 +118,16 @@ fn ghosts() {
 /// `linear` sees no turn at all, the paper's failure. `reduced` has a mean frame up to 330°; `rotation` is not asked.
 #[test]
 fn an_end_is_turned_by_a_whole_turn() {
-    let scene = Scene::load(&config("scenes/models.toml")).unwrap();
-    let models: Vec<&str> = scene.body.values().map(|body| body.model.as_str()).collect();
+    let scene = Resolved::load(&config("scenes/models.toml")).unwrap();
+    let models: Vec<&str> = scene.models().iter().map(|model| model.name).collect();
     assert_eq!(models, ["linear", "rotation", "reduced", "substructured", "rod"]);
     let place = folder("configs-models");
-    for (name, body) in scene.body.iter().filter(|(name, _)| *name != "rotation") {
-        let model = find_model(&body.model).unwrap();
+    for (name, body) in scene.bodies.iter().filter(|(name, _)| *name != "rotation") {
+        let model = body.model;
         let made = green::precompute(&scene, name, &Requirements::of(model.requirements), &Silent).unwrap();
         let path = place.join(format!("{name}.green"));
         green::write(&path, &[made]).unwrap();
-        let mut rod = Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, &body.model).unwrap();
+        let mut rod = Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, model).unwrap();
         let steps = if name == "reduced" { 44 } else { 48 };
         for step in 1..=steps {
             let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), TAU * f64::from(step) / 48.0);
@@ -173,16 +173,17 @@ fn the_bear_is_round_and_whole() {
 /// is reached after 2.8 mm on this mesh.
 #[test]
 fn the_steel_bar_yields_where_beam_theory_says() {
-    let scene = Scene::load(&config("scenes/steel-bar.toml")).unwrap();
+    let scene = Resolved::load(&config("scenes/steel-bar.toml")).unwrap();
+    let scene = scene.with_effects("bar", |effect| effect.shows_stress);
     let file = folder("configs-bar").join("bar.green");
     let mut made =
         green::precompute(&scene, "bar", &Requirements::of(&[AFFINE]).with_section("stress"), &Silent)
             .unwrap();
-    effect::add_sections(&scene, [effect::find_effect("stress").unwrap()], &mut made, &Silent).unwrap();
+    effect::add_sections(&scene, &mut made, &Silent).unwrap();
     green::write(&file, &[made]).unwrap();
     let file = Arc::new(GreenFile::open(&file).unwrap());
     let stressed = StressedBody::of_file(&scene, &file, "bar").unwrap();
-    let mut bar = Deformer::new(file, "bar", "rotation").unwrap();
+    let mut bar = Deformer::new(file, "bar", &ROTATION).unwrap();
     let (length, thickness, young, moved) = (0.2, 0.006, 2.1e11, 1e-3);
     let translation = Vector3::new(0.0, moved, 0.0);
     bar.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
@@ -249,21 +250,21 @@ fn scenes() {
             "tube.toml",
         ],
     );
-    let scene = Scene::load(&config("scenes/tube.toml")).unwrap();
-    let body = &scene.body["tube"];
-    assert_eq!((scene.stage.as_str(), body.model.as_str()), ("workbench", "rotation"));
+    let scene = Resolved::load(&config("scenes/tube.toml")).unwrap();
+    let body = &scene.bodies["tube"];
+    assert_eq!((scene.stage.as_str(), body.model.name), ("workbench", "rotation"));
     let precomputed = green::precompute(&scene, "tube", &Requirements::of(&[AFFINE]), &Silent).unwrap();
     let mesh = &precomputed.solution.mesh;
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (10_080, 37_200));
     let path = folder("configs-tube").join("tube.green");
     green::write(&path, &[precomputed]).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
-    let mut tube = Deformer::new(file, "tube", &body.model).unwrap();
+    let mut tube = Deformer::new(file, "tube", body.model).unwrap();
 
     let stage = Stage::find(&scene.stage).unwrap();
     let script = greenstage::session::open::script(&scene, None).unwrap().unwrap();
     let right = tube.controls.iter().position(|control| control.name == "right").unwrap();
-    assert_eq!(body.control["right"].grab, Grab::Dragger);
+    assert_eq!(scene.body["tube"].control["right"].grab, Grab::Dragger);
     let bent = follow(&mut tube, right, &stage, &script);
 
     let positions: Vec<Point3<f64>> = in_body(&tube);

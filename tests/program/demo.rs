@@ -4,16 +4,16 @@ use crate::common;
 
 use common::{folder, program, text};
 use greenstage::demo::CHAPTERS;
-use greenstage::scene::Scene;
+use greenstage::prepare::Resolved;
 use greenstage::session::{Request, Session};
 use greenstage::stage::Stage;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 /// The session of a built-in scene on the demo's stage; its .green file goes to a folder of the test.
-fn session(name: &str, place: &Path) -> (Scene, Session) {
+fn session(name: &str, place: &Path) -> (Resolved, Session) {
     let text = greenstage::scene::built_in::BUILT_IN.iter().find(|(known, _)| *known == name).unwrap().1;
-    let scene = Scene::parse(text, &place.join(name).with_extension("toml")).unwrap();
+    let scene = Resolved::parse(text, &place.join(name).with_extension("toml")).unwrap();
     let session = Session::open(&Request { stage: Some("demo"), ..Request::of(&scene) }).unwrap();
     (scene, session)
 }

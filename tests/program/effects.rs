@@ -4,7 +4,7 @@
 use crate::common;
 
 use common::{coarse_demo, folder, greenstage, text};
-use greenstage::deform::Deformer;
+use greenstage::deform::{Deformer, ROTATION};
 use greenstage::effect::EFFECTS;
 use greenstage::green::GreenFile;
 use std::collections::BTreeMap;
@@ -112,7 +112,7 @@ fn without_haptics_neither_deform_nor_the_deformer_tells_forces() {
         );
 
         let file = Arc::new(GreenFile::open(&place.join("tube.green")).unwrap());
-        let mut deformer = Deformer::new(file, "tube", "rotation").unwrap();
+        let mut deformer = Deformer::new(file, "tube", &ROTATION).unwrap();
         assert_eq!(deformer.wrenches().is_some(), forces);
         let mut poses = deformer.poses.clone();
         poses[1].translation.x = 0.01;

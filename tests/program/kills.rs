@@ -3,8 +3,7 @@
 use crate::common::{folder, program, text};
 use greenstage::base::progress::Progress;
 use greenstage::green::journal_path;
-use greenstage::prepare;
-use greenstage::scene::Scene;
+use greenstage::prepare::{self, Resolved};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::{Arc, Mutex};
@@ -52,7 +51,7 @@ impl Progress for Watch {
 
 /// Bytes of the .green file, those of the journal at the end, and what was told.
 fn made(path: &Path) -> (Vec<u8>, Vec<u8>, String) {
-    let scene = Scene::load(path).unwrap();
+    let scene = Resolved::load(path).unwrap();
     let green = path.with_extension("green");
     let part = journal_path(&green);
     let _ = std::fs::remove_file(&green);

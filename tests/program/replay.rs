@@ -316,13 +316,13 @@ fn pictures_follow_a_session() {
 #[test]
 fn a_ruler_is_replayed_to_the_same_distance() {
     use greenstage::interact::Action;
-    use greenstage::scene::Scene;
+    use greenstage::prepare::Resolved;
     use greenstage::session::{Request, Session};
     use greenstage::stage::Eye;
     use greenstage::track::MouseInput;
     use greenstage::track::mouse::Button;
     let folder = folder("replay-ruler");
-    let scene = Scene::load(&coarse_demo(&folder)).unwrap();
+    let scene = Resolved::load(&coarse_demo(&folder)).unwrap();
     let recording = folder.join("ruler.jsonl");
     let request = Request { stage: Some("desktop"), ..Request::of(&scene) };
     let mut session = Session::open(&Request { record: Some(&recording), ..request }).unwrap();

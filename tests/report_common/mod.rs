@@ -1,5 +1,6 @@
 //! A made-up report: no figure in it was measured.
 
+use greenstage::deform::find_model;
 use greenstage::report::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
     SmoothError, Spread, Timing, TrialMotion,
@@ -74,7 +75,7 @@ pub fn made_up() -> Report {
             element: "tet4".into(),
             solver: "cholesky".parse().unwrap(),
             storage: "f32".into(),
-            model: "rotation".into(),
+            model: find_model("rotation").unwrap(),
         },
         rows,
         timing: Timing { scatter: 1.05, load: 1.0, processors: 2 },
@@ -114,7 +115,7 @@ fn row(
             element: element.into(),
             solver: solver.parse().unwrap(),
             storage: storage.into(),
-            model: model.into(),
+            model: find_model(model).unwrap(),
         },
         mesh_nodes: mesh_nodes as usize,
         surface_nodes: surface as usize,

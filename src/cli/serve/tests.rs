@@ -4,7 +4,7 @@ use super::*;
 use crate::deform::ControlPose;
 use crate::green::{self, GreenFile};
 use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::Resolved;
 use crate::track::FakeSource;
 use crate::track::device::Link;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
@@ -33,12 +33,12 @@ fn demo(stage: Stage) -> World {
     let (fine, coarse) = ("radial = 3, around = 40, along = 62", "radial = 2, around = 20, along = 31");
     let text = include_str!("../../../configs/scenes/tube.toml");
     assert!(text.contains(fine));
-    let scene = Scene::parse(&text.replace(fine, coarse), Path::new("tube.toml")).unwrap();
+    let scene = Resolved::parse(&text.replace(fine, coarse), Path::new("tube.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tube.green");
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
-    World::new(&scene, &file, stage).unwrap()
+    World::new(&scene, &scene.models(), &file, stage).unwrap()
 }
 
 struct Lab {

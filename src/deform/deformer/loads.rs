@@ -117,7 +117,7 @@ impl Deformer {
     /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as
     /// they are applied.
     pub fn load_coefficients(&self) -> Vec<f64> {
-        if self.frame == Frame::Solved {
+        if self.entry.frame == Frame::Solved {
             return self.applied().coefficients;
         }
         let count: usize = self.load_metas().iter().map(|meta| meta.columns).sum();

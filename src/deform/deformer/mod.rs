@@ -13,9 +13,9 @@ use super::force::Wrench;
 use super::frames::PoseSlope;
 use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, Frame, ModelEntry, ModelInput, Response, StateAge,
 };
-use super::models::{find_model, make_model};
+use super::models::make_model;
 use super::normals::SurfaceNormals;
 use super::partial::PartialSum;
 use super::parts::{move_parts, moved};
@@ -66,8 +66,8 @@ pub struct Deformer {
     drawn: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
-    kind: Kind,
-    frame: Frame,
+    /// What is known of the model before it is made.
+    pub entry: &'static ModelEntry,
     /// Loads as they are now, where the file has columns or a compliance for them.
     loads: Option<SharedLoads>,
     loads_changed: bool,
@@ -87,24 +87,19 @@ pub struct Deformer {
 }
 
 impl Deformer {
-    /// A deformer at rest for `body` of the file; the error names an unknown body or model.
-    pub fn new(file: Arc<GreenFile>, body: &str, model: &str) -> Result<Deformer, String> {
-        Deformer::of_model(file, body, find_model(model)?)
-    }
-
-    /// The same for a model that stands in no list.
-    pub fn of_model(file: Arc<GreenFile>, body: &str, model: &ModelEntry) -> Result<Deformer, String> {
+    /// A deformer at rest for `body` of the file; the error names an unknown body, or what the model lacks.
+    pub fn new(file: Arc<GreenFile>, body: &str, entry: &'static ModelEntry) -> Result<Deformer, String> {
         let meta = file
             .meta
             .bodies
             .get(body)
             .ok_or_else(|| format!("{}: holds no body \"{body}\"", file.path.display()))?;
-        if let Some(family) = model.requirements.iter().find(|family| !meta.requirements.has(**family)) {
+        if let Some(family) = entry.requirements.iter().find(|family| !meta.requirements.has(**family)) {
             let (path, name) = (file.path.display(), family.name);
             return Err(format!(
                 "{path}: body {body} has no numbers of the family {name}, which the model \"{}\" requires; run \
                  `greenstage precompute` on its scene",
-                model.name
+                entry.name
             ));
         }
         let controls: Vec<ControlRest> = meta
@@ -116,14 +111,13 @@ impl Deformer {
                 nodes: control.nodes,
             })
             .collect();
-        let (nodes, kind) = (meta.surface_nodes, model.kind);
+        let nodes = meta.surface_nodes;
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
         let loads = has_loads.then(SharedLoads::default);
-        if let Some(message) = refusal(model, has_loads, meta.compliance_nodes.is_some()) {
+        if let Some(message) = refusal(entry, has_loads, meta.compliance_nodes.is_some()) {
             return Err(format!("body.{body}.model: {message}"));
         }
-        let frame = model.frame;
-        let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
+        let model = made(&file, body, &controls, entry, loads.as_ref())?;
         let weights = model.part_weights(file.rest(body));
         if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
             let found = weights.nodes();
@@ -147,8 +141,7 @@ impl Deformer {
             times: FrameTimes::default(),
             version: 0,
             model,
-            kind,
-            frame,
+            entry,
             loads,
             loads_changed: false,
             contribution: Contribution::none(file.columns_of_effects(body), controls.len()),
@@ -226,7 +219,7 @@ impl Deformer {
     /// Whether nothing of the surface's displacements is linear theory's alone: several parts move it, or it is solved for large
     /// rotations.
     pub fn moves_in_parts(&self) -> bool {
-        self.weights.is_some() || self.frame == Frame::Solved
+        self.weights.is_some() || self.entry.frame == Frame::Solved
     }
 
     /// Whether the model computes displacements of its own, which are no sum of columns.
@@ -367,7 +360,7 @@ impl Deformer {
     /// The forces and moments about where each control element is that are zero where nothing holds it, by the model's own
     /// equilibrium: of a model of small strain by the body at rest.
     pub fn balance(&self) -> Option<Vec<Wrench>> {
-        if self.frame == Frame::Rest {
+        if self.entry.is_linear() {
             self.response.filter(|response| response.is_defined)?;
             return Some(self.slopes.iter().map(Wrench::of_small_strain).collect());
         }
@@ -398,8 +391,8 @@ impl Deformer {
         match self.model.for_force_loop() {
             Some(model) => Ok(model),
             None => {
-                let loads = self.loads.as_ref().map(|loads| (loads, self.frame));
-                let mut model = made(&self.file, &self.body, &self.controls, &self.kind, loads)?;
+                let mut model =
+                    made(&self.file, &self.body, &self.controls, self.entry, self.loads.as_ref())?;
                 model.be_patient(Duration::ZERO);
                 Ok(model)
             }
@@ -419,8 +412,8 @@ fn made(
     file: &Arc<GreenFile>,
     body: &str,
     controls: &[ControlRest],
-    kind: &Kind,
-    loads: Option<(&SharedLoads, Frame)>,
+    entry: &ModelEntry,
+    loads: Option<&SharedLoads>,
 ) -> Result<Box<dyn DeformationModel>, String> {
     let input = ModelInput {
         controls,
@@ -431,12 +424,11 @@ fn made(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
-        loads: loads
-            .map(|(shared, _)| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
+        loads: loads.map(|shared| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
     };
-    let model = make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
-    let Some((shared, frame)) = loads.filter(|(_, frame)| *frame != Frame::Solved) else { return Ok(model) };
-    let turns = frame == Frame::MeanMotion;
+    let model = make_model(&entry.kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
+    let Some(shared) = loads.filter(|_| entry.frame != Frame::Solved) else { return Ok(model) };
+    let turns = entry.frame == Frame::MeanMotion;
     let loaded = Loaded::new(file, body, model, turns, controls, shared);
     Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))
 }

@@ -35,7 +35,7 @@ use point::{Hold, Point};
 use sheet::{Sheet, Standing};
 use skin::Skin;
 
-pub(super) const ENTRY: ModelEntry = ModelEntry {
+pub const ENTRY: ModelEntry = ModelEntry {
     name: "plate",
     summary: "method 3b: a Kirchhoff-Love shell between control elements, for thin bodies",
     requirements: &[STIFFNESS, CUBIC],

@@ -232,7 +232,7 @@ fn the_file_holds_what_the_model_needs() {
         let path = folder.path().join(format!("{}-{storage}.green", sides.len()));
         green::write(&path, &[body]).unwrap();
         let file = std::sync::Arc::new(GreenFile::open(&path).unwrap());
-        let mut deformer = Deformer::new(file, "bar", "reduced").unwrap();
+        let mut deformer = Deformer::new(file, "bar", find_model("reduced").unwrap()).unwrap();
         let mut poses = poses([0.2, -0.1, 0.3], [0.5, -0.9, 0.4], &motion());
         poses.truncate(solution.controls.len());
         let state = model.state(&poses);

@@ -25,11 +25,11 @@ use crate::base::notice::notice;
 use crate::edit::save;
 use crate::green::GreenFile;
 use crate::interact::PickRay;
+use crate::prepare::Resolved;
 use crate::render::Overlay;
 use crate::render::window::Button;
 use crate::render::window::{Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, RenderError};
-use crate::scene::Scene;
 use crate::session::change::Step;
 use crate::session::keys::scale;
 use crate::session::{Change, Session, Steps};
@@ -204,7 +204,7 @@ impl Desk {
         self.is_open = !self.is_open;
         self.window = window;
         self.input = PanelInput::default();
-        self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
+        self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::of);
     }
 
     /// Does what was asked for, and puts into the place of what is shown what was computed meanwhile.
@@ -247,7 +247,7 @@ impl Desk {
                 if after == After::NewWindows {
                     self.window = 0;
                 }
-                self.draft = session.scene.as_ref().filter(|_| self.is_open).map(Draft::of);
+                self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::of);
                 after
             }
             Err(failure) => {
@@ -267,9 +267,9 @@ impl Desk {
             }
             Order::Release => match release::scene(session) {
                 Ok((scene, told)) => {
-                    let begun = self
-                        .path()
-                        .and_then(|path| self.change_to(scene, session.world.stage.clone(), path, session));
+                    let begun = self.path().and_then(|path| {
+                        self.change_to(Resolved::of(scene)?, session.world.stage.clone(), path, session)
+                    });
                     match begun {
                         Ok(()) => self.told = Some(told),
                         Err(failure) => self.refuse(&failure, session),
@@ -278,7 +278,7 @@ impl Desk {
                 Err(why) => self.messages.wrong(&why),
             },
             Order::GiveUp => (self.change, self.sketches.loading) = (None, None),
-            Order::Reset => self.draft = session.scene.as_ref().map(Draft::of),
+            Order::Reset => self.draft = session.scene.as_deref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
             Order::Export(name) => {
@@ -303,13 +303,14 @@ impl Desk {
     }
 
     fn refuse(&mut self, failure: &Failure, session: &Session) {
-        self.messages.wrong(&told::refused(failure, session.scene.as_ref()));
+        self.messages.wrong(&told::refused(failure, session.scene.as_deref()));
     }
 
     /// Begins to compute what the panel says.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
+        let scene = Resolved::of(scene)?;
         told::try_loads(&scene)?;
         let path = self.path()?;
         self.told = None;
@@ -319,7 +320,7 @@ impl Desk {
     /// Begins to compute another scene.
     fn change_to(
         &mut self,
-        scene: Scene,
+        scene: Resolved,
         stage: Stage,
         path: PathBuf,
         session: &Session,
@@ -339,7 +340,7 @@ impl Desk {
         draft.was_saved(&saved);
         self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
         if is_shown && draft.is_on_shown_stage(&scene) {
-            session.scene = Some(saved);
+            session.scene = Some(Resolved::of(saved)?);
         }
         Ok(())
     }

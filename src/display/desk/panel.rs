@@ -374,6 +374,7 @@ fn free_name(scene: &Scene) -> String {
 mod tests {
     use super::*;
     use crate::display::desk::save;
+    use crate::prepare::Resolved;
     use crate::session::Request;
 
     const SCENE: &str = "stage = \"workbench\"\n\
@@ -395,7 +396,7 @@ mod tests {
         assert!(desktop.contains("name = \"desktop\""));
         let odd = stages.join("odd.toml");
         std::fs::write(&odd, desktop.replace("name = \"desktop\"", "name = \"odd\"")).unwrap();
-        let scene = Scene::parse(SCENE, &scenes.join("bar.toml")).unwrap();
+        let scene = Resolved::parse(SCENE, &scenes.join("bar.toml")).unwrap();
         let path = odd.display().to_string();
         let session = Session::open(&Request { stage: Some(&path), ..Request::of(&scene) }).unwrap();
 

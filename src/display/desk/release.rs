@@ -6,7 +6,8 @@ use crate::session::Session;
 /// The scene after the key: without the control element under the cursor where there is one, else with the one again that was
 /// let go of. The error says what the key would need.
 pub fn scene(session: &Session) -> Result<(Scene, String), String> {
-    let mut scene = session.scene.clone().ok_or("A replay cannot be changed.")?;
+    let shown = session.scene.as_ref().ok_or("A replay cannot be changed.")?;
+    let mut scene = Scene::clone(shown);
     let world = &session.world;
     if let Some((b, c)) = world.cursor().and_then(|cursor| world.pointed_element(cursor)) {
         let deformer = &world.bodies[b].deformer;

@@ -1,8 +1,9 @@
 //! What a change of a scene came to, and why one was refused, in the words of the panel.
 
 use crate::base::failure::Failure;
-use crate::deform::{MODELS, load_refusal};
-use crate::scene::{Body, Scene};
+use crate::deform::load_refusal;
+use crate::prepare::Resolved;
+use crate::scene::Scene;
 
 /// What is other than before: `tube: model rod, effects stress; stage workbench.`
 pub fn changes(before: &Scene, after: &Scene) -> String {
@@ -42,21 +43,18 @@ pub fn changes(before: &Scene, after: &Scene) -> String {
 }
 
 /// Refuses a model for a body with loads, which the panel cannot take away.
-pub fn try_loads(scene: &Scene) -> Result<(), Failure> {
-    scene.body.iter().try_for_each(|(name, body)| bears_its_loads(name, body))
-}
-
-fn bears_its_loads(name: &str, body: &Body) -> Result<(), Failure> {
-    let (has_loads, has_compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-    let model = MODELS.iter().find(|model| model.name == body.model);
-    match model.filter(|model| load_refusal(model, has_loads, has_compliance).is_some()) {
-        None => Ok(()),
-        Some(model) => Err(Failure::wrong(format!(
-            "{name} has loads, or points that can be pulled, which the model {} does not bear: choose rotation or linear here, or take \
-             them out of the scene's file",
-            model.name
-        ))),
+pub fn try_loads(scene: &Resolved) -> Result<(), Failure> {
+    for ((name, body), model) in scene.body.iter().zip(scene.models()) {
+        let (has_loads, has_compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
+        if load_refusal(model, has_loads, has_compliance).is_some() {
+            return Err(Failure::wrong(format!(
+                "{name} has loads, or points that can be pulled, which the model {} does not bear: choose rotation or linear here, \
+                 or take them out of the scene's file",
+                model.name
+            )));
+        }
     }
+    Ok(())
 }
 
 /// A failure without the path of the scene, which the panel shows.
@@ -95,9 +93,10 @@ mod tests {
     #[test]
     fn a_refusal_fits_the_panel() {
         let mut scene = Scene::parse(SCENE, std::path::Path::new("cache/stylus.toml")).unwrap();
-        assert!(try_loads(&scene).is_ok());
+        let resolved = |scene: &Scene| Resolved::of(scene.clone()).unwrap();
+        assert!(try_loads(&resolved(&scene)).is_ok());
         scene.body["hose"].model = "rod".into();
-        let told = refused(&try_loads(&scene).unwrap_err(), Some(&scene));
+        let told = refused(&try_loads(&resolved(&scene)).unwrap_err(), Some(&scene));
         assert!(
             told.starts_with("Not changed: hose has loads") && told.contains("choose rotation"),
             "{told}"

@@ -165,7 +165,7 @@ fn error_reading(
     forces: Option<(&[Wrench], Option<WrenchError>)>,
 ) -> Option<ErrorReading> {
     let expected = body.expected.as_ref().filter(|expected| !expected.moved.is_empty());
-    let of_model = expected.filter(|expected| !expected.is_equilibrium());
+    let of_model = expected.filter(|expected| !expected.model.law().is_some());
     let model = of_model.and_then(|expected| expected.in_pose(&body.deformer));
     let mesh = expected.and_then(|expected| match forces {
         Some((wrenches, _)) => expected.mesh_at(&body.deformer, wrenches),
@@ -193,7 +193,7 @@ pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading 
     let (turn, limits) = TurnLimits::of_body(body);
     BodyReading {
         name: deformer.body.clone(),
-        model: body.model.clone(),
+        model: body.model.name.to_owned(),
         effects: body.effects.clone(),
         controls: controls
             .map(|(c, ((rest, pose), highlight))| ControlReading {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::base::fixed::LETTERS;
 use crate::base::plates::Words;
-use crate::deform::{ControlPose, Wrench};
+use crate::deform::{ControlPose, LINEAR, ROTATION, Wrench};
 use crate::effect::haptics::HapticReading;
 use crate::effect::haptics::Push;
 use crate::effect::haptics::{LoopState, LoopTiming};
@@ -96,7 +96,7 @@ fn readings(turn: f64) -> Readings {
             effects: vec!["haptics".into()],
             controls: vec![control("left", 0.0), control("right", turn)],
             turn,
-            limits: TurnLimits::of_model("linear"),
+            limits: TurnLimits::of_model(&LINEAR),
             energy: Some(0.1234),
             errors: None,
         }],
@@ -379,7 +379,7 @@ fn a_measured_range_goes_before_the_models_table() {
     let aside = ControlPose { translation: Vector3::new(0.0, 0.5, 0.0), ..ControlPose::REST };
     body.deformer.evaluate(&[ControlPose::REST, aside]);
     let (turn, limits) = TurnLimits::of_body(body);
-    assert_eq!(limits, TurnLimits::of_model("rotation"));
+    assert_eq!(limits, TurnLimits::of_model(&ROTATION));
     assert!(turn > 0.1 && limits.good < limits.fair && !limits.is_measured, "the middle turns: {turn}");
     body.range = Some(0.7);
     let (turn, limits) = TurnLimits::of_body(body);

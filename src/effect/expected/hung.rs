@@ -30,7 +30,7 @@ struct Found {
 /// Measures control element `moved`; `left_out` hears from which angle on one of both has no equilibrium.
 pub fn hung(
     statics: &mut Statics,
-    (deformer, is_linear): (&mut Deformer, bool),
+    deformer: &mut Deformer,
     nodes: &[usize],
     moved: &Moved,
     left_out: &mut dyn FnMut(String),
@@ -44,7 +44,7 @@ pub fn hung(
         poses[moved.element].translation[along] = share * moved.length * last.to_radians() * 2.0 / 3.0;
         poses
     };
-    let mut of_model = Search::new(&freedom, moved.length, is_linear, &way);
+    let mut of_model = Search::new(&freedom, moved.length, deformer.entry.is_linear(), &way);
     let mut of_body = Search::new(&freedom, moved.length, false, &way);
     (of_model.tolerance, of_body.tolerance) = (ENOUGH, ENOUGH);
     let mut hung = Hung { along, at: Vec::new(), mesh: None };

@@ -2,8 +2,8 @@
 
 use super::tests::{beam, deformer_of};
 use super::*;
-use crate::deform::ControlPose;
 use crate::deform::pose_file::PoseLoads;
+use crate::deform::{ControlPose, ROTATION};
 use crate::green::{self, LOADS, Requirements};
 use crate::solve::Silent;
 use crate::world::wrench_error_of;
@@ -57,7 +57,7 @@ fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
          control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
         warm / 1e-4
     );
-    let scene = Scene::parse(&text, Path::new("bar.toml")).unwrap();
+    let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
     let required = Requirements::of(&[STIFFNESS, LOADS]);
     let mut body = green::precompute(&scene, "bar", &required, &Silent).unwrap();
     let errors = measure(&scene, &mut body, &Silent);
@@ -88,8 +88,7 @@ fn a_loaded_body_that_is_turned_as_a_whole_has_the_errors_of_its_loads_direction
     let settings =
         "material = { young = 1.0e7, poisson = 0.0, density = 100.0 }\nmodel = \"rotation\"\ngravity = true";
     let scene = beam(2, settings, "fixed", "dragger");
-    let model = find_model("rotation").unwrap();
-    let families = [model.requirements, model.energy.unwrap_or_default(), &[STIFFNESS, LOADS]];
+    let families = [ROTATION.requirements, ROTATION.energy.unwrap_or_default(), &[STIFFNESS, LOADS]];
     let required =
         families.map(Requirements::of).into_iter().fold(Requirements::default(), Requirements::and);
     let mut body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
@@ -132,7 +131,7 @@ fn the_mesh_is_measured_of_an_element_in_the_middle_of_others() {
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n\
                 control.middle = { nodes = { box = { min = [-0.1, -1.0, -1.0], max = [0.1, 1.0, 1.0] } }, grab = \"dragger\" }\n";
-    let scene = Scene::parse(text, Path::new("beam.toml")).unwrap();
+    let scene = Resolved::parse(text, Path::new("beam.toml")).unwrap();
     let body = green::precompute(&scene, "beam", &Requirements::of(&[STIFFNESS, LOADS]), &Silent).unwrap();
     let mut left_out = Vec::new();
     let errors = mesh_errors(&scene, &body, &[2], &Silent, &mut left_out);

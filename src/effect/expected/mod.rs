@@ -12,9 +12,9 @@ pub mod model;
 #[cfg(test)]
 mod tests;
 
-use super::entry::{EffectEntry, Listed};
+use super::entry::{EffectEntry, Listed, Resolved};
 use crate::base::failure::Failure;
-use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, find_model};
+use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
@@ -33,13 +33,15 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: true,
-    check_settings: None,
+    measures_errors: true,
     precompute: Some(section),
+    check_section: Some(|file, body| read(file, body).map(drop)),
+    section_after_change: Some(|scene, body| vec![(TENSOR.into(), not_measured(scene, body))]),
     attach: Some(|listed, world| {
         show(listed, world)?;
         Ok(None::<Box<dyn RunningEffect>>)
     }),
-    start: None,
+    ..EffectEntry::NOTHING
 };
 
 /// The one tensor of a section: [`ExpectedErrors`] as JSON, numbers with three digits.
@@ -47,16 +49,11 @@ const TENSOR: &str = "errors";
 
 /// The section of the .green file.
 fn section(
-    scene: &Scene,
+    scene: &Resolved,
     body: &mut Precomputed,
     progress: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
     Ok(vec![(TENSOR.into(), written(&measure(scene, body, progress)))])
-}
-
-/// Whether a tensor of a section, `EFFECT/TENSOR`, holds what was measured.
-pub(super) fn is_measured(tensor: &str) -> bool {
-    tensor == name_in_section()
 }
 
 fn name_in_section() -> String {
@@ -67,8 +64,8 @@ fn name_in_section() -> String {
 pub const CHANGED: &str = "a control element was released, or a modulus changed, since they were measured";
 
 /// The tensor of a body of which something was released or changed since it was measured.
-pub(super) fn not_measured(body: &Body) -> Tensor {
-    let mut errors = of(body);
+fn not_measured(scene: &Resolved, body: &str) -> Tensor {
+    let mut errors = of(scene, body);
     errors.left_out.push(CHANGED.into());
     written(&errors)
 }
@@ -112,10 +109,9 @@ pub(super) fn show(listed: &Listed<'_>, world: &mut World) -> Result<(), Failure
     Ok(())
 }
 
-fn of(body: &Body) -> ExpectedErrors {
-    let (model, element) = (body.model.clone(), body.element_name().to_owned());
-    let begin_at_zero = find_model(&body.model).is_ok_and(|model| model.is_exact_near_rest());
-    ExpectedErrors { model, element, begin_at_zero, ..ExpectedErrors::default() }
+fn of(scene: &Resolved, body: &str) -> ExpectedErrors {
+    let (model, element) = (scene.bodies[body].model, scene.body[body].element_name().to_owned());
+    ExpectedErrors { model, element, begin_at_zero: model.is_exact_near_rest(), ..ExpectedErrors::default() }
 }
 
 /// Why nothing of a body can be measured, whatever it lists.
@@ -128,9 +124,9 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
 }
 
 /// Measures the body. What cannot be measured is left out with the reason; nothing of it keeps the body from being written.
-pub fn measure(scene: &Scene, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
+pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
-    let mut errors = of(asked);
+    let mut errors = of(scene, &body.name);
     if let Some(why) = unmeasurable(asked) {
         errors.left_out.push(why.into());
         return errors;
@@ -197,16 +193,15 @@ fn mesh_errors(
 /// Of each moved control element, bent and shifted, and into `errors` what its loads do where all rest; nothing of a model that is
 /// static equilibrium itself.
 fn model_errors(
-    scene: &Scene,
+    scene: &Resolved,
     body: &mut Precomputed,
     moved: &[usize],
     progress: &dyn Progress,
     errors: &mut ExpectedErrors,
 ) -> Vec<ModelErrors> {
-    let is_equilibrium = errors.is_equilibrium();
-    let left_out = &mut errors.left_out;
-    if is_equilibrium {
-        left_out.push(format!("the model \"{}\" is static equilibrium itself", errors.model));
+    let (model, left_out) = (errors.model, &mut errors.left_out);
+    if model.law().is_some() {
+        left_out.push(format!("the model \"{}\" is static equilibrium itself", model.name));
         return moved.iter().map(|_| ModelErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);

@@ -4,13 +4,12 @@
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads that
 //! the scene has. It is bent in the plane in which that is easiest, where hands bend it.
 
+use super::super::entry::Resolved;
 use super::hung::hung;
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{
-    Deformer, ErrorsAt, Frame, Hung, Motion, Moved, Statics, Trial, find_model, reach, trials,
-};
+use crate::deform::{Deformer, ErrorsAt, Hung, Motion, Moved, Statics, Trial, reach, trials};
 use crate::fem::STVK;
 use crate::green::{self, GreenFile, Precomputed, Solution};
 use crate::scene::Scene;
@@ -71,15 +70,14 @@ pub struct Measured {
     statics: Statics,
     deformer: Deformer,
     nodes: Vec<usize>,
-    is_linear: bool,
     /// Coefficients of the scene's loads, for each column; none where none acts.
     pub loads: Vec<f64>,
 }
 
 impl Measured {
     /// Writes the body into a file that is gone afterwards, and opens it as a session does.
-    pub fn new(scene: &Scene, body: &mut Precomputed) -> Result<Measured, Failure> {
-        let mut factorised = scene.clone();
+    pub fn new(scene: &Resolved, body: &mut Precomputed) -> Result<Measured, Failure> {
+        let mut factorised = Scene::clone(scene);
         factorised.body[&body.name].solver = Solver::default();
         let mut statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
         let folder = tempfile::tempdir().map_err(Failure::work)?;
@@ -91,7 +89,7 @@ impl Measured {
         body.requirements = asked;
         written.map_err(Failure::work)?;
         let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-        let model = &scene.body[&body.name].model;
+        let model = scene.bodies[&body.name].model;
         let mut deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
         // Under the loads of the scene, as it stands there.
         let loads = PoseLoads::of_scene(&scene.body[&body.name]);
@@ -99,9 +97,8 @@ impl Measured {
         let forces = loads.on_mesh(&statics).map_err(Failure::wrong)?;
         statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
-        let is_linear = find_model(model).is_ok_and(|model| model.frame == Frame::Rest);
         let loads = if loads.is_none() { Vec::new() } else { loads.coefficients };
-        Ok(Measured { statics, deformer, nodes, is_linear, loads })
+        Ok(Measured { statics, deformer, nodes, loads })
     }
 
     /// The errors where all control elements rest; `None` of a body without loads, and where it has no equilibrium under them, which
@@ -149,8 +146,7 @@ impl Measured {
         }
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
         let pulled = pulled(&found);
-        let model = (&mut self.deformer, self.is_linear);
-        let hung = Some(hung(&mut self.statics, model, &self.nodes, &moved, left_out));
+        let hung = Some(hung(&mut self.statics, &mut self.deformer, &self.nodes, &moved, left_out));
         Ok(ModelErrors { bent, shifted, pulled, hung })
     }
 

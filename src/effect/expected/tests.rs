@@ -1,25 +1,25 @@
 //! What is measured of small bodies, against answers from elsewhere; and what of a file is refused.
 
 use super::*;
-use crate::deform::{ControlPose, Deformer, Wrench, reach};
+use crate::deform::{ControlPose, Deformer, Wrench, find_model, reach};
 use crate::green::{self, Requirements};
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
 /// A beam of 4 × 1 × 1 m with so many cells through its thickness.
-pub(super) fn beam(cells: usize, settings: &str, low: &str, high: &str) -> Scene {
+pub(super) fn beam(cells: usize, settings: &str, low: &str, high: &str) -> Resolved {
     let text = format!(
         "[body.beam]\ngenerate = {{ block = {{ size = [4.0, 1.0, 1.0], cells = [{}, {cells}, {cells}] }} }}\n{settings}\n\
          control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"{low}\" }}\n\
          control.high = {{ nodes = {{ group = \"xmax\" }}, grab = \"{high}\" }}\n",
         4 * cells
     );
-    Scene::parse(&text, Path::new("beam.toml")).unwrap()
+    Resolved::parse(&text, Path::new("beam.toml")).unwrap()
 }
 
-fn solved(scene: &Scene) -> Precomputed {
-    let model = find_model(&scene.body["beam"].model).unwrap();
+fn solved(scene: &Resolved) -> Precomputed {
+    let model = scene.bodies["beam"].model;
     let families = [model.requirements, model.energy.unwrap_or_default(), &[STIFFNESS]].map(Requirements::of);
     let required = families.into_iter().fold(Requirements::default(), Requirements::and);
     green::precompute(scene, "beam", &required, &Silent).unwrap()
@@ -30,7 +30,7 @@ pub(super) fn deformer_of(body: &Precomputed, model: &str) -> Deformer {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("body.green");
     green::write(&path, std::slice::from_ref(body)).unwrap();
-    Deformer::new(GreenFile::open(&path).unwrap().into(), &body.name, model).unwrap()
+    Deformer::new(GreenFile::open(&path).unwrap().into(), &body.name, find_model(model).unwrap()).unwrap()
 }
 
 /// Force in N that moves one end by 1 m sideways, E = 1 kPa, ν = 0.4999, by cells through the thickness, against 14.2 N with eight
@@ -134,7 +134,7 @@ fn an_end_that_is_pushed_has_the_errors_of_pushed_ends() {
                 material = { young = 2.1e11, poisson = 0.0 }\n\
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-    let scene = Scene::parse(text, Path::new("beam.toml")).unwrap();
+    let scene = Resolved::parse(text, Path::new("beam.toml")).unwrap();
     let mut body = solved(&scene);
     let errors = measure(&scene, &mut body, &Silent);
     let moved = &errors.moved[0];
@@ -255,7 +255,7 @@ fn an_end_that_is_moved_aside_has_the_errors_of_the_string_in_the_bar() {
                 material = { young = 1.0e3, poisson = 0.0 }\n\
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-    let scene = Scene::parse(text, Path::new("bar.toml")).unwrap();
+    let scene = Resolved::parse(text, Path::new("bar.toml")).unwrap();
     let mut body = green::precompute(&scene, "bar", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
     let errors = measure(&scene, &mut body, &Silent);
     let mut deformer = deformer_of(&body, "linear");

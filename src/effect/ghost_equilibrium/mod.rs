@@ -12,17 +12,13 @@ pub(crate) mod tests;
 
 use super::entry::{EffectEntry, Listed};
 use super::ghost_rest::Outlined;
-use super::settings::settings;
-use crate::base::failure::Failure;
+use super::settings;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
-use crate::config::unknown_name;
-use crate::deform::{
-    AppliedLoads, ControlPose, ControlPoses, FollowedTurn, Kind, PointLoad, Pull, StateAge, find_model,
-};
-use crate::fem::{LAWS, Law, STVK};
+use crate::deform::{AppliedLoads, ControlPose, ControlPoses, FollowedTurn, PointLoad, Pull, StateAge};
+use crate::fem::{Law, STVK};
 use crate::render::{Drawable, Ghost};
-use crate::scene::Body;
+use crate::scene::Scene;
 use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -36,13 +32,10 @@ pub const NAME: &str = "ghost_equilibrium";
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: NAME,
     summary: "static equilibrium of the held pose, solved in the background: a ghost over the body, the difference in mm",
-    requirements: &[],
-    needs_energy: false,
     needs_inside: true,
-    check_settings: Some(Settings::check),
-    precompute: None,
-    attach: Some(|listed, world| Ok(Some(Box::new(EquilibriumGhosts::new(listed, world)?)))),
-    start: None,
+    settings: Some(settings::read::<Settings>),
+    attach: Some(|listed, world| Ok(Some(Box::new(EquilibriumGhosts::new(listed, world))))),
+    ..EffectEntry::NOTHING
 };
 
 /// Linear, and the opacity of the outline of a ghost of the pose as it is.
@@ -69,21 +62,7 @@ struct EquilibriumGhosts {
 #[serde(deny_unknown_fields)]
 struct Settings {
     /// The law of the equilibrium; that of the body's model where it has one, else `stvk`.
-    law: Option<String>,
-}
-
-impl Settings {
-    fn check(body: &Body) -> Result<(), String> {
-        settings::<Settings>(body, NAME)?.law().map(|_| ())
-    }
-
-    fn law(&self) -> Result<Option<&'static Law>, String> {
-        let Some(name) = &self.law else { return Ok(None) };
-        let known = LAWS.iter().copied().find(|law| law.name == name);
-        known
-            .map(Some)
-            .ok_or_else(|| format!("law: {}", unknown_name("law", name, LAWS.iter().map(|law| law.name))))
-    }
+    law: Option<&'static Law>,
 }
 
 /// A body whose poses are solved.
@@ -105,19 +84,18 @@ struct Found {
 }
 
 impl EquilibriumGhosts {
-    fn new(listed: &Listed<'_>, world: &World) -> Result<EquilibriumGhosts, Failure> {
+    fn new(listed: &Listed<'_>, world: &World) -> EquilibriumGhosts {
         let of = |&(b, name): &(usize, &str)| {
             let body = &world.bodies[b];
-            let model = find_model(&body.model).map_err(Failure::wrong)?;
-            let own = if let Kind::Background(law) = model.kind { law } else { &STVK };
-            let settings: Settings = settings(&listed.scene.body[name], NAME).map_err(Failure::wrong)?;
-            let law = settings.law().map_err(Failure::wrong)?.unwrap_or(own);
+            let settings: Option<&Settings> = listed.scene.bodies[name].settings(&ENTRY);
+            let asked = settings.and_then(|settings| settings.law);
+            let law = asked.or(body.model.law()).unwrap_or(&STVK);
             let tags = body.deformer.tags().to_vec();
-            let subject = Subject { scene: listed.scene.clone(), body: name.to_owned(), law, tags };
+            let subject = Subject { scene: Scene::clone(listed.scene), body: name.to_owned(), law, tags };
             let resting = (held(body), Instant::now());
-            Ok(Watched { b, law, subject: Some(subject), solving: None, found: None, resting })
+            Watched { b, law, subject: Some(subject), solving: None, found: None, resting }
         };
-        Ok(EquilibriumGhosts { bodies: listed.bodies.iter().map(of).collect::<Result<_, Failure>>()? })
+        EquilibriumGhosts { bodies: listed.bodies.iter().map(of).collect() }
     }
 }
 
@@ -228,7 +206,7 @@ impl Watched {
         if let Some(found) = &self.found {
             lines.extend(found.lines(body, self.law));
         } else {
-            lines.push(vec![(format!("{name}: static equilibrium, {}", title(self.law)), Tone::Own(INK))]);
+            lines.push(vec![(format!("{name}: static equilibrium, {}", self.law.title), Tone::Own(INK))]);
         }
         let is_due = self.found.as_ref().is_none_or(|found| found.is_left(body));
         match &self.solving {
@@ -257,7 +235,7 @@ impl Found {
     }
 
     fn lines(&self, body: &PlacedBody, law: &Law) -> Vec<Vec<(String, Tone)>> {
-        let (name, model) = (&body.deformer.body, &body.model);
+        let (name, model) = (&body.deformer.body, body.model.name);
         let away = moved(body, &self.answer.held.poses);
         let is_old = self.is_left(body);
         // What is a millionth of the body away is the same pose, to rounding.
@@ -273,7 +251,7 @@ impl Found {
         match &self.answer.result {
             Ok(Solved { largest_m, rms_m, .. }) => {
                 let [largest, rms] = [largest_m, rms_m].map(|m| quantity(*m, "m"));
-                let found = format!("{}, found in {:.1} s", title(law), self.answer.seconds);
+                let found = format!("{}, found in {:.1} s", law.title, self.answer.seconds);
                 let off = format!("the model {model} {was} off by {largest} at most, {rms} RMS");
                 vec![
                     vec![(format!("{name}: static equilibrium {of}"), tone)],
@@ -282,7 +260,7 @@ impl Found {
                 ]
             }
             Err(why) => vec![vec![
-                (format!("{name}: no static equilibrium {of} found, {}: ", title(law)), Tone::Bad),
+                (format!("{name}: no static equilibrium {of} found, {}: ", law.title), Tone::Bad),
                 (why.clone(), Tone::Quiet),
             ]],
         }
@@ -291,15 +269,6 @@ impl Found {
 
 fn told(head: Tone) -> Tone {
     if head == Tone::Quiet { Tone::Quiet } else { Tone::Plain }
-}
-
-/// The law's name in books.
-fn title(law: &Law) -> &'static str {
-    match law.name {
-        "stvk" => "St. Venant–Kirchhoff",
-        "neo_hookean" => "neo-Hookean",
-        _ => law.name,
-    }
 }
 
 /// In what the body is held now.

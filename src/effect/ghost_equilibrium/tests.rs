@@ -1,11 +1,11 @@
 //! The ghost against the body that it is drawn over, and against what else solves the pose.
 
 use super::*;
-use crate::deform::{Statics, find_model, legs};
-use crate::effect::{attach, find_effect, requirements};
+use crate::deform::{Statics, legs};
+use crate::effect::{Resolved, attach};
+use crate::fem::LAWS;
 use crate::green::{self, GreenFile};
 use crate::render::Drawable;
-use crate::scene::Scene;
 use crate::solve::Silent;
 use crate::stage::Stage;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -18,7 +18,7 @@ pub(in crate::effect) const BAR: [f64; 2] = [4.0, 1.0];
 pub(in crate::effect) const YOUNG: f64 = 1.0e3;
 
 /// A bar along x, held at both end faces, with these effects; its scene, its file and a world.
-pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Scene, Arc<GreenFile>, World) {
+pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Resolved, Arc<GreenFile>, World) {
     let [length, side] = BAR;
     let text = format!(
         "[body.bar]\n\
@@ -29,20 +29,19 @@ pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Scene, Arc<Gree
          control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
          control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
     );
-    let scene = Scene::parse(&text, Path::new("bar.toml")).unwrap();
-    let listed = effects.iter().map(|name| find_effect(name).unwrap());
-    let required = requirements(find_model(model).unwrap(), listed);
+    let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
+    let required = scene.requirements("bar").unwrap();
     let folder = std::env::temp_dir().join(format!("greenstage-{name}-{}", std::process::id()));
     let path = folder.join("bar.green");
     green::write(&path, &[green::precompute(&scene, "bar", &required, &Silent).unwrap()]).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
-    let world = World::new(&scene, &file, Stage::find("desktop").unwrap()).unwrap();
+    let world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     (scene, file, world)
 }
 
 /// The bar in a pose, with the picture that is kept of it; and the poses.
-fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Scene, World) {
+fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Resolved, World) {
     let (scene, file, mut world) = bar(name, model, &["ghost_equilibrium"]);
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     world.is_for_pictures = true;
@@ -116,8 +115,10 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
 #[test]
 fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
     let pose = ControlPose { translation: Vector3::new(0.6, 0.0, 0.0), matrix: Matrix3::identity() };
-    let (mut scene, file, mut world) = bar("ghost-law", "rotation", &[NAME]);
-    scene.body["bar"].effect.insert(NAME.into(), "law = \"neo_hookean\"".parse().unwrap());
+    let (scene, file, mut world) = bar("ghost-law", "rotation", &[NAME]);
+    let mut asking = Scene::clone(&scene);
+    asking.body["bar"].effect.insert(NAME.into(), "law = \"neo_hookean\"".parse().unwrap());
+    let scene = Resolved::of(asking).unwrap();
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let poses = vec![ControlPose::REST, pose];
     world.bodies[0].deformer.evaluate(&poses);

@@ -11,7 +11,7 @@ use super::simulated::{Hand, Reports};
 use super::tick::Control;
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{ControlPose, Deformer, ModelEntry};
+use crate::deform::{ControlPose, Deformer, ModelEntry, PLATE};
 use crate::green::{self, GreenFile, Requirements};
 use crate::scene::Scene;
 use crate::stage::Haptic;
@@ -25,19 +25,18 @@ const LENGTH_M: f64 = 0.3;
 /// Its section, m, and cells: a tenth as wide as it is long; for the model of thin bodies, which refuses that, a leaf that is
 /// bent out of its plane.
 const BEAM: ([f64; 2], [u32; 3]) = ([0.03, 0.03], [2, 2, 12]);
-const THIN: &str = "plate";
 const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [1, 6, 30]);
 
 /// By how much its end is bent, °.
 pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// The beam as a session has it, of Young's modulus `young`, Pa.
-pub fn beam(model: &ModelEntry, young: f64) -> Result<Deformer, Failure> {
-    of_section(model, young, if model.name == THIN { LEAF } else { BEAM })
+pub fn beam(model: &'static ModelEntry, young: f64) -> Result<Deformer, Failure> {
+    of_section(model, young, if *model == PLATE { LEAF } else { BEAM })
 }
 
 fn of_section(
-    model: &ModelEntry,
+    model: &'static ModelEntry,
     young: f64,
     ([thick, wide], cells): ([f64; 2], [u32; 3]),
 ) -> Result<Deformer, Failure> {
@@ -58,7 +57,7 @@ fn of_section(
     let path = folder.path().join("bent.green");
     green::write(&path, &[made]).map_err(Failure::work)?;
     let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-    Deformer::of_model(file, "beam", model).map_err(Failure::wrong)
+    Deformer::new(file, "beam", model).map_err(Failure::wrong)
 }
 
 /// Lets go of the end, bent by `degrees` along a circular arc.

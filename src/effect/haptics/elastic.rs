@@ -5,8 +5,8 @@
 //! allocated after [`Elastic::new`].
 
 use crate::deform::{
-    ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, MODELS, ModelInput,
-    PoseCurvature, PoseSlope, find_model,
+    ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, MODELS, ModelEntry,
+    ModelInput, PoseCurvature, PoseSlope,
 };
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
@@ -69,12 +69,12 @@ impl Elastic {
 
     /// A body of these tables alone, without a surface.
     pub fn of_tables(
-        model: &str,
+        model: &ModelEntry,
         controls: &[ControlRest],
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
     ) -> Result<Elastic, String> {
-        let Kind::Online(make) = find_model(model)?.kind else {
-            return Err(format!("the model \"{model}\" is not made from tables"));
+        let Kind::Online(make) = model.kind else {
+            return Err(format!("the model \"{}\" is not made from tables", model.name));
         };
         let none = |_| Vec::new();
         let input =

@@ -93,13 +93,11 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force and torque on every control element, by the strain energy of the body's model; felt with a device of the stage",
     requirements: &[STIFFNESS],
     needs_energy: true,
-    needs_inside: false,
-    check_settings: None,
-    precompute: None,
     attach: Some(show_forces),
     start: Some(|listed, world| {
         Ok(HapticSession::start(listed, world)?.map(|session| Box::new(session) as Box<dyn RunningEffect>))
     }),
+    ..EffectEntry::NOTHING
 };
 
 /// The arrow of the force at what a hand holds.

@@ -10,7 +10,7 @@ use super::grasp::{Grasp, Held, HoldConstraint};
 use super::loop_state::Measures;
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, RAMP_S};
-use crate::deform::{ControlPose, ControlRest};
+use crate::deform::{ControlPose, ControlRest, LINEAR};
 use crate::green::{FIELDS, STIFFNESS};
 use crate::stage::Haptic;
 use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Vector3};
@@ -140,9 +140,8 @@ pub fn boundary(haptic: &Haptic, hand: Hand, measures: Measures) -> Option<f64> 
 pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)> {
     let matrix = DMatrix::from_fn(FIELDS, FIELDS, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
     let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
-    let body =
-        Elastic::of_tables("linear", &[rest], &|name| (name == STIFFNESS.name).then(|| matrix.clone()))
-            .ok()?;
+    let body = Elastic::of_tables(&LINEAR, &[rest], &|name| (name == STIFFNESS.name).then(|| matrix.clone()))
+        .ok()?;
     let control = Control::new(haptic.clone(), vec![body], 0.0);
     let held = Held {
         grip: 1,

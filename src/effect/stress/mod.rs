@@ -20,11 +20,9 @@ use super::entry::EffectEntry;
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: NAME,
     summary: "colours by von Mises stress, largest strain or displacement, with a legend; says where a limit is passed",
-    requirements: &[],
-    needs_energy: false,
     needs_inside: true,
-    check_settings: None,
+    shows_stress: true,
     precompute: Some(stressed_body::section),
     attach: Some(shown::attach),
-    start: None,
+    ..EffectEntry::NOTHING
 };

@@ -1,7 +1,8 @@
 //! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
 
 use super::loaded_faces::LoadedFaces;
-use crate::deform::{ModelEntry, SurfaceParts, SurfaceStress, find_model};
+use crate::deform::{ModelEntry, SurfaceParts, SurfaceStress};
+use crate::effect::entry::Resolved;
 use crate::fem::Lame;
 use crate::green::{self, GreenError, GreenFile, Precomputed, Tensor};
 use crate::mesh::{Surface, TetMesh};
@@ -18,7 +19,7 @@ const TENSOR: &str = "material";
 const MOST: usize = 256;
 
 pub(super) fn section(
-    scene: &Scene,
+    scene: &Resolved,
     body: &mut Precomputed,
     _: &dyn Progress,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
@@ -58,8 +59,8 @@ pub struct StressedBody {
 
 impl StressedBody {
     /// Of a body in a .green file, whose model moves the surface. Errors where the section is damaged.
-    pub fn of_file(scene: &Scene, file: &GreenFile, name: &str) -> Result<StressedBody, GreenError> {
-        let body = &scene.body[name];
+    pub fn of_file(scene: &Resolved, file: &GreenFile, name: &str) -> Result<StressedBody, GreenError> {
+        let (body, model) = (&scene.body[name], scene.bodies[name].model);
         let (_, material) = file.section::<u8>(name, NAME, TENSOR)?;
         let triangles = file.triangles(name);
         let count = body.materials().count();
@@ -71,35 +72,35 @@ impl StressedBody {
         let held: Vec<Vec<u32>> =
             body.control.keys().map(|control| file.control(name, control).to_vec()).collect();
         let loads = LoadedFaces::of_file(scene, file, name, NAME)?;
-        Ok(StressedBody::new(body, file.rest(name), triangles, material, &held, loads))
+        Ok(StressedBody::new((body, model), file.rest(name), triangles, material, &held, loads))
     }
 
     /// Of a mesh that is solved anew; its surface is [`Surface::of`] it, `held` are nodes of the mesh.
     pub fn of_mesh(
-        scene: &Scene,
+        scene: &Resolved,
         name: &str,
         mesh: &TetMesh,
         held: &[&[u32]],
     ) -> Result<(Surface, StressedBody), GreenError> {
-        let surface = Surface::of(mesh);
+        let (surface, of_body) = (Surface::of(mesh), (&scene.body[name], scene.bodies[name].model));
         let material = of_triangles(scene, name, mesh)?;
         let on_surface = |nodes: &&[u32]| -> Vec<u32> {
             nodes.iter().filter_map(|node| Some(surface.nodes.binary_search(node).ok()? as u32)).collect()
         };
         let held: Vec<Vec<u32>> = held.iter().map(on_surface).collect();
         let Some(first) = surface.nodes.first().map(|&node| mesh.nodes[node as usize]) else {
-            let none = StressedBody::new(&scene.body[name], &[], &[], &[], &[], LoadedFaces::default());
+            let none = StressedBody::new(of_body, &[], &[], &[], &[], LoadedFaces::default());
             return Ok((surface, none));
         };
         let about = |&node: &u32| (mesh.nodes[node as usize] - first).cast::<f32>().into();
         let rest: Vec<[f32; 3]> = surface.nodes.iter().map(about).collect();
         let loads = LoadedFaces::of_mesh(scene, name, mesh)?;
-        let body = StressedBody::new(&scene.body[name], &rest, &surface.triangles, &material, &held, loads);
+        let body = StressedBody::new(of_body, &rest, &surface.triangles, &material, &held, loads);
         Ok((surface, body))
     }
 
     fn new(
-        body: &Body,
+        (body, model): (&Body, &ModelEntry),
         rest: &[[f32; 3]],
         triangles: &[[u32; 3]],
         material: &[u8],
@@ -107,11 +108,8 @@ impl StressedBody {
         loads: LoadedFaces,
     ) -> StressedBody {
         let lame: Vec<Lame> = body.materials().map(Material::lame).collect();
-        // A model that is not known was refused before.
-        let model = find_model(&body.model).ok();
-        let law = model.map_or(crate::fem::hooke_at_free_face as _, ModelEntry::free_face);
-        let is_of_small_strain = model.is_some_and(ModelEntry::is_of_small_strain);
-        let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law };
+        let is_of_small_strain = model.is_of_small_strain();
+        let parts = SurfaceParts { rest, triangles, material, lame: &lame, held, law: model.free_face() };
         let limits = body.materials().map(|material| material.limit).collect();
         let is_edge = edges(rest.len(), triangles, held, body.element.order);
         StressedBody { surface: SurfaceStress::new(&parts), limits, is_edge, is_of_small_strain, loads }

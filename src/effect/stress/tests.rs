@@ -3,13 +3,13 @@
 use super::reached::written;
 use super::stressed_body::StressedBody;
 use crate::base::legend::Legend;
-use crate::deform::{AppliedLoads, ControlPose, Deformer, find_model};
+use crate::deform::{AppliedLoads, ControlPose, Deformer, LINEAR};
 use crate::effect::RunningEffect;
-use crate::effect::{EFFECTS, add_sections, attach, find_effect, requirements};
+use crate::effect::{EFFECTS, Resolved, add_sections, attach};
 use crate::fem::NodeFields;
-use crate::green::{self, GreenFile, LOADS, Precomputed, Requirements, Tensor};
+use crate::green::{self, GreenFile, Precomputed, Tensor};
 use crate::render::Drawable;
-use crate::scene::{Limit, Scene};
+use crate::scene::Limit;
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::TrackerState;
@@ -23,12 +23,12 @@ const OUTER: f64 = 1.0;
 const YOUNG: f64 = 1e9;
 const PRESSURE: f64 = 1e3;
 
-fn scene(text: &str) -> Scene {
-    Scene::parse(text, Path::new("test.toml")).unwrap()
+fn scene(text: &str) -> Resolved {
+    Resolved::parse(text, Path::new("test.toml")).unwrap()
 }
 
 /// A tube whose inner wall moves as pressure moves it, ends free.
-fn tube(size: u32, element: &str, poisson: f64) -> Scene {
+fn tube(size: u32, element: &str, poisson: f64) -> Resolved {
     scene(&format!(
         "[body.b]\ngenerate = {{ tube = {{ inner_radius = {INNER}, outer_radius = {OUTER}, length = 1.0, radial = {size}, \
          around = {}, along = {}, control_length = 0.1 }} }}\nelement = \"{element}\"\n\
@@ -39,15 +39,10 @@ fn tube(size: u32, element: &str, poisson: f64) -> Scene {
     ))
 }
 
-fn written_file(scene: &Scene, folder: &Path) -> (Precomputed, Arc<GreenFile>) {
-    let body = &scene.body["b"];
-    let effects = || body.effects.iter().map(|name| find_effect(name).unwrap());
-    let mut required = requirements(find_model(&body.model).unwrap(), effects());
-    if !body.loads().is_empty() {
-        required = required.and(Requirements::of(&[LOADS]));
-    }
+fn written_file(scene: &Resolved, folder: &Path) -> (Precomputed, Arc<GreenFile>) {
+    let required = scene.requirements("b").unwrap();
     let mut made = green::precompute(scene, "b", &required, &Silent).unwrap();
-    add_sections(scene, effects(), &mut made, &Silent).unwrap();
+    add_sections(scene, &mut made, &Silent).unwrap();
     let path = folder.join("b.green");
     green::write(&path, std::slice::from_ref(&made)).unwrap();
     (made, Arc::new(GreenFile::open(&path).unwrap()))
@@ -66,7 +61,7 @@ fn errors(size: u32, element: &str, poisson: f64) -> [f64; 2] {
     let moved = Vector3::new(along, radial, radial);
     let matrix = Matrix3::from_diagonal(&moved.add_scalar(1.0));
     let pose = ControlPose { matrix, ..ControlPose::REST };
-    let mut deformer = Deformer::new(file.clone(), "b", "linear").unwrap();
+    let mut deformer = Deformer::new(file.clone(), "b", &LINEAR).unwrap();
     deformer.evaluate(&[pose]);
     let stressed = StressedBody::of_file(&scene, &file, "b").unwrap();
     let found = stressed.of(&deformer);
@@ -124,13 +119,13 @@ fn a_pressed_tube_that_was_solved_has_the_stress_of_lame() {
 
 /// Of the deformed body under these loads, at every node of the surface that `is_meant`: the largest and least von Mises stress.
 fn extremes(
-    scene: &Scene,
+    scene: &Resolved,
     coefficients: &[f64],
     folder: &Path,
     is_meant: impl Fn(&Vector3<f64>) -> bool,
 ) -> [f64; 2] {
     let (made, file) = written_file(scene, folder);
-    let mut deformer = Deformer::new(file.clone(), "b", "linear").unwrap();
+    let mut deformer = Deformer::new(file.clone(), "b", &LINEAR).unwrap();
     deformer.apply(&AppliedLoads { coefficients: coefficients.to_vec(), points: Vec::new() });
     deformer.evaluate(&[ControlPose::REST]);
     let found = StressedBody::of_file(scene, &file, "b").unwrap().of(&deformer);
@@ -202,7 +197,7 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     let scene = scene(BAR);
     let folder = tempfile::tempdir().unwrap();
     let (_, file) = written_file(&scene, folder.path());
-    let mut world = World::new(&scene, &file, Stage::find("desktop").unwrap()).unwrap();
+    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };
     world.show_by(effect.as_mut());
@@ -255,7 +250,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     let scene = scene(&BAR.replace(", limit = { stress = 1.0e6 }", ""));
     let folder = tempfile::tempdir().unwrap();
     let (_, file) = written_file(&scene, folder.path());
-    let mut world = World::new(&scene, &file, Stage::find("desktop").unwrap()).unwrap();
+    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };
     let rest = world.bodies[0].deformer.poses.clone();

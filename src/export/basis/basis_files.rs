@@ -6,8 +6,7 @@ use super::{gltf, inventor, vtu};
 use crate::base::failure::Failure;
 use crate::export::free_poses;
 use crate::green::{AFFINE, GreenFile, column_names_of, is_numbered};
-use crate::prepare;
-use crate::scene::Scene;
+use crate::prepare::Resolved;
 use std::sync::Arc;
 
 /// All of them; a new one is one file and one line here.
@@ -15,10 +14,10 @@ pub const BASIS_FILES: &[BasisFile] = &[inventor::FILE, gltf::FILE, vtu::FILE];
 
 /// Refuses columns that no such body has, and a body whose model sums none, even where its effects need some, before anything
 /// is solved for it.
-pub fn refuse(scene: &Scene, name: &str, columns: &[String]) -> Result<(), Failure> {
+pub fn refuse(scene: &Resolved, name: &str, columns: &[String]) -> Result<(), Failure> {
     let body = &scene.body[name];
     check_chosen(columns.iter().filter(|column| !is_numbered(column)), &column_names_of(body))?;
-    if prepare::law(scene, name, body)?.is_none() && prepare::requirements(scene, name, body)?.has(AFFINE) {
+    if scene.law(name)?.is_none() && scene.requirements(name)?.has(AFFINE) {
         return Ok(());
     }
     let message = format!(
@@ -32,7 +31,7 @@ pub fn refuse(scene: &Scene, name: &str, columns: &[String]) -> Result<(), Failu
 
 /// The bodies called `names`, from the file; the error says which of them is no sum of columns.
 pub fn read(
-    scene: &Scene,
+    scene: &Resolved,
     file: &Arc<GreenFile>,
     names: &[&str],
     choice: Choice<'_>,

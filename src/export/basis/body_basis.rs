@@ -9,9 +9,10 @@
 
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
-use crate::deform::{ControlRest, Deformer, ModelEntry, find_model};
+use crate::deform::{ControlRest, Deformer, ModelEntry};
 use crate::export::asked::{Asked, lead};
 use crate::green::{ColumnName, ColumnSource, ControlMeta, GreenFile};
+use crate::prepare::Resolved;
 use crate::scene::{Grab, Scene};
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
@@ -74,16 +75,15 @@ pub struct Choice<'a> {
 impl BodyBasis {
     /// Reads a body; the error says why it cannot be written as a sum.
     pub fn read(
-        scene: &Scene,
+        scene: &Resolved,
         file: &Arc<GreenFile>,
         name: &str,
         choice: Choice<'_>,
     ) -> Result<BodyBasis, Failure> {
         let wrong = |message: String| Failure::request(scene.invalid(&format!("body.{name}"), message));
-        let settings = &scene.body[name];
-        let model = find_model(&settings.model).map_err(wrong)?;
+        let model = scene.bodies[name].model;
         let names = file.column_names(name);
-        let deformer = Deformer::new(file.clone(), name, &settings.model).map_err(Failure::wrong)?;
+        let deformer = Deformer::new(file.clone(), name, model).map_err(Failure::wrong)?;
         let (nodes, groups) = (deformer.node_count(), file.groups(name));
         let places =
             groups.iter().flat_map(|group| (0..group.columns(nodes).unwrap_or(0)).map(move |k| (group, k)));

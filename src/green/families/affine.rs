@@ -3,8 +3,8 @@
 //! In: the solved fields. Out: `basis/NAME` (12 × nodes × 3), and `scale/NAME` (12) where they are stored scaled. From the
 //! paper's "Elastic deformation using control elements".
 
-use super::super::control::FIELDS;
-use super::super::family::FamilyEntry;
+use super::super::control::{FIELD_NAMES, FIELDS};
+use super::super::family::{ColumnName, ColumnSource, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
 use super::super::numbers::numbers;
 use super::super::requirements::Family;
@@ -26,6 +26,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups,
     fixed_bytes: |_| 0,
+    is_derived: true,
+    column_names: Some(|meta| column_names(meta.controls.iter().map(|control| control.name.as_str()))),
 };
 
 fn names(control: &str) -> Names {
@@ -63,6 +65,18 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
         numbers(&errors, control.storage_errors.iter().copied(), f64::MAX)?;
     }
     Ok(())
+}
+
+/// Names of the columns of these control elements.
+pub fn column_names<'a>(controls: impl Iterator<Item = &'a str>) -> Vec<ColumnName> {
+    let of = |(e, name): (usize, &'a str)| {
+        FIELD_NAMES.into_iter().enumerate().map(move |(k, field)| ColumnName {
+            name: format!("{name}.{field}"),
+            unit: if k < 3 { "m" } else { "1" }.into(),
+            source: ColumnSource::Field { control: e, field: k },
+        })
+    };
+    controls.enumerate().flat_map(of).collect()
 }
 
 /// A group for each control element.

@@ -27,6 +27,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     fixed_bytes: |control_elements| 8 * numbers_of(control_elements),
+    is_derived: false,
+    column_names: None,
 };
 
 /// θ_pqr with p ≤ q ≤ r.

@@ -12,7 +12,7 @@
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
-use super::super::family::{Assembled, FamilyEntry};
+use super::super::family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::numbers::numbers;
 use super::super::prepare::materials_of_tets;
@@ -51,7 +51,20 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |file, body| vec![columns::group(file, body, &names())],
     fixed_bytes: |_| 0,
+    is_derived: true,
+    column_names: Some(|meta| column_names(&meta.loads)),
 };
+
+/// Names of the columns of these loads.
+pub fn column_names(loads: &[LoadMeta]) -> Vec<ColumnName> {
+    let named =
+        |name: String, unit: &str| ColumnName { name, unit: unit.to_owned(), source: ColumnSource::Load };
+    let of = |load: &LoadMeta| match load.columns {
+        3 => ["x", "y", "z"].map(|axis| named(format!("{}.{axis}", load.name), &load.unit)).to_vec(),
+        _ => vec![named(load.name.clone(), &load.unit)],
+    };
+    loads.iter().flat_map(of).collect()
+}
 
 fn names() -> Names {
     Names { basis: "loads/basis".into(), scale: "loads/scale".into() }

@@ -22,13 +22,13 @@ mod volume;
 mod yielding;
 
 pub use affine::AFFINE;
-pub(super) use affine::tensors_of as affine_tensors;
+pub(super) use affine::{column_names as names_of_fields, tensors_of as affine_tensors};
 pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
 pub use cubic::CUBIC;
 pub use kept_factor::KEPT_FACTOR;
-pub(super) use loads::load_tensors;
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
+pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};

@@ -43,6 +43,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     fixed_bytes: |_| 8 * (MOST_FIELDS * MONOMIALS + COORDINATES * COORDINATES),
+    is_derived: false,
+    column_names: None,
 };
 
 /// Of the relative motion of two elements.

@@ -50,6 +50,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
         let variables = 1 + Lift::of(control_elements).len() + most_fields(control_elements);
         8 * QuarticShape { variables }.len()
     },
+    is_derived: false,
+    column_names: None,
 };
 
 /// Control elements that a body may have: the coefficients grow with the fourth power of their number. At four there are

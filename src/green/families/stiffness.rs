@@ -27,6 +27,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     fixed_bytes: |control_elements| 8 * (FIELDS * control_elements).pow(2),
+    is_derived: true,
+    column_names: None,
 };
 
 /// S is symmetric to this part of its largest entry.

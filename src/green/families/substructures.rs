@@ -29,6 +29,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     groups: |_, _| Vec::new(),
     // Eight parts in a row: six inside with 6 coordinates, the two at the ends with 12.
     fixed_bytes: |_| 8 * (6 * (36 + 6 * 21 + 21 * 21) + 2 * (144 + 12 * 78 + 21 * 21)),
+    is_derived: false,
+    column_names: None,
 };
 
 fn suits(place: &str, body: &scene::Body, _: &Prepared) -> Result<(), GreenError> {

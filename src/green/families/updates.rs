@@ -36,6 +36,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     fixed_bytes: |_| 0,
+    is_derived: true,
+    column_names: None,
 };
 
 /// Fields that are solved at a time.

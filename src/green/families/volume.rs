@@ -29,6 +29,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups: |_, _| Vec::new(),
     fixed_bytes: |_| 0,
+    is_derived: false,
+    column_names: None,
 };
 
 /// Nodes, m: 3 × N.

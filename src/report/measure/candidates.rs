@@ -79,7 +79,7 @@ impl Meshes {
 
 /// The scene with another refinement, element and solver for its body.
 pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, solver: Solver) -> Scene {
-    let mut scene = request.scene.clone();
+    let mut scene = Scene::clone(request.scene);
     let body = &mut scene.body[request.body];
     (body.refine, body.element, body.solver) =
         (request.scene.body[request.body].refine + refine, element, solver);

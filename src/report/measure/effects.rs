@@ -1,11 +1,10 @@
 //! Measures what each effect costs: the body with the effect less the body without it. For an effect that the scene does
 //! not list both are without it, so its cost is 0.
 
-use crate::deform::{ControlPoses, Deformer};
-use crate::effect::{EFFECTS, add_sections, find_effect};
+use crate::deform::{ControlPoses, Deformer, ModelEntry};
+use crate::effect::{EFFECTS, EffectEntry, Resolved, add_sections};
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::report::data::EffectCost;
-use crate::scene::Scene;
 use crate::solve::Silent;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,26 +12,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub fn measure(
-    scene: &Scene,
+    scene: &Resolved,
     body: &str,
-    requirements_of: &dyn Fn(&Scene) -> Requirements,
-    model: &str,
+    requirements_of: &dyn Fn(&Resolved) -> Requirements,
+    model: &'static ModelEntry,
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<Vec<EffectCost>, GreenError> {
-    let run = |scene: &Scene| run(scene, body, requirements_of(scene), model, poses, folder);
+    let run = |scene: &Resolved| run(scene, body, requirements_of(scene), model, poses, folder);
     // Each effect alone beside none: two may share what they need.
-    let with = |effects: &[&str]| {
-        let mut scene = scene.clone();
-        scene.body[body].effects = effects.iter().map(|name| (*name).to_owned()).collect();
-        run(&scene)
-    };
-    let without = with(&[])?;
+    let with = |only: Option<&EffectEntry>| run(&scene.with_effects(body, |effect| Some(effect) == only));
+    let without = with(None)?;
     EFFECTS
         .iter()
         .map(|effect| {
-            let listed = scene.body[body].effects.iter().any(|name| name == effect.name);
-            let found = if listed { with(&[effect.name])? } else { without };
+            let listed = scene.bodies[body].lists(effect);
+            let found = if listed { with(Some(effect))? } else { without };
             let [offline_s, file_bytes, memory_bytes, frame_s] =
                 std::array::from_fn(|cost| (found[cost] - without[cost]).max(0.0));
             Ok(EffectCost {
@@ -50,10 +45,10 @@ pub fn measure(
 /// Costs of one body with the effects that a scene lists: time of the effects' own offline step, s; size of the file,
 /// bytes; memory, bytes, and time in the frame, s.
 fn run(
-    scene: &Scene,
+    scene: &Resolved,
     body: &str,
     requirements: Requirements,
-    model: &str,
+    model: &'static ModelEntry,
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<[f64; 4], GreenError> {
@@ -69,12 +64,7 @@ fn run(
         sections: BTreeMap::new(),
     };
     let started = Instant::now();
-    add_sections(
-        scene,
-        scene.body[body].effects.iter().filter_map(|name| find_effect(name).ok()),
-        &mut precomputed,
-        &Silent,
-    )?;
+    add_sections(scene, &mut precomputed, &Silent)?;
     let offline_s = stiffness_s + started.elapsed().as_secs_f64();
     let path = folder.join("effects.green");
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;

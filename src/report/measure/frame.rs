@@ -25,8 +25,12 @@ pub struct TimedDeformer {
 
 impl TimedDeformer {
     /// Errors name what the file or the model lacks.
-    pub fn new(file: &Arc<GreenFile>, body: &str, model: &ModelEntry) -> Result<TimedDeformer, String> {
-        let deformer = Deformer::of_model(file.clone(), body, model)?;
+    pub fn new(
+        file: &Arc<GreenFile>,
+        body: &str,
+        model: &'static ModelEntry,
+    ) -> Result<TimedDeformer, String> {
+        let deformer = Deformer::new(file.clone(), body, model)?;
         Ok(TimedDeformer { deformer, all_s: Default::default(), one_s: Default::default(), columns_read: 0 })
     }
 

@@ -22,10 +22,10 @@ use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 /// What the code of the frame does not know apart: settings that differ in the solver alone.
-type FrameKey = (u32, String, String, String);
+type FrameKey = (u32, String, String, &'static ModelEntry);
 
 fn frame_key(setting: &Setting) -> FrameKey {
-    (setting.refine, setting.element.clone(), setting.storage.clone(), setting.model.clone())
+    (setting.refine, setting.element.clone(), setting.storage.clone(), setting.model)
 }
 
 /// All settings with their errors and costs, and how far the times can be relied on. Settings that differ in the solver alone
@@ -146,11 +146,11 @@ struct Judged {
 fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
     let is_of = |c: &Candidate| {
         (c.refine, c.element.name, c.solver) == (setting.refine, setting.element.as_str(), setting.solver)
-            && c.models.iter().any(|model| model.name == setting.model)
+            && c.models.contains(&setting.model)
     };
     // The scene's own, where it is none of them, comes last.
     let storage = Storage::ALL.iter().take_while(|storage| storage.name() != setting.storage).count();
-    let model = MODELS.iter().position(|model| model.name == setting.model);
+    let model = MODELS.iter().position(|model| model == setting.model);
     [candidates.iter().position(is_of), Some(storage), model].map(Option::unwrap_or_default)
 }
 
@@ -158,7 +158,7 @@ fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
 fn row(
     request: &Request<'_>,
     candidate: &Candidate,
-    model: &ModelEntry,
+    model: &'static ModelEntry,
     storage: Storage,
     error: Errors,
     files: &mut Files,
@@ -171,7 +171,7 @@ fn row(
             element: candidate.element.name.into(),
             solver: candidate.solver,
             storage: storage.name(),
-            model: model.name.into(),
+            model,
         },
         mesh_nodes: candidate.solution.mesh.nodes.len(),
         surface_nodes: candidate.solution.surface.nodes.len(),
@@ -187,7 +187,7 @@ fn row(
 fn written(
     request: &Request<'_>,
     candidate: &Candidate,
-    model: &ModelEntry,
+    model: &'static ModelEntry,
     storage: Storage,
     files: &mut Files,
 ) -> Result<(Arc<GreenFile>, Cost), MeasureError> {

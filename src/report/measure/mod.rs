@@ -46,7 +46,7 @@ pub use request::{Limits, MeasureError, Request, TimeLimit};
 use super::data::{Measurement, ModelError, Report, SCHEMA, Setting, Timing};
 use super::headline::shown_of;
 use crate::base::machine;
-use crate::deform::{ControlPoses, Kind, find_model};
+use crate::deform::{ControlPoses, LINEAR};
 use crate::fem::Element;
 use crate::mesh::TetMesh;
 use crate::solve::{Progress, Solver};
@@ -163,10 +163,8 @@ pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report,
     };
     let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, &course)?;
     let effects = course.step_as_json(names::EFFECTS, |_| {
-        let body = &request.scene.body[request.body];
-        let is_online =
-            |name: &str| find_model(name).is_ok_and(|model| matches!(model.kind, Kind::Online(_)));
-        let model = if is_online(&body.model) { &body.model } else { "linear" };
+        let model = request.scene.bodies[request.body].model;
+        let model = if model.law().is_some() { &LINEAR } else { model };
         let (of, poses) = (request.requirements_of, &measured.poses[0].1);
         Ok(effects::measure(request.scene, request.body, of, model, poses, request.scratch)?)
     })?;
@@ -219,7 +217,7 @@ fn own_setting(request: &Request<'_>) -> Setting {
             Solver { method, tolerance, ..Solver::default() }
         },
         storage: body.storage.name(),
-        model: body.model.clone(),
+        model: request.scene.bodies[request.body].model,
     }
 }
 

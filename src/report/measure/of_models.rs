@@ -3,7 +3,7 @@
 //! In: the list of models. Out: those of the .green file ([`online`]), those among them that are made from what every
 //! candidate has ([`is_common`]), and what they need.
 
-use crate::deform::{Kind, MODELS, ModelEntry};
+use crate::deform::{MODELS, ModelEntry};
 use crate::green::{AFFINE, CUBIC, Family, Requirements, STIFFNESS};
 
 /// What every candidate has.
@@ -19,7 +19,7 @@ pub fn families(models: &[&ModelEntry]) -> Requirements {
 
 /// The models that are evaluated in every frame.
 pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
-    MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_)))
+    MODELS.iter().filter(|model| model.law().is_none())
 }
 
 /// Whether it is made from what every candidate has.

@@ -1,9 +1,10 @@
 //! What is to be measured, and the errors of measuring.
 
 use crate::deform::{ControlPoses, ModelEntry, StaticsError};
+use crate::effect::Resolved;
 use crate::fem::AssemblyError;
 use crate::green::{GreenError, Requirements};
-use crate::scene::{Scene, SceneError};
+use crate::scene::SceneError;
 use crate::verify::ProblemError;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,7 +43,7 @@ impl TimeLimit {
 
 /// What is to be measured, and in which poses.
 pub struct Request<'a> {
-    pub scene: &'a Scene,
+    pub scene: &'a Resolved,
     pub body: &'a str,
     /// By name, one pose for each control element in the scene's order.
     pub poses: &'a [(String, ControlPoses)],
@@ -54,7 +55,7 @@ pub struct Request<'a> {
     /// Whether each file is packed too, which takes long.
     pub packs: bool,
     /// What the body's model and effects need.
-    pub requirements_of: &'a dyn Fn(&Scene) -> Requirements,
+    pub requirements_of: &'a dyn Fn(&Resolved) -> Requirements,
     /// The command that measures this again.
     pub command: String,
     /// A folder for temporary files.
@@ -68,9 +69,8 @@ pub struct Request<'a> {
 impl Request<'_> {
     /// What the .green file of the body holds with this model and the scene's effects. Sections of effects are no part of what
     /// is compared here.
-    pub fn requirements(&self, model: &ModelEntry) -> Requirements {
-        let mut scene = self.scene.clone();
-        model.name.clone_into(&mut scene.body[self.body].model);
+    pub fn requirements(&self, model: &'static ModelEntry) -> Requirements {
+        let scene = self.scene.with_model(self.body, model);
         let requirements = (self.requirements_of)(&scene).without_sections();
         requirements.and(Requirements::of(model.requirements))
     }

@@ -5,7 +5,7 @@ use super::candidates::Meshes;
 use super::fields::stored;
 use super::pose_errors::Compared;
 use super::reference::References;
-use crate::deform::{ModelEntry, find_model};
+use crate::deform::ModelEntry;
 use crate::mesh::Surface;
 use crate::report::data::{Measurement, Setting, Shapes};
 use crate::scene::Storage;
@@ -60,11 +60,11 @@ struct Drawn<'a> {
 
 impl<'a> Drawn<'a> {
     fn new(candidates: &'a [Candidate], setting: &Setting) -> Option<Drawn<'a>> {
-        let model = find_model(&setting.model).ok()?;
+        let model = setting.model;
         let storage = Storage::named(&setting.storage)?;
         let is_own = |of: &&Candidate| {
             (of.refine, of.element.name, of.solver) == (setting.refine, &setting.element, setting.solver)
-                && of.models.iter().any(|own| own.name == model.name)
+                && of.models.iter().any(|own| *own == model)
         };
         let candidate = candidates.iter().find(is_own)?;
         Some(Drawn { candidate, model, rounded: stored(&candidate.solution, storage) })

@@ -11,9 +11,7 @@ use super::names;
 use super::of_models::{families, online};
 use super::reference::{MOST_POISSON, References, softened};
 use super::request::{MeasureError, Request};
-use crate::deform::{
-    Deformer, Kind, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, trials,
-};
+use crate::deform::{Deformer, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, trials};
 use crate::effect::expected::mesh::softest_turn;
 use crate::fem::{STVK, TET4};
 use crate::green::{self, GreenFile, Precomputed, Solution};
@@ -118,7 +116,7 @@ fn moved(request: &Request<'_>, statics: &Statics) -> Option<Moved> {
 
 fn about(request: &Request<'_>, scene: &Scene, statics: &Statics, moved: &Moved) -> Vec<String> {
     let (element, name) = (scene.body[request.body].element.name, &statics.controls[moved.element].name);
-    let laws = MODELS.iter().filter(|model| matches!(model.kind, Kind::Background(_)));
+    let laws = MODELS.iter().filter(|model| model.law().is_some());
     let laws: Vec<&str> = laws.map(|model| model.name).collect();
     let soft = if element_softened(request, scene) {
         format!(
@@ -175,7 +173,7 @@ fn equilibria(
 /// The body as a session would have it, with the energy of the model; the inner error says why it does not suit the model.
 fn deformer(
     request: &Request<'_>,
-    model: &ModelEntry,
+    model: &'static ModelEntry,
     solution: &Solution,
 ) -> Result<Result<Deformer, String>, MeasureError> {
     let path = request.scratch.join(format!("trial-{}.green", model.name));
@@ -189,7 +187,7 @@ fn deformer(
         sections: BTreeMap::new(),
     };
     green::write(&path, std::slice::from_ref(&made))?;
-    Ok(Deformer::of_model(Arc::new(GreenFile::open(&path)?), request.body, model))
+    Ok(Deformer::new(Arc::new(GreenFile::open(&path)?), request.body, model))
 }
 
 fn row(model: &ModelEntry, trial: &Trial, deformer: &mut Deformer, nodes: &[usize]) -> Option<ModelTrial> {

@@ -10,7 +10,7 @@ fn row(solver: &str, storage: &str, time_us: f64, error: f64) -> Measurement {
             element: "tet4".into(),
             solver: solver.parse().unwrap(),
             storage: storage.into(),
-            model: "linear".into(),
+            model: &crate::deform::LINEAR,
         },
         mesh_nodes: 100,
         surface_nodes: 80,

@@ -3,8 +3,8 @@
 use super::case::{Asked, CaseRow, CaseRows, Must, Outcome, base, largest};
 use crate::base::columns::ColumnGroup;
 use crate::deform::{
-    CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, ModelInput, PoseFault, PoseLimiter,
-    STRETCH, Superposition, find_model,
+    CATCH_UP, ControlPose, ControlPoses, ControlRest, JUMP, Kind, LINEAR, ModelEntry, ModelInput, PoseFault,
+    PoseLimiter, ROTATION, STRETCH, Superposition,
 };
 use crate::fem::nearest_turn;
 use crate::green::{FIELDS, Solution};
@@ -76,14 +76,14 @@ impl Online {
         }
     }
 
-    /// All surface points about the centre, for poses one after the other, by the model `name`; and whether it said that
+    /// All surface points about the centre, for poses one after the other, by a model; and whether it said that
     /// its mean rotation was not defined.
     fn follow(
         &self,
-        name: &str,
+        model: &ModelEntry,
         poses: impl Iterator<Item = ControlPoses>,
     ) -> Vec<(Vec<Vector3<f64>>, bool)> {
-        let Ok(Kind::Online(make)) = find_model(name).map(|entry| &entry.kind) else { return Vec::new() };
+        let Kind::Online(make) = model.kind else { return Vec::new() };
         let none = |_| Vec::new();
         let input = ModelInput {
             controls: &self.controls,
@@ -130,7 +130,7 @@ fn turns() -> CaseRows {
     let body = Online::new(&Asked::new(base()?).solve()?, Vector3::zeros());
     let turn = |frame: usize| Rotation3::from_axis_angle(&Vector3::z_axis(), frame as f64 * STEP);
     let both = (0..=72).map(|frame| vec![body.turned(0, &turn(frame)), body.turned(1, &turn(frame))]);
-    let places = body.follow("rotation", both);
+    let places = body.follow(&ROTATION, both);
     let off = places.iter().zip(0..).map(|((places, _), frame)| {
         let rigid: Vec<Vector3<f64>> = body.rest.iter().map(|x| turn(frame) * x).collect();
         body.apart(places, &rigid)
@@ -146,7 +146,7 @@ fn turns() -> CaseRows {
     // One end turned by 10° moves none of its own points further than this.
     let own = largest(body.rest.iter().map(|x| x.xy().norm())) * 2.0 * (STEP / 2.0).sin();
     let one = (0..=72).map(|frame| vec![ControlPose::REST, body.turned(1, &turn(frame))]);
-    let places = body.follow("rotation", one);
+    let places = body.follow(&ROTATION, one);
     let steps = |undefined: bool| {
         let chosen = places.windows(2).filter(|pair| (pair[0].1 || pair[1].1) == undefined);
         let step = |pair: &[(Vec<Vector3<f64>>, bool)]| {
@@ -244,7 +244,7 @@ fn far_away() -> CaseRows {
             translation: spin * body.controls[e].origin,
             matrix: Matrix3::identity() + spin,
         };
-        let places = body.follow("linear", std::iter::once(vec![pose(0), pose(1)]));
+        let places = body.follow(&LINEAR, std::iter::once(vec![pose(0), pose(1)]));
         let rigid: Vec<Vector3<f64>> = body.rest.iter().map(|x| x + spin * x).collect();
         let error = places.first().map_or(f64::NAN, |(places, _)| body.apart(places, &rigid));
         let must = Must::solve("f32 against the rigid motion", 1e-6);

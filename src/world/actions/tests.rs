@@ -5,8 +5,8 @@ use crate::effect::{self, EFFECTS};
 use crate::green::{self, GreenFile};
 use crate::interact::{Axis, Freedom};
 use crate::prepare;
+use crate::prepare::Resolved;
 use crate::render::Drawable;
-use crate::scene::Scene;
 use crate::stage::Stage;
 use crate::track::{Signal, StylusState, TrackerState};
 use crate::world::Highlight;
@@ -34,12 +34,12 @@ grab = "dragger"
 "#
     );
     let folder = std::env::temp_dir().join(format!("greenstage-desk-{name}-{}", std::process::id()));
-    let scene = Scene::parse(&text, Path::new("scene.toml")).unwrap();
+    let scene = Resolved::parse(&text, Path::new("scene.toml")).unwrap();
     let path = folder.join("scene.green");
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
-    let mut world = World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap();
+    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap();
     effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
     world
 }

@@ -16,12 +16,12 @@ const LOADED: &str = "[body.b]\n\
 
 fn loaded(name: &str) -> World {
     let folder = std::env::temp_dir().join(format!("greenstage-touch-{name}-{}", std::process::id()));
-    let scene = Scene::parse(LOADED, Path::new("scene.toml")).unwrap();
+    let scene = Resolved::parse(LOADED, Path::new("scene.toml")).unwrap();
     let path = folder.join("scene.green");
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
-    World::new(&scene, &file, Stage::find("workbench").unwrap()).unwrap()
+    World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap()
 }
 
 /// A ray from above onto the place (x, y, 0) of the block, shifted by `up` of the block's metres.

@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::effect;
+use crate::effect::Resolved;
 use crate::effect::haptics::grasp::device_from_handle;
 use crate::effect::haptics::thread::running;
 use crate::green;
 use crate::green::GreenFile;
 use crate::interact::{Action, Axis, Freedom};
 use crate::prepare;
-use crate::scene::Scene;
 use crate::session::trackers;
 use crate::stage::{BUILT_IN, rotation_towards};
 use crate::track::device::{DeviceState, Link as Line, Source, now_s};
@@ -29,25 +29,25 @@ use tungstenite::WebSocket;
 static LOOPS: Mutex<()> = Mutex::new(());
 
 /// A block in the workbench, with or without the effect, with or without a device.
-fn session(effects: &str, device: &str) -> (Scene, Arc<GreenFile>, World) {
+fn session(effects: &str, device: &str) -> (Resolved, Arc<GreenFile>, World) {
     let text = format!(
         "[body.block]\ngenerate = {{ block = {{ size = [2.0, 1.0, 1.0], cells = [4, 2, 2] }} }}\n\
          material = {{ young = 100.0, poisson = 0.3 }}\nmodel = \"rotation\"\neffects = [{effects}]\n\
          [body.block.control.fixed]\nnodes = {{ group = \"xmin\" }}\ngrab = \"fixed\"\n\
          [body.block.control.end]\nnodes = {{ group = \"xmax\" }}\ngrab = \"dragger\"\n"
     );
-    let scene = Scene::parse(&text, Path::new("scene.toml")).unwrap();
+    let scene = Resolved::parse(&text, Path::new("scene.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.green");
     green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
     let file = Arc::new(GreenFile::open(&path).unwrap());
     let stage = Stage::parse(&format!("{}\n{device}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
-    let world = World::new(&scene, &file, stage).unwrap();
+    let world = World::new(&scene, &scene.models(), &file, stage).unwrap();
     (scene, file, world)
 }
 
 /// The effect of the block, started.
-fn started(scene: &Scene, file: &GreenFile, world: &World) -> HapticSession {
+fn started(scene: &Resolved, file: &GreenFile, world: &World) -> HapticSession {
     let listed = Listed { scene, file, bodies: vec![(0, "block")] };
     HapticSession::start(&listed, world).unwrap().unwrap()
 }

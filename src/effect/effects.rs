@@ -1,0 +1,52 @@
+//! The list of effects.
+
+use super::entry::EffectEntry;
+use super::{expected, force_curve, ghost_equilibrium, ghost_rest, haptics, stress};
+use crate::config;
+use crate::scene::Body;
+
+/// All effects; a new one is one file and one line here.
+pub const EFFECTS: &[EffectEntry] = &[
+    haptics::live::ENTRY,
+    expected::ENTRY,
+    stress::ENTRY,
+    ghost_rest::ENTRY,
+    ghost_equilibrium::ENTRY,
+    force_curve::ENTRY,
+];
+
+/// The effect called `name`, or what there is instead.
+pub fn find_effect(name: &str) -> Result<&'static EffectEntry, String> {
+    find_among(EFFECTS, name)
+}
+
+/// The one of `effects` called `name`, or what there is instead.
+pub(super) fn find_among(
+    effects: &'static [EffectEntry],
+    name: &str,
+) -> Result<&'static EffectEntry, String> {
+    let found = effects.iter().find(|entry| entry.name == name);
+    found.ok_or_else(|| {
+        let absent = ABSENT.iter().find(|(names, _)| names.contains(&name));
+        if let Some((_, fact)) = absent {
+            return format!("there is no effect \"{name}\": {fact}");
+        }
+        if config::keys::<Body>().iter().any(|key| key == name) {
+            return format!("\"{name}\" is no effect but a key: write {name} = … below [body.NAME]");
+        }
+        config::unknown_name("effect", name, effects.iter().map(|entry| entry.name))
+    })
+}
+
+/// The name of the effect of which this holds, to be listed by whoever asks for what it does.
+pub fn name_of(is_meant: fn(&EffectEntry) -> bool) -> &'static str {
+    EFFECTS.iter().find(|entry| is_meant(entry)).map_or("", |entry| entry.name)
+}
+
+/// Effects that people look for by these names and that the program does not have, with what it does instead.
+const ABSENT: &[(&[&str], &str)] = &[
+    (&["contact", "collision"], "bodies pass through each other and through tools"),
+    (&["dynamics", "inertia", "vibration", "modes"], "bodies follow the hands without inertia"),
+    (&["cut", "cutting"], "bodies cannot be cut"),
+    (&["sound", "audio"], "bodies are silent"),
+];

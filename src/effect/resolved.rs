@@ -1,0 +1,321 @@
+//! What the names of a scene stand for, found once.
+//!
+//! In: a scene, whose bodies name a model and effects with settings. Out: [`Resolved`], with their entries and with the
+//! settings parsed, or every name that there is not, with the nearest that there is; and what must be precomputed for each
+//! body, or why it cannot have what it names.
+
+use super::effects::{EFFECTS, find_among};
+use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};
+use crate::base::failure::Failure;
+use crate::deform::{ModelEntry, Statics, find_model, load_refusal};
+use crate::fem::{Dilatation, Law};
+use crate::green::{
+    AFFINE, COMPLIANCE, COMPRESSED, FAMILIES, Family, FamilyEntry, KEPT_FACTOR, LOADS, Requirements,
+    STIFFNESS, UPDATES,
+};
+use crate::scene::{Body, Kept, Method, Scene, SceneError};
+use std::path::Path;
+
+impl Resolved {
+    /// Errors name all that the scene names and that there is not, and settings that its effects do not have.
+    pub fn of(scene: Scene) -> Result<Resolved, Failure> {
+        Resolved::among(scene, EFFECTS)
+    }
+
+    /// The same with other effects than those of the program.
+    pub fn among(scene: Scene, effects: &'static [EffectEntry]) -> Result<Resolved, Failure> {
+        let (mut bodies, mut unknown) = (indexmap::IndexMap::new(), Vec::new());
+        for name in scene.body.keys() {
+            match ResolvedBody::of(&scene, name, effects) {
+                Ok(body) => drop(bodies.insert(name.clone(), body)),
+                Err(mut errors) => unknown.append(&mut errors),
+            }
+        }
+        match unknown.len() {
+            0 => Ok(Resolved { scene, bodies }),
+            1 => Err(Failure::request(unknown.remove(0))),
+            _ => {
+                let lines: Vec<String> = unknown.iter().map(SceneError::to_string).collect();
+                Err(Failure::wrong(lines.join("\n")))
+            }
+        }
+    }
+
+    /// The scene of a text ([`Scene::parse`]), resolved.
+    pub fn parse(text: &str, path: &Path) -> Result<Resolved, Failure> {
+        Resolved::of(Scene::parse(text, path)?)
+    }
+
+    /// The scene file at a path, or the built-in scene of this name ([`Scene::load`]), resolved.
+    pub fn load(path: &Path) -> Result<Resolved, Failure> {
+        Resolved::of(Scene::load(path)?)
+    }
+
+    /// The models of all bodies, in the order of the scene.
+    pub fn models(&self) -> Vec<&'static ModelEntry> {
+        self.bodies.values().map(|body| body.model).collect()
+    }
+
+    /// The law under which a body is in static equilibrium ([`ResolvedBody::law`]).
+    pub fn law(&self, name: &str) -> Result<Option<&'static Law>, Failure> {
+        self.bodies[name].law(self, name, &self.body[name])
+    }
+
+    /// What must be precomputed for a body ([`ResolvedBody::requirements`]).
+    pub fn requirements(&self, name: &str) -> Result<Requirements, Failure> {
+        self.bodies[name].requirements(self, name, &self.body[name])
+    }
+
+    /// The same of a body that is measured: refuses the models that others are measured against.
+    pub fn measured_requirements(&self, name: &str) -> Result<Requirements, Failure> {
+        let (scene, body) = (&self.scene, &self.body[name]);
+        match self.law(name)? {
+            None if body.method == Method::Bem => {
+                let message = "what accuracy costs is measured among elements of tetrahedra: leave out method = \"bem\"";
+                Err(wrong(scene, name, "method", message.to_owned()))
+            }
+            None => self.requirements(name),
+            Some(law) => {
+                let message = format!(
+                    "\"{}\" is static equilibrium itself, which other models are measured against: write model = \
+                     \"rotation\" or \"linear\" to have an accuracy measured",
+                    law.name
+                );
+                Err(wrong(scene, name, "model", message))
+            }
+        }
+    }
+
+    /// The scene as its bodies are precomputed, before anything is released or changed.
+    pub fn as_prepared(&self) -> Resolved {
+        Resolved { scene: self.scene.as_prepared(), bodies: self.bodies.clone() }
+    }
+
+    /// The same on another stage.
+    #[must_use]
+    pub fn with_stage(&self, stage: String) -> Resolved {
+        Resolved { scene: Scene { stage, ..self.scene.clone() }, bodies: self.bodies.clone() }
+    }
+
+    /// Those of its bodies that are of interest.
+    #[must_use]
+    pub fn with_bodies(&self, is_meant: impl Fn(&str) -> bool) -> Resolved {
+        let mut part = self.clone();
+        part.scene.body.retain(|name, _| is_meant(name));
+        part.bodies.retain(|name, _| is_meant(name));
+        part
+    }
+
+    /// The same with another model of a body.
+    #[must_use]
+    pub fn with_model(&self, body: &str, model: &'static ModelEntry) -> Resolved {
+        let mut other = self.clone();
+        model.name.clone_into(&mut other.scene.body[body].model);
+        other.bodies[body].model = model;
+        other
+    }
+
+    /// The same with some of a body's effects alone.
+    #[must_use]
+    pub fn with_effects(&self, body: &str, is_meant: impl Fn(&EffectEntry) -> bool) -> Resolved {
+        let mut other = self.clone();
+        other.bodies[body].effects.retain(|effect| is_meant(effect.entry));
+        let names = other.bodies[body].entries().map(|effect| effect.name.to_owned()).collect();
+        other.scene.body[body].effects = names;
+        other
+    }
+}
+
+impl ResolvedBody {
+    /// What a body of a scene names, of these effects; or all that it names and that there is not, and settings that its effects
+    /// do not have.
+    pub fn of(
+        scene: &Scene,
+        name: &str,
+        known: &'static [EffectEntry],
+    ) -> Result<ResolvedBody, Vec<SceneError>> {
+        let (body, mut effects, mut wrong) = (&scene.body[name], Vec::new(), Vec::new());
+        for effect in &body.effects {
+            let entry = match find_among(known, effect) {
+                Ok(entry) => entry,
+                Err(message) => {
+                    wrong.push(("effects".to_owned(), message));
+                    continue;
+                }
+            };
+            match entry.settings.map(|read| read(body.effect.get(effect))).transpose() {
+                Ok(settings) => effects.push(ListedEffect { entry, settings }),
+                Err(message) => wrong.push((format!("effect.{effect}"), message)),
+            }
+        }
+        let model = find_model(&body.model).map_err(|message| wrong.push(("model".to_owned(), message)));
+        for effect in body.effect.keys() {
+            let message = match find_among(known, effect) {
+                Err(message) => message,
+                Ok(_) if !body.effects.contains(effect) => {
+                    format!(
+                        "the body does not list this effect: add \"{effect}\" to effects, or leave this out"
+                    )
+                }
+                Ok(entry) if entry.settings.is_none() => "this effect has no settings".to_owned(),
+                Ok(_) => continue,
+            };
+            wrong.push((format!("effect.{effect}"), message));
+        }
+        match model {
+            Ok(model) if wrong.is_empty() => Ok(ResolvedBody { model, effects }),
+            _ => {
+                let error = |(key, message)| scene.invalid(&format!("body.{name}.{key}"), message);
+                Err(wrong.into_iter().map(error).collect())
+            }
+        }
+    }
+
+    pub fn entries(&self) -> impl Iterator<Item = &'static EffectEntry> {
+        self.effects.iter().map(|effect| effect.entry)
+    }
+
+    /// Whether the body lists this effect.
+    pub fn lists(&self, effect: &EffectEntry) -> bool {
+        self.entries().any(|entry| entry == effect)
+    }
+
+    /// The settings of an effect that the body lists, as the scene has them or by default.
+    pub fn settings<T: 'static>(&self, effect: &EffectEntry) -> Option<&T> {
+        let listed = self.effects.iter().find(|listed| listed.entry == effect)?;
+        listed.settings.as_ref()?.downcast_ref()
+    }
+
+    /// Whether one of its effects requires the family.
+    pub fn effects_require(&self, family: Family) -> bool {
+        self.entries().any(|effect| effect.requirements().has(family))
+    }
+
+    /// The law under which the body of this name and these settings is in static equilibrium, found anew for every pose; `None` for
+    /// a model that is summed from the .green file. Errors name what it cannot have.
+    pub fn law(&self, scene: &Scene, name: &str, body: &Body) -> Result<Option<&'static Law>, Failure> {
+        match self.model.law() {
+            Some(law) if body.method == Method::Bem => {
+                let message = format!(
+                    "\"{}\" finds equilibrium in tetrahedra, which boundary elements do not have: write model = \"linear\", or \
+                     leave out method = \"bem\"",
+                    law.name
+                );
+                Err(wrong(scene, name, "model", message))
+            }
+            // Solved anew it has its loads whatever the columns are.
+            Some(law) => Ok(Some(law)),
+            None => loads_required(scene, name, body, self.model).map(|_| None),
+        }
+    }
+
+    /// What must be precomputed for the model and the effects of the body of this name and these settings. Errors name what it cannot
+    /// have.
+    pub fn requirements(&self, scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
+        if let Some(law) = self.law(scene, name, body)? {
+            Statics::suits(scene, name, law).map_err(Failure::request)?;
+        }
+        let loads = loads_required(scene, name, body, self.model)?;
+        let required = requirements(self.model, self.entries()).and(loads);
+        self.check_method(scene, name, body, &required)?;
+        if body.updates.is_none() {
+            return Ok(required);
+        }
+        let is_lost = |entry: &&FamilyEntry| required.has(entry.family) && !entry.is_derived;
+        if let Some(entry) = FAMILIES.iter().find(is_lost) {
+            let family = entry.family.name;
+            let message = format!(
+                "model = \"{}\" with these effects needs the columns called {family}, which cannot be found again when a control \
+                 element is released or a modulus changed: write model = \"linear\", or leave updates out",
+                self.model.name
+            );
+            return Err(wrong(scene, name, "updates", message));
+        }
+        if !body.updates.iter().all(|updates| updates.modulus.is_empty())
+            && body.element.dilatation == Dilatation::Nodal
+        {
+            let message = format!(
+                "element = \"{}\" averages the pressure across the border of regions, so that the modulus of one cannot be \
+                 changed by itself: write element = \"tet4\" or \"tet10\"",
+                body.element.name
+            );
+            return Err(wrong(scene, name, "updates.modulus", message));
+        }
+        let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
+        if changes_modulus && (required.has(LOADS) || body.surface_compliance.is_some()) {
+            let message = "a region's modulus is changed from its border, which does not know of forces inside: leave out modulus, \
+                           or the body's loads and surface_compliance; release goes with both";
+            return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
+        }
+        Ok(required.and(Requirements::of(&[UPDATES])))
+    }
+
+    /// Errors name what a body of boundary elements cannot have.
+    fn check_method(
+        &self,
+        scene: &Scene,
+        name: &str,
+        body: &Body,
+        required: &Requirements,
+    ) -> Result<(), Failure> {
+        if body.method == Method::Fem {
+            return Ok(());
+        }
+        let remedy = "leave out method = \"bem\", and fill a surface by tetrahedralise = { cell = … }";
+        if let Some(effect) = self.entries().find(|effect| effect.needs_inside) {
+            let message = format!(
+                "\"{}\" looks inside the body, of which boundary elements know the surface alone: leave the effect out, or {remedy}",
+                effect.name
+            );
+            return Err(wrong(scene, name, "effects", message));
+        }
+        let is_known = |family: &&str| [AFFINE.name, STIFFNESS.name].contains(family);
+        let Some(family) = required.families().find(|family| !is_known(family)) else { return Ok(()) };
+        let message = format!(
+            "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model = \"linear\", for \
+             pictures without forces also \"rotation\", or {remedy}",
+            self.model.name
+        );
+        Err(wrong(scene, name, "model", message))
+    }
+}
+
+/// What must be precomputed for a body of this model with these effects.
+pub fn requirements<'a>(
+    model: &ModelEntry,
+    effects: impl IntoIterator<Item = &'a EffectEntry>,
+) -> Requirements {
+    let of_model = Requirements::of(model.requirements);
+    effects.into_iter().fold(of_model, |all, effect| {
+        let energy = model.energy.filter(|_| effect.needs_energy).unwrap_or_default();
+        all.and(effect.requirements()).and(Requirements::of(energy))
+    })
+}
+
+/// The families of a body's loads; errors name what cannot be together with them.
+fn loads_required(
+    scene: &Scene,
+    name: &str,
+    body: &Body,
+    model: &ModelEntry,
+) -> Result<Requirements, Failure> {
+    let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
+    if let Some(message) = load_refusal(model, loads, compliance) {
+        return Err(wrong(scene, name, "model", message));
+    }
+    if model.law().is_some() {
+        // Its own family has the forces.
+        return Ok(Requirements::default());
+    }
+    let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
+        Kept::Inverse => COMPLIANCE,
+        Kept::Compressed(_) => COMPRESSED,
+        Kept::Factor => KEPT_FACTOR,
+    });
+    let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
+    Ok(Requirements::of(&families))
+}
+
+fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
+    Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
+}
