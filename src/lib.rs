@@ -24,7 +24,7 @@
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
-//! | [`prepare`] | a scene made ready: what its models and effects require, its .green file found fresh or made |
+//! | [`prepare`] | a scene made ready: its .green file found fresh or made |
 //! | [`effect`] | opt-in effects, with what they precompute, add to a world, draw and run; what no scene lists costs nothing |
 //! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |

@@ -319,3 +319,38 @@ fn loads_required(
 fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {
     Failure::request(scene.invalid(&format!("body.{name}.{key}"), message))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mistake in one body hid those in the next.
+    #[test]
+    fn every_unknown_name_of_a_scene_is_told_with_the_nearest() {
+        let body = |name: &str, keys: &str| {
+            format!(
+                "[body.{name}]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [2, 2, 2] }} }}\n\
+                 material = {{ young = 1.0, poisson = 0.0 }}\n{keys}\n\
+                 control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+            )
+        };
+        let of = |a: &str, b: &str| {
+            Resolved::parse(&(body("a", a) + &body("b", b)), Path::new("two.toml")).map_err(|e| e.to_string())
+        };
+        let told = of("model = \"rotatoin\"\neffects = [\"stres\"]", "effects = [\"contact\"]").unwrap_err();
+        let lines: Vec<&str> = told.lines().collect();
+        let parts = [
+            ["two.toml: body.a.effects: ", "did you mean \"stress\""],
+            ["two.toml: body.a.model: ", "did you mean \"rotation\""],
+            ["two.toml: body.b.effects: ", "there is no effect \"contact\""],
+        ];
+        assert_eq!(lines.len(), parts.len(), "{told}");
+        for (line, [place, fact]) in lines.iter().zip(parts) {
+            assert!(line.starts_with(place) && line.contains(fact), "{line}");
+        }
+        let found = of("model = \"stvk\"\neffects = [\"haptics\"]", "").unwrap();
+        assert_eq!(found.models().iter().map(|model| model.name).collect::<Vec<_>>(), ["stvk", "linear"]);
+        let names = |body: &str| found.bodies[body].entries().map(|effect| effect.name).collect::<Vec<_>>();
+        assert_eq!((names("a"), names("b")), (vec!["haptics"], vec![]));
+    }
+}

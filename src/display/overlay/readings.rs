@@ -165,7 +165,7 @@ fn error_reading(
     forces: Option<(&[Wrench], Option<WrenchError>)>,
 ) -> Option<ErrorReading> {
     let expected = body.expected.as_ref().filter(|expected| !expected.moved.is_empty());
-    let of_model = expected.filter(|expected| !expected.model.law().is_some());
+    let of_model = expected.filter(|expected| expected.model.law().is_none());
     let model = of_model.and_then(|expected| expected.in_pose(&body.deformer));
     let mesh = expected.and_then(|expected| match forces {
         Some((wrenches, _)) => expected.mesh_at(&body.deformer, wrenches),
