@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = tuning::settle(scene, false, false)?;
     let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
     let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
-    let stage = open()?.world.stage;
+    let stage = open()?.world.assets.stage.clone();
     full_speed.map_err(Failure::request)?;
     let offline = prepare::precompute(&scene, true)?;
     let peak_memory = precompute::peak_memory();

@@ -61,13 +61,13 @@ impl Subject {
     pub fn of(body: &PlacedBody) -> Result<Subject, String> {
         let deformer = &body.deformer;
         let elastic = [Elastic::of(deformer)?, Elastic::of(deformer)?];
-        let held = body.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);
+        let held = body.assets.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);
         Ok(Subject {
             body: deformer.body.clone(),
-            model: body.model.name,
+            model: body.assets.model.name,
             held,
             origin: deformer.controls[held].origin,
-            size: body.ball.1,
+            size: body.assets.ball.1,
             elements: deformer.controls.len(),
             elastic,
         })

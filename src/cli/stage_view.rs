@@ -87,13 +87,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         output::try_path(path, &PNG, &inputs)?;
     }
     let mut session = open(args)?;
-    let stage = &session.world.stage;
+    let stage = &session.world.assets.stage;
     let camera = match args.from {
         Some(place) => Camera::from(stage, place.into()),
         None => Camera::of(stage),
     };
     if let Some(path) = &args.output {
-        if !session.world.stage.tracking.trackers.is_empty() {
+        if !session.world.assets.stage.tracking.trackers.is_empty() {
             notice!(
                 "note: the picture shows head and stylus as the files have them; without -o a window shows the trackers live"
             );
@@ -102,8 +102,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         save(&picture(&mut session, &camera, args.size, args.samples, device::Args::default())?, path)?;
         return print(&format!("{}\n", path.display()));
     }
-    args.redirects.apply(&mut session.world.stage)?;
-    session.start_trackers()?;
+    let mut stage = session.world.assets.stage.clone();
+    args.redirects.apply(&mut stage)?;
+    session.start_trackers(&stage)?;
     let shows = Shows::Model(Box::new(ModelWindow::new(camera, args.size)));
     let options = Options {
         samples: args.samples,

@@ -122,12 +122,13 @@ fn start(args: &Args, scene: &Resolved, session: &mut Session) -> Result<(), Fai
     print(&format!("{}\n", keys::bindings()))?;
     session.attach_mouse();
     session.start_effects(scene)?;
-    args.redirects.apply(&mut session.world.stage)?;
-    session.start_trackers()
+    let mut stage = session.world.assets.stage.clone();
+    args.redirects.apply(&mut stage)?;
+    session.start_trackers(&stage)
 }
 
 fn windows(args: &Args, session: &Session, device: device::Args) -> (Shows, Options) {
-    let stage = &session.world.stage;
+    let stage = &session.world.assets.stage;
     let screens = ScreenWindows::new(stage, args.window_scale);
     let screens = if args.overlay { screens.with_overlay(stage) } else { screens };
     let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 /// The control element that a hand holds, else the one that is farthest from its place; `None` at rest.
 fn moved(body: &PlacedBody, shown: &BodyFrame) -> Option<usize> {
     let held = shown.highlights.iter().position(|highlight| *highlight == Highlight::Held);
-    held.or_else(|| (0..body.controls.len()).find(|&c| body.deformer.poses[c] != ControlPose::REST))
+    held.or_else(|| (0..body.assets.controls.len()).find(|&c| body.deformer.poses[c] != ControlPose::REST))
 }
 
 /// The force of a body on what holds control element `c`, N.
@@ -20,8 +20,8 @@ fn force_n(body: &PlacedBody, c: usize) -> Option<Vector3<f64>> {
 }
 
 /// The error to expect of a force, by its model and by its mesh together, as a part of it; `None` where it was not measured.
-fn expected_part(body: &PlacedBody) -> Option<f64> {
-    let expected = body.expected.as_ref()?;
+fn expected_part(body: &PlacedBody, shown: &BodyFrame) -> Option<f64> {
+    let expected = shown.expected.as_ref()?;
     let of_model = expected.in_pose(&body.deformer)?.force?;
     let (wrenches, _) = body.deformer.wrenches()?;
     Some(of_model + expected.mesh_at(&body.deformer, &wrenches).unwrap_or(0.0))
@@ -33,8 +33,8 @@ pub fn bend(_: &Scene, world: &World, _: f64) -> String {
     let angle = body.deformer.largest_turn().to_degrees();
     let force = moved(body, &world.frame.bodies[0]).and_then(|c| Some(force_n(body, c)?.norm()));
     let Some(force) = force else { return format!("bent by {angle:.0}°") };
-    let error = expected_part(body).map_or_else(
-        || format!(", error unknown ({})", why_unknown(body)),
+    let error = expected_part(body, &world.frame.bodies[0]).map_or_else(
+        || format!(", error unknown ({})", why_unknown(body, &world.frame.bodies[0])),
         |part| format!(" ± {}", per_cent(part)),
     );
     format!("bent by {angle:.0}°     force {}{error}", newtons(force))
@@ -70,8 +70,9 @@ pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let controls = &body.deformer.controls;
     let now = |c: usize| controls[c].origin + body.deformer.poses[c].translation;
-    let paws: Vec<usize> =
-        (0..controls.len()).filter(|&c| body.controls[c].grab == crate::scene::Grab::Dragger).collect();
+    let paws: Vec<usize> = (0..controls.len())
+        .filter(|&c| body.assets.controls[c].grab == crate::scene::Grab::Dragger)
+        .collect();
     let [a, b] = paws[..] else { return String::new() };
     let (rest, apart) = ((controls[a].origin - controls[b].origin).norm(), (now(a) - now(b)).norm());
     let paws = format!("paws {:.0} mm apart, at rest {:.0} mm", 1e3 * apart, 1e3 * rest);
@@ -94,7 +95,7 @@ pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
 
 /// The screens of the stage and where the head is.
 pub fn room(_: &Scene, world: &World, _: f64) -> String {
-    let stage = &world.stage;
+    let stage = &world.assets.stage;
     let head = world.room_from_head.translation.vector;
     let sizes = stage
         .screens

@@ -219,7 +219,7 @@ impl Story {
             shown.mechanics_s = times.total_s();
         }
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
-            let camera = Camera::of(&shown.session.world.stage);
+            let camera = Camera::of(&shown.session.world.assets.stage);
             // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
             let azimuth = camera.azimuth - 0.55 + 0.16 * self.clock_s;
             let target = camera.target - Vector3::y() * (0.07 * camera.distance_m);
@@ -242,7 +242,7 @@ impl Story {
         };
         session.attach_mouse();
         let bodies = GpuBodies::new(gpu, &mut session.world, self.device)?;
-        let screens = ScreenWindows::new(&session.world.stage, None);
+        let screens = ScreenWindows::new(&session.world.assets.stage, None);
         let (sprang_back, mechanics_s, camera_rests) = (false, 0.0, false);
         self.shown = Some(Shown { session, screens, bodies, scene, sprang_back, mechanics_s, camera_rests });
         self.clock_s = 0.0;

@@ -27,8 +27,8 @@ pub enum Shows {
 impl Shows {
     fn specs(&self, session: &Session) -> Vec<WindowSpec> {
         match self {
-            Shows::Screens(screens) => screens.specs(&session.world.stage),
-            Shows::Model(model) => vec![model.spec(&session.world.stage)],
+            Shows::Screens(screens) => screens.specs(&session.world.assets.stage),
+            Shows::Model(model) => vec![model.spec(&session.world.assets.stage)],
         }
     }
 
@@ -131,7 +131,7 @@ struct Application<'a> {
 impl WindowApp for Application<'_> {
     fn start(&mut self, gpu: &Gpu) -> Result<(), AppError> {
         let world = &mut self.session.world;
-        notice!("{}: drawing on {}", world.stage.name, device::describe(gpu, self.options.samples));
+        notice!("{}: drawing on {}", world.assets.stage.name, device::describe(gpu, self.options.samples));
         self.bodies = Some(GpuBodies::new(gpu, world, self.options.device)?);
         (self.started, self.last) = (Instant::now(), Instant::now());
         Ok(())
@@ -235,7 +235,7 @@ impl Application<'_> {
         }
         self.bodies = Some(GpuBodies::new(&windows.gpu, &mut self.session.world, self.options.device)?);
         if after == After::NewWindows {
-            self.shows = Shows::Screens(Box::new(ScreenWindows::new(&self.session.world.stage, None)));
+            self.shows = Shows::Screens(Box::new(ScreenWindows::new(&self.session.world.assets.stage, None)));
             windows.reopen = Some(self.shows.specs(&self.session));
         }
         Ok(())

@@ -68,7 +68,7 @@ impl GpuBodies {
         for (((buffers, watch), uploaded), (body, shown)) in
             own.zip(world.bodies.iter().zip(&world.frame.bodies))
         {
-            buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.ball.1) as f32);
+            buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.assets.ball.1) as f32);
             if has_moved(uploaded, body) {
                 if buffers.is_deformed_here() {
                     device::deform(gpu, buffers, body)?;

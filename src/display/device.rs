@@ -235,7 +235,7 @@ pub fn buffers(
             }
         },
     };
-    buffers.set_pattern(gpu, &body.deformer.drawn(body.deformer.rest().to_vec()), &body.pattern)?;
+    buffers.set_pattern(gpu, &body.deformer.drawn(body.deformer.rest().to_vec()), &body.assets.pattern)?;
     if choice.on_device {
         let nodes = body.pickable();
         body.deformer.sum_only_at(nodes);

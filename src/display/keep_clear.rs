@@ -26,8 +26,8 @@ pub struct KeepClear {
 pub fn keep_clear(world: &World) -> Vec<KeepClear> {
     let things = [held(world), elements(world, Highlight::Idle), bodies(world)];
     let of = |screen: &Screen| {
-        let viewer = &world.stage.viewer;
-        let views = world.stage.stereo.eyes().iter().filter_map(|&eye| {
+        let viewer = &world.assets.stage.viewer;
+        let views = world.assets.stage.stereo.eyes().iter().filter_map(|&eye| {
             let view = screen.view(&viewer.eye_in_room(&world.room_from_head, eye), NEAR_M).ok()?;
             Some(view.clip_from_room.cast::<f64>())
         });
@@ -36,7 +36,7 @@ pub fn keep_clear(world: &World) -> Vec<KeepClear> {
             things.each_ref().map(|all| all.iter().filter_map(|points| rectangle(&views, points)).collect());
         KeepClear { held, loose, bodies }
     };
-    world.stage.screens.iter().map(of).collect()
+    world.assets.stage.screens.iter().map(of).collect()
 }
 
 /// Points in the room of each thing that is held or pointed at.
@@ -61,7 +61,7 @@ fn elements(world: &World, highlight: Highlight) -> Vec<Vec<Point3<f64>>> {
             Highlight::Held => now == Highlight::Held,
             _ => now != Highlight::Held && grab == Grab::Dragger,
         };
-        let controls = body.controls.iter().zip(&shown.highlights).enumerate();
+        let controls = body.assets.controls.iter().zip(&shown.highlights).enumerate();
         for (c, _) in controls.filter(|(_, (control, now))| is_meant(control.grab, **now)) {
             let nodes = body.deformer.control_nodes(c);
             things.push(places(body, nodes.iter().copied(), nodes.len()));

@@ -68,10 +68,10 @@ impl ModelWindow {
 fn model(session: &mut Session, camera: &Camera) -> StageModel {
     let reports = session.input.tracker_reports();
     let world = &session.world;
-    let mut model = StageModel::new(&world.stage, &world.room_from_head, &camera.eye());
-    model.add_measures(&world.stage);
+    let mut model = StageModel::new(&world.assets.stage, &world.room_from_head, &camera.eye());
+    model.add_measures(&world.assets.stage);
     model.add_sensors(&reports);
-    model.add_notes(doubts(&world.stage, &reports).into_iter().map(|doubt| doubt.text));
+    model.add_notes(doubts(&world.assets.stage, &reports).into_iter().map(|doubt| doubt.text));
     model
 }
 
@@ -166,7 +166,7 @@ sensor = \"wand\"
         session.input.trackers = Some(trackers);
         let drawn = |session: &mut Session| {
             session.advance(0.0).unwrap();
-            let camera = Camera::of(&session.world.stage);
+            let camera = Camera::of(&session.world.assets.stage);
             let model = model(session, &camera);
             let said = |model: &StageModel, of: &str| {
                 model.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)

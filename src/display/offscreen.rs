@@ -67,7 +67,7 @@ impl Targets {
         asked.apply(&images.gpu, &mut images.renderer)?;
         let mut bodies = GpuBodies::new(&images.gpu, world, asked)?;
         bodies.looks_at_each = true;
-        let stage = &world.stage;
+        let stage = &world.assets.stage;
         let (layout, names): (Vec<Window>, Vec<String>) = windows(stage, asked_for).into_iter().unzip();
         for window in &layout {
             let (place, size) = match (asked_for, window.tiles.as_slice()) {
@@ -185,7 +185,8 @@ impl Over<'_> {
         window: &Window,
         size: [u32; 2],
     ) -> Result<(), RenderError> {
-        let (World { stage, room_from_head, .. }, plates) = (self.world, self.plates);
+        let (World { assets, room_from_head, .. }, plates) = (self.world, self.plates);
+        let stage = &assets.stage;
         let Some(part) = window_layout::part(stage, window, size, picture, self.swapped) else {
             return Ok(());
         };

@@ -42,7 +42,7 @@ impl Watch {
         let places = body.pickable().into_iter().filter_map(place);
         let (low, high) = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))?;
         let middle = nalgebra::center(&low, &high);
-        let size_m = 2.0 * body.ball.1 * body.room_from_body.scaling();
+        let size_m = 2.0 * body.assets.ball.1 * body.room_from_body.scaling();
         let place = Point3::new(middle.x, high.y + 0.08 * size_m, middle.z);
         let line = vec![(format!("{}: {text}", body.deformer.body), Tone::Bad)];
         Some(Plate { anchor: Anchor::Place(place.into()), lines: vec![line], plot: None, legend: None })

@@ -60,7 +60,7 @@ impl PictureRequest {
         }
         notice!(
             "{}: drawing on {}",
-            session.world.stage.name,
+            session.world.assets.stage.name,
             device::describe(&targets.images.gpu, self.samples)
         );
         let shown = [0, self.frames / 2, self.frames - 1];
@@ -95,7 +95,7 @@ impl PictureRequest {
         }
         bar.finish_and_clear();
         let path = folder.join(SHEET);
-        let stage = &session.world.stage;
+        let stage = &session.world.assets.stage;
         let screens = stage.screens.len();
         // Windows lie as they are listed.
         let (each, from_top) = match self.pictures {

@@ -71,12 +71,12 @@ impl ScreenWindows {
         if self.pattern_alone && matches!(input, Input::Key { key: Key::Function(1 | 3), .. }) {
             return;
         }
-        if self.overlays.input(&input, &session.world.stage, &self.screens.layout) {
+        if self.overlays.input(&input, &session.world.assets.stage, &self.screens.layout) {
             return;
         }
         match input {
             Input::Cursor { window, position } => {
-                let (stage, position) = (&session.world.stage, position.map(f64::from));
+                let (stage, position) = (&session.world.assets.stage, position.map(f64::from));
                 let (layout, size) = (&self.screens.layout[window], self.sizes[window]);
                 if let Some((screen, ndc)) = window_layout::at_cursor(stage, layout, size, position) {
                     session.mouse(MouseInput::Cursor { screen, ndc });
@@ -122,7 +122,7 @@ impl ScreenWindows {
         let is_written = !plates.is_empty() || self.overlays.has_panel();
         let clear = if is_written && edited.is_none() { keep_clear(world) } else { Vec::new() };
         let stage_frame = StageFrame {
-            stage: &world.stage,
+            stage: &world.assets.stage,
             layout: &self.screens.layout,
             sizes: &self.sizes,
             swapped: self.screens.swapped,
@@ -158,9 +158,10 @@ impl ScreenWindows {
     pub(super) fn ray(&self, window: usize, position: [f32; 2], session: &Session) -> Option<PickRay> {
         let world = &session.world;
         let (layout, size) = (self.screens.layout.get(window)?, *self.sizes.get(window)?);
-        let (screen, ndc) = window_layout::at_cursor(&world.stage, layout, size, position.map(f64::from))?;
-        let eye = world.stage.viewer.eye_in_room(&world.room_from_head, Eye::Centre);
-        let towards = (world.stage.screens.get(screen)?.point(ndc) - eye).try_normalize(1e-9)?;
+        let (screen, ndc) =
+            window_layout::at_cursor(&world.assets.stage, layout, size, position.map(f64::from))?;
+        let eye = world.assets.stage.viewer.eye_in_room(&world.room_from_head, Eye::Centre);
+        let towards = (world.assets.stage.screens.get(screen)?.point(ndc) - eye).try_normalize(1e-9)?;
         Some(PickRay { origin_in_room: eye.cast(), direction_in_room: towards.cast() })
     }
 }

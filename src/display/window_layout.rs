@@ -170,7 +170,7 @@ fn drawn(
 /// An eye's view of the part of the screen that the tile shows.
 fn viewport(world: &World, tile: &stage::Tile, eye_size: [u32; 2], eye: Eye) -> Viewport {
     let [width, height] = eye_size;
-    let Some(visible) = tile.visible(&world.stage.screens[tile.screen], eye_size) else {
+    let Some(visible) = tile.visible(&world.assets.stage.screens[tile.screen], eye_size) else {
         return Viewport { rect: [0, 0, width, height], view: None };
     };
     Viewport { rect: visible.rect, view: world.view(tile.screen, eye).map(|view| through(&visible, view)) }

@@ -15,7 +15,9 @@ use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
 use crate::render::Drawable;
 use crate::world::running::{Memory, read, written};
-use crate::world::{Frame, Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error};
+use crate::world::{
+    BodyFrame, Frame, Highlight, PlacedBody, RunningEffect, World, why_unknown, wrench_error,
+};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -105,11 +107,11 @@ impl ForceCurve {
             if body.deformer.respond().is_none() {
                 notice!(
                     "note: body.{name}: the model {} has no forces, so {NAME} shows no curve",
-                    body.model.name
+                    body.assets.model.name
                 );
             }
         }
-        let controls = world.bodies.iter().map(|body| body.controls.len()).collect();
+        let controls = world.bodies.iter().map(|body| body.assets.controls.len()).collect();
         ForceCurve { bodies: listed.bodies.iter().map(|&(b, _)| b).collect(), controls, trace: None }
     }
 
@@ -135,10 +137,10 @@ impl RunningEffect for ForceCurve {
             trace.is_held &= goes_on;
         }
         if let Some(place) = held.filter(|_| !goes_on) {
-            self.trace = Some(Trace::new(place, &world.bodies[place.0]));
+            self.trace = Some(Trace::new(place, &world.bodies[place.0], &frame.bodies[place.0]));
         }
         if let (Some(trace), Some((b, _))) = (&mut self.trace, held) {
-            trace.take(&world.bodies[b], *world.graph.get(world.fields.time));
+            trace.take(&world.bodies[b], &frame.bodies[b], *world.graph.get(world.fields.time));
         }
         frame.drawables.extend(self.trace.as_ref().and_then(Trace::plate).map(Drawable::Plate));
     }
@@ -168,14 +170,14 @@ impl RunningEffect for ForceCurve {
 }
 
 impl Trace {
-    fn new(place: (usize, usize), body: &PlacedBody) -> Trace {
+    fn new(place: (usize, usize), body: &PlacedBody, shown: &BodyFrame) -> Trace {
         Trace {
             place,
             body: body.deformer.body.clone(),
             control: body.deformer.controls[place.1].name.clone(),
             is_held: true,
             is_undefined: false,
-            errors: Err(why_unknown(body).into()),
+            errors: Err(why_unknown(body, shown).into()),
             samples: Vec::new(),
             last: None,
             work: [0.0; 2],
@@ -185,7 +187,7 @@ impl Trace {
     }
 
     /// The pose and the force of this frame.
-    fn take(&mut self, body: &PlacedBody, time_s: f64) {
+    fn take(&mut self, body: &PlacedBody, shown: &BodyFrame, time_s: f64) {
         let (c, pose) = (self.place.1, body.deformer.poses[self.place.1]);
         let wrenches = body.deformer.wrenches().map(|(all, _)| all);
         self.is_undefined = wrenches.is_none();
@@ -197,7 +199,7 @@ impl Trace {
         if self.last == Some((pose, wrench)) {
             return;
         }
-        self.errors = errors(body, &wrenches);
+        self.errors = errors(body, shown, &wrenches);
         self.record(body, pose, wrench, time_s);
     }
 
@@ -358,8 +360,8 @@ fn radius(places: &[[f32; 3]]) -> f64 {
 }
 
 /// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
-fn errors(body: &PlacedBody, wrenches: &[Wrench]) -> Result<[f64; 2], Cow<'static, str>> {
-    let error = wrench_error(body, wrenches).ok_or_else(|| Cow::from(why_unknown(body)))?;
+fn errors(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Result<[f64; 2], Cow<'static, str>> {
+    let error = wrench_error(body, shown, wrenches).ok_or_else(|| Cow::from(why_unknown(body, shown)))?;
     Ok([error.force, error.moment])
 }
 
@@ -450,7 +452,7 @@ mod tests {
         let (_, mut world) = held("curve-loaded", "linear", &[]);
         let weight = Wrench { force: Vector3::new(3.0, 84.0, 0.0), moment: Vector3::z() * 13.0 };
         let body = &mut world.bodies[0];
-        let mut trace = Trace::new((0, 1), body);
+        let mut trace = Trace::new((0, 1), body, &world.frame.bodies[0]);
         let mut sample = |translation: Vector3<f64>, more: f64| {
             let pose = ControlPose { translation, ..ControlPose::REST };
             body.deformer.evaluate(&[ControlPose::REST, pose]);
@@ -493,6 +495,7 @@ mod tests {
     #[test]
     fn the_band_is_as_wide_as_the_measured_error() {
         use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors};
+        use std::sync::Arc;
         let (_, mut world) = held("curve-band", "linear", &[]);
         let at = |angle: f64, stretch: f64| ErrorsAt {
             angle,
@@ -510,12 +513,13 @@ mod tests {
             ..MovedErrors::default()
         };
         let body = &mut world.bodies[0];
-        body.expected = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });
-        let mut trace = Trace::new((0, 1), body);
+        let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
+        let shown = BodyFrame { expected: Some(Arc::new(expected)), ..BodyFrame::default() };
+        let mut trace = Trace::new((0, 1), body, &shown);
         for strain in [0.005, 0.01, 0.3] {
             let translation = Vector3::x() * (strain * BAR[0]);
             body.deformer.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
-            trace.take(body, 0.0);
+            trace.take(body, &shown, 0.0);
         }
         let bands = trace.bands();
         let known: Vec<&[f64; 3]> = bands.iter().flatten().collect();

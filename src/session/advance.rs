@@ -10,6 +10,7 @@ use crate::effect::{self, Resolved};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
+use crate::stage::Stage;
 use crate::track::{Mouse, MouseInput, Script};
 use crate::world::{Input, World};
 use std::path::PathBuf;
@@ -63,7 +64,7 @@ impl Session {
 
     /// Lets mouse and keyboard move what nothing else moves.
     pub fn attach_mouse(&mut self) {
-        self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
+        self.input.mouse = Some(Mouse::new(self.world.assets.stage.clone()));
     }
 
     /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
@@ -75,9 +76,9 @@ impl Session {
         Ok(())
     }
 
-    /// Starts the trackers of the stage.
-    pub fn start_trackers(&mut self) -> Result<(), Failure> {
-        self.input.trackers = super::trackers::start(&self.world.stage, &mut self.world.effects)?;
+    /// Starts the trackers of a stage: that of the world, maybe with other addresses.
+    pub fn start_trackers(&mut self, stage: &Stage) -> Result<(), Failure> {
+        self.input.trackers = super::trackers::start(stage, &mut self.world.effects)?;
         Ok(())
     }
 
@@ -87,7 +88,7 @@ impl Session {
         if self.input.leader() == Leader::Recording {
             return self.replay_until(time_s);
         }
-        let (mut trackers, changes) = self.input.state(&self.world.stage, time_s);
+        let (mut trackers, changes) = self.input.state(&self.world.assets.stage, time_s);
         for change in changes {
             self.apply(change);
         }

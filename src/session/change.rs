@@ -78,7 +78,7 @@ impl Change {
         known: Vec<Arc<GreenFile>>,
     ) -> Result<Change, Failure> {
         session.may_change()?;
-        let is_other_stage = stage != session.world.stage;
+        let is_other_stage = stage != session.world.assets.stage;
         let steps = Arc::new(Steps::default());
         let told = steps.clone();
         let compute = move || {
@@ -140,13 +140,13 @@ impl Session {
             self.input.trackers = None;
             self.input.script = None;
             if was_live {
-                self.input.mouse = Some(Mouse::new(self.world.stage.clone()));
+                self.input.mouse = Some(Mouse::new(self.world.assets.stage.clone()));
             }
         }
         if let (Some(scene), true) = (self.scene.clone(), was_live) {
             self.start_effects(&scene)?;
             if is_other_stage {
-                self.start_trackers()?;
+                self.start_trackers(&self.world.assets.clone().stage)?;
             }
         }
         Ok(())
@@ -193,7 +193,7 @@ mod tests {
     ) -> Result<Arc<GreenFile>, Failure> {
         let mut scene = Scene::clone(session.scene.as_ref().unwrap());
         edit(&mut scene);
-        let (stage, known) = (session.world.stage.clone(), session.file.iter().cloned().collect());
+        let (stage, known) = (session.world.assets.stage.clone(), session.file.iter().cloned().collect());
         let scene = Resolved::of(scene)?;
         let changed = Change::begin(session, scene, stage, folder.join("new.green"), known)?.finish()?;
         let file = changed.file.clone();
@@ -211,7 +211,7 @@ mod tests {
             change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
         assert!(Arc::ptr_eq(&file, &before) && !folder.path().join("new.green").exists());
         let body = &session.world.bodies[0];
-        assert_eq!((body.model.name, body.deformer.poses[1]), ("rotation", pose));
+        assert_eq!((body.assets.model.name, body.deformer.poses[1]), ("rotation", pose));
         assert_eq!(session.scene.as_ref().unwrap().body["a"].model, "rotation");
     }
 

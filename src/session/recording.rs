@@ -63,7 +63,7 @@ impl Origin<'_> {
             let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
             scene.update(format!("{:?}", (name, basis, &body.model, &body.place, grabs)).as_bytes());
         }
-        let stage = format!("{:?}", (world.stage.workspace, world.stage.viewer.room_from_head));
+        let stage = format!("{:?}", (world.assets.stage.workspace, world.assets.stage.viewer.room_from_head));
         Header {
             greenstage: "recording".into(),
             version: VERSION,

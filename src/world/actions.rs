@@ -141,7 +141,8 @@ impl World {
                 self.graph.restore(loads, fields.starting.clone());
             }
         }
-        self.edit = EditState::new(&self.stage.workspace, self.bodies.len(), self.fields.targets.len());
+        self.edit =
+            EditState::new(&self.assets.stage.workspace, self.bodies.len(), self.fields.targets.len());
         self.place_bodies(0.0);
         self.evaluate();
     }
@@ -189,12 +190,12 @@ impl World {
 
     /// Moves every body to its place after navigation and setting aside; what a hand holds moves along.
     pub(super) fn place_bodies(&mut self, time_s: f64) {
-        let Workspace { centre, radius_m } = self.stage.workspace;
+        let Workspace { centre, radius_m } = self.assets.stage.workspace;
         let mut moved = false;
         for b in 0..self.bodies.len() {
             let body = &self.bodies[b];
-            let home = self.edit.navigation.room_from_scene * body.home;
-            let aside = place_aside(&centre, radius_m, b, &body.ball.0, body.ball.1);
+            let home = self.edit.navigation.room_from_scene * body.assets.home;
+            let aside = place_aside(&centre, radius_m, b, &body.assets.ball.0, body.assets.ball.1);
             let place: Similarity3<f64> = self.edit.asides[b].place(time_s, &home, &aside);
             moved |= place != body.room_from_body;
             self.bodies[b].room_from_body = place;
@@ -272,7 +273,7 @@ impl World {
     pub(super) fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];
-            self.bodies[b].controls[c].limiter = PoseLimiter::default();
+            self.bodies[b].limiters[c] = PoseLimiter::default();
             self.bodies[b].deformer.set_turn(c, posed.turn);
             self.graph.restore(self.fields.bodies[b].poses[c], posed.pose);
         }

@@ -32,7 +32,7 @@ impl World {
         self.field_changes = old.field_changes;
         self.carry_loads(old);
         self.carry_effects(old);
-        if self.stage == old.stage {
+        if self.assets.stage == old.assets.stage {
             self.edit.navigation = old.edit.navigation.clone();
             for (b, body) in self.bodies.iter().enumerate() {
                 let same = old.bodies.iter().position(|other| other.deformer.body == body.deformer.body);
@@ -91,6 +91,6 @@ impl World {
         let apart = control.origin + body.centre - before.origin - other.centre;
         body.body == other.body
             && (&control.name, control.nodes) == (&before.name, before.nodes)
-            && apart.norm() <= SAME * self.bodies[b].ball.1
+            && apart.norm() <= SAME * self.bodies[b].assets.ball.1
     }
 }

@@ -1,9 +1,10 @@
 //! The force that a hand feels, without a device: an arrow at the control element that is held, and its value.
 //!
 //! In: bodies whose scene lists an effect with forces, and what is held. Out: [`HeldForce`]s and
-//! their arrows. A body without such an effect has no [`ForceScale`](super::force_scale::ForceScale), and nothing here is called for it.
+//! their arrows. A body without such an effect has no [`ForceScale`], and nothing here is called for it.
 
 use super::body::PlacedBody;
+use super::force_scale::ForceScale;
 use crate::interact::force_arrow;
 use crate::render::Arrow;
 use nalgebra::{Point3, Vector3};
@@ -25,8 +26,8 @@ pub struct HeldForce {
 }
 
 /// The force on control element `c` of body number `b`: the negative of the force that the hand must apply.
-pub fn held_force(b: usize, body: &PlacedBody, c: usize) -> Option<HeldForce> {
-    let full_n = *body.force_scale.as_ref()?.full_n.get(c)?;
+pub fn held_force(b: usize, body: &PlacedBody, scale: &ForceScale, c: usize) -> Option<HeldForce> {
+    let full_n = *scale.full_n.get(c)?;
     let (wrenches, _) = body.deformer.wrenches()?;
     let force_n = -(body.room_from_body.isometry.rotation * wrenches[c].force);
     Some(HeldForce { body: b, control: c, force_n, full_n })

@@ -5,8 +5,10 @@
 
 use super::body::PlacedBody;
 use super::force::HeldForce;
+use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::times::StepTimes;
+use crate::deform::ExpectedErrors;
 use crate::render::Drawable;
 use std::sync::Arc;
 
@@ -33,6 +35,10 @@ pub struct BodyFrame {
     pub highlights: Vec<Highlight>,
     /// Where an effect shows a field in colours: the code of every node ([`crate::render::field_code`]).
     pub colours: Option<Arc<Vec<[u8; 4]>>>,
+    /// Where an effect shows forces: how.
+    pub force_scale: Option<Arc<ForceScale>>,
+    /// Where an effect has measured them: what errors to expect of its model.
+    pub expected: Option<Arc<ExpectedErrors>>,
 }
 
 impl BodyFrame {
@@ -50,8 +56,8 @@ impl Frame {
     /// Nothing but the bodies.
     pub(super) fn of(bodies: &[PlacedBody]) -> Frame {
         let of = |body: &PlacedBody| BodyFrame {
-            highlights: vec![Highlight::Idle; body.controls.len()],
-            colours: None,
+            highlights: vec![Highlight::Idle; body.assets.controls.len()],
+            ..BodyFrame::default()
         };
         Frame { bodies: bodies.iter().map(of).collect(), ..Frame::default() }
     }

@@ -62,7 +62,7 @@ impl World {
             body.room_from_body * end.places(body)[0]
         };
         let ends: Vec<Point3<f64>> = self.edit.ruler.ends.iter().map(in_room).collect();
-        let radius_m = (END * self.stage.workspace.radius_m) as f32;
+        let radius_m = (END * self.assets.stage.workspace.radius_m) as f32;
         for end in &ends {
             self.frame.draw(Drawable::Ball(Ball { center: end.cast(), radius_m, color: COLOR }));
         }

@@ -5,13 +5,15 @@
 //!
 //! | type | what it is | lasts for |
 //! |---|---|---|
-//! | [`World`] | what was loaded, and the state with all that follows from it | a session |
+//! | [`Assets`] | what was loaded: the stage, and of each body its model, places, pick shapes, pattern | a session |
+//! | [`World`] | the assets, the state, and what follows from both: displacements, factors, threads | a session |
 //! | [`State`] | all that changes from frame to frame, as plain data: it is taken, stored and put back between any two frames | a session |
 //! | [`Input`] | what comes from outside: head and styli, commands, arrivals from the background | a frame |
 //! | [`Frame`] | what is shown: colours, forces, drawables, warnings, times | a frame |
 //! | [`RunningEffect`] | what an opt-in effect adds in the four phases of a frame | a session |
 
 pub mod actions;
+pub mod assets;
 pub mod body;
 pub mod body_memory;
 pub mod carry_over;
@@ -37,6 +39,7 @@ pub mod touching;
 pub mod turn_limits;
 pub mod wrench_error;
 
+pub use assets::{Assets, BodyAssets};
 pub use body::PlacedBody;
 pub use edit_state::EditState;
 pub use flow::{Bodies, Fields};

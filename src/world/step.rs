@@ -4,7 +4,8 @@
 //! view per screen and eye. [`World::step`] is the only way in which anything moves; what it moves are the fields of one graph
 //! ([`flow`]), which is evaluated once a frame, and what [`State`](super::State) lists beside them.
 
-use super::body;
+use super::assets::{self, Assets};
+use super::body::PlacedBody;
 use super::edit_state::EditState;
 use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, Tracked};
 use super::force::{self, HeldForce};
@@ -41,7 +42,8 @@ pub struct World {
     /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
     /// waited for.
     pub effects: Vec<Box<dyn RunningEffect>>,
-    pub stage: Stage,
+    /// What was loaded.
+    pub assets: Arc<Assets>,
     pub bodies: Bodies,
     pub room_from_head: Isometry3<f64>,
     /// What the last frame shows.
@@ -86,11 +88,13 @@ impl World {
     pub fn of_bodies(
         scene: &Scene,
         file: &GreenFile,
-        deformers: Vec<Deformer>,
+        mut deformers: Vec<Deformer>,
         stage: Stage,
     ) -> Result<World, Failure> {
-        let bodies = body::place(scene, file, deformers, &stage)?;
-        let models: Vec<_> = bodies.iter().map(|body| body.model).collect();
+        let assets = assets::of_bodies(scene, file, &mut deformers, &stage)?;
+        let body = |(deformer, (assets, warnings))| PlacedBody::new(assets, deformer, warnings);
+        let bodies: Bodies = deformers.into_iter().zip(assets).map(body).collect();
+        let models: Vec<_> = bodies.iter().map(|body| body.assets.model).collect();
         let (graph, fields) = flow::graph(&scene.body, &models, &stage).map_err(Failure::request)?;
         Ok(World::of(stage, bodies, graph, fields))
     }
@@ -106,7 +110,10 @@ impl World {
             edit: EditState::new(&stage.workspace, bodies.len(), fields.targets.len()),
             effects: Vec::new(),
             room_from_head: stage.viewer.room_from_head,
-            stage,
+            assets: Arc::new(Assets {
+                stage,
+                bodies: bodies.iter().map(|body| body.assets.clone()).collect(),
+            }),
             frame: Frame::of(&bodies),
             bodies,
             is_for_pictures: false,
@@ -126,13 +133,13 @@ impl World {
     /// The ball that bodies without a place of their own fill as they were put: the stage's workspace, or higher and smaller where
     /// they would not be seen whole.
     pub fn filled(&self) -> Workspace {
-        let fitted = self.bodies.iter().filter(|body| body.is_fitted);
+        let fitted = self.bodies.iter().filter(|body| body.assets.is_fitted);
         let places = fitted.flat_map(|body| {
-            let point = |x: &[f32; 3]| body.home * Point3::from(Vector3::from(*x).cast::<f64>());
+            let point = |x: &[f32; 3]| body.assets.home * Point3::from(Vector3::from(*x).cast::<f64>());
             body.deformer.rest().iter().map(point)
         });
         let bounds = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
-        bounds.map_or(self.stage.workspace, |(low, high)| Workspace {
+        bounds.map_or(self.assets.stage.workspace, |(low, high)| Workspace {
             centre: nalgebra::center(&low, &high),
             radius_m: (high - low).max() / 2.0 / Workspace::FILL,
         })
@@ -193,7 +200,6 @@ impl World {
         self.show_touches();
         let times = &mut self.frame.times;
         times.interact_s = started.elapsed().as_secs_f64() - times.deform_s - times.normals_s;
-        self.colour();
         self.with_frame(|effect, world, frame| effect.show(world, frame));
         &self.frame
     }
@@ -283,6 +289,7 @@ impl World {
         }
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.follow_hands(*self.graph.get(self.fields.time));
+        self.colour();
         self.show_hands();
     }
 
@@ -296,7 +303,7 @@ impl World {
 
     /// Styli as they are drawn, what they feel, and the colours of what they point at.
     fn show_hands(&mut self) {
-        let (graph, workspace) = (&self.graph, &self.stage.workspace);
+        let (graph, workspace) = (&self.graph, &self.assets.stage.workspace);
         let hands = &graph.get(self.fields.hands).hands;
         let mut touched: Vec<((usize, usize), Highlight)> = Vec::new();
         let (mut forces, mut drawables): (Vec<HeldForce>, Vec<Drawable>) = (Vec::new(), Vec::new());
@@ -313,8 +320,8 @@ impl World {
                 let place = now.transform_point(&grip.place_in_element);
                 touched.push(((b, c), Highlight::Held));
                 let is_told = forces.iter().any(|force| (force.body, force.control) == (b, c));
-                if self.bodies[b].force_scale.is_some() && !is_told {
-                    let force = force::held_force(b, &self.bodies[b], c);
+                if let Some(scale) = self.frame.bodies[b].force_scale.as_ref().filter(|_| !is_told) {
+                    let force = force::held_force(b, &self.bodies[b], scale, c);
                     let shown = force.as_ref().and_then(|f| force::arrow(f, &place, workspace.radius_m));
                     forces.extend(force);
                     drawables.extend(shown.map(Drawable::Arrow));
@@ -348,19 +355,19 @@ impl World {
 
     /// What `eye` sees on one screen; `None` where it stays black, of which a warning tells ([`World::step`]).
     pub fn view(&self, screen: usize, eye: Eye) -> Option<View> {
-        let view = self.stage.screens.get(screen)?.view(&self.eye(eye), NEAR_M).ok()?;
+        let view = self.assets.stage.screens.get(screen)?.view(&self.eye(eye), NEAR_M).ok()?;
         Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
     }
 
     fn eye(&self, eye: Eye) -> Point3<f64> {
-        self.stage.viewer.eye_in_room(&self.room_from_head, eye)
+        self.assets.stage.viewer.eye_in_room(&self.room_from_head, eye)
     }
 
     /// Warns of each screen that stays black to an eye to which the stage shows it, once for each reason.
     fn warn_of_black_screens(&mut self) {
         let mut unseen = Vec::new();
-        for (number, screen) in self.stage.screens.iter().enumerate() {
-            for eye in Eye::ALL.into_iter().filter(|eye| self.stage.shows(number, *eye)) {
+        for (number, screen) in self.assets.stage.screens.iter().enumerate() {
+            for eye in Eye::ALL.into_iter().filter(|eye| self.assets.stage.shows(number, *eye)) {
                 unseen.extend(screen.view(&self.eye(eye), NEAR_M).err().map(|why| (number, eye, why)));
             }
         }
@@ -374,8 +381,8 @@ impl World {
 
     /// The floor grid of the stage.
     pub fn grid(&self) -> Option<Grid> {
-        self.stage.grid.map(|grid| {
-            let centre = self.stage.workspace.centre;
+        self.assets.stage.grid.map(|grid| {
+            let centre = self.assets.stage.workspace.centre;
             let centre = Point3::new(centre.x, grid.height_m, centre.z).cast::<f32>();
             let half = grid.half_size_m as f32;
             Grid::new(centre, [half, half], half / 8.0)

@@ -46,7 +46,7 @@ pub fn world(name: &str) -> World {
 
 /// A stylus at workspace units `from`, pointing at `to`.
 fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerState {
-    let workspace = world.stage.workspace;
+    let workspace = world.assets.stage.workspace;
     let place = |units: [f64; 3]| workspace.centre + Vector3::from(units) * workspace.radius_m;
     let rotation = rotation_towards(&(place(to) - place(from)), 0.0).unwrap();
     let room_from_stylus = Isometry3::from_parts(Translation3::from(place(from).coords), rotation).cast();

@@ -121,7 +121,7 @@ impl Touches {
     pub fn applied(&self, b: usize, body: &PlacedBody, loads: &LoadValues) -> AppliedLoads {
         let body_from_room = body.room_from_body.inverse();
         let mut coefficients = loads.0.clone();
-        if body.has_gravity && coefficients.len() >= 3 {
+        if body.assets.has_gravity && coefficients.len() >= 3 {
             let along = Vector3::from_column_slice(&coefficients[..3]);
             coefficients[..3].copy_from_slice((body_from_room.isometry.rotation * along).as_slice());
         }
@@ -144,8 +144,8 @@ fn arrived(coming: Coming, taking: Taking, bodies: &[PlacedBody]) -> (Option<Tou
     let body = &bodies[touch.body];
     match body.deformer.softness(&touch.nodes, &touch.weights) {
         Ok(Some(softness)) => {
-            let spring = (taking == Taking::Force).then(|| body.spring.unwrap_or(1.0 / softness));
-            (Some(Touch { spring, full_n: FULL_AT * body.ball.1 / softness, ..touch }), None)
+            let spring = (taking == Taking::Force).then(|| body.assets.spring.unwrap_or(1.0 / softness));
+            (Some(Touch { spring, full_n: FULL_AT * body.assets.ball.1 / softness, ..touch }), None)
         }
         Ok(None) => (None, Some(Coming { frames: coming.frames + 1, ..coming })),
         Err(error) => {
@@ -168,7 +168,7 @@ fn taken(stylus: &StylusState, pose: &Isometry3<f64>, bodies: &[PlacedBody]) -> 
     let place = body.room_from_body.inverse() * hit.point_in_room.cast::<f64>();
     let point = SurfacePoint::nearest(hit.target, body, &place.coords)?;
     // Beside a control element: the nodes that are free share what is taken.
-    let is_free = |node: &u32| body.takes_forces.contains(node);
+    let is_free = |node: &u32| body.assets.takes_forces.contains(node);
     let shares = point.corners.iter().zip(point.weights);
     let mut weights = [0.0; 3];
     weights

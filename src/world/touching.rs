@@ -43,7 +43,7 @@ impl World {
     pub(super) fn show_touches(&mut self) {
         let Some(fields) = &self.fields.touch else { return };
         let touches = self.graph.get(fields.touches).clone();
-        let radius_m = self.stage.workspace.radius_m;
+        let radius_m = self.assets.stage.workspace.radius_m;
         for touch in touches.coming() {
             let words = "solving for this point".to_owned();
             self.frame.draw(Drawable::Plate(Plate::of(Anchor::Place(touch.place_in_room.into()), words)));

@@ -42,7 +42,7 @@ impl TurnLimits {
     /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
     /// surface tells, and of a model that moves parts, it is theirs.
     pub fn of_body(body: &PlacedBody) -> (f64, Self) {
-        match body.range {
+        match body.assets.range {
             Some(range) => {
                 (body.deformer.largest_turn(), Self { good: range, fair: range, is_measured: true })
             }
@@ -88,7 +88,7 @@ impl Verdict {
 
 /// What a body that is bent further than its model holds says of itself; `None` of one that is not.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
-    words(TurnLimits::of_body(body), body.model)
+    words(TurnLimits::of_body(body), body.assets.model)
 }
 
 /// The same of a body that is in no world.

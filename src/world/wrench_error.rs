@@ -3,6 +3,7 @@
 //! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or why it is unknown.
 
 use super::body::PlacedBody;
+use super::frame::BodyFrame;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, Freedom, Moved, Wrench, reach};
 use nalgebra::Vector3;
 
@@ -22,8 +23,8 @@ pub struct WrenchError {
 /// `None` where nothing was measured, where the pose is beyond what was, and of a model that says that it has no forces here.
 ///
 /// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
-pub fn wrench_error(body: &PlacedBody, wrenches: &[Wrench]) -> Option<WrenchError> {
-    wrench_error_of(body.expected.as_ref()?, &body.deformer, wrenches, &[])
+pub fn wrench_error(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Option<WrenchError> {
+    wrench_error_of(shown.expected.as_ref()?, &body.deformer, wrenches, &[])
 }
 
 /// The same of a body that is in no world, whose control elements have this freedom: none of them where it is empty. Of an end that
@@ -80,8 +81,8 @@ pub fn wrench_error_of(
 }
 
 /// Why [`wrench_error`] is `None`, in words that follow "error unknown".
-pub fn why_unknown(body: &PlacedBody) -> &'static str {
-    match &body.expected {
+pub fn why_unknown(body: &PlacedBody, shown: &BodyFrame) -> &'static str {
+    match &shown.expected {
         _ if body.deformer.contribution().exerts_forces() => "an effect adds forces that were not measured",
         None => "list expected_errors",
         Some(expected) if expected.moved.is_empty() => "not measured on this body",

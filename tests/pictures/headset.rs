@@ -61,12 +61,12 @@ fn a_headset_sees_the_frame_by_its_own_frusta_without_a_window() {
     }
     let mut bodies = GpuBodies::new(&images.gpu, &mut session.world, device::Args::default()).unwrap();
     let world = &session.world;
-    let screen = &world.stage.screens[0];
+    let screen = &world.assets.stage.screens[0];
     let [right, up, normal] = screen.axes();
     assert!(right.x > 0.999 && up.y > 0.999 && normal.z > 0.999, "an upright wall");
     let size = [screen.width_m() as f32, screen.height_m() as f32];
     let eyes = [Eye::Left, Eye::Right].map(|eye| {
-        let place = world.stage.viewer.eye_in_room(&world.room_from_head, eye);
+        let place = world.assets.stage.viewer.eye_in_room(&world.room_from_head, eye);
         off_axis(screen.point([0.0, 0.0]).cast(), size, 0.0, place.cast())
     });
     assert_eq!(images.sizes().len(), 2);

@@ -227,8 +227,8 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         }
         for (at, _) in text.match_indices("force::held_force(") {
             entered += 1;
-            let before = &text[at.saturating_sub(120)..at];
-            let is_asked = before.contains(".force_scale.is_some()");
+            let before = &text[at.saturating_sub(160)..at];
+            let is_asked = before.contains("if let Some(scale) = self.frame.bodies[b].force_scale");
             assert!(is_asked, "{} does not ask whether it is listed", file.display());
         }
     }

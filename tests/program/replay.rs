@@ -330,7 +330,7 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     session.attach_mouse();
     // The cursor before a place of the workspace, in its units.
     let aim = |session: &mut Session, [x, y]: [f64; 2]| {
-        let stage = &session.world.stage;
+        let stage = &session.world.assets.stage;
         let place = stage.workspace.centre + nalgebra::Vector3::new(x, y, 0.0) * stage.workspace.radius_m;
         let eye = stage.viewer.eye_in_room(&stage.viewer.room_from_head, Eye::Centre);
         let clip =

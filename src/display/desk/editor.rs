@@ -95,7 +95,7 @@ impl Editor {
 
     /// Where it stands: as the scene's body, smaller and to the left of where that is, so that the panel covers nothing of it.
     fn room_from_mesh(&self, world: &World) -> Similarity3<f64> {
-        let (stage, whole) = (&world.stage, self.room_from_shown(world));
+        let (stage, whole) = (&world.assets.stage, self.room_from_shown(world));
         let screen = &stage.screens[stage.faced_screen()];
         let centre = stage.workspace.centre;
         let beside = screen.axes()[0] * (-PANEL_SHARE * screen.width_m() / 2.0);
@@ -111,7 +111,8 @@ impl Editor {
             return body.room_from_body * Translation3::from(-body.deformer.centre);
         }
         let [low, high] = self.canvas.bounds.map(Point3::from);
-        let fitted = world.stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity);
+        let fitted =
+            world.assets.stage.workspace.room_from_body(low, high).unwrap_or_else(Similarity3::identity);
         world.edit.navigation.room_from_scene * fitted
     }
 

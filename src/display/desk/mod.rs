@@ -268,7 +268,12 @@ impl Desk {
             Order::Release => match release::scene(session) {
                 Ok((scene, told)) => {
                     let begun = self.path().and_then(|path| {
-                        self.change_to(Resolved::of(scene)?, session.world.stage.clone(), path, session)
+                        self.change_to(
+                            Resolved::of(scene)?,
+                            session.world.assets.stage.clone(),
+                            path,
+                            session,
+                        )
                     });
                     match begun {
                         Ok(()) => self.told = Some(told),

@@ -112,7 +112,7 @@ impl Draft {
         scene.stage.clone_from(&self.stage);
         let scene = scene.checked()?;
         let stage = match self.stage == self.shown_stage {
-            true => session.world.stage.clone(),
+            true => session.world.assets.stage.clone(),
             false => stage(&scene, None)?,
         };
         Ok((scene, stage))

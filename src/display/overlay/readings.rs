@@ -126,7 +126,7 @@ impl Readings {
             .map(|(body, shown)| body_reading(body, shown))
             .collect();
         Self {
-            stage: world.stage.name.clone(),
+            stage: world.assets.stage.name.clone(),
             mode: world.mode().name() + world.taking_words(),
             hands: hands(world),
             undo: world.undo_depth(),
@@ -161,10 +161,10 @@ fn hands(world: &World) -> Vec<HandReading> {
 
 /// `None` of a body that shows no forces and was not measured.
 fn error_reading(
-    body: &PlacedBody,
+    (body, shown): (&PlacedBody, &BodyFrame),
     forces: Option<(&[Wrench], Option<WrenchError>)>,
 ) -> Option<ErrorReading> {
-    let expected = body.expected.as_ref().filter(|expected| !expected.moved.is_empty());
+    let expected = shown.expected.as_ref().filter(|expected| !expected.moved.is_empty());
     let of_model = expected.filter(|expected| expected.model.law().is_none());
     let model = of_model.and_then(|expected| expected.in_pose(&body.deformer));
     let mesh = expected.and_then(|expected| match forces {
@@ -175,16 +175,16 @@ fn error_reading(
         Some((_, error)) => error.is_none(),
         None => of_model.is_some() && model.is_none(),
     };
-    let unknown = is_unknown.then(|| why_unknown(body));
+    let unknown = is_unknown.then(|| why_unknown(body, shown));
     (model.is_some() || mesh.is_some() || is_unknown).then_some(ErrorReading { model, mesh, unknown })
 }
 
 pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading {
     let deformer = &body.deformer;
     // A file may hold S for its model alone; force is shown where the scene asks for it.
-    let felt = body.force_scale.is_some();
+    let felt = shown.force_scale.is_some();
     let (wrenches, energy) = deformer.wrenches().filter(|_| felt).unzip();
-    let error = wrenches.as_ref().and_then(|wrenches| wrench_error(body, wrenches));
+    let error = wrenches.as_ref().and_then(|wrenches| wrench_error(body, shown, wrenches));
     let force = |c: usize, pose: &ControlPose| {
         // A hand feels the torque about where the element is.
         Some(ForceReading { wrench: wrenches.as_ref()?.get(c)?.about_the_place(pose), error })
@@ -193,8 +193,8 @@ pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading 
     let (turn, limits) = TurnLimits::of_body(body);
     BodyReading {
         name: deformer.body.clone(),
-        model: body.model.name.to_owned(),
-        effects: body.effects.clone(),
+        model: body.assets.model.name.to_owned(),
+        effects: body.assets.effects.clone(),
         controls: controls
             .map(|(c, ((rest, pose), highlight))| ControlReading {
                 name: rest.name.clone(),
@@ -207,6 +207,6 @@ pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading 
         limits,
         age: deformer.age(),
         energy,
-        errors: error_reading(body, wrenches.as_deref().map(|wrenches| (wrenches, error))),
+        errors: error_reading((body, shown), wrenches.as_deref().map(|wrenches| (wrenches, error))),
     }
 }

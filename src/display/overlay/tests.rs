@@ -9,12 +9,13 @@ use crate::effect::haptics::Push;
 use crate::effect::haptics::{LoopState, LoopTiming};
 use crate::render::{COLOR_FORMAT, FrameContents, Gpu, Offscreen, Overlay, RenderError, Renderer, Viewport};
 use crate::track::Signal;
-use crate::world::{BodyFrame, TurnLimits, WrenchError};
+use crate::world::{BodyAssets, BodyFrame, TurnLimits, WrenchError};
 use egui::{Rect, pos2};
 use image::RgbImage;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 use std::path::Path;
+use std::sync::Arc;
 
 const SIZE: [u32; 2] = [960, 600];
 
@@ -298,10 +299,10 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     let mut world = crate::world::tests::world("overlay-errors");
     let body = &mut world.bodies[0];
     let mut told = |expected: Option<ExpectedErrors>, degrees: f64| {
-        body.expected = expected;
+        let shown = BodyFrame { expected: expected.map(Arc::new), ..world.frame.bodies[0].clone() };
         let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians()).matrix();
         body.deformer.evaluate(&[ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }]);
-        let reading = readings::body_reading(body, &world.frame.bodies[0]);
+        let reading = readings::body_reading(body, &shown);
         reading.errors.iter().flat_map(body_rows::error_rows).map(|row| text(&row)).collect::<Vec<_>>()
     };
     let at = |degrees: f64, force: f64| ErrorsAt {
@@ -381,7 +382,7 @@ fn a_measured_range_goes_before_the_models_table() {
     let (turn, limits) = TurnLimits::of_body(body);
     assert_eq!(limits, TurnLimits::of_model(&ROTATION));
     assert!(turn > 0.1 && limits.good < limits.fair && !limits.is_measured, "the middle turns: {turn}");
-    body.range = Some(0.7);
+    body.assets = Arc::new(BodyAssets { range: Some(0.7), ..(*body.assets).clone() });
     let (turn, limits) = TurnLimits::of_body(body);
     assert_eq!((turn, limits), (0.0, TurnLimits { good: 0.7, fair: 0.7, is_measured: true }));
 }
@@ -396,7 +397,7 @@ fn whole_turns_are_counted_and_not_called_good() {
     for range in [None, Some(0.7)] {
         let mut world = crate::world::tests::world("overlay-turns");
         let body = &mut world.bodies[0];
-        body.range = range;
+        body.assets = Arc::new(BodyAssets { range, ..(*body.assets).clone() });
         for degrees in (0..=720).step_by(10) {
             let angle = f64::from(degrees).to_radians();
             let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix();

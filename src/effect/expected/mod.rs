@@ -18,9 +18,10 @@ use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
-use crate::world::{RunningEffect, World};
+use crate::world::{BodyFrame, RunningEffect, World};
 use mesh::BetterBody;
 use model::{Measured, ModelErrors, motions};
+use std::sync::Arc;
 
 /// So many control elements are moved, the first ones that a hand can grab.
 pub const MOST_MOVED: usize = 2;
@@ -37,10 +38,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     precompute: Some(section),
     check_section: Some(|file, body| read(file, body).map(drop)),
     section_after_change: Some(|scene, body| vec![(TENSOR.into(), not_measured(scene, body))]),
-    attach: Some(|listed, world| {
-        show(listed, world)?;
-        Ok(None::<Box<dyn RunningEffect>>)
-    }),
+    attach: Some(join),
     ..EffectEntry::NOTHING
 };
 
@@ -100,13 +98,29 @@ pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, Gree
     Ok(Some(errors))
 }
 
-/// Leaves with each body of a world what was measured of it for its model.
-pub(super) fn show(listed: &Listed<'_>, world: &mut World) -> Result<(), Failure> {
+/// Tells in each frame what was measured of the bodies for their models.
+struct Told(Vec<(usize, Arc<ExpectedErrors>)>);
+
+fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+    let mut told = Vec::new();
     for &(b, name) in &listed.bodies {
-        let body = &mut world.bodies[b];
-        body.expected = read(listed.file, name)?.filter(|errors| errors.model == body.model);
+        let model = world.bodies[b].assets.model;
+        let errors = read(listed.file, name)?.filter(|errors| errors.model == model);
+        told.extend(errors.map(|errors| (b, Arc::new(errors))));
     }
-    Ok(())
+    Ok(Some(Box::new(Told(told))))
+}
+
+impl RunningEffect for Told {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn surface(&mut self, _: &World, bodies: &mut [BodyFrame]) {
+        for (b, errors) in &self.0 {
+            bodies[*b].expected = Some(errors.clone());
+        }
+    }
 }
 
 fn of(scene: &Resolved, body: &str) -> ExpectedErrors {

@@ -89,7 +89,7 @@ impl EquilibriumGhosts {
             let body = &world.bodies[b];
             let settings: Option<&Settings> = listed.scene.bodies[name].settings(&ENTRY);
             let asked = settings.and_then(|settings| settings.law);
-            let law = asked.or(body.model.law()).unwrap_or(&STVK);
+            let law = asked.or(body.assets.model.law()).unwrap_or(&STVK);
             let tags = body.deformer.tags().to_vec();
             let subject = Subject { scene: Scene::clone(listed.scene), body: name.to_owned(), law, tags };
             let resting = (held(body), Instant::now());
@@ -167,7 +167,9 @@ impl Watched {
     /// Whether the hand rests.
     fn rests(&mut self, body: &PlacedBody) -> bool {
         let (rested, _) = &self.resting;
-        if moved(body, &rested.poses) > RESTING * body.ball.1 || is_loaded_otherwise(body, &rested.loads) {
+        if moved(body, &rested.poses) > RESTING * body.assets.ball.1
+            || is_loaded_otherwise(body, &rested.loads)
+        {
             self.resting = (held(body), Instant::now());
         }
         self.resting.1.elapsed() > REST_FOR
@@ -229,20 +231,20 @@ impl Found {
     /// Whether the body is no longer where this belongs to.
     fn is_left(&self, body: &PlacedBody) -> bool {
         let difference = self.answer.result.as_ref().map_or(0.0, |solved| solved.largest_m);
-        let bounds = [MOVED_ON[0] * body.ball.1, MOVED_ON[1] * difference];
+        let bounds = [MOVED_ON[0] * body.assets.ball.1, MOVED_ON[1] * difference];
         moved(body, &self.answer.held.poses) > bounds[0].max(bounds[1])
             || is_loaded_otherwise(body, &self.answer.held.loads)
     }
 
     fn lines(&self, body: &PlacedBody, law: &Law) -> Vec<Vec<(String, Tone)>> {
-        let (name, model) = (&body.deformer.body, body.model.name);
+        let (name, model) = (&body.deformer.body, body.assets.model.name);
         let away = moved(body, &self.answer.held.poses);
         let is_old = self.is_left(body);
         // What is a millionth of the body away is the same pose, to rounding.
         let (of, was) = match away {
             _ if is_loaded_otherwise(body, &self.answer.held.loads) => ("under other loads".into(), "was"),
             away if is_old => (format!("of a pose {} away", quantity(away, "m")), "was"),
-            away if away > 1e-6 * body.ball.1 => {
+            away if away > 1e-6 * body.assets.ball.1 => {
                 (format!("of this pose within {}", quantity(away, "m")), "is")
             }
             _ => ("of this pose".into(), "is"),

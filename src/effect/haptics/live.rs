@@ -25,8 +25,9 @@ use crate::interact::Mode;
 use crate::stage::{Haptic, HapticDevice, Stage};
 use crate::track::{Source, TrackerState, usable};
 use crate::world::force_scale::ForceScale;
-use crate::world::{Frame, RunningEffect, World};
+use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::Isometry3;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub struct HapticSession {
@@ -102,23 +103,42 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 
 /// The arrow of the force at what a hand holds.
 fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+    let mut scales = Vec::new();
     for &(b, name) in &listed.bodies {
         let body = &mut world.bodies[b];
         body.deformer.feel();
-        body.force_scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.ball.1));
+        let scale = listed.file.stiffness(name).map(|s| ForceScale::new(&s, body.assets.ball.1));
+        scales.extend(scale.map(|scale| (b, Arc::new(scale))));
     }
-    Ok(None)
+    Ok(Some(Box::new(ShownForces { scales })))
+}
+
+/// Has the forces of bodies shown that list the effect.
+struct ShownForces {
+    scales: Vec<(usize, Arc<ForceScale>)>,
+}
+
+impl RunningEffect for ShownForces {
+    fn name(&self) -> &'static str {
+        ENTRY.name
+    }
+
+    fn surface(&mut self, _: &World, bodies: &mut [BodyFrame]) {
+        for (b, scale) in &self.scales {
+            bodies[*b].force_scale = Some(scale.clone());
+        }
+    }
 }
 
 impl HapticSession {
     /// Starts the loops; `None` where the stage has no force device.
     pub fn start(listed: &Listed<'_>, world: &World) -> Result<Option<HapticSession>, Failure> {
         let bodies: Vec<usize> = listed.bodies.iter().map(|&(b, _)| b).collect();
-        if bodies.is_empty() || world.stage.haptics.is_empty() {
+        if bodies.is_empty() || world.assets.stage.haptics.is_empty() {
             return Ok(None);
         }
         let link = |haptic: &Haptic| {
-            let stylus = stylus_number(haptic, &world.stage)?;
+            let stylus = stylus_number(haptic, &world.assets.stage)?;
             let device = open(haptic)?;
             let elastic = listed.bodies.iter().map(|&(b, name)| {
                 let made = Elastic::of(&world.bodies[b].deformer);
@@ -139,7 +159,7 @@ impl HapticSession {
                 told: Told { stiff: false, slow: false, age_s: LATE_S, silent: false, heard: Instant::now() },
             })
         };
-        let links = world.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
+        let links = world.assets.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
         Ok(Some(HapticSession { links }))
     }
 

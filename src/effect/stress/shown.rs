@@ -80,7 +80,7 @@ fn tops(listed: &Listed<'_>, settings: &LegendSettings, bodies: &[ShownBody], wo
                 let of_body = |&(b, name): &(usize, &str)| match quantity {
                     Quantity::VonMises => listed.scene.body[name].material.young,
                     Quantity::Strain => 1.0,
-                    Quantity::Displacement => 2.0 * world.bodies[b].ball.1,
+                    Quantity::Displacement => 2.0 * world.bodies[b].assets.ball.1,
                 };
                 let largest = listed.bodies.iter().map(of_body).fold(0.0, f64::max);
                 Top::Seen(round_up(FIRST_STRAIN * largest))

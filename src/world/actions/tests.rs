@@ -170,7 +170,11 @@ fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
         "the hand is not where the end is"
     );
     let held = world.frame.all(Drawable::stylus).next().unwrap().hit.unwrap();
-    assert!(held.z < world.stage.workspace.centre.z as f32 + 0.12 * world.stage.workspace.radius_m as f32);
+    assert!(
+        held.z
+            < world.assets.stage.workspace.centre.z as f32
+                + 0.12 * world.assets.stage.workspace.radius_m as f32
+    );
     // The mode changes while it is held: no jump, then only turning, about the end's own origin.
     world.carry_out(Action::SetMode(Mode { freedom: Freedom::Rotate, axis: None }));
     step(&mut world, 0.0, &[pressed(there)]);
@@ -245,7 +249,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
     step(&mut world, 0.2, &[second(away(0.0))]);
     step(&mut world, 0.3, &[second(away(0.4))]);
     step(&mut world, 0.4, &[away(0.4)]);
-    let radius = world.stage.workspace.radius_m;
+    let radius = world.assets.stage.workspace.radius_m;
     let place = world.bodies[0].room_from_body;
     assert!((place.scaling() / home.scaling() - 0.5).abs() < 1e-9);
     let way = place * Point3::origin() - home * Point3::origin();
@@ -256,7 +260,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
     step(&mut world, 0.5, &[away(0.0), at_end]);
     assert_eq!(world.frame.bodies[0].highlights[RIGHT], Highlight::Hovered);
     let hit = world.frame.all(Drawable::stylus).nth(1).unwrap().hit.unwrap().cast::<f64>()
-        - world.stage.workspace.centre;
+        - world.assets.stage.workspace.centre;
     assert!((hit.x / radius - 0.875).abs() < 1e-5, "{hit}");
     step(&mut world, 0.6, &[second(away(0.0)), pressed(at_end)]);
     step(&mut world, 0.7, &[second(away(-0.3)), pressed(at_end)]);
@@ -312,8 +316,8 @@ fn a_body_goes_aside_by_a_double_press_and_comes_back() {
     assert!(world.edit.asides[0].is_aside);
     let aside = world.bodies[0].room_from_body;
     assert!(aside.scaling() < 0.3 * home.scaling());
-    let (middle, radius) = world.bodies[0].ball;
-    let workspace = world.stage.workspace;
+    let (middle, radius) = world.bodies[0].assets.ball;
+    let workspace = world.assets.stage.workspace;
     assert!(((aside * middle - workspace.centre).norm() - workspace.radius_m).abs() < 1e-9);
     assert!((aside.scaling() * radius - 0.2 * workspace.radius_m).abs() < 1e-9);
     assert_eq!(poses(&world), [ControlPose::REST; 2]);
@@ -347,7 +351,7 @@ fn a_lost_stylus_leaves_the_element_where_it_is() {
 fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
     for (effects, wanted) in [("", false), (r#""haptics""#, true)] {
         let mut world = world(&format!("force-{wanted}"), effects);
-        assert_eq!(world.bodies[0].force_scale.is_some(), wanted);
+        assert_eq!(world.frame.bodies[0].force_scale.is_some(), wanted);
         let start = right([0.0; 3], [0.0; 3]);
         let there = right([0.19, 0.0, 0.0], [0.0; 3]);
         step(&mut world, 0.0, &[start]);
@@ -363,7 +367,7 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
         // A bar of 1 m² and 2 m stretched by 0.2 m at 1 kPa: 100 N, more where its held ends cannot narrow.
         assert!(force.force_n.x < -95.0 && force.force_n.x > -130.0, "{}", force.force_n);
         let along = Vector3::from(world.frame.all(Drawable::arrow).next().unwrap().along).cast::<f64>();
-        assert!(along.x < 0.0 && along.norm() <= 0.6 * world.stage.workspace.radius_m + 1e-6);
+        assert!(along.x < 0.0 && along.norm() <= 0.6 * world.assets.stage.workspace.radius_m + 1e-6);
         // It starts where the ray holds the bar, moved on with the hand.
         let (from, held) = (
             world.frame.all(Drawable::arrow).next().unwrap().from,

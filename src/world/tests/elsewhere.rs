@@ -54,8 +54,12 @@ fn a_body_that_the_device_deforms_is_pointed_at_where_it_is_bent_to() {
         .filter(free)
         .max_by(|a, b| height(*a).total_cmp(&height(*b)))
         .unwrap();
-    assert!(height(node) > 0.2 * world.stage.workspace.radius_m, "it was carried up by {} m", height(node));
-    let workspace = world.stage.workspace;
+    assert!(
+        height(node) > 0.2 * world.assets.stage.workspace.radius_m,
+        "it was carried up by {} m",
+        height(node)
+    );
+    let workspace = world.assets.stage.workspace;
     let there = (place(&body.deformer.positions(), node) - workspace.centre) / workspace.radius_m;
     // From the front, a little inside of the surface.
     let aim = [0.98 * there.x, 0.98 * there.y, 0.0];

@@ -26,7 +26,7 @@ fn loaded(name: &str) -> World {
 
 /// A ray from above onto the place (x, y, 0) of the block, shifted by `up` of the block's metres.
 fn above(world: &World, x: f64, up: f64, pressed: bool) -> TrackerState {
-    let room = world.bodies[0].home;
+    let room = world.bodies[0].assets.home;
     let (from, to) = (room * Point3::new(x, 2.0 + up, 0.1), room * Point3::new(x, up, 0.1));
     let rotation = rotation_towards(&(to - from), 0.0).unwrap();
     let room_from_stylus = Isometry3::from_parts(Translation3::from(from.coords), rotation).cast();
@@ -137,7 +137,7 @@ fn a_scene_without_loads_has_nothing_of_them() {
     let world = world("unloaded");
     let body = &world.bodies[0];
     assert!(world.fields.touch.is_none() && world.taking().is_none() && world.taking_words().is_empty());
-    assert!(world.fields.bodies[0].loads.is_none() && body.takes_forces.is_empty());
+    assert!(world.fields.bodies[0].loads.is_none() && body.assets.takes_forces.is_empty());
     assert!(body.deformer.load_metas().is_empty() && !body.deformer.has_field());
     assert_eq!(body.deformer.state.coefficients.len(), 24);
     let names: Vec<&str> = world.graph.entries().iter().map(|field| field.name).collect();

@@ -70,7 +70,7 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
     let (scene, file, mut world) = session("\"haptics\"", DEVICE);
     let mut haptics = started(&scene, &file, &world);
     assert_eq!(running(), 1);
-    let workspace = world.stage.workspace;
+    let workspace = world.assets.stage.workspace;
     let started = Instant::now();
     let mut follow =
         |world: &mut World, y: f64, pressed: bool, until: &dyn Fn(&LoopState, &TrackerState) -> bool| {
@@ -139,9 +139,9 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
     let (scene, file, mut world) = session("\"haptics\"", &table);
     let haptics = Rc::new(RefCell::new(started(&scene, &file, &world)));
     let mut effects: Vec<Box<dyn RunningEffect>> = vec![Box::new(Shared(haptics.clone()))];
-    let mut trackers = trackers::start(&world.stage, &mut effects).unwrap().unwrap();
+    let mut trackers = trackers::start(&world.assets.stage, &mut effects).unwrap().unwrap();
     assert_eq!(world.fields.stylus_name(0), "pen");
-    let (haptic, workspace) = (world.stage.haptics[0].clone(), world.stage.workspace);
+    let (haptic, workspace) = (world.assets.stage.haptics[0].clone(), world.assets.stage.workspace);
     let place = |x: f64, y: f64| workspace.centre + Vector3::new(x, y, 0.1) * workspace.radius_m;
     let rotation = rotation_towards(&(place(0.0, 0.0) - place(1.5, 0.0)), 0.0).unwrap();
     let mut y = 0.0;
@@ -310,7 +310,7 @@ fn cases() -> Vec<Case> {
 
 /// Hands beside the block's end at `z` of the workspace's radius, moved and turned by `by`.
 fn hand(world: &World, z: f64, by: f64, pressed: bool) -> StylusState {
-    let workspace = world.stage.workspace;
+    let workspace = world.assets.stage.workspace;
     let place =
         workspace.centre + Vector3::new(1.5 - 0.3 * by, 0.2 * by, z * (1.0 + by)) * workspace.radius_m;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, 0.3, 0.5) * by * z.signum());
