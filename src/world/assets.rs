@@ -41,7 +41,7 @@ pub struct BodyAssets {
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
     pub controls: Vec<ControlAssets>,
-    pub(super) color: Color,
+    pub color: Color,
     /// Lines and image on the surface.
     pub pattern: Pattern,
     /// Nodes of the surface that take forces, where the scene has them touched, and the spring by which.
@@ -52,7 +52,7 @@ pub struct BodyAssets {
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
     /// How near a ray must pass a node of a control element that it misses, m in the room.
-    pub(super) passing_m: f64,
+    pub passing_m: f64,
 }
 
 /// A control element: whether a hand can take it, and which part of it a ray can hit.
