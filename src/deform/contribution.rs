@@ -6,7 +6,8 @@
 use super::frames::PoseSlope;
 use super::pose::ControlPose;
 use nalgebra::{SMatrix, SVector};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::sync::Arc;
 
 /// Derivatives by the twelve numbers of a pose: T, then M row by row.
 pub type PoseCurvature = SMatrix<f64, 12, 12>;
@@ -26,6 +27,26 @@ pub struct Contribution {
     /// ∂²V'/∂P² of each control element, the others held: what a force loop follows between two frames.
     #[serde(with = "crate::field::numbers::list")]
     pub curvatures: Vec<PoseCurvature>,
+    /// The triangles of the surface, where an effect has others than those of the .green file: nodes of the surface,
+    /// counter-clockwise seen from outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub triangles: Option<Topology>,
+}
+
+/// The triangles of a surface, shared by all who look at it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topology(pub Arc<Vec<[u32; 3]>>);
+
+impl Serialize for Topology {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.as_slice().serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Topology {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Topology, D::Error> {
+        Ok(Topology(Arc::new(Vec::deserialize(deserializer)?)))
+    }
 }
 
 impl Contribution {
@@ -36,6 +57,7 @@ impl Contribution {
             energy: 0.0,
             slopes: vec![PoseSlope::default(); controls],
             curvatures: vec![PoseCurvature::zeros(); controls],
+            triangles: None,
         }
     }
 
@@ -51,9 +73,11 @@ impl Contribution {
         self.slopes.iter().any(|slope| *slope != PoseSlope::default())
     }
 
-    /// Whether it has the shape of a body's.
-    pub(super) fn suits(&self, columns: usize, controls: usize) -> bool {
+    /// Whether it has the shape of a body's with so many columns of effects, control elements and surface nodes.
+    pub(super) fn suits(&self, columns: usize, controls: usize, nodes: usize) -> bool {
+        let mut corners = self.triangles.iter().flat_map(|triangles| triangles.0.as_flattened());
         (self.coefficients.len(), self.slopes.len(), self.curvatures.len()) == (columns, controls, controls)
+            && corners.all(|node| (*node as usize) < nodes)
     }
 
     /// Of control element `e` alone, about its pose `at`.

@@ -54,7 +54,7 @@ mod surface_stress;
 mod trial;
 mod turn;
 
-pub use contribution::{Contribution, ElementPotential, PoseCurvature};
+pub use contribution::{Contribution, ElementPotential, PoseCurvature, Topology};
 pub use critical::{CriticalPose, ModeShape};
 pub use cubic_form::CubicForm;
 pub use deformer::{Deformer, FrameTimes};

@@ -27,7 +27,8 @@ pub struct GpuBodies {
 /// What was uploaded of a body.
 #[derive(Default)]
 struct Uploaded {
-    /// Of the surface ([`crate::deform::Deformer::version`]).
+    /// Of the surface's triangles ([`crate::deform::Deformer::topology`]), and of where they are ([`crate::deform::Deformer::version`]).
+    topology: u64,
     version: Option<u64>,
     colours: Option<BodyFrame>,
 }
@@ -39,13 +40,14 @@ impl GpuBodies {
             buffers: Vec::new(),
             choices: Vec::new(),
             watches: vec![Watch::default(); world.bodies.len()],
-            uploaded: world.bodies.iter().map(|_| Uploaded::default()).collect(),
+            uploaded: Vec::new(),
             looks_at_each: false,
         };
         for (body, shown) in world.bodies.iter_mut().zip(&world.frame.bodies) {
             let (buffers, choice) = device::buffers(gpu, body, shown, asked.deform)?;
             notice!("body.{}: {}", body.deformer.body, choice.describe());
             bodies.buffers.push(buffers);
+            bodies.uploaded.push(Uploaded { topology: body.deformer.topology, ..Uploaded::default() });
             bodies.choices.push(choice);
         }
         Ok(bodies)
@@ -68,6 +70,10 @@ impl GpuBodies {
         for (((buffers, watch), uploaded), (body, shown)) in
             own.zip(world.bodies.iter().zip(&world.frame.bodies))
         {
+            if uploaded.topology != body.deformer.topology {
+                *buffers = device::remade(gpu, body, shown, buffers.is_deformed_here())?;
+                *uploaded = Uploaded { topology: body.deformer.topology, ..Uploaded::default() };
+            }
             buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.assets.ball.1) as f32);
             if has_moved(uploaded, body) {
                 if buffers.is_deformed_here() {

@@ -235,13 +235,33 @@ pub fn buffers(
             }
         },
     };
-    buffers.set_pattern(gpu, &body.deformer.drawn(body.deformer.rest().to_vec()), &body.assets.pattern)?;
+    set_pattern(gpu, &mut buffers, body)?;
     if choice.on_device {
         let nodes = body.pickable();
         body.deformer.sum_only_at(nodes);
         deform(gpu, &mut buffers, body)?;
     }
     Ok((buffers, choice))
+}
+
+/// The buffers of a body whose surface got other triangles, where it deforms as before.
+pub fn remade(
+    gpu: &Gpu,
+    body: &PlacedBody,
+    shown: &BodyFrame,
+    on_device: bool,
+) -> Result<BodyBuffers, RenderError> {
+    let colours = body.colours(shown);
+    let mut buffers = match on_device {
+        true => with_columns(gpu, body, &colours)?,
+        false => BodyBuffers::new(gpu, body.deformer.drawn_triangles(), &colours)?,
+    };
+    set_pattern(gpu, &mut buffers, body)?;
+    Ok(buffers)
+}
+
+fn set_pattern(gpu: &Gpu, buffers: &mut BodyBuffers, body: &PlacedBody) -> Result<(), RenderError> {
+    buffers.set_pattern(gpu, &body.deformer.drawn(body.deformer.rest().to_vec()), &body.assets.pattern)
 }
 
 fn with_columns(gpu: &Gpu, body: &PlacedBody, colours: &[[u8; 4]]) -> Result<BodyBuffers, RenderError> {

@@ -6,8 +6,6 @@ use super::place;
 use crate::base::failure::Failure;
 use crate::deform::{Deformer, ModelEntry};
 use crate::green::GreenFile;
-use crate::interact::PickShape;
-use crate::mesh::Surface;
 use crate::render::Pattern;
 use crate::scene::{Body, Color, GRAVITY, Grab, Scene};
 use crate::stage::Stage;
@@ -55,13 +53,11 @@ pub struct BodyAssets {
     pub passing_m: f64,
 }
 
-/// A control element: whether a hand can take it, and which part of it a ray can hit.
-#[derive(Clone)]
+/// A control element.
+#[derive(Clone, Copy)]
 pub struct ControlAssets {
+    /// Whether a hand can take it.
     pub grab: Grab,
-    pub(super) shape: PickShape,
-    /// Its surface nodes as balls, for a ray that passes by.
-    pub(super) near: PickShape,
 }
 
 /// The turn up to which the error of a planned body was measured, rad, with a tenth to spare; nothing of other bodies.
@@ -93,7 +89,7 @@ pub fn of_bodies(
             home,
             is_fitted: body.place.is_none(),
             ball,
-            controls: placed_controls(deformer, body.control.values().map(|control| control.grab)),
+            controls: body.control.values().map(|control| ControlAssets { grab: control.grab }).collect(),
             model: deformer.entry,
             effects: body.effects.clone(),
             takes_forces: deformer.takes_forces(),
@@ -108,21 +104,6 @@ pub fn of_bodies(
         Ok((Arc::new(assets), warnings.collect()))
     };
     deformers.iter_mut().zip(scene.body.values()).zip(&points).zip(&places).map(of).collect()
-}
-
-fn placed_controls(deformer: &Deformer, grabs: impl Iterator<Item = Grab>) -> Vec<ControlAssets> {
-    let surface = Surface {
-        triangles: deformer.triangles().to_vec(),
-        nodes: (0..deformer.node_count() as u32).collect(),
-    };
-    grabs
-        .enumerate()
-        .map(|(c, grab)| ControlAssets {
-            grab,
-            shape: PickShape::new(&surface, deformer.control_nodes(c)),
-            near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
-        })
-        .collect()
 }
 
 /// Lowest and highest corner of the body at rest.

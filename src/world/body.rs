@@ -7,6 +7,7 @@ use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::deform::{Contribution, ControlPose, Deformer, PoseLimiter};
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
+use crate::mesh::Surface;
 use crate::scene::{Color, Grab};
 use nalgebra::{Matrix4, Point3, Similarity3};
 use std::sync::Arc;
@@ -15,6 +16,8 @@ use std::sync::Arc;
 pub struct PlacedBody {
     pub assets: Arc<BodyAssets>,
     pub deformer: Deformer,
+    /// What of each control element a ray can hit, of the triangles as they are now.
+    shapes: Vec<ControlShape>,
     /// Where it is shown now.
     pub room_from_body: Similarity3<f64>,
     /// One per control element.
@@ -30,10 +33,33 @@ pub struct PlacedBody {
     pub warnings: Vec<String>,
 }
 
+/// The part of a control element that a ray can hit.
+struct ControlShape {
+    whole: PickShape,
+    /// Its surface nodes as balls, for a ray that passes by.
+    near: PickShape,
+}
+
+impl ControlShape {
+    /// Those of all control elements.
+    fn all(deformer: &Deformer) -> Vec<ControlShape> {
+        let surface = Surface {
+            triangles: deformer.triangles().to_vec(),
+            nodes: (0..deformer.node_count() as u32).collect(),
+        };
+        let of = |c: usize| ControlShape {
+            whole: PickShape::new(&surface, deformer.control_nodes(c)),
+            near: PickShape { triangles: Vec::new(), points: deformer.control_nodes(c).to_vec() },
+        };
+        (0..deformer.controls.len()).map(of).collect()
+    }
+}
+
 impl PlacedBody {
     /// A body at home, as it was loaded.
     pub(super) fn new(assets: Arc<BodyAssets>, deformer: Deformer, warnings: Vec<String>) -> PlacedBody {
         PlacedBody {
+            shapes: ControlShape::all(&deformer),
             room_from_body: assets.home,
             limiters: vec![PoseLimiter::default(); assets.controls.len()],
             range_left: false,
@@ -53,9 +79,9 @@ impl PlacedBody {
 
     /// Control element `c` as a target for picking; `near` widens it to balls about its nodes, for rays that narrowly miss.
     pub fn pick_target(&self, c: usize, near: bool) -> PickTarget<'_> {
-        let control = &self.assets.controls[c];
+        let shape = &self.shapes[c];
         PickTarget {
-            shape: if near { &control.near } else { &control.shape },
+            shape: if near { &shape.near } else { &shape.whole },
             positions: bytemuck::cast_slice(self.deformer.kept_positions()),
             ball_radius_m: (self.assets.passing_m / self.room_from_body.scaling()) as f32,
             room_from_body: self.room_from_surface(),
@@ -117,6 +143,7 @@ impl PlacedBody {
             return Err(format!("body.{body}: it has {found} control elements, the scene has {expected}"));
         }
         self.deformer.restore(&memory.deformer)?;
+        self.shapes = ControlShape::all(&self.deformer);
         self.limiters.clone_from(&memory.limiters);
         self.room_from_body = memory.room_from_body;
         self.range_left = memory.range_left;
@@ -136,7 +163,12 @@ impl PlacedBody {
 
     /// Takes what effects add; what cannot be used is left out, and told.
     pub(super) fn take_contribution(&mut self, contribution: &Contribution) {
-        if !self.deformer.contribute(contribution) {
+        let before = self.deformer.topology;
+        if self.deformer.contribute(contribution) {
+            if self.deformer.topology != before {
+                self.shapes = ControlShape::all(&self.deformer);
+            }
+        } else {
             let body = &self.deformer.body;
             self.warnings.push(format!(
                 "body.{body}: what its effects add in this frame is no finite number; it keeps what they added last"

@@ -5,7 +5,7 @@
 //!
 //! | type | what it is | lasts for |
 //! |---|---|---|
-//! | [`Assets`] | what was loaded: the stage, and of each body its model, places, pick shapes, pattern | a session |
+//! | [`Assets`] | what was loaded: the stage, and of each body its model, place, colour, pattern | a session |
 //! | [`World`] | the assets, the state, and what follows from both: displacements, factors, threads | a session |
 //! | [`State`] | all that changes from frame to frame, as plain data: it is taken, stored and put back between any two frames | a session |
 //! | [`Input`] | what comes from outside: head and styli, commands, arrivals from the background | a frame |

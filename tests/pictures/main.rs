@@ -12,6 +12,7 @@ mod golden_hands;
 mod golden_room;
 mod golden_stereo;
 mod headset;
+mod hole;
 mod looks;
 #[path = "../render_common/mod.rs"]
 mod render_common;

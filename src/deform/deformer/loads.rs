@@ -64,11 +64,16 @@ impl Deformer {
     /// The next evaluation has what effects add. False where that is not finite or of another body: the last one stays.
     pub fn contribute(&mut self, contribution: &Contribution) -> bool {
         let (columns, controls) = (self.contribution.coefficients.len(), self.controls.len());
-        if !contribution.suits(columns, controls) || !contribution.is_finite() {
+        if !contribution.suits(columns, controls, self.node_count()) || !contribution.is_finite() {
             return false;
         }
         self.contribution_changed |= self.contribution != *contribution;
+        let has_other_triangles = self.contribution.triangles != contribution.triangles;
         self.contribution.clone_from(contribution);
+        if has_other_triangles {
+            self.topology += 1;
+            self.find_creases();
+        }
         true
     }
 

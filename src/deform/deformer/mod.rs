@@ -61,6 +61,10 @@ pub struct Deformer {
     /// What the columns alone come to, of a model with a field of its own: it is brought up to date, not summed anew.
     of_columns: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
+    /// Counts how often the surface got other triangles ([`Contribution::triangles`]): whoever draws or picks it compares this.
+    pub topology: u64,
+    /// Edges whose sides are farther apart than this are drawn sharp, rad.
+    sharp: Option<f64>,
     /// Nodes that are drawn more than once, and the positions of all that is drawn; empty without.
     creases: Option<Creases>,
     drawn: Vec<[f32; 3]>,
@@ -135,6 +139,8 @@ impl Deformer {
             u: vec![[0.0; 3]; nodes],
             of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
             positions: file.rest(body).to_vec(),
+            topology: 0,
+            sharp: None,
             creases: None,
             drawn: Vec::new(),
             normals: vec![[0.0; 3]; nodes],
@@ -167,8 +173,12 @@ impl Deformer {
         self.file.rest(&self.body)
     }
 
+    /// The triangles of the surface as they are now.
     pub fn triangles(&self) -> &[[u32; 3]] {
-        self.file.triangles(&self.body)
+        match &self.contribution.triangles {
+            None => self.file.triangles(&self.body),
+            Some(triangles) => &triangles.0,
+        }
     }
 
     /// Mesh node tags of the surface nodes.
@@ -311,7 +321,10 @@ impl Deformer {
 
         let started = Instant::now();
         let (drawn, triangles) = match &self.creases {
-            None => (&self.positions, file.triangles(body)),
+            None => match &self.contribution.triangles {
+                None => (&self.positions, file.triangles(body)),
+                Some(triangles) => (&self.positions, triangles.0.as_slice()),
+            },
             Some(creases) => {
                 self.drawn.clone_from(&self.positions);
                 creases.extend(&mut self.drawn);

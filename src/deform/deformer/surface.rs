@@ -12,13 +12,17 @@ use std::borrow::Cow;
 impl Deformer {
     /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
     pub fn keep_sharp(&mut self, angle: f64) {
-        self.creases = Creases::of(self.triangles(), self.rest(), angle);
+        self.sharp = Some(angle);
+        self.find_creases();
+        self.deform();
+    }
+
+    /// Finds what is drawn more than once, of the triangles as they are now.
+    pub(super) fn find_creases(&mut self) {
+        self.creases = self.sharp.and_then(|angle| Creases::of(self.triangles(), self.rest(), angle));
         let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
         self.surface_normals = SurfaceNormals::new(self.drawn_triangles(), drawn);
-        if self.normals.len() != drawn {
-            self.normals.resize(drawn, [0.0; 3]);
-            self.deform();
-        }
+        self.normals.resize(drawn, [0.0; 3]);
     }
 
     /// Nodes that are drawn more than once.

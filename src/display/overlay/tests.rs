@@ -360,7 +360,8 @@ fn a_doubtful_force_is_told_within_the_column() {
 fn a_force_without_a_measured_error_is_a_number_and_says_what_to_list() {
     use crate::effect::ghost_equilibrium::tests::bar;
     let (scene, file, mut world) = bar("overlay-unmeasured", "linear", &["haptics"]);
-    crate::effect::attach(crate::effect::EFFECTS, &scene, &file, &mut world).unwrap();
+    let effects = crate::effect::attach(crate::effect::EFFECTS, &scene, &file, &mut world).unwrap();
+    world.join(effects).unwrap();
     let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
     world.bodies[0].deformer.evaluate(&[ControlPose::REST, pull]);
     let reading = readings::body_reading(&world.bodies[0], &world.frame.bodies[0]);

@@ -40,7 +40,8 @@ grab = "dragger"
     let file = Arc::new(GreenFile::open(&path).unwrap());
     std::fs::remove_dir_all(&folder).unwrap();
     let mut world = World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap();
-    effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
+    let effects = effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
+    world.join(effects).unwrap();
     world
 }
 
