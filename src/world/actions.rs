@@ -6,7 +6,7 @@
 use super::body::PlacedBody;
 use super::edit_state::{Change, EditState, Posed, REST};
 use super::flow::{BodyPlace, HandState};
-use super::step::World;
+use super::running::World;
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{Action, Asked, Ease, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest};
 use crate::stage::Workspace;

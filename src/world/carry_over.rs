@@ -6,7 +6,7 @@
 
 use super::body::PlacedBody;
 use super::edit_state::Change;
-use super::step::World;
+use super::running::World;
 use std::collections::BTreeSet;
 
 /// Two origins nearer to each other than this, in metres for a body of one metre, are one: they were stored as f64 and

@@ -33,6 +33,9 @@ use indexmap::IndexMap;
 use nalgebra::{Isometry3, Similarity3};
 use serde::{Deserialize, Serialize};
 
+/// At most so many styli are followed; further ones are ignored.
+pub(super) const MOST_STYLI: usize = 16;
+
 /// What the graph's functions act on beside its fields.
 pub type Bodies = Vec<PlacedBody>;
 

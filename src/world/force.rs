@@ -5,25 +5,15 @@
 
 use super::body::PlacedBody;
 use super::force_scale::ForceScale;
+use super::frame::HeldForce;
 use crate::interact::force_arrow;
 use crate::render::Arrow;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 /// Length of the arrow of a force at full scale, against the workspace's radius.
 const LONGEST: f64 = 0.6;
 /// Radius of an arrow's shaft, against the workspace's.
 const SHAFT: f64 = 0.012;
-
-/// The force of the body on the hand that holds one of its control elements.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeldForce {
-    pub body: usize,
-    pub control: usize,
-    /// N, along the room's axes.
-    pub force_n: Vector3<f64>,
-    /// The force of the longest arrow, N.
-    pub full_n: f64,
-}
 
 /// The force on control element `c` of body number `b`: the negative of the force that the hand must apply.
 pub fn held_force(b: usize, body: &PlacedBody, scale: &ForceScale, c: usize) -> Option<HeldForce> {

@@ -3,13 +3,13 @@
 //! In: a world after [`World::step`](super::World::step). Out: colours of the bodies, forces, what is drawn beside the bodies, warnings.
 //! The shapes of the bodies themselves stay with their deformers, which the next frame brings up to date.
 
-use super::body::PlacedBody;
-use super::force::HeldForce;
+use super::assets::{Assets, BodyAssets};
 use super::force_scale::ForceScale;
 use super::highlight::Highlight;
 use super::times::StepTimes;
 use crate::deform::ExpectedErrors;
 use crate::render::Drawable;
+use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// What one frame shows; the next one begins empty.
@@ -41,6 +41,17 @@ pub struct BodyFrame {
     pub expected: Option<Arc<ExpectedErrors>>,
 }
 
+/// The force of the body on the hand that holds one of its control elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeldForce {
+    pub body: usize,
+    pub control: usize,
+    /// N, along the room's axes.
+    pub force_n: Vector3<f64>,
+    /// The force of the longest arrow, N.
+    pub full_n: f64,
+}
+
 impl BodyFrame {
     /// Whether the body has the colours of another frame, told by what they were made from.
     pub fn is_drawn_as(&self, other: &BodyFrame) -> bool {
@@ -54,12 +65,12 @@ impl BodyFrame {
 
 impl Frame {
     /// Nothing but the bodies.
-    pub(super) fn of(bodies: &[PlacedBody]) -> Frame {
-        let of = |body: &PlacedBody| BodyFrame {
-            highlights: vec![Highlight::Idle; body.assets.controls.len()],
+    pub(super) fn of(assets: &Assets) -> Frame {
+        let of = |body: &Arc<BodyAssets>| BodyFrame {
+            highlights: vec![Highlight::Idle; body.controls.len()],
             ..BodyFrame::default()
         };
-        Frame { bodies: bodies.iter().map(of).collect(), ..Frame::default() }
+        Frame { bodies: assets.bodies.iter().map(of).collect(), ..Frame::default() }
     }
 
     /// All drawables of a kind, such as [`Drawable::plate`].

@@ -3,7 +3,7 @@
 //! In: the ray of the stylus to which keys refer. Out: the ends of a [`Ruler`]. Nothing is done in a frame without one.
 
 use super::ruler::{Measured, Ruler, SurfacePoint};
-use super::step::World;
+use super::running::World;
 use crate::base::plates::{Anchor, Plate};
 use crate::render::{Ball, Drawable, Line};
 use nalgebra::Point3;

@@ -1,4 +1,4 @@
-//! An effect as it takes part in a world: its phases in a frame, and its memory.
+//! A world, and effects as they take part in it: their phases in a frame, and their memory.
 //!
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
@@ -7,15 +7,21 @@
 //! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours |
 //! | [`show`](RunningEffect::show) | the whole frame | what is drawn and written, warnings |
 
+use super::assets::Assets;
+use super::edit_state::EditState;
+use super::flow::{Bodies, Fields};
 use super::frame::{BodyFrame, Frame};
-use super::step::World;
 use crate::base::output::Kind;
 use crate::base::plates::Words;
 use crate::deform::Contribution;
+use crate::field::Graph;
 use crate::track::{Source, TrackerState};
+use nalgebra::Isometry3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// An effect's part of the state, as JSON.
 pub type Memory = Box<RawValue>;
@@ -28,6 +34,32 @@ pub fn written(memory: &impl Serialize) -> Option<Memory> {
 /// Reads a memory.
 pub fn read<T: DeserializeOwned>(memory: &Memory) -> Result<T, String> {
     serde_json::from_str(memory.get()).map_err(|error| error.to_string())
+}
+
+/// What was loaded, all that changes ([`State`](super::State)), and what follows from both. [`World::step`] moves it on.
+pub struct World {
+    /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
+    /// waited for.
+    pub effects: Vec<Box<dyn RunningEffect>>,
+    /// What was loaded.
+    pub assets: Arc<Assets>,
+    pub bodies: Bodies,
+    pub room_from_head: Isometry3<f64>,
+    /// What the last frame shows.
+    pub frame: Frame,
+    /// Each picture is kept, and waits for what is computed in the background.
+    pub is_for_pictures: bool,
+    /// How often somebody asked for another field; only the picture changes.
+    pub field_changes: usize,
+    /// Warnings, each told once, with the time since the start at which it was told, s.
+    pub warnings: Vec<(f64, String)>,
+    /// Time since the start of the session, s; a script's own time begins anew with every round.
+    pub(super) clock_s: f64,
+    pub graph: Graph<Bodies>,
+    pub fields: Fields,
+    pub edit: EditState,
+    /// The reasons for black screens that were told already.
+    pub(super) told: BTreeSet<String>,
 }
 
 /// An effect of a world, until it is dropped; a thread that it has started ends with it.

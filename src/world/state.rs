@@ -6,10 +6,11 @@
 use super::body::PlacedBody;
 use super::body_memory::BodyMemory;
 use super::edit_state::EditState;
+use super::flow::MOST_STYLI;
 use super::frame::Frame;
 use super::ruler::SurfacePoint;
 use super::running::Memory;
-use super::step::{MOST_STYLI, World};
+use super::running::World;
 use crate::field::FieldState;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -88,7 +89,7 @@ impl World {
         self.field_changes = state.field_changes;
         self.warnings = state.warnings.clone();
         self.told = state.told.clone();
-        self.frame = Frame::of(&self.bodies);
+        self.frame = Frame::of(&self.assets);
         self.colour();
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The state of a world as a hash in hexadecimal digits, by which a replay is compared with its recording.
 
-use super::step::World;
+use super::running::World;
 
 impl World {
     /// blake3 over the bits of all that a frame makes: the head's pose, and per body its place, control poses,

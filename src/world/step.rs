@@ -7,13 +7,13 @@
 use super::assets::{self, Assets};
 use super::body::PlacedBody;
 use super::edit_state::EditState;
-use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, Tracked};
-use super::force::{self, HeldForce};
-use super::frame::Frame;
+use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, MOST_STYLI, Tracked};
+use super::force;
+use super::frame::{Frame, HeldForce};
 use super::hand::{self, HeldPlace};
 use super::highlight::Highlight;
 use super::input::Input;
-use super::running::RunningEffect;
+use super::running::{RunningEffect, World};
 use super::times::StepTimes;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
@@ -26,42 +26,13 @@ use crate::scene::Scene;
 use crate::stage::{Eye, Stage, Workspace};
 use crate::track::Signal;
 use indexmap::IndexMap;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What is nearer to the eye than this is not drawn, m.
 const NEAR_M: f64 = 0.05;
-
-/// At most so many styli are followed; further ones are ignored.
-pub(super) const MOST_STYLI: usize = 16;
-
-/// All that moves.
-pub struct World {
-    /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
-    /// waited for.
-    pub effects: Vec<Box<dyn RunningEffect>>,
-    /// What was loaded.
-    pub assets: Arc<Assets>,
-    pub bodies: Bodies,
-    pub room_from_head: Isometry3<f64>,
-    /// What the last frame shows.
-    pub frame: Frame,
-    /// Each picture is kept, and waits for what is computed in the background.
-    pub is_for_pictures: bool,
-    /// How often somebody asked for another field; only the picture changes.
-    pub field_changes: usize,
-    /// Warnings, each told once, with the time since the start at which it was told, s.
-    pub warnings: Vec<(f64, String)>,
-    /// Time since the start of the session, s; a script's own time begins anew with every round.
-    pub(super) clock_s: f64,
-    pub graph: Graph<Bodies>,
-    pub fields: Fields,
-    pub edit: EditState,
-    /// The reasons for black screens that were told already.
-    pub(super) told: BTreeSet<String>,
-}
 
 impl World {
     /// The bodies of a scene, each with its model, from its .green file, at their places on the stage.
@@ -106,15 +77,13 @@ impl World {
     }
 
     fn of(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
+        let assets = Assets { stage, bodies: bodies.iter().map(|body| body.assets.clone()).collect() };
         let mut world = World {
-            edit: EditState::new(&stage.workspace, bodies.len(), fields.targets.len()),
+            edit: EditState::new(&assets.stage.workspace, bodies.len(), fields.targets.len()),
             effects: Vec::new(),
-            room_from_head: stage.viewer.room_from_head,
-            assets: Arc::new(Assets {
-                stage,
-                bodies: bodies.iter().map(|body| body.assets.clone()).collect(),
-            }),
-            frame: Frame::of(&bodies),
+            room_from_head: assets.stage.viewer.room_from_head,
+            frame: Frame::of(&assets),
+            assets: Arc::new(assets),
             bodies,
             is_for_pictures: false,
             field_changes: 0,
@@ -180,7 +149,7 @@ impl World {
             self.carry_out(*action);
         }
         let trackers = &input.trackers;
-        self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::of(&self.bodies) };
+        self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::of(&self.assets) };
         self.clock_s = input.clock_s;
         self.have_styli(trackers.styli.len());
         self.put(self.fields.tracked_head, Tracked(trackers.head));

@@ -3,7 +3,7 @@
 //! In: [`Touches`] of a frame. Out: a ball, an arrow and the newtons of each touched point; fields that are set.
 
 use super::body::PlacedBody;
-use super::step::World;
+use super::running::World;
 use super::touch::{Touch, Touches};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;

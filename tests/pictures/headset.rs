@@ -10,7 +10,7 @@ use greenstage::display::view_source::{ViewSource, show};
 use greenstage::prepare::Resolved;
 use greenstage::render::{Samples, Show, Tile, View, Viewport};
 use greenstage::session::{Request, Session};
-use greenstage::stage::Eye;
+use greenstage::stage::{BUILT_IN, Eye};
 use greenstage::world::World;
 
 /// Two eyes, each with a frustum and a picture of its own, as a runtime of headsets reports them.
@@ -35,14 +35,17 @@ fn session(name: &str) -> Session {
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
     let scene = Resolved::parse(text, &folder(name).join("scene.toml")).unwrap();
-    let request = Request { stage: Some("powerwall"), ..Request::of(&scene) };
+    let (_, desktop) = BUILT_IN.iter().find(|(stage, _)| *stage == "desktop").unwrap();
+    let stage = folder(name).join("stereo.toml");
+    std::fs::write(&stage, desktop.replacen("stereo = \"mono\"", "stereo = \"side_by_side\"", 1)).unwrap();
+    let request = Request { stage: stage.to_str(), ..Request::of(&scene) };
     let mut session = Session::open(&request).unwrap();
     session.act(greenstage::interact::Action::ScaleScene(1.3));
     session.advance(0.1).unwrap();
     session
 }
 
-/// Through the rectangle of a wall, the headset's frusta of the test's own making show what the wall's screen shows.
+/// Through the rectangle of a screen, frusta of the test's own making show what the stage shows there.
 #[test]
 fn a_headset_sees_the_frame_by_its_own_frusta_without_a_window() {
     if require_gpu().is_none() {
@@ -50,10 +53,10 @@ fn a_headset_sees_the_frame_by_its_own_frusta_without_a_window() {
     }
     let mut session = session("headset");
     let samples = Samples::Exactly(1);
-    let mut wall =
+    let mut screens =
         Targets::new(&mut session.world, Pictures::Eyes, samples, 0.25, device::Args::default()).unwrap();
-    wall.draw(&session.world).unwrap();
-    let expected: Vec<_> = wall.read().unwrap().0.into_iter().map(|(_, image)| image).collect();
+    screens.draw(&session.world).unwrap();
+    let expected: Vec<_> = screens.read().unwrap().0.into_iter().map(|(_, image)| image).collect();
 
     let mut images = Images::new(samples).unwrap();
     for image in &expected {
@@ -63,7 +66,7 @@ fn a_headset_sees_the_frame_by_its_own_frusta_without_a_window() {
     let world = &session.world;
     let screen = &world.assets.stage.screens[0];
     let [right, up, normal] = screen.axes();
-    assert!(right.x > 0.999 && up.y > 0.999 && normal.z > 0.999, "an upright wall");
+    assert!(right.x > 0.999 && up.y > 0.999 && normal.z > 0.999, "an upright screen");
     let size = [screen.width_m() as f32, screen.height_m() as f32];
     let eyes = [Eye::Left, Eye::Right].map(|eye| {
         let place = world.assets.stage.viewer.eye_in_room(&world.room_from_head, eye);
