@@ -267,7 +267,8 @@ pub struct BodyState {
     pub coefficients: Vec<f64>,
     /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
     pub rotation_undefined: bool,
-    /// Counts the changes of a field of the model's own ([`DeformationModel::field`]), which are no change of the above.
+    /// Counts the changes of a field of the model's own ([`DeformationModel::field`]), and of the surface's triangles, which are no
+    /// change of the above.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub field_version: u64,
 }

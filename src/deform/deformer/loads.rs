@@ -72,6 +72,7 @@ impl Deformer {
         self.contribution.clone_from(contribution);
         if has_other_triangles {
             self.topology += 1;
+            self.triangles_changed = true;
             self.find_creases();
         }
         true

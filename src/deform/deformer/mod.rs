@@ -63,6 +63,8 @@ pub struct Deformer {
     positions: Vec<[f32; 3]>,
     /// Counts how often the surface got other triangles ([`Contribution::triangles`]): whoever draws or picks it compares this.
     pub topology: u64,
+    /// Whether that was since the last evaluation.
+    triangles_changed: bool,
     /// Edges whose sides are farther apart than this are drawn sharp, rad.
     sharp: Option<f64>,
     /// Nodes that are drawn more than once, and the positions of all that is drawn; empty without.
@@ -140,6 +142,7 @@ impl Deformer {
             of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
             positions: file.rest(body).to_vec(),
             topology: 0,
+            triangles_changed: false,
             sharp: None,
             creases: None,
             drawn: Vec::new(),
@@ -213,7 +216,8 @@ impl Deformer {
             changed = true;
             let version = self.state.field_version;
             self.state = self.model.state(&self.poses);
-            self.state.field_version = version + u64::from(self.has_field());
+            let is_reshaped = self.has_field() || std::mem::take(&mut self.triangles_changed);
+            self.state.field_version = version + u64::from(is_reshaped);
             self.respond();
             // Columns of families that the model does not know.
             let of_effects = &self.contribution.coefficients;

@@ -35,7 +35,7 @@ impl Deformer {
         if !self.contribute(&from.contribution) {
             return Err(format!("body.{}: what effects add belongs to another body", self.body));
         }
-        self.contribution_changed = false;
+        (self.contribution_changed, self.triangles_changed) = (false, false);
         if let Some(shared) = &self.loads {
             loads::set(shared, &from.loads);
         }
