@@ -1,7 +1,7 @@
 //! Opens a session from the options of a command: scene, stage, script, .green file, recordings.
 
 use super::advance::Session;
-use super::recording::{Origin, Recorder, Replay};
+use super::recording::{Origin, Replay};
 use crate::base::failure::Failure;
 use crate::effect;
 use crate::green::GreenFile;
@@ -60,36 +60,26 @@ impl Session {
         let mut world = World::new(scene, &scene.models(), &file, stage)?;
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
         world.join(effects)?;
-        let named = named.unwrap_or_else(|| stage_of_scene(scene));
-        let origin = Origin { scene, file: &file, stage: &named };
+        let named = named.unwrap_or_else(|| scene.stage_from_here());
         if let Some(replay) = &mut replay {
-            replay.start(&origin, &mut world)?;
+            replay.start(&Origin { scene, file: &file, stage: &named }, &mut world)?;
         }
-        let recorder = request.record.map(|path| Recorder::create(path, &origin, &mut world)).transpose()?;
         let mut session = Session::new(world, script);
-        (session.input.replay, session.recorder) = (replay, recorder);
+        session.input.replay = replay;
         session.file = Some(file);
         session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
+        request.record.map_or(Ok(()), |path| session.record(path))?;
         Ok(session)
     }
 }
 
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
 pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
-    let name = asked.map_or_else(|| stage_of_scene(scene), str::to_owned);
+    let name = asked.map_or_else(|| scene.stage_from_here(), str::to_owned);
     crate::track::find_stage(&name).map_err(|error| match asked {
         Some(_) => Failure::request(error),
         None => Failure::request(scene.invalid("stage", error.to_string())),
     })
-}
-
-/// The scene's stage, as it is found from where the program runs.
-fn stage_of_scene(scene: &Scene) -> String {
-    if scene.stage.ends_with(".toml") {
-        scene.resolve(Path::new(&scene.stage)).display().to_string()
-    } else {
-        scene.stage.clone()
-    }
 }
 
 /// A stage as the scene would name it: a file by its path from the scene's folder.
