@@ -33,7 +33,7 @@ pub struct Session {
     pending: Vec<Action>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.
-    pub curve: Option<PathBuf>,
+    pub(super) curve: Option<PathBuf>,
     /// Whether a curve was cleared by its key.
     is_cleared: bool,
 }
@@ -246,6 +246,11 @@ impl Session {
         };
         output::write(&path, kind, |file| file.write_all(table.as_bytes()))?;
         Ok(format!("force curve {}\n", path.display()))
+    }
+
+    /// How it went with its effects, in lines.
+    pub fn summary(&mut self) -> String {
+        self.world.effects.iter_mut().map(|effect| effect.summary()).collect()
     }
 
     /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.

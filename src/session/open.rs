@@ -27,12 +27,26 @@ pub struct Request<'a> {
     pub replay: Option<&'a Path>,
     /// The recording into which every frame is written.
     pub record: Option<&'a Path>,
+    /// The table of what its effects have recorded.
+    pub curve: Option<&'a Path>,
 }
 
 impl<'a> Request<'a> {
     /// With everything as the scene has it.
     pub fn of(scene: &'a Resolved) -> Request<'a> {
-        Request { scene, stage: None, script: None, green: None, replay: None, record: None }
+        Request { scene, stage: None, script: None, green: None, replay: None, record: None, curve: None }
+    }
+
+    /// The stage on which the session is.
+    pub fn stage(&self) -> Result<Stage, Failure> {
+        let replay = self.replay.map(Replay::open).transpose()?;
+        stage(self.scene, self.named_stage(replay.as_ref())?.as_deref())
+    }
+
+    /// The stage that is asked for, or that of a recording; `None` of the scene's own.
+    fn named_stage(&self, replay: Option<&Replay>) -> Result<Option<String>, Failure> {
+        let asked = self.stage.map(|asked| Ok(asked.to_owned()));
+        asked.or_else(|| replay.map(Replay::stage)).transpose()
     }
 }
 
@@ -50,11 +64,7 @@ impl Session {
         let scene = request.scene;
         let script = script(scene, request.script)?;
         let mut replay = request.replay.map(Replay::open).transpose()?;
-        let named = match (request.stage, &replay) {
-            (Some(asked), _) => Some(asked.to_owned()),
-            (None, Some(replay)) => Some(replay.stage()?),
-            (None, None) => None,
-        };
+        let named = request.named_stage(replay.as_ref())?;
         let stage = stage(scene, named.as_deref())?;
         let file = file()?;
         let mut world = World::new(scene, &scene.models(), &file, stage)?;
@@ -66,6 +76,7 @@ impl Session {
         }
         let mut session = Session::new(world, script);
         session.input.replay = replay;
+        session.curve = request.curve.map(Path::to_owned);
         session.file = Some(file);
         session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
         request.record.map_or(Ok(()), |path| session.record(path))?;
