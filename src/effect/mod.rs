@@ -17,7 +17,7 @@ mod resolved;
 pub mod settings;
 pub mod stress;
 
-pub use effects::{EFFECTS, find_effect, name_of};
+pub use effects::{EFFECTS, find_effect, in_order, name_of};
 pub use entry::{EffectEntry, Listed, ListedEffect, Precompute, Resolved, ResolvedBody};
 pub use resolved::requirements;
 
