@@ -131,7 +131,7 @@ impl Session {
     /// # Errors
     /// Where nothing could replay it, or the file cannot be written.
     pub fn record(&mut self, path: &Path) -> Result<(), Failure> {
-        let refused = |why: &str| Err(Failure::wrong(format!("{}: not recorded: {why}", path.display())));
+        let refused = |why: &str| Err(Failure::wrong(format!("not recorded: {why}")));
         let (Some(scene), Some(file)) = (&self.scene, &self.file) else {
             return refused("there is no scene yet");
         };

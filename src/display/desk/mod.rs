@@ -287,6 +287,9 @@ impl Desk {
             Order::Reset => self.draft = session.scene.as_deref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
+            Order::Record if self.change.is_some() => {
+                self.messages.wrong("Not recorded: bodies are being computed; record when they are shown");
+            }
             Order::Record => {
                 let told = keep::toggle_recording(session);
                 self.messages.say(told.map_err(|failure| said(&failure)));
