@@ -123,8 +123,8 @@ impl Session {
     /// Shows what a change came to instead of what was shown. Devices and trackers of the scene are started anew.
     ///
     /// # Errors
-    /// Where it is recorded or replayed, or an effect cannot join the new world, the session stays as it was; where a device or a tracker cannot be started,
-    /// all else is changed.
+    /// Where it is recorded or replayed, or an effect cannot join the new world, the session stays as it was; where a device or a
+    /// tracker cannot be started, all else is changed.
     pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
         self.may_change()?;
         let Changed { scene, file, deformers, stage, is_other_stage } = changed;
