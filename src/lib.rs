@@ -6,10 +6,19 @@
 //! Two stages meet in one file:
 //!
 //! ```text
-//! offline   Scene → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
-//! online    tube.green → Deformer in a PlacedBody of a World
-//!           trackers → TrackerState → World::step, which moves its State → Frame, positions, normals → Stage (screen × eye) → Renderer
+//! offline   Scene → Resolved → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
+//! online    tube.green → Assets, and a Deformer for each body of a World
+//!           trackers, keys, script → Input → World::step, which moves the State → Frame → ViewSource (screen × eye) → Presenter
 //! ```
+//!
+//! | question | answer |
+//! |---|---|
+//! | What is the state of a session between two frames? | [`world::State`], plain data; [`world::World::state`] takes it, [`world::World::set_state`] goes on from it |
+//! | What comes from outside in a frame? | [`world::Input`] and nothing else; a recording is a `State` and then an `Input` a frame |
+//! | What can a script write? | head, styli and loads: [`session::InputSource::state`] and [`session::InputSource::loads`] put them into the `Input` |
+//! | Where would contact between bodies go? | a folder of [`effect`] and a line in [`effect::EFFECTS`]; its [`world::RunningEffect::solve`] adds energy and slopes, its `memory` is part of the `State` |
+//! | Where would a headset plug in? | one [`display::view_source::ViewSource`] and one [`display::presenter::Presenter`], which [`display::view_source::show`] joins |
+//! | How is a new model, element, file format or device added? | a file, and a line in [`deform::MODELS`], [`fem::ELEMENTS`], [`mesh::formats::FORMATS`], [`track::SOURCES`] |
 //!
 //! Each room imports only from rooms that stand below it in this table, and no two files import each other.
 //!
@@ -17,14 +26,14 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`demo`] | the demo's chapters, told in one captioned window, or as pictures and a film |
-//! | [`display`] | a session on screens or in images: windows, bodies on the GPU, overlays, test pattern, the stage from outside |
+//! | [`display`] | a session on screens or in images: what is seen and who shows it, bodies on the GPU, overlays, the stage from outside |
 //! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
 //! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
 //! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
-//! | [`prepare`] | a scene made ready: its .green file found fresh or made |
+//! | [`prepare`] | a scene made ready: every name resolved, its .green file found fresh or made |
 //! | [`effect`] | opt-in effects, with what they precompute, add to a world, draw and run; what no scene lists costs nothing |
 //! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
@@ -49,14 +58,16 @@
 //! track     udp::run → Parser::parse → DeviceState::take_pose → StatePublisher::publish_changed   (a thread per tracker)
 //! display   Application::frame                                                                    (once a frame)
 //! session     Session::advance → InputSource::state → trackers::merge → TrackerSet::state (Follower)
-//! world         World::step_at → Graph::evaluate:
+//! effect        RunningEffect::input; the Input is whole now, and Recorder::frame writes it after the step
+//! world         World::step: commands, then the graph of fields:
 //!                 pick, Hands::step, PlacedBody::admit
-//!                 RunningEffect::act, where an effect acts on bodies
+//! effect          RunningEffect::solve, where an effect acts on bodies
 //! deform          Deformer::take → DeformationModel::state
-//!                 Deformer::deform → Superposition::update, move_parts, vertex_normals
-//! display     ScreenWindows::draw → window_layout::tiles → World::view → Screen::view
+//!                 Deformer::deform → Superposition::update, move_parts, SurfaceNormals::write
+//! effect          RunningEffect::surface: colours; RunningEffect::show: what is drawn beside the bodies; the Frame is whole now
+//! display     ScreenWindows::draw → ViewSource::tiles → window_layout::tiles → World::view → Screen::view
 //!               GpuBodies::upload
-//!               Overlays::draw → Windows::draw
+//!               Overlays::draw → Presenter::present
 //! render          TilePainter::draw → Renderer::draw, each of PASSES → TilePainter::join → present
 //! ```
 //!

@@ -34,6 +34,15 @@ pub fn one_line(text: impl Display) -> String {
     shown
 }
 
+/// A word as a shell takes it.
+pub fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
 /// Whether the character is only itself: no control character, none that ends a line, none that sets the direction of
 /// writing (Unicode Standard Annex 9), and one of XML 1.0 (section 2.2).
 fn is_shown(c: char) -> bool {

@@ -296,6 +296,10 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
             let grab = control.grab.name();
             text.push_str(&format!("  control {control_name}: {} nodes, {grab}\n", nodes.len()));
         }
+        let order = effect::in_order(&scene.bodies[name]);
+        if order.len() > 1 {
+            text.push_str(&format!("  its effects act in this order: {}\n", order.join(", ")));
+        }
         let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
         let materials = std::iter::once(&body.material).chain(body.region.values());
         let doubts = materials.filter_map(Material::doubt).map(|(_, message)| message);

@@ -1,10 +1,11 @@
 //! `greenstage new`: from a mesh or surface file to a scene file, with the reason for every choice.
 
-use super::opening::{self, Guess, SCENE, quoted};
+use super::opening::{self, Guess, SCENE};
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::base::output::Kind;
+use crate::base::text::quoted;
 use crate::deform::find_model;
 use crate::effect::find_effect;
 use crate::mesh::formats::files_of;

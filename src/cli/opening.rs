@@ -4,6 +4,7 @@ use crate::base::cache;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
+use crate::base::text::quoted;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
 use crate::prepare::Resolved;
@@ -118,15 +119,6 @@ fn commands(doubt: &UnitDoubt) -> String {
         doubt.mesh.display(),
         digits(doubt.extent)
     )
-}
-
-/// As a shell takes it.
-pub fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@".contains(c);
-    match !word.is_empty() && word.chars().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
 }
 
 fn ask(doubt: &UnitDoubt) -> Result<&'static LengthUnit, Failure> {

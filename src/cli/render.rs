@@ -1,17 +1,13 @@
 //! `greenstage render`: the scripted scene as offscreen pictures.
 
-use super::opening;
 use super::parsers;
-use super::print::print;
-use super::session_args::SessionArgs;
+use super::session_args::{SessionArgs, draw};
 use crate::base::failure::Failure;
 use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::render::Samples;
-use crate::session::Session;
 use crate::stage::Stereo;
-use crate::tuning;
 use std::path::PathBuf;
 
 /// Render the scripted scene into PNG files: every frame, screen and eye, and a contact sheet
@@ -52,7 +48,6 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     args.device.for_session(args.session.is_recorded())?;
-    let scene = opening::scene(&args.session.scene, &args.session.guess)?;
     let pictures = PictureRequest {
         folder: args.output.clone(),
         frames: args.frames,
@@ -66,11 +61,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         overlay: args.overlay,
         device: args.device,
     };
-    args.session.try_outputs(&scene, Some(&pictures))?;
-    let scene = tuning::settle(scene, false, false)?;
-    let mut session = Session::open(&args.session.request(&scene))?;
-    session.curve.clone_from(&args.session.curve);
-    print(&pictures.draw(&mut session)?)?;
-    print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
-    print(&session.report()?)
+    let scene = args.session.load_scene(Some(&pictures))?;
+    draw(&pictures, &mut args.session.open(&scene)?)
 }

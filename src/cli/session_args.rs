@@ -1,12 +1,14 @@
 //! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
 
-use super::opening::Guess;
+use super::opening::{self, Guess};
+use super::print::print;
 use crate::base::failure::Failure;
-use crate::base::output;
+use crate::base::output::{self, Kind};
 use crate::display::pictures::PictureRequest;
 use crate::effect::{ListedEffect, name_of};
 use crate::prepare::{self, Resolved};
-use crate::session::{Request, recording};
+use crate::session::{Request, Session, recording};
+use crate::tuning;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -41,6 +43,17 @@ impl SessionArgs {
         self.record.is_some() || self.replay.is_some()
     }
 
+    /// The scene, found or proposed, ready to be solved. Whatever the run writes, `pictures` included, is tried before.
+    pub fn load_scene(&self, pictures: Option<&PictureRequest>) -> Result<Resolved, Failure> {
+        let scene = opening::scene(&self.scene, &self.guess)?;
+        self.try_outputs(&scene, pictures)?;
+        tuning::settle(scene, false, false)
+    }
+
+    pub fn open(&self, scene: &Resolved) -> Result<Session, Failure> {
+        Session::open(&self.request(scene))
+    }
+
     pub fn request<'a>(&'a self, scene: &'a Resolved) -> Request<'a> {
         Request {
             scene,
@@ -49,33 +62,40 @@ impl SessionArgs {
             green: self.green.as_deref(),
             replay: self.replay.as_deref(),
             record: self.record.as_deref(),
+            curve: self.curve.as_deref(),
         }
-    }
-
-    fn try_curve(&self, scene: &Resolved, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
-        let mut listed = scene.bodies.values().flat_map(|body| &body.effects);
-        let Some(kind) = listed.find_map(|ListedEffect { entry, .. }| entry.table) else {
-            let (path, name) = (scene.path.display(), name_of(|effect| effect.table.is_some()));
-            return Err(Failure::wrong(format!(
-                "--curve: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body whose \
-                 curve you want"
-            )));
-        };
-        Ok(output::try_path(path, kind, inputs)?)
     }
 
     /// Whether everything can be written, before anything is solved.
-    pub fn try_outputs(&self, scene: &Resolved, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
+    fn try_outputs(&self, scene: &Resolved, pictures: Option<&PictureRequest>) -> Result<(), Failure> {
         let stage = self.stage.as_deref().map(Path::new);
         let named = [stage, self.script.as_deref(), self.replay.as_deref(), self.green.as_deref()];
         let inputs = prepare::inputs_and(scene, named);
+        prepare::try_green(scene, self.green.as_deref())?;
+        if let Some(path) = &self.curve {
+            output::try_path(path, curve_kind(scene)?, &inputs)?;
+        }
         if let Some(path) = &self.record {
             recording::try_path(path, &inputs)?;
         }
-        if let Some(path) = &self.curve {
-            self.try_curve(scene, path, &inputs)?;
-        }
-        pictures.map_or(Ok(()), |pictures| pictures.try_folder(&inputs))?;
-        prepare::try_green(scene, self.green.as_deref())
+        pictures.map_or(Ok(()), |pictures| pictures.try_folder(&inputs))
     }
+}
+
+/// The kind of table that an effect of the scene records.
+fn curve_kind(scene: &Resolved) -> Result<&'static Kind, Failure> {
+    let mut listed = scene.bodies.values().flat_map(|body| &body.effects);
+    listed.find_map(|ListedEffect { entry, .. }| entry.table).ok_or_else(|| {
+        let (path, name) = (scene.path.display(), name_of(|effect| effect.table.is_some()));
+        Failure::wrong(format!(
+            "--curve: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body whose curve you want"
+        ))
+    })
+}
+
+/// Draws pictures of a session, and prints how it went.
+pub fn draw(pictures: &PictureRequest, session: &mut Session) -> Result<(), Failure> {
+    let drawn = pictures.draw(session)?;
+    print(&(drawn + &session.summary()))?;
+    print(&session.report()?)
 }

@@ -1,9 +1,8 @@
 //! `greenstage view`: the online stage in windows; where there is no display, as offscreen pictures.
 
-use super::opening;
 use super::parsers;
 use super::print::print;
-use super::session_args::SessionArgs;
+use super::session_args::{SessionArgs, draw};
 use super::track::Redirects;
 use crate::base::failure::Failure;
 use crate::display::application::{self, Finished, Opening, Options, Shows};
@@ -12,9 +11,8 @@ use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
 use crate::display::screen_windows::ScreenWindows;
 use crate::prepare::Resolved;
-use crate::render::{Samples, window};
-use crate::session::{Making, Session, keys, open, playback};
-use crate::tuning;
+use crate::render::{RenderError, Samples, window};
+use crate::session::{Leader, Making, Session, keys, playback};
 use crate::world::World;
 use std::path::PathBuf;
 
@@ -63,61 +61,48 @@ const OFFSCREEN: usize = 20;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let device = args.device.for_session(args.session.is_recorded())?;
-    let display = window::find_display();
-    let scene = opening::scene(&args.session.scene, &args.session.guess)?;
-    let pictures = PictureRequest {
-        folder: args.offscreen.clone(),
-        frames: OFFSCREEN,
-        pictures: Pictures::Eyes,
-        samples: args.samples,
-        scale: args.window_scale.unwrap_or(1.0),
-        overlay: args.overlay,
-        device: args.device,
-    };
-    let shown = Some(&pictures).filter(|_| display.is_err() && !args.check);
-    args.session.try_outputs(&scene, shown)?;
-    let scene = tuning::settle(scene, false, false)?;
-    if display.is_ok() && !args.check && !args.session.is_recorded() {
-        return show(args, &scene, device);
+    match window::find_display() {
+        _ if args.check => check(args),
+        Ok(()) => in_windows(args, device),
+        Err(reason) => in_pictures(args, &reason),
     }
-    let mut session = Session::open(&args.session.request(&scene))?;
-    session.curve.clone_from(&args.session.curve);
-    if args.check {
-        return print(&playback::check(&mut session)?);
-    }
-    if let Err(reason) = display {
-        print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
-        let moves = session.input.script.is_some() || args.session.replay.is_some();
-        let pictures = PictureRequest { frames: if moves { OFFSCREEN } else { 1 }, ..pictures };
-        print(&pictures.draw(&mut session)?)?;
-        print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
-        return print(&session.report()?);
-    }
-    // A recording has its own head and hands.
-    if args.session.replay.is_none() {
-        start(args, &scene, &mut session)?;
-    }
-    let (shows, options) = windows(args, &session, device);
-    report(application::run(session, None, shows, options)?)
 }
 
-/// Opens the windows at once; the scene is put into them when it is ready.
-fn show(args: &Args, scene: &Resolved, device: device::Args) -> Result<(), Failure> {
-    let request = args.session.request(scene);
-    let stage = open::stage(scene, request.stage)?;
-    let making = Making::begin(scene.clone(), args.session.green.clone())?;
-    let open = move |file| {
-        let mut session = Session::open_with(&request, || Ok(file))?;
-        session.curve.clone_from(&args.session.curve);
-        start(args, scene, &mut session)?;
-        Ok(session)
-    };
-    let session = Session::new(World::of_stage(stage)?, None);
-    let (shows, options) = windows(args, &session, device);
-    let opening = Opening { making, open: Box::new(open) };
-    report(application::run(session, Some(opening), shows, options)?)
+fn check(args: &Args) -> Result<(), Failure> {
+    let scene = args.session.load_scene(None)?;
+    print(&playback::check(&mut args.session.open(&scene)?)?)
 }
 
+/// Opens the windows at once, on the stage alone; the scene is put into them when it is ready.
+fn in_windows(args: &Args, device: device::Args) -> Result<(), Failure> {
+    let scene = args.session.load_scene(None)?;
+    let request = args.session.request(&scene);
+    let stage = request.stage()?;
+    let mut screens = ScreenWindows::new(&stage, args.window_scale);
+    if args.overlay {
+        screens = screens.with_overlay(&stage);
+    }
+    let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };
+    let opening = Opening {
+        making: Making::begin(scene.clone(), args.session.green.clone())?,
+        open: Box::new(|file| {
+            let mut session = Session::open_with(&request, || Ok(file))?;
+            // A recording has its own head and hands.
+            if session.input.replay.is_none() {
+                start(args, &scene, &mut session)?;
+            }
+            Ok(session)
+        }),
+    };
+    let empty = Session::new(World::of_stage(stage)?, None);
+    let shows = Shows::Screens(Box::new(screens));
+    let Finished { mut session, frames, lasted_s } = application::run(empty, Some(opening), shows, options)?;
+    let rate = f64::from(frames) / lasted_s;
+    print(&format!("{}{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", session.summary()))?;
+    print(&session.report()?)
+}
+
+/// Lets a person and the devices of the stage move what they can.
 fn start(args: &Args, scene: &Resolved, session: &mut Session) -> Result<(), Failure> {
     print(&format!("{}\n", keys::bindings()))?;
     session.attach_mouse();
@@ -127,17 +112,21 @@ fn start(args: &Args, scene: &Resolved, session: &mut Session) -> Result<(), Fai
     session.start_trackers(&stage)
 }
 
-fn windows(args: &Args, session: &Session, device: device::Args) -> (Shows, Options) {
-    let stage = &session.world.assets.stage;
-    let screens = ScreenWindows::new(stage, args.window_scale);
-    let screens = if args.overlay { screens.with_overlay(stage) } else { screens };
-    let options = Options { samples: args.samples, vsync: !args.no_vsync, limit_s: args.seconds, device };
-    (Shows::Screens(Box::new(screens)), options)
-}
-
-fn report(Finished { mut session, frames, lasted_s }: Finished) -> Result<(), Failure> {
-    print(&session.world.effects.iter_mut().map(|effect| effect.summary()).collect::<String>())?;
-    let rate = f64::from(frames) / lasted_s;
-    print(&format!("{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n"))?;
-    print(&session.report()?)
+fn in_pictures(args: &Args, reason: &RenderError) -> Result<(), Failure> {
+    let mut pictures = PictureRequest {
+        folder: args.offscreen.clone(),
+        frames: OFFSCREEN,
+        pictures: Pictures::Eyes,
+        samples: args.samples,
+        scale: args.window_scale.unwrap_or(1.0),
+        overlay: args.overlay,
+        device: args.device,
+    };
+    let scene = args.session.load_scene(Some(&pictures))?;
+    let mut session = args.session.open(&scene)?;
+    print(&format!("{reason}: rendering offscreen to {}\n", args.offscreen.display()))?;
+    if session.input.leader() == Leader::Nobody {
+        pictures.frames = 1;
+    }
+    draw(&pictures, &mut session)
 }

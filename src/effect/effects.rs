@@ -1,6 +1,6 @@
 //! The list of effects.
 
-use super::entry::EffectEntry;
+use super::entry::{EffectEntry, ResolvedBody};
 use super::{expected, force_curve, ghost_equilibrium, ghost_rest, haptics, stress};
 use crate::config;
 use crate::scene::Body;
@@ -41,6 +41,11 @@ pub(super) fn find_among(
 /// The name of the effect of which this holds, to be listed by whoever asks for what it does.
 pub fn name_of(is_meant: fn(&EffectEntry) -> bool) -> &'static str {
     EFFECTS.iter().find(|entry| is_meant(entry)).map_or("", |entry| entry.name)
+}
+
+/// The effects that a body lists, in the order in which they act: that of the program's table.
+pub fn in_order(body: &ResolvedBody) -> Vec<&'static str> {
+    EFFECTS.iter().filter(|entry| body.lists(entry)).map(|entry| entry.name).collect()
 }
 
 /// Effects that people look for by these names and that the program does not have, with what it does instead.

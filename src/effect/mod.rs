@@ -1,10 +1,11 @@
 //! Opt-in effects: what a scene does not list costs nothing, neither precomputation, file, memory, pipeline nor
 //! time in the frame.
 //!
-//! Each effect is one entry of [`EFFECTS`] in a file of its own; a body names those it wants. What they require is
-//! precomputed ([`requirements`]), with tensors of their own in the .green file ([`add_sections`]). They join a world when it
-//! is made ([`attach`]), and a live session starts their devices and threads ([`start`]); as [`RunningEffect`]s they act before
-//! and after each frame, and may draw with a shader of their own ([`Frame::strips`](crate::world::frame::Frame::strips)).
+//! Each effect is one entry of [`EFFECTS`] in a file or folder of its own; a body lists those it wants, whose entries and
+//! settings [`Resolved`] holds. What they require is precomputed ([`requirements`]), with
+//! tensors of their own in the .green file ([`add_sections`]). They join a world when it is made ([`attach`]), and a live session
+//! starts their devices and threads ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve,
+//! surface and show, in the order of the table ([`in_order`]), and keeps from frame to frame what its `memory` says.
 
 mod effects;
 mod entry;
@@ -17,7 +18,7 @@ mod resolved;
 pub mod settings;
 pub mod stress;
 
-pub use effects::{EFFECTS, find_effect, name_of};
+pub use effects::{EFFECTS, find_effect, in_order, name_of};
 pub use entry::{EffectEntry, Listed, ListedEffect, Precompute, Resolved, ResolvedBody};
 pub use resolved::requirements;
 

@@ -271,6 +271,14 @@ impl Scene {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }
 
+    /// Its stage, as it is found from where the program runs.
+    pub fn stage_from_here(&self) -> String {
+        match self.stage.ends_with(".toml") {
+            true => self.resolve(Path::new(&self.stage)).display().to_string(),
+            false => self.stage.clone(),
+        }
+    }
+
     /// An error about one entity of this scene.
     pub fn invalid(&self, entity: &str, message: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }

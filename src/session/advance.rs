@@ -3,7 +3,7 @@
 use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
 use super::presses::ScriptPresses;
-use super::recording::{Recorder, Replay};
+use super::recording::{Origin, Recorder, Replay};
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::effect::{self, Resolved};
@@ -12,8 +12,9 @@ use crate::interact::Action;
 use crate::render::window::Key;
 use crate::stage::Stage;
 use crate::track::{Mouse, MouseInput, Script};
+use crate::world::assets::PATIENCE;
 use crate::world::{Input, World};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A world, and all that moves or records it.
@@ -26,11 +27,13 @@ pub struct Session {
     pub file: Option<Arc<GreenFile>>,
     /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
     pub scene: Option<Resolved>,
+    /// Whether a file, or the program, holds the bodies that are shown.
+    pub is_saved: bool,
     /// Commands for the next frame.
     pending: Vec<Action>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.
-    pub curve: Option<PathBuf>,
+    pub(super) curve: Option<PathBuf>,
     /// Whether a curve was cleared by its key.
     is_cleared: bool,
 }
@@ -55,6 +58,7 @@ impl Session {
             recorder: None,
             file: None,
             scene: None,
+            is_saved: true,
             pending: Vec::new(),
             presses: ScriptPresses::default(),
             curve: None,
@@ -120,6 +124,36 @@ impl Session {
                 None => self.world.warn(format!("the script sets the load {name}, which no body has")),
             }
         }
+    }
+
+    /// Records the session from here on, whatever is held, until [`Session::stop_recording`].
+    ///
+    /// # Errors
+    /// Where nothing could replay it, or the file cannot be written.
+    pub fn record(&mut self, path: &Path) -> Result<(), Failure> {
+        let refused = |why: &str| Err(Failure::wrong(format!("not recorded: {why}")));
+        let (Some(scene), Some(file)) = (&self.scene, &self.file) else {
+            return refused("there is no scene yet");
+        };
+        if self.input.replay.is_some() {
+            return refused("this session is a replay; its recording is there already");
+        }
+        if self.recorder.is_some() {
+            return refused("this session is being recorded already");
+        }
+        if !self.is_saved {
+            return refused("the bodies are others than in the scene's file; save the scene first (Tab)");
+        }
+        let origin = Origin { scene, file, stage: &scene.stage_from_here() };
+        self.recorder = Some(Recorder::create(path, &origin, &mut self.world)?);
+        Ok(())
+    }
+
+    /// Ends the recording, and tells what was recorded; nothing where there is none. No frame waits for the background any more.
+    pub fn stop_recording(&mut self) -> Result<String, Failure> {
+        let Some(recorder) = self.recorder.take() else { return Ok(String::new()) };
+        self.world.bodies.iter_mut().for_each(|body| body.deformer.be_patient(PATIENCE));
+        recorder.end()
     }
 
     /// Has a command carried out at the beginning of the next frame.
@@ -214,9 +248,14 @@ impl Session {
         Ok(format!("force curve {}\n", path.display()))
     }
 
+    /// How it went with its effects, in lines.
+    pub fn summary(&mut self) -> String {
+        self.world.effects.iter_mut().map(|effect| effect.summary()).collect()
+    }
+
     /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.
     pub fn report(&mut self) -> Result<String, Failure> {
-        let recorded = self.recorder.as_mut().map_or(Ok(String::new()), Recorder::report)?;
+        let recorded = self.stop_recording()?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;
         let curve = self.write_curve()?;
         Ok(format!("{replayed}{recorded}{curve}"))

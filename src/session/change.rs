@@ -112,7 +112,7 @@ impl Session {
     pub fn may_change(&self) -> Result<(), Failure> {
         let why = match (&self.recorder, &self.input.replay) {
             (Some(_), _) => {
-                "this session is being recorded, and a recording has one scene: quit, and start without --record"
+                "this session is being recorded, and a recording has one scene: end the recording first (F8)"
             }
             (_, Some(_)) => "this session is a replay, which shows what was recorded",
             _ => return Ok(()),
@@ -123,9 +123,10 @@ impl Session {
     /// Shows what a change came to instead of what was shown. Devices and trackers of the scene are started anew.
     ///
     /// # Errors
-    /// Where an effect cannot join the new world, the session stays as it was; where a device or a tracker cannot be started,
-    /// all else is changed.
+    /// Where it is recorded or replayed, or an effect cannot join the new world, the session stays as it was; where a device or a
+    /// tracker cannot be started, all else is changed.
     pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
+        self.may_change()?;
         let Changed { scene, file, deformers, stage, is_other_stage } = changed;
         let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
         let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
@@ -135,6 +136,7 @@ impl Session {
         let was_live = self.input.mouse.is_some();
         self.world.effects.clear();
         (self.world, self.file) = (world, Some(file));
+        self.is_saved &= self.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         self.scene = Some(scene);
         if is_other_stage {
             self.input.trackers = None;
@@ -325,5 +327,19 @@ mod tests {
         let mut session = Session::open(&Request { record: Some(&path), ..Request::of(&scene) }).unwrap();
         let error = change(&mut session, folder.path(), |_| {}).unwrap_err().to_string();
         assert!(error.contains("being recorded"), "{error}");
+        session.stop_recording().unwrap();
+        change(&mut session, folder.path(), |scene| scene.stage = "desktop".into()).unwrap();
+        session.record(&folder.path().join("again.jsonl")).unwrap();
+    }
+
+    /// A replay opens the scene's file, and would be refused.
+    #[test]
+    fn bodies_that_no_file_holds_are_not_recorded() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = session(folder.path());
+        change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        let path = folder.path().join("all.jsonl");
+        let error = session.record(&path).unwrap_err().to_string();
+        assert!(error.contains("save the scene first") && !path.exists(), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! Opens a session from the options of a command: scene, stage, script, .green file, recordings.
 
 use super::advance::Session;
-use super::recording::{Origin, Recorder, Replay};
+use super::recording::{Origin, Replay};
 use crate::base::failure::Failure;
 use crate::effect;
 use crate::green::GreenFile;
@@ -27,12 +27,26 @@ pub struct Request<'a> {
     pub replay: Option<&'a Path>,
     /// The recording into which every frame is written.
     pub record: Option<&'a Path>,
+    /// The table of what its effects have recorded.
+    pub curve: Option<&'a Path>,
 }
 
 impl<'a> Request<'a> {
     /// With everything as the scene has it.
     pub fn of(scene: &'a Resolved) -> Request<'a> {
-        Request { scene, stage: None, script: None, green: None, replay: None, record: None }
+        Request { scene, stage: None, script: None, green: None, replay: None, record: None, curve: None }
+    }
+
+    /// The stage on which the session is.
+    pub fn stage(&self) -> Result<Stage, Failure> {
+        let replay = self.replay.map(Replay::open).transpose()?;
+        stage(self.scene, self.named_stage(replay.as_ref())?.as_deref())
+    }
+
+    /// The stage that is asked for, or that of a recording; `None` of the scene's own.
+    fn named_stage(&self, replay: Option<&Replay>) -> Result<Option<String>, Failure> {
+        let asked = self.stage.map(|asked| Ok(asked.to_owned()));
+        asked.or_else(|| replay.map(Replay::stage)).transpose()
     }
 }
 
@@ -50,46 +64,33 @@ impl Session {
         let scene = request.scene;
         let script = script(scene, request.script)?;
         let mut replay = request.replay.map(Replay::open).transpose()?;
-        let named = match (request.stage, &replay) {
-            (Some(asked), _) => Some(asked.to_owned()),
-            (None, Some(replay)) => Some(replay.stage()?),
-            (None, None) => None,
-        };
+        let named = request.named_stage(replay.as_ref())?;
         let stage = stage(scene, named.as_deref())?;
         let file = file()?;
         let mut world = World::new(scene, &scene.models(), &file, stage)?;
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
         world.join(effects)?;
-        let named = named.unwrap_or_else(|| stage_of_scene(scene));
-        let origin = Origin { scene, file: &file, stage: &named };
+        let named = named.unwrap_or_else(|| scene.stage_from_here());
         if let Some(replay) = &mut replay {
-            replay.start(&origin, &mut world)?;
+            replay.start(&Origin { scene, file: &file, stage: &named }, &mut world)?;
         }
-        let recorder = request.record.map(|path| Recorder::create(path, &origin, &mut world)).transpose()?;
         let mut session = Session::new(world, script);
-        (session.input.replay, session.recorder) = (replay, recorder);
+        session.input.replay = replay;
+        session.curve = request.curve.map(Path::to_owned);
         session.file = Some(file);
         session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
+        request.record.map_or(Ok(()), |path| session.record(path))?;
         Ok(session)
     }
 }
 
 /// The stage that is asked for, else the scene's; a path in the scene file is relative to it.
 pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
-    let name = asked.map_or_else(|| stage_of_scene(scene), str::to_owned);
+    let name = asked.map_or_else(|| scene.stage_from_here(), str::to_owned);
     crate::track::find_stage(&name).map_err(|error| match asked {
         Some(_) => Failure::request(error),
         None => Failure::request(scene.invalid("stage", error.to_string())),
     })
-}
-
-/// The scene's stage, as it is found from where the program runs.
-fn stage_of_scene(scene: &Scene) -> String {
-    if scene.stage.ends_with(".toml") {
-        scene.resolve(Path::new(&scene.stage)).display().to_string()
-    } else {
-        scene.stage.clone()
-    }
 }
 
 /// A stage as the scene would name it: a file by its path from the scene's folder.

@@ -85,20 +85,24 @@ pub fn try_path(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
 
 /// Writes a session into a recording.
 pub struct Recorder {
-    path: PathBuf,
+    pub path: PathBuf,
     lines: Lines,
     frames: u64,
 }
 
 impl Recorder {
-    /// Starts a new file from the world's state; an older recording is replaced once the new one's start is written. From here on every
-    /// frame waits for what is computed in the background, so that a replay comes to the same states.
+    /// Starts a new file from the world's state; an older recording is replaced once the new one's start is written. From here on the
+    /// CPU sums all vertices, and every frame waits for what is computed in the background. The world goes on from the state as it
+    /// was written, as a replay will: what was being computed for it is forgotten.
     pub fn create(path: &Path, origin: &Origin<'_>, world: &mut World) -> Result<Recorder, Failure> {
-        world.wait_for_background();
         let mut text = line(&origin.header(world, path))?;
-        text.extend(line(&world.state().map_err(Failure::work)?)?);
+        let state = world.state().map_err(Failure::work)?;
+        text.extend(line(&state)?);
         let file = output::stream(path, &KIND, &text)?;
         let lines = Lines::write(Vec::new(), file).map_err(Failure::work)?;
+        world.bodies.iter_mut().for_each(|body| body.deformer.sum_everywhere());
+        world.wait_for_background();
+        world.set_state(&state).map_err(|error| Failure::work(anyhow::anyhow!(error)))?;
         Ok(Recorder { path: path.to_owned(), lines, frames: 0 })
     }
 
@@ -111,7 +115,7 @@ impl Recorder {
     }
 
     /// Ends the recording; once everything is written, returns the sentence for the user.
-    pub fn report(&mut self) -> Result<String, Failure> {
+    pub fn end(mut self) -> Result<String, Failure> {
         self.lines.finish().map_err(|error| self.failed(&error))?;
         Ok(format!("{} frames recorded in {}\n", self.frames, self.path.display()))
     }

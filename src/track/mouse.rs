@@ -51,6 +51,7 @@ pub const BINDINGS: &[(&str, &str)] = &[
     ("F1, F2, F3, F4", "overlay, room from outside, test pattern, eyes swapped; again: back"),
     ("Tab", "the panel: model, material, effects, stage, saving; again: closed"),
     ("K", "make control elements on the body with the mouse; again: back"),
+    ("F8", "record the session into a file for --replay; again: end it"),
     ("F9, F11, F12", "write the bodies as .glb, record a video (again: end it), save a picture"),
     ("Escape", "quit"),
 ];

@@ -18,7 +18,7 @@ use std::time::Duration;
 const PASSING_BY: f64 = 0.05;
 
 /// So long a frame waits for columns that are solved for when a point is touched.
-const PATIENCE: Duration = Duration::from_millis(5);
+pub const PATIENCE: Duration = Duration::from_millis(5);
 
 /// What was loaded, for a whole session.
 pub struct Assets {

@@ -237,3 +237,14 @@ fn the_frame_calls_no_effect_that_is_not_listed() {
         "{read} files, entered {entered} times"
     );
 }
+
+/// Effects act in the order of the program's table, whatever the scene's.
+#[test]
+fn inspect_tells_in_which_order_the_effects_of_a_body_act() {
+    let place = tube("effects-order", r#""force_curve", "stress""#);
+    let (told, _) = said(&place, &["inspect", "tube.toml"]);
+    assert!(told.contains("  its effects act in this order: stress, force_curve\n"), "{told}");
+    let place = tube("effects-alone", r#""stress""#);
+    let (told, _) = said(&place, &["inspect", "tube.toml"]);
+    assert!(told.contains("effects stress") && !told.contains("in this order"), "{told}");
+}

@@ -369,3 +369,54 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     assert_eq!(lengths, again, "in every frame");
     replayed.report().unwrap();
 }
+
+/// It begins while a hand bends the bar and the curve is half drawn. The solved bar is then some frames behind the hand; of the other, the
+/// graphics device deforms what is not pointed at.
+#[test]
+fn a_recording_that_begins_in_the_middle_is_replayed_from_there() {
+    use greenstage::prepare::Resolved;
+    use greenstage::session::{Request, Session};
+    let advance = |session: &mut Session, frames: std::ops::Range<u32>| {
+        for frame in frames {
+            session.advance(f64::from(frame) / 50.0).unwrap();
+        }
+    };
+    let curve = |session: &Session| session.world.effects.iter().find_map(|effect| effect.table()).unwrap().1;
+    for model in ["rotation", "neo_hookean"] {
+        let folder = folder(&format!("replay-middle-{model}"));
+        let text = format!(
+            "script = \"bend\"\n[body.bar]\n\
+             generate = {{ block = {{ size = [1.0, 0.1, 0.1], cells = [10, 1, 1] }} }}\n\
+             material = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"{model}\"\neffects = [\"stress\", \"force_curve\"]\n\
+             control.left = {{ nodes = {{ box = {{ min = [-9.0, -9.0, -9.0], max = [-0.35, 9.0, 9.0] }} }}, grab = \"fixed\" }}\n\
+             control.right = {{ nodes = {{ box = {{ min = [0.35, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n"
+        );
+        let scene = Resolved::parse(&text, &folder.join("bar.toml")).unwrap();
+        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        session.world.wait_for_background();
+        advance(&mut session, 0..90);
+        session.world.bodies[0].deformer.be_patient(std::time::Duration::ZERO);
+        advance(&mut session, 90..100);
+        if model == "rotation" {
+            let body = &mut session.world.bodies[0];
+            body.deformer.sum_only_at(body.pickable());
+        }
+        let (half, recording) = (curve(&session), folder.join("bar-1.jsonl"));
+        session.record(&recording).unwrap();
+        advance(&mut session, 100..150);
+        let seen = (session.world.state_hash(), curve(&session));
+        assert!(half.lines().count() > 20 && seen.1.lines().count() > half.lines().count(), "{half}");
+        let told = session.stop_recording().unwrap();
+        assert_eq!(told, format!("50 frames recorded in {}\n", recording.display()));
+        advance(&mut session, 150..160);
+        assert_ne!(session.world.state_hash(), seen.0, "it goes on, and nothing more is recorded");
+
+        let mut replayed =
+            Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
+        assert_eq!(curve(&replayed), half);
+        while replayed.play_frame().unwrap() {}
+        assert_eq!((replayed.world.state_hash(), curve(&replayed)), seen);
+        let told = replayed.report().unwrap();
+        assert!(told.contains("50 frames, every one in the recorded state"), "{told}");
+    }
+}

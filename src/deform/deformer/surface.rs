@@ -62,6 +62,18 @@ impl Deformer {
         self.deform();
     }
 
+    /// From now on the CPU sums the whole surface again, whatever the graphics device does.
+    pub fn sum_everywhere(&mut self) {
+        if self.partial.take().is_none() {
+            return;
+        }
+        self.sum = Superposition::new(&self.groups(), self.positions.len());
+        self.u.fill([0.0; 3]);
+        let state = std::mem::replace(&mut self.state, self.summed.clone());
+        self.deform();
+        self.state = state;
+    }
+
     /// Positions of all surface nodes, about `centre`, before [`Deformer::body_from_surface`]: summed for this call where
     /// the graphics device deforms the surface.
     pub fn positions(&self) -> Cow<'_, [[f32; 3]]> {

@@ -46,14 +46,18 @@ pub fn save(ui: &mut Ui, file: &mut String, orders: &mut Vec<Order>) {
     });
 }
 
-pub fn keep(ui: &mut Ui, is_recording: bool, orders: &mut Vec<Order>) {
+pub fn keep(ui: &mut Ui, is_filmed: bool, is_recorded: bool, orders: &mut Vec<Order>) {
     ui.horizontal_wrapped(|ui| {
         if ui.button("Save a picture (F12)").clicked() {
             orders.push(Order::Picture);
         }
-        let video = if is_recording { "End the video (F11)" } else { "Record a video (F11)" };
+        let video = if is_filmed { "End the video (F11)" } else { "Record a video (F11)" };
         if ui.button(video).clicked() {
             orders.push(Order::Video);
+        }
+        let session = if is_recorded { "End the recording (F8)" } else { "Record the session (F8)" };
+        if ui.button(session).clicked() {
+            orders.push(Order::Record);
         }
     });
     ui.horizontal(|ui| {

@@ -1,13 +1,16 @@
-//! What a person takes home from a window: a picture of it, a video, the deformed bodies as a file for other programs.
+//! What a person takes home from a window: a picture of it, a video, the deformed bodies as a file for other programs, a
+//! recording of the session.
 //!
-//! Files stand in the folder in which the program was started, with the date and time in their names. The surfaces are those
+//! Files stand in the folder in which the program was started, a recording with the name of its scene, the others with date and time. The surfaces are those
 //! that [`crate::export`] writes of a list of poses, in the coordinates of the bodies' meshes, m.
 
 use super::video::Video;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};
+use crate::base::text::quoted;
 use crate::export::{Exporter, Geometry, PoseResult, ResultSet};
 use crate::render::window::Windows;
+use crate::session::Session;
 use crate::world::World;
 use image::RgbaImage;
 use std::path::{Path, PathBuf};
@@ -88,6 +91,24 @@ fn save(picture: &RgbaImage) -> Result<String, Failure> {
     picture.write_to(&mut bytes, image::ImageFormat::Png).map_err(Failure::work)?;
     output::write(&path, &PNG, |file| file.write_all(bytes.get_ref()))?;
     Ok(format!("Picture: {}", path.display()))
+}
+
+/// Begins a recording of the session, `SCENE-1.jsonl` or with the next number that is free, or ends the one that goes on; what there
+/// is to tell then.
+pub fn toggle_recording(session: &mut Session) -> Result<String, Failure> {
+    let scene = session.scene.as_ref().map(|scene| scene.path.clone()).unwrap_or_default();
+    let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let Some(recorder) = &session.recorder else {
+        let numbered = |number: u32| PathBuf::from(format!("{stem}-{number}.jsonl"));
+        let path = (1..).map(numbered).find(|path| !path.exists()).unwrap_or_default();
+        session.record(&path)?;
+        return Ok(format!("Recording the session: {}. F8 ends it.", path.display()));
+    };
+    // A built-in scene is no file, and is named by its name.
+    let scene = if scene.exists() { scene.display().to_string() } else { stem };
+    let [scene, recording] = [scene, recorder.path.display().to_string()].map(|word| quoted(&word));
+    let recorded = session.stop_recording()?;
+    Ok(format!("{recorded}Replay: greenstage view {scene} --replay {recording}"))
 }
 
 /// Writes the bodies as they are deformed now.

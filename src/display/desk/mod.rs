@@ -174,10 +174,11 @@ impl Desk {
                     self.orders.extend(pressed.then_some(Order::Release));
                     return true;
                 }
-                Key::Function(number @ (9 | 11 | 12)) => {
+                Key::Function(number @ (8 | 9 | 11 | 12)) => {
                     if pressed {
                         self.window = if self.is_open { self.window } else { window };
                         self.orders.push(match number {
+                            8 => Order::Record,
                             9 => Order::Export("glb"),
                             11 => Order::Video,
                             _ => Order::Picture,
@@ -286,6 +287,13 @@ impl Desk {
             Order::Reset => self.draft = session.scene.as_deref().map(Draft::of),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
+            Order::Record if self.change.is_some() => {
+                self.messages.wrong("Not recorded: bodies are being computed; record when they are shown");
+            }
+            Order::Record => {
+                let told = keep::toggle_recording(session);
+                self.messages.say(told.map_err(|failure| said(&failure)));
+            }
             Order::Export(name) => {
                 let exported = crate::export::find_surface(name).map_err(Failure::wrong);
                 let exported = exported.and_then(|exporter| keep::export(&session.world, exporter));
@@ -346,6 +354,7 @@ impl Desk {
         self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
         if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(Resolved::of(saved)?);
+            session.is_saved = true;
         }
         Ok(())
     }

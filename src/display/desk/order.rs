@@ -13,6 +13,8 @@ pub enum Order {
     Reset,
     Picture,
     Video,
+    /// Record the session, or end that.
+    Record,
     /// The bodies as they are, in the format of this name.
     Export(&'static str),
     Close,

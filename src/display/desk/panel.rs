@@ -182,7 +182,7 @@ pub fn show(
                 }
                 ui.separator();
                 save(ui, &mut draft.file, orders);
-                keep(ui, now.is_recording, orders);
+                keep(ui, now.is_recording, now.session.recorder.is_some(), orders);
                 ui.separator();
                 if ui.button("Close the panel (Tab)").clicked() {
                     orders.push(Order::Close);
