@@ -8,8 +8,11 @@ use super::video::Video;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};
 use crate::base::text::quoted;
+use crate::edit::save::save as save_scene;
 use crate::export::{Exporter, Geometry, PoseResult, ResultSet};
+use crate::prepare::Resolved;
 use crate::render::window::Windows;
+use crate::scene::write::Comments;
 use crate::session::Session;
 use crate::world::World;
 use image::RgbaImage;
@@ -100,15 +103,26 @@ pub fn toggle_recording(session: &mut Session) -> Result<String, Failure> {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let Some(recorder) = &session.recorder else {
         let numbered = |number: u32| PathBuf::from(format!("{stem}-{number}.jsonl"));
-        let path = (1..).map(numbered).find(|path| !path.exists()).unwrap_or_default();
+        let is_free = |path: &PathBuf| !path.exists() && !path.with_extension("toml").exists();
+        let path = (1..).map(numbered).find(is_free).unwrap_or_default();
+        let scene = save_changed(session, &path.with_extension("toml"))?;
         session.record(&path)?;
-        return Ok(format!("Recording the session: {}. F8 ends it.", path.display()));
+        return Ok(format!("{scene}Recording the session: {}. F8 ends it.", path.display()));
     };
     // A built-in scene is no file, and is named by its name.
     let scene = if scene.exists() { scene.display().to_string() } else { stem };
     let [scene, recording] = [scene, recorder.path.display().to_string()].map(|word| quoted(&word));
     let recorded = session.stop_recording()?;
     Ok(format!("{recorded}Replay: greenstage view {scene} --replay {recording}"))
+}
+
+/// Saves the scene of a session whose bodies are others than in its file, because a replay opens a file; what there is to tell then.
+fn save_changed(session: &mut Session, path: &Path) -> Result<String, Failure> {
+    let Some(scene) = session.scene.as_ref().filter(|_| !session.is_saved) else { return Ok(String::new()) };
+    let saved = save_scene(scene, &Comments::default(), session.file.as_deref(), path)?;
+    session.scene = Some(Resolved::of(saved)?);
+    session.is_saved = true;
+    Ok(format!("The scene as it is now: {}. ", path.display()))
 }
 
 /// Writes the bodies as they are deformed now.
@@ -168,4 +182,28 @@ fn date_and_time() -> String {
     let (year, month) = (1900 + local.tm_year, 1 + local.tm_mon);
     let libc::tm { tm_mday: day, tm_hour: hour, tm_min: minute, tm_sec: second, .. } = local;
     format!("{year:04}-{month:02}-{day:02}-{hour:02}{minute:02}{second:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::{Request, Session};
+
+    /// A recording of bodies that no file held was refused.
+    #[test]
+    fn a_recording_of_changed_bodies_brings_their_scene_and_is_replayed_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "[body.a]\ngenerate = { block = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] } }\n\
+                    material = { young = 1.0e6, poisson = 0.3 }\n\
+                    control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let scene = Resolved::parse(text, &folder.path().join("scene.toml")).unwrap();
+        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let rotation = crate::deform::find_model("rotation").unwrap();
+        (session.scene, session.is_saved) = (Some(scene.with_model("a", rotation)), false);
+        let path = folder.path().join("scene-1.toml");
+        assert!(save_changed(&mut session, &path).unwrap().contains("scene-1.toml"));
+        assert!(session.is_saved && save_changed(&mut session, &path).unwrap().is_empty());
+        assert_eq!(Resolved::load(&path).unwrap().bodies["a"].model.name, "rotation");
+    }
 }
