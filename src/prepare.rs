@@ -7,7 +7,7 @@ use crate::base::output::{self, OutputError};
 use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
-use crate::deform::{Kind, ModelEntry, Statics, find_model, load_refusal};
+use crate::deform::{Bearing, Kind, ModelEntry, Statics, find_model, load_refusal};
 use crate::effect::{self, EffectEntry, expected, find_effect};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
@@ -143,9 +143,8 @@ fn loads_required(
     if let Some(message) = load_refusal(model, loads, compliance) {
         return Err(wrong(scene, name, "model", message));
     }
-    if let Kind::Background(_) = model.kind {
-        // Its own family has the forces.
-        return Ok(Requirements::default());
+    if let Bearing::Forces(families) = model.loads {
+        return Ok(if loads { Requirements::of(families) } else { Requirements::default() });
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
         Kept::Inverse => COMPLIANCE,

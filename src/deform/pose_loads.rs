@@ -5,7 +5,7 @@
 
 use super::deformer::Deformer;
 use super::loads::{AppliedLoads, PointLoad, Pull};
-use super::model::Kind;
+use super::model::ModelEntry;
 use super::models::find_model;
 use super::static_forces::StaticForces;
 use super::statics::Statics;
@@ -105,11 +105,11 @@ impl PoseLoads {
             }
             written.push((entry.name.to_owned(), value));
         }
-        let is_solved = find_model(&body.model).is_ok_and(|model| matches!(model.kind, Kind::Background(_)));
+        let takes_points = find_model(&body.model).is_ok_and(ModelEntry::takes_points);
         let (forces, places): (Vec<PointForce>, Vec<String>) = forces.into_iter().unzip();
         for (number, force) in forces.iter().enumerate() {
             let place = called(number, &places);
-            if body.surface_compliance.is_none() && !is_solved {
+            if body.surface_compliance.is_none() && !takes_points {
                 return Err(format!(
                     "{place}: forces at points need surface_compliance = {{ nodes = \"surface\" }} in the scene"
                 ));
@@ -141,7 +141,7 @@ impl PoseLoads {
 
     /// As they are applied to a body that is summed from its columns; the error names a place that cannot take a force.
     pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
-        let takes = body.takes_forces();
+        let takes = body.bears_forces();
         let rest: Vec<V3> =
             body.rest().iter().map(|x| Vector3::from(*x).cast::<f64>() + body.centre).collect();
         let surface = Taking {

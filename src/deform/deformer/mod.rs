@@ -13,7 +13,8 @@ use super::force::Wrench;
 use super::frames::PoseSlope;
 use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response, StateAge,
+    Bearing, BodyState, ColumnsAt, ControlRest, DeformationModel, Frame, Kind, LoadInput, ModelEntry,
+    ModelInput, Response, StateAge,
 };
 use super::models::{find_model, make_model};
 use super::normals::SurfaceNormals;
@@ -66,7 +67,8 @@ pub struct Deformer {
     model: Box<dyn DeformationModel>,
     kind: Kind,
     frame: Frame,
-    /// Loads as they are now, where the file has columns or a compliance for them.
+    bearing: Bearing,
+    /// Loads as they are now, where something may act on the body.
     loads: Option<SharedLoads>,
     loads_changed: bool,
     /// What effects add, and whether that has changed since the last evaluation.
@@ -116,12 +118,15 @@ impl Deformer {
             .collect();
         let (nodes, kind) = (meta.surface_nodes, model.kind);
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
-        let loads = has_loads.then(SharedLoads::default);
+        let (bearing, takes_points) = (model.loads, model.takes_points());
+        let may_act = has_loads || (takes_points && matches!(kind, Kind::Online(_)));
+        let loads = may_act.then(SharedLoads::default);
         if let Some(message) = refusal(model, has_loads, meta.compliance_nodes.is_some()) {
             return Err(format!("body.{body}.model: {message}"));
         }
         let frame = model.frame;
-        let model = made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, frame)))?;
+        let model =
+            made(&file, body, &controls, &kind, loads.as_ref().map(|loads| (loads, (bearing, frame))))?;
         let weights = model.part_weights(file.rest(body));
         if let Some(weights) = weights.as_ref().filter(|weights| weights.nodes() != nodes) {
             let found = weights.nodes();
@@ -146,6 +151,7 @@ impl Deformer {
             model,
             kind,
             frame,
+            bearing,
             loads,
             loads_changed: false,
             contribution: Contribution::none(file.columns_of_effects(body), controls.len()),
@@ -394,7 +400,7 @@ impl Deformer {
         match self.model.for_force_loop() {
             Some(model) => Ok(model),
             None => {
-                let loads = self.loads.as_ref().map(|loads| (loads, self.frame));
+                let loads = self.loads.as_ref().map(|loads| (loads, (self.bearing, self.frame)));
                 let mut model = made(&self.file, &self.body, &self.controls, &self.kind, loads)?;
                 model.be_patient(Duration::ZERO);
                 Ok(model)
@@ -416,8 +422,10 @@ fn made(
     body: &str,
     controls: &[ControlRest],
     kind: &Kind,
-    loads: Option<(&SharedLoads, Frame)>,
+    loads: Option<(&SharedLoads, (Bearing, Frame))>,
 ) -> Result<Box<dyn DeformationModel>, String> {
+    let surface = columns_at(file, body);
+    let metas = file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads);
     let input = ModelInput {
         controls,
         rest: file.rest(body),
@@ -427,12 +435,26 @@ fn made(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
-        loads: loads
-            .map(|(shared, _)| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
+        loads: loads.map(|(shared, _)| LoadInput { metas, shared, surface: &surface }),
     };
     let model = make_model(kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
-    let Some((shared, frame)) = loads.filter(|(_, frame)| *frame != Frame::Solved) else { return Ok(model) };
+    let Some((shared, (Bearing::Columns, frame))) = loads else { return Ok(model) };
     let turns = frame == Frame::MeanMotion;
     let loaded = Loaded::new(file, body, model, turns, controls, shared);
     Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))
+}
+
+/// Reads where nodes of a body's surface rest, and all columns there.
+fn columns_at(file: &Arc<GreenFile>, body: &str) -> ColumnsAt {
+    let (file, body) = (file.clone(), body.to_owned());
+    Arc::new(move |node| {
+        let (rest, node) = (file.rest(&body), node as usize);
+        let column = |group: &ColumnGroup<'_>, k: usize| {
+            Vector3::from_fn(|axis, _| f64::from(group.value(rest.len(), k, 3 * node + axis)))
+        };
+        let groups = file.groups(&body);
+        let all =
+            |group| (0..ColumnGroup::columns(group, rest.len()).unwrap_or(0)).map(move |k| column(group, k));
+        (Vector3::from(rest[node]).cast(), groups.iter().flat_map(all).collect())
+    })
 }
