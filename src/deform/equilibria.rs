@@ -34,8 +34,8 @@ const LEGS: usize = 4;
 /// The model of a body under `law`; the error says why this body cannot have it.
 pub(super) fn make(law: &'static Law, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {
     let volume = Volume::of(input.table, input.controls.len())?;
-    let columns = input.loads.map(|(metas, _)| NodalLoads::of_table(metas, &volume.forces));
-    let loads = input.loads.map(|(_, shared)| shared.clone());
+    let columns = input.loads.map(|loads| NodalLoads::of_table(loads.metas, &volume.forces));
+    let loads = input.loads.map(|loads| loads.shared.clone());
     let surface = volume.surface.clone();
     let background = Arc::new(Background::start(law, volume, columns)?);
     let model = Equilibria::new(background, input.controls.len());

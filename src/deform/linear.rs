@@ -3,7 +3,7 @@
 //! Exact for the linear theory of elasticity, which holds for small rotations of the control elements.
 
 use super::frames::PoseSlope;
-use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::green::{AFFINE, FIELDS, STIFFNESS};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
@@ -22,6 +22,7 @@ pub const ENTRY: ModelEntry = ModelEntry {
         let fields = DVector::zeros(FIELDS * input.controls.len());
         Ok(Box::new(Linear { stiffness, coefficients: fields.clone(), forces: fields }))
     }),
+    loads: Bearing::Columns,
     fits: None,
 };
 

@@ -4,6 +4,7 @@
 //! and whatever follows from the memory, such as a factor or the shape that is drawn, is no part of it.
 
 use super::frames::PoseSlope;
+use super::loads::applied::AppliedLoads;
 use super::pose::ControlPoses;
 use super::static_forces::StaticForces;
 use crate::field::numbers::Numbers;
@@ -28,6 +29,9 @@ pub struct ModelMemory {
     /// Mean frames, equilibria and where the next search begins, in the order in which the model reads them.
     #[serde(with = "crate::field::numbers::flat")]
     pub unknowns: Vec<f64>,
+    /// What acted then, of a model that has loads in its equilibrium.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loads: Option<AppliedLoads>,
     /// An equilibrium that was found in the background, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub found: Option<Box<FoundMemory>>,

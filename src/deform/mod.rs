@@ -72,8 +72,8 @@ pub use loads::{AppliedLoads, PointLoad, Pull, refusal as load_refusal};
 pub use memory::{FoundMemory, HeldNodes, ModelMemory, Warm};
 pub use mesh_errors::{MeshErrors, RigidStiffness, wrench_size};
 pub use model::{
-    BodyState, ControlRest, DeformationModel, Frame, Kind, MakeModel, ModelEntry, ModelInput, PointResult,
-    Response, StateAge,
+    Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, LoadInput, MakeModel, ModelEntry,
+    ModelInput, PointResult, Response, StateAge,
 };
 pub use models::{MODELS, find_model, make_model};
 pub use nearest::unwrapped;

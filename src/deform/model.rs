@@ -10,6 +10,7 @@ use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::cmp::Ordering;
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How a body's control poses become its state. Exactly one per body.
@@ -94,6 +95,7 @@ pub struct ModelEntry {
     /// degrees, up to which it is good and up to which it is fair: off by about 0.2 % and 2 % of the body's length.
     pub turn_limits_deg: [f64; 2],
     pub kind: Kind,
+    pub loads: Bearing,
     /// Whether a body's shape is one for it, where that can be told without solving.
     pub fits: Option<Fits>,
 }
@@ -124,6 +126,11 @@ impl ModelEntry {
     pub fn is_exact_near_rest(&self) -> bool {
         let has = |wanted: Family| self.requirements.iter().any(|family| family.name == wanted.name);
         self.law().is_none() && has(AFFINE) && !has(CUBIC)
+    }
+
+    /// Whether it takes forces at points of the surface without columns of a compliance.
+    pub fn takes_points(&self) -> bool {
+        matches!(self.loads, Bearing::Forces(_))
     }
 
     fn is_quartic(&self) -> bool {
@@ -175,6 +182,17 @@ impl PartialOrd for ModelEntry {
     }
 }
 
+/// How a model bears loads and forces at points.
+#[derive(Clone, Copy)]
+pub enum Bearing {
+    /// By columns of the theory of small strain in its frame, and those of a compliance of its surface.
+    Columns,
+    /// As forces in its own equilibrium; a body with loads needs these families beside the model's own.
+    Forces(&'static [Family]),
+    /// Not at all.
+    Nothing,
+}
+
 /// In which frame a model's displacements stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
@@ -208,9 +226,21 @@ pub struct ModelInput<'a> {
     /// A table of the body by its name, such as `stiffness`, where it was precomputed; `affine` are the columns of all control
     /// elements, a row for each axis of each surface node.
     pub table: &'a dyn Fn(&str) -> Option<DMatrix<f64>>,
-    /// The loads that the body's file has, and those that are applied as frames set them; `None` of a body without.
-    pub loads: Option<(&'a [LoadMeta], &'a SharedLoads)>,
+    /// `None` of a body on which nothing may act.
+    pub loads: Option<LoadInput<'a>>,
 }
+
+/// What acts on a body beside its control elements, for a model that has it as forces in its equilibrium.
+#[derive(Clone, Copy)]
+pub struct LoadInput<'a> {
+    /// The loads that the body's file has, and what is applied as frames set it.
+    pub metas: &'a [LoadMeta],
+    pub shared: &'a SharedLoads,
+    pub surface: &'a ColumnsAt,
+}
+
+/// Where a node of the surface is at rest, and the displacements of all columns of the file there.
+pub type ColumnsAt = Arc<dyn Fn(u32) -> (Vector3<f64>, Vec<Vector3<f64>>) + Send + Sync>;
 
 /// Makes a model; the error says why this body cannot have it.
 pub type MakeModel = fn(&ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String>;

@@ -10,12 +10,23 @@
 //!
 //! so that the model passes into `rotation` before its series stops meaning anything. V(y, q) is the exact energy of the
 //! displacements; forces are the derivative of V, that of q(x) and b included.
+//!
+//! Loads add what they do at rest, in the frame that turns: with their forces g on q and W = Σ f·(x - X) ([`FrameForces`]), and
+//! those of warmth p,
+//!
+//! ```text
+//! r = g + p     q = (1 - b) q(x) + r     V = (1 - b) V(y, q(x) + r) + b (V_rotation + ½ r·r - p·(y, r)) - W
+//! ```
+//!
+//! r is exact to first order in loads at rest; it misses products of load and motion, and of loads. V is the least to its first
+//! order, so that it misses squares of these.
 
 use super::cubic_form::CubicForm;
 use super::frames::{FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::loads::FrameForces;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use super::reduced::{Posed, Quartic, quartic_table};
 use crate::green::{AFFINE, CUBIC, FIELDS, Lift, PERTURBATION, RADIUS, REDUCED, SERIES, STIFFNESS};
@@ -30,6 +41,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Beyond the radius of convergence it is `rotation`.
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Perturbation::new(input)?))),
+    loads: Bearing::Forces(&[]),
     fits: None,
 };
 
@@ -52,6 +64,10 @@ pub struct Perturbation {
     slopes: Vec<f64>,
     bends: DMatrix<f64>,
     by_frames: Vec<FrameSlope>,
+    loads: Option<FrameForces>,
+    /// r, and ∂V by it.
+    answers: Vec<f64>,
+    by_answers: Vec<f64>,
     /// Of the last poses that had a mean frame.
     energy: f64,
     by_poses: Vec<PoseSlope>,
@@ -84,7 +100,12 @@ impl Perturbation {
         };
         let nothing = Vector3::zeros();
         let quartic = Quartic::new(variables, coefficients);
+        let loads = FrameForces::of(input, fields)?;
+        let answers = vec![0.0; if loads.is_some() { fields } else { 0 }];
         Ok(Perturbation {
+            loads,
+            by_answers: answers.clone(),
+            answers,
             posed: Posed::new(input.controls),
             quartic: quartic.ok_or("the energy's table does not suit the control elements")?,
             lift,
@@ -105,7 +126,11 @@ impl Perturbation {
 
     /// Finds m, c, x and q(x); b and its derivative by xᵀ G x.
     fn settle(&mut self, poses: &[ControlPose]) -> Option<(f64, f64)> {
+        if let Some(loads) = &mut self.loads {
+            loads.read();
+        }
         self.posed.take(poses)?;
+        self.find_answers();
         self.x = (self.posed.screw(1) - self.posed.screw(0)) * std::f64::consts::FRAC_1_SQRT_2;
         self.bend();
         let square = self.x.dot(&(self.radius * self.x));
@@ -113,6 +138,18 @@ impl Perturbation {
         let share = ((part - ALONE) / (1.0 - ALONE)).clamp(0.0, 1.0);
         let (step, slope) = (share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share));
         Some((step, slope / (1.0 - ALONE) / (2.0 * part.max(ALONE))))
+    }
+
+    /// r.
+    fn find_answers(&mut self) {
+        let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none) else {
+            return self.answers.fill(0.0);
+        };
+        loads.find(self.posed.mean());
+        let start = 1 + self.lift.rigid;
+        for (i, answer) in self.answers.iter_mut().enumerate() {
+            *answer = loads.burden.forces[start + i] + loads.push_of_warmth(start + i);
+        }
     }
 
     /// Column 0 of `bends`: q(x); the others: ∂q/∂x.
@@ -153,7 +190,14 @@ impl Perturbation {
         }
         let q = 1 + self.lift.rigid;
         self.z[q..q + self.fields].copy_from_slice(self.bends.column(0).as_slice());
+        let mut loads = self.loads.as_mut().filter(|loads| !loads.is_none);
+        if loads.is_some() {
+            self.z[q..].iter_mut().zip(&self.answers).for_each(|(z, answer)| *z += answer);
+        }
         let mut energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
+        if let Some(loads) = &mut loads {
+            (energy, _) = loads.burden.add(energy, &self.z, &mut self.slopes);
+        }
         let mut by_x = SVector::<f64, 6>::zeros();
         for i in 0..6 {
             let own = self.bends.column(1 + i);
@@ -162,15 +206,37 @@ impl Perturbation {
         by_x *= 1.0 - share;
         let mut of_rotation = None;
         if share > 0.0 {
-            let other = rotation.respond(self.posed.frames(), &mut self.by_frames)?;
+            let mut other = rotation.respond(self.posed.frames(), &mut self.by_frames)?;
+            if let Some(loads) = &loads {
+                let by_motion = |k: usize| self.z[k] * (loads.burden.forces[k] + loads.push_of_warmth(k));
+                other -= (1..q).chain(q + fields..self.z.len()).map(by_motion).sum::<f64>();
+                other -= 0.5 * self.answers.iter().map(|answer| answer * answer).sum::<f64>();
+            }
             by_x += self.radius * self.x * (2.0 * slope * (other - energy));
             energy = (1.0 - share) * energy + share * other;
             of_rotation = Some(());
         }
         let half: Vector6<f64> = by_x * std::f64::consts::FRAC_1_SQRT_2;
+        let mut by_mean = None;
+        if let Some(loads) = &loads {
+            let m = self.posed.mean();
+            energy += loads.beside(m);
+            let bends = self.bends.column(0);
+            for (z, (bend, answer)) in self.z[q..].iter_mut().zip(bends.iter().zip(&self.answers)) {
+                *z = (1.0 - share) * bend + answer;
+            }
+            for (by, slope) in self.by_answers.iter_mut().zip(&self.slopes[q..]) {
+                *by = (1.0 - share) * slope;
+            }
+            by_mean = Some(loads.by_turn(m, &self.by_answers) - loads.by_frame(m, &self.z));
+        }
         let slopes = &self.slopes;
-        let by_y = |k: usize| (1.0 - share) * slopes[place(k)];
-        self.posed.pull_back(poses, &by_y, Some(&[-half, half]), &mut self.by_poses)?;
+        let by_y = |k: usize| {
+            let k = place(k);
+            let by_loads = |loads: &&mut FrameForces| loads.burden.forces[k] + loads.push_of_warmth(k);
+            (1.0 - share) * slopes[k] - share * loads.as_ref().map_or(0.0, by_loads)
+        };
+        self.posed.pull_back(poses, &by_y, (Some(&[-half, half]), by_mean), &mut self.by_poses)?;
         if of_rotation.is_some() {
             for ((slope, frame), own) in
                 self.by_poses.iter_mut().zip(self.posed.frames()).zip(&self.by_frames)
@@ -188,7 +254,8 @@ impl DeformationModel for Perturbation {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         let found = self.settle(poses);
         self.share = found.map_or(self.share, |(share, _)| share);
-        let q = self.bends.column(0) * (1.0 - self.share);
+        let mut q = self.bends.column(0) * (1.0 - self.share);
+        q.iter_mut().zip(&self.answers).for_each(|(q, answer)| *q += answer);
         BodyState {
             parts: vec![self.posed.body_from_surface()],
             coefficients: self.posed.coefficients().iter().chain(q.iter()).copied().collect(),
@@ -210,16 +277,17 @@ impl DeformationModel for Perturbation {
         let mut memory = ModelMemory { slopes, energy: self.energy, ..ModelMemory::default() };
         self.posed.keep(&mut memory);
         memory.unknowns.push(self.share);
-        memory.unknowns.extend(self.bends.column(0).iter());
+        memory.unknowns.extend(self.bends.column(0).iter().chain(&self.answers));
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
-        memory.suits(2, self.posed.kept() + 1 + self.fields)?;
+        memory.suits(2, self.posed.kept() + 1 + self.fields + self.answers.len())?;
         let mut unknowns = Unknowns(&memory.unknowns);
         self.posed.take_back(memory, &mut unknowns);
         self.share = unknowns.take();
         unknowns.fill(self.bends.column_mut(0).as_mut_slice());
+        unknowns.fill(&mut self.answers);
         self.energy = memory.energy;
         self.by_poses.clone_from(&memory.slopes);
         self.by_poses.resize(2, PoseSlope::default());

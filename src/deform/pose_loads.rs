@@ -116,7 +116,7 @@ impl PoseLoads {
         let (forces, places): (Vec<PointForce>, Vec<String>) = forces.into_iter().unzip();
         for (number, force) in forces.iter().enumerate() {
             let place = called(number, &places);
-            if body.surface_compliance.is_none() && model.law().is_none() {
+            if body.surface_compliance.is_none() && !model.takes_points() {
                 return Err(format!(
                     "{place}: forces at points need surface_compliance = {{ nodes = \"surface\" }} in the scene"
                 ));
@@ -148,7 +148,7 @@ impl PoseLoads {
 
     /// As they are applied to a body that is summed from its columns; the error names a place that cannot take a force.
     pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
-        let takes = body.takes_forces();
+        let takes = body.bears_forces();
         let rest: Vec<V3> =
             body.rest().iter().map(|x| Vector3::from(*x).cast::<f64>() + body.centre).collect();
         let surface = Taking {

@@ -5,6 +5,10 @@
 //! straight and uniform; its section comes from the body's own handle stiffness ([`Section`]), so that small motions give
 //! the linear solution, forces and surface. A rod has no stretching control elements: their stretch moves its clamps, as S
 //! says, and resists linearly.
+//!
+//! Loads and forces at points act on the two sections between which they are, each as on a rigid section, in parts that grow linearly
+//! from one to the other; what they do to the shape of a section by themselves is left out. Warmth lengthens the rod at rest, and
+//! what its ends would be without stress.
 
 mod chain;
 mod fits;
@@ -15,14 +19,17 @@ mod skin;
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::loads::Lumped;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{
+    Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response,
+};
 use super::pose::ControlPose;
 use super::se3::{exp, halves};
 use crate::base::parts::PartWeights;
-use crate::green::{AFFINE, CUBIC, FIELDS, STIFFNESS};
+use crate::green::{AFFINE, CUBIC, FIELDS, LOAD_FORCES, STIFFNESS};
 use chain::{Chain, Standing};
-use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Rotation3, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
 use screws::Tangent;
 use section::{Section, stretch_of};
 use skin::Skin;
@@ -36,6 +43,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Measured against St. Venant-Kirchhoff statics up to 180°.
     turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Rod::new(input)?))),
+    loads: Bearing::Forces(&[LOAD_FORCES]),
     fits: Some(fits::fits),
 };
 
@@ -50,6 +58,7 @@ pub struct Rod {
     /// Another one, to come from rest with.
     spare: Chain,
     skin: Skin,
+    loads: Option<Lumped>,
     turns: [UnitQuaternion<f64>; 2],
     frames: [ControlFrame; 2],
     /// The poses of the last evaluation, and what was found.
@@ -98,7 +107,21 @@ impl Rod {
             turn: UnitQuaternion::identity(),
             stretch: Matrix3::identity(),
         };
+        let (place, along) = (section.clone(), section.ends[1] - section.ends[0]);
+        let shares = move |x: &Vector3<f64>| -> Vec<(usize, f64)> {
+            let at = ((x - place.ends[0]).dot(&along) / along.norm_squared() * SEGMENTS as f64)
+                .clamp(0.0, SEGMENTS as f64);
+            let first = (at as usize).min(SEGMENTS - 1);
+            let of = |i: usize, share: f64| {
+                let arm = (x - place.frame_at(i as f64 / SEGMENTS as f64).translation.vector) * share;
+                [(4 * i, share), (4 * i + 1, arm.x), (4 * i + 2, arm.y), (4 * i + 3, arm.z)]
+            };
+            let share = at - first as f64;
+            of(first, 1.0 - share).into_iter().chain(of(first + 1, share)).collect()
+        };
+        let loads = Lumped::new(input, 4 * (SEGMENTS + 1), Box::new(shares))?;
         Ok(Rod {
+            loads,
             controls: [first.clone(), last.clone()],
             section,
             spare: chain.clone(),
@@ -115,14 +138,20 @@ impl Rod {
     /// The rod between the frames of these poses; where there is none, the last one is kept.
     fn hold(&mut self, poses: &[ControlPose]) {
         let Ok(poses) = <[ControlPose; 2]>::try_from(poses) else { return };
-        if self.poses == Some(poses) {
+        let has_changed = self.loads.as_mut().is_some_and(Lumped::read);
+        if self.poses == Some(poses) && !has_changed {
             return;
         }
         self.poses = Some(poses);
         self.is_defined = false;
+        self.bear();
         let frame = |e: usize| ControlFrame::of(&self.controls[e].origin, &poses[e], Some(&self.turns[e]));
         let (Some(first), Some(last)) = (frame(0), frame(1)) else { return };
         let frames = [first, last];
+        if let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none()) {
+            loads.follow(&poses, &frames.map(|frame| frame.turn));
+            self.bear();
+        }
         let clamps = [0, 1].map(|e| self.clamp(e, &frames[e]));
         let held = self.chain.hold(&clamps).or_else(|| {
             // A way from rest may exist where none from the last state was found.
@@ -139,23 +168,59 @@ impl Rod {
         }
     }
 
+    /// The pose at which control element `e` is held.
+    fn held_pose(&self, e: usize) -> ControlPose {
+        let ControlFrame { place, turn, stretch } = self.frames[e];
+        ControlPose {
+            translation: place - self.controls[e].origin,
+            matrix: turn.to_rotation_matrix() * stretch,
+        }
+    }
+
+    /// Gives the rod its loads.
+    fn bear(&mut self) {
+        let Some(loads) = &self.loads else { return };
+        let borne = |slots: &[Vector3<f64>]| (slots[0], Matrix3::from_columns(&slots[1..4]));
+        for chain in [&mut self.chain, &mut self.spare] {
+            let slots = if loads.is_none() { &[] } else { loads.slots() };
+            chain.bear(slots.chunks_exact(4).map(borne), 1.0 + loads.strain());
+        }
+    }
+
+    /// By how much the body is longer where it is free.
+    fn strain(&self) -> f64 {
+        self.loads.as_ref().map_or(0.0, Lumped::strain)
+    }
+
+    /// U - I of an end beside what warmth makes of it.
+    fn stretch(&self, frame: &ControlFrame) -> section::Stretch {
+        let strain = self.strain();
+        let mut stretch = stretch_of(&frame.stretch);
+        [0, 4, 8].iter().for_each(|&k| stretch[k] -= strain);
+        stretch
+    }
+
+    /// From the origin of a control element to the end of the rod, where nothing strains it.
+    fn arm(&self, e: usize) -> Vector3<f64> {
+        (self.section.ends[e] - self.controls[e].origin) * (1.0 + self.strain())
+    }
+
     /// Where the rod's end is, by the frame of its control element: the end's place in it, moved by the stretch.
     fn clamp(&self, e: usize, frame: &ControlFrame) -> Isometry3<f64> {
-        let arm = self.section.ends[e] - self.controls[e].origin;
-        let offset = self.section.offsets[e] * stretch_of(&frame.stretch);
-        placed(frame) * Translation3::from(arm) * exp(&offset)
+        let offset = self.section.offsets[e] * self.stretch(frame);
+        placed(frame) * Translation3::from(self.arm(e)) * exp(&offset)
     }
 
     /// U - I of both ends, one after the other.
     fn stretches(&self) -> SVector<f64, 18> {
-        let [first, last] = [0, 1].map(|e| stretch_of(&self.frames[e].stretch));
+        let [first, last] = [0, 1].map(|e| self.stretch(&self.frames[e]));
         SVector::from_fn(|k, _| if k < 9 { first[k] } else { last[k - 9] })
     }
 
     /// The slope of V by the frame of element `e`.
     fn slope(&self, e: usize, standing: &Standing, resisting: &SVector<f64, 18>) -> FrameSlope {
         let frame = &self.frames[e];
-        let offset = self.section.offsets[e] * stretch_of(&frame.stretch);
+        let offset = self.section.offsets[e] * self.stretch(frame);
         // By a motion of the offset's own end, then by one of the control element's frame.
         let wrench = standing.wrenches[e];
         let last = Tangent::of(&offset).last;
@@ -166,7 +231,7 @@ impl Rod {
         let (force, moment) = halves(&wrench);
         let force = turned.rotation * force;
         let moment = turned.rotation * moment + turned.translation.vector.cross(&force);
-        let arm = self.section.ends[e] - self.controls[e].origin;
+        let arm = self.arm(e);
         let (force, moment) = (frame.turn * force, frame.turn * (moment + arm.cross(&force)));
         FrameSlope { force, torque: moment, stretch: (by_stretch + by_stretch.transpose()) * 0.5 }
     }
@@ -182,7 +247,7 @@ impl DeformationModel for Rod {
         self.hold(poses);
         let mut motions = Vec::with_capacity(SEGMENTS + 4);
         self.skin.motions(&self.chain, &[placed(&self.frames[0]), placed(&self.frames[1])], &mut motions);
-        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch]);
+        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch], self.strain());
         BodyState {
             parts: motions,
             coefficients: Vec::new(),
@@ -199,7 +264,11 @@ impl DeformationModel for Rod {
         for (e, slope) in slopes.iter_mut().enumerate().take(2) {
             *slope = self.frames[e].pull_back(&self.slope(e, &standing, &resisting));
         }
-        let energy = standing.energy + 0.5 * stretches.dot(&resisting);
+        let mut energy = standing.energy + 0.5 * stretches.dot(&resisting);
+        if let Some(loads) = self.loads.as_ref().filter(|loads| !loads.is_none()) {
+            let poses = [0, 1].map(|e| self.held_pose(e));
+            energy += loads.hold(&poses, slopes);
+        }
         Some(Response { energy, is_defined: self.is_defined })
     }
 
@@ -228,11 +297,21 @@ impl DeformationModel for Rod {
             memory.unknowns.extend(wrench.iter());
         }
         self.chain.keep(&mut memory);
+        if let Some(loads) = &self.loads {
+            memory.loads = Some(loads.applied().clone());
+            memory.put(loads.mean.matrix());
+        }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
-        memory.suits(2, 2 * (7 + 9) + 2 * 6 + self.chain.kept())?;
+        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        memory.suits(2, 2 * (7 + 9) + 2 * 6 + self.chain.kept() + of_loads)?;
+        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
+            let mean = Unknowns(&memory.unknowns[memory.unknowns.len() - 9..]).take();
+            loads.set_applied(applied, Rotation3::from_matrix_unchecked(mean));
+            self.bear();
+        }
         let turns = memory.turns_of(2);
         self.turns = [turns[0], turns[1]];
         self.poses = <[ControlPose; 2]>::try_from(memory.poses.as_slice()).ok();
@@ -248,7 +327,7 @@ impl DeformationModel for Rod {
         let standing = Standing { energy: memory.energy, wrenches, iterations: 0, buckled: false };
         self.standing = (!memory.energy.is_nan()).then_some(standing);
         self.chain.take_back(&mut unknowns);
-        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch]);
+        self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch], self.strain());
         Ok(())
     }
 

@@ -9,7 +9,9 @@ use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{
+    Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response,
+};
 use super::nearest::{DEFINED, is_mean_defined, stationary, unwrapped};
 use super::pose::ControlPose;
 use crate::field::numbers::Numbers;
@@ -25,6 +27,7 @@ pub const ENTRY: ModelEntry = ModelEntry {
     // As for `linear`; the mean of both ends' turns is taken out, and half of it is left either way.
     turn_limits_deg: [15.0, 45.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Rotation::new(input)?))),
+    loads: Bearing::Columns,
     fits: None,
 };
 

@@ -9,7 +9,7 @@ use super::critical::{CriticalPose, Ways};
 use super::followed::FollowedTurn;
 use super::force::Wrench;
 use super::legs::part_of;
-use super::model::{ControlRest, Frame, Kind, ModelEntry};
+use super::model::{Bearing, ControlRest, Frame, Kind, ModelEntry};
 use super::pose::{ControlPose, ControlPoses};
 use super::screw::{Screw, Way};
 use super::se3::long_turn;
@@ -37,6 +37,7 @@ pub(super) const fn entry(law: &'static Law) -> ModelEntry {
         energy: Some(&[]),
         turn_limits_deg,
         kind,
+        loads: Bearing::Forces(&[]),
         fits: None,
     }
 }

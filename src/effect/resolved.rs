@@ -7,7 +7,7 @@
 use super::effects::{EFFECTS, find_among};
 use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};
 use crate::base::failure::Failure;
-use crate::deform::{ModelEntry, Statics, find_model, load_refusal};
+use crate::deform::{Bearing, ModelEntry, Statics, find_model, load_refusal};
 use crate::fem::{Dilatation, Law};
 use crate::green::{
     AFFINE, COMPLIANCE, COMPRESSED, FAMILIES, Family, FamilyEntry, KEPT_FACTOR, LOADS, Requirements,
@@ -303,9 +303,8 @@ fn loads_required(
     if let Some(message) = load_refusal(model, loads, compliance) {
         return Err(wrong(scene, name, "model", message));
     }
-    if model.law().is_some() {
-        // Its own family has the forces.
-        return Ok(Requirements::default());
+    if let Bearing::Forces(families) = model.loads {
+        return Ok(if loads { Requirements::of(families) } else { Requirements::default() });
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
         Kept::Inverse => COMPLIANCE,

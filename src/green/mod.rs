@@ -55,9 +55,9 @@ pub use derive::derive;
 pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,
-    LOADS, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, SERIES, STIFFNESS,
-    SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume, columns_of_effect, compliance_size,
-    is_column, nodal_forces,
+    LOAD_FORCES, LOADS, LoadForces, MOMENTS, PERTURBATION, QUARTIC, RADIUS, REACTION, REDUCED,
+    REDUCED_FIELDS, REDUCED_LOADS, SERIES, STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME,
+    Volume, WARMTH, columns_of_effect, compliance_size, is_column, nodal_forces,
 };
 pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

@@ -3,8 +3,8 @@
 use crate::common::{block_scene, case_poses, csv_rows, folder, scene, shared};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{
-    BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, LINEAR, ModelEntry,
-    find_model, local_turn,
+    Bearing, BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, LINEAR,
+    ModelEntry, find_model, local_turn,
 };
 use greenstage::green::{self, AFFINE, GreenFile, Requirements};
 use greenstage::scene::Scene;
@@ -67,6 +67,7 @@ const TWO_PARTS: ModelEntry = ModelEntry {
     energy: None,
     turn_limits_deg: [0.0; 2],
     kind: Kind::Online(|_| Ok(Box::new(TwoParts))),
+    loads: Bearing::Columns,
     fits: None,
 };
 

@@ -1,6 +1,6 @@
 //! Body loads, force patterns and point forces against closed formulas, equilibrium and fresh solves.
 
-use greenstage::deform::{AppliedLoads, ControlPose, Deformer, Kind, PointLoad, Pull, find_model};
+use greenstage::deform::{AppliedLoads, Bearing, ControlPose, Deformer, PointLoad, Pull, find_model};
 use greenstage::effect;
 use greenstage::fem::{NodeFields, Partition};
 use greenstage::green::{
@@ -38,8 +38,12 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     let body = &scene.body[name];
     let entry = find_model(model).unwrap();
     let mut required = effect::requirements(entry, []).and(Requirements::of(entry.energy.unwrap()));
-    if !body.loads().is_empty() && matches!(entry.kind, Kind::Online(_)) {
-        required = required.and(Requirements::of(&[LOADS]));
+    if !body.loads().is_empty() {
+        required = required.and(match entry.loads {
+            Bearing::Columns => Requirements::of(&[LOADS]),
+            Bearing::Forces(families) => Requirements::of(families),
+            Bearing::Nothing => panic!("{model} bears no loads"),
+        });
     }
     if body.surface_compliance.is_some() {
         let kept = body.surface_compliance.as_ref().map(|of| of.kept);

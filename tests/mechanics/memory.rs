@@ -2,7 +2,7 @@
 
 use crate::common::{folder, scene};
 use greenstage::deform::{
-    AppliedLoads, ControlPose, ControlPoses, Deformer, DeformerState, Kind, MODELS, ModelEntry, PointLoad,
+    AppliedLoads, Bearing, ControlPose, ControlPoses, Deformer, DeformerState, MODELS, ModelEntry, PointLoad,
     Pull, load_refusal,
 };
 use greenstage::green::{self, COMPLIANCE, GreenFile, LOADS, Requirements};
@@ -13,8 +13,9 @@ use std::time::Duration;
 
 const FRAMES: usize = 60;
 
+/// Whether it bears loads in its own equilibrium, and no springs at points.
 fn is_solved(model: &ModelEntry) -> bool {
-    matches!(model.kind, Kind::Background(_))
+    model.takes_points()
 }
 
 /// A file in a folder of this test's own.
@@ -38,10 +39,10 @@ fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
         model.name
     ));
     let needed = Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()));
-    let needed = if with_loads && !is_solved(model) {
-        needed.and(Requirements::of(&[LOADS, COMPLIANCE]))
-    } else {
-        needed
+    let needed = match model.loads {
+        Bearing::Columns if with_loads => needed.and(Requirements::of(&[LOADS, COMPLIANCE])),
+        Bearing::Forces(families) if with_loads => needed.and(Requirements::of(families)),
+        _ => needed,
     };
     let path = folder(&format!("memory-{test}-{}", model.name)).join("b.green");
     green::write(&path, &[green::precompute(&scene, "b", &needed, &Silent).unwrap()]).unwrap();

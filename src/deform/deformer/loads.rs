@@ -5,7 +5,7 @@ use crate::deform::contribution::Contribution;
 use crate::deform::force::Wrench;
 use crate::deform::frames::PoseSlope;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
-use crate::deform::model::{Frame, PointResult};
+use crate::deform::model::{Bearing, PointResult};
 use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::collections::BTreeSet;
@@ -24,6 +24,16 @@ impl Deformer {
     pub fn takes_forces(&self) -> BTreeSet<u32> {
         let compliance = self.file.compliance(&self.body);
         compliance.map_or_else(BTreeSet::new, |compliance| compliance.places().into_keys().collect())
+    }
+
+    /// Nodes of the surface at which forces of a given size and direction may act: also those of a model that needs no compliance for them.
+    pub fn bears_forces(&self) -> BTreeSet<u32> {
+        if !matches!(self.entry.loads, Bearing::Forces(_)) {
+            return self.takes_forces();
+        }
+        let held: BTreeSet<u32> =
+            (0..self.controls.len()).flat_map(|e| self.control_nodes(e).iter().copied()).collect();
+        (0..self.node_count() as u32).filter(|node| !held.contains(node)).collect()
     }
 
     /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N; `None`
@@ -115,6 +125,9 @@ impl Deformer {
     /// All that acts on the body as it is now, springs and what holds points in their places as the forces that they have come to.
     pub fn acting(&self) -> AppliedLoads {
         let AppliedLoads { coefficients, points } = self.applied();
+        if !matches!(self.entry.loads, Bearing::Columns) {
+            return AppliedLoads { coefficients, points };
+        }
         let found = points.into_iter().zip(self.point_results());
         let points = found.map(|(point, found)| PointLoad { pull: Pull::Force(found.force), ..point });
         AppliedLoads { points: points.collect(), coefficients }
@@ -123,7 +136,7 @@ impl Deformer {
     /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as
     /// they are applied.
     pub fn load_coefficients(&self) -> Vec<f64> {
-        if self.entry.frame == Frame::Solved {
+        if !matches!(self.entry.loads, Bearing::Columns) {
             return self.applied().coefficients;
         }
         let count: usize = self.load_metas().iter().map(|meta| meta.columns).sum();

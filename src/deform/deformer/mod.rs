@@ -13,7 +13,8 @@ use super::force::Wrench;
 use super::frames::PoseSlope;
 use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
-    BodyState, ControlRest, DeformationModel, Frame, ModelEntry, ModelInput, Response, StateAge,
+    Bearing, BodyState, ColumnsAt, ControlRest, DeformationModel, Frame, Kind, LoadInput, ModelEntry,
+    ModelInput, Response, StateAge,
 };
 use super::models::make_model;
 use super::normals::SurfaceNormals;
@@ -74,7 +75,7 @@ pub struct Deformer {
     model: Box<dyn DeformationModel>,
     /// What is known of the model before it is made.
     pub entry: &'static ModelEntry,
-    /// Loads as they are now, where the file has columns or a compliance for them.
+    /// Loads as they are now, where something may act on the body.
     loads: Option<SharedLoads>,
     loads_changed: bool,
     /// What effects add, and whether that has changed since the last evaluation.
@@ -119,7 +120,8 @@ impl Deformer {
             .collect();
         let nodes = meta.surface_nodes;
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
-        let loads = has_loads.then(SharedLoads::default);
+        let may_act = has_loads || (entry.takes_points() && matches!(entry.kind, Kind::Online(_)));
+        let loads = may_act.then(SharedLoads::default);
         if let Some(message) = refusal(entry, has_loads, meta.compliance_nodes.is_some()) {
             return Err(format!("body.{body}.model: {message}"));
         }
@@ -432,6 +434,8 @@ fn made(
     entry: &ModelEntry,
     loads: Option<&SharedLoads>,
 ) -> Result<Box<dyn DeformationModel>, String> {
+    let surface = columns_at(file, body);
+    let metas = file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads);
     let input = ModelInput {
         controls,
         rest: file.rest(body),
@@ -441,11 +445,26 @@ fn made(
             name if name == AFFINE.name => file.affine_columns(body),
             name => file.table(body, name),
         },
-        loads: loads.map(|shared| (file.meta.bodies.get(body).map_or(&[][..], |meta| &meta.loads), shared)),
+        loads: loads.map(|shared| LoadInput { metas, shared, surface: &surface }),
     };
     let model = make_model(&entry.kind, &input).map_err(|message| format!("body.{body}.model: {message}"))?;
-    let Some(shared) = loads.filter(|_| entry.frame != Frame::Solved) else { return Ok(model) };
+    let Some(shared) = loads.filter(|_| matches!(entry.loads, Bearing::Columns)) else { return Ok(model) };
     let turns = entry.frame == Frame::MeanMotion;
     let loaded = Loaded::new(file, body, model, turns, controls, shared);
     Ok(Box::new(loaded.map_err(|message| format!("body.{body}: {message}"))?))
+}
+
+/// Reads where nodes of a body's surface rest, and all columns there.
+fn columns_at(file: &Arc<GreenFile>, body: &str) -> ColumnsAt {
+    let (file, body) = (file.clone(), body.to_owned());
+    Arc::new(move |node| {
+        let (rest, node) = (file.rest(&body), node as usize);
+        let column = |group: &ColumnGroup<'_>, k: usize| {
+            Vector3::from_fn(|axis, _| f64::from(group.value(rest.len(), k, 3 * node + axis)))
+        };
+        let groups = file.groups(&body);
+        let all =
+            |group| (0..ColumnGroup::columns(group, rest.len()).unwrap_or(0)).map(move |k| column(group, k));
+        (Vector3::from(rest[node]).cast(), groups.iter().flat_map(all).collect())
+    })
 }

@@ -6,6 +6,9 @@
 //!
 //! The springs with which control elements hold the shell ([`point::Grip`]) are part of the energy, and take poses as they are,
 //! stretches included: forces are its exact gradient.
+//!
+//! Loads and forces at points act on the middle surface, each where it stands beside it; the moments of those above and below it are
+//! left out. Warmth lengthens the middle surface without stress.
 
 mod band;
 mod constants;
@@ -22,15 +25,18 @@ mod spline;
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, PoseSlope};
 use super::helicoidal::Helicoidal;
+use super::loads::Lumped;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{
+    Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response,
+};
 use super::pose::ControlPose;
 use crate::base::diagnostic::Severity;
-use crate::green::{CUBIC, FIELDS, Prepared, STIFFNESS};
+use crate::green::{CUBIC, FIELDS, LOAD_FORCES, Prepared, STIFFNESS};
 use crate::mesh::Surface;
 use grips::grips_of;
 use middle::{Middle, Part};
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use point::{Hold, Point};
 use sheet::{Sheet, Standing};
 use skin::Skin;
@@ -44,6 +50,7 @@ pub const ENTRY: ModelEntry = ModelEntry {
     // Measured against St. Venant-Kirchhoff statics up to 180°.
     turn_limits_deg: [60.0, 180.0],
     kind: Kind::Online(|input| Ok(Box::new(Plate::new(input)?))),
+    loads: Bearing::Forces(&[LOAD_FORCES]),
     fits: Some(fits),
 };
 
@@ -55,6 +62,7 @@ pub struct Plate {
     controls: Vec<ControlRest>,
     sheet: Sheet,
     skin: Skin,
+    loads: Option<Lumped>,
     /// Of the whole body, with the first control element; what follows is seen from it.
     motion: Isometry3<f64>,
     /// How the control elements are held; the frames of the last state that was found, and of the next one.
@@ -95,9 +103,12 @@ impl Plate {
         let energy = cubic.map(|cubic| Helicoidal::new(&origins, stiffness, Some(cubic))).transpose()?;
         constants::fit_second(&mut sheet, &moduli, &origins, &middle.through(), energy);
         let frames: Vec<ControlFrame> = origins.iter().map(|&origin| at_rest(origin)).collect();
+        let skin = Skin::new(&middle, &origins, input.rest, &held, constants::POISSON);
+        let shares = move |x: &Vector3<f64>| skin::shares(&middle, x);
         Ok(Plate {
             controls: input.controls.to_vec(),
-            skin: Skin::new(&middle, &origins, input.rest, &held, constants::POISSON),
+            skin,
+            loads: Lumped::new(input, sheet.q.len(), Box::new(shares))?,
             motion: Isometry3::identity(),
             holds: frames.iter().map(path::held).collect(),
             target: frames.clone(),
@@ -115,8 +126,12 @@ impl Plate {
 
     /// The shell held at these poses; where no equilibrium is found, the last one is kept.
     fn hold(&mut self, poses: &[ControlPose]) {
-        if poses.len() != self.controls.len() || poses == self.poses {
+        let has_changed = self.loads.as_mut().is_some_and(Lumped::read);
+        if poses.len() != self.controls.len() || (poses == self.poses && !has_changed) {
             return;
+        }
+        if has_changed {
+            self.lost.clear();
         }
         self.poses.clear();
         self.poses.extend_from_slice(poses);
@@ -133,6 +148,12 @@ impl Plate {
         self.next_turns.clear();
         self.next_turns.extend(self.target.iter().map(|frame| frame.turn));
         let motion = self.take_motion();
+        if let Some(loads) = &mut self.loads {
+            if !loads.is_none() {
+                loads.follow(poses, &self.next_turns);
+            }
+            bear(loads, &motion, &mut self.sheet);
+        }
         let from_lost = match self.lost.is_empty() {
             true => f64::INFINITY,
             false => path::distance(&self.lost, &self.target, self.sheet.size),
@@ -192,6 +213,23 @@ impl Plate {
         self.go()
     }
 
+    /// By how much the body is longer where it is free.
+    fn strain(&self) -> f64 {
+        self.loads.as_ref().map_or(0.0, Lumped::strain)
+    }
+
+    /// The poses at which the control elements are held.
+    fn held_poses(&self) -> Vec<ControlPose> {
+        let pose = |(frame, control): (&ControlFrame, &ControlRest)| {
+            let seen = self.motion * path::placed(frame);
+            ControlPose {
+                translation: seen.translation.vector - control.origin,
+                matrix: seen.rotation.to_rotation_matrix() * frame.stretch,
+            }
+        };
+        self.frames.iter().zip(&self.controls).map(pose).collect()
+    }
+
     /// The sheet and its holds at rest.
     fn rest(&mut self) {
         self.sheet.reset();
@@ -200,6 +238,13 @@ impl Plate {
         }
         self.take_holds();
     }
+}
+
+/// Gives the sheet, which is seen from this motion, what acts on it.
+fn bear(loads: &Lumped, motion: &Isometry3<f64>, sheet: &mut Sheet) {
+    let inverse = motion.rotation.inverse();
+    sheet.loads.iter_mut().zip(loads.slots()).for_each(|(own, load)| *own = inverse * load);
+    sheet.warm(loads.strain());
 }
 
 /// A target as near as this to one that had no equilibrium, in steps of [`path`], is not tried: each attempt takes long.
@@ -248,7 +293,7 @@ fn unsuited(why: String) -> String {
 impl DeformationModel for Plate {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.hold(poses);
-        self.skin.update(&self.sheet.q, &self.holds);
+        self.skin.update(&self.sheet.q, &self.holds, self.strain());
         BodyState { parts: vec![self.motion], rotation_undefined: !self.is_defined, ..BodyState::at_rest(0) }
     }
 
@@ -259,7 +304,15 @@ impl DeformationModel for Plate {
         for slope in slopes.iter_mut() {
             *slope = PoseSlope { translation: turn * slope.translation, matrix: turn * slope.matrix };
         }
-        Some(Response { energy: self.standing.energy, is_defined: self.is_defined })
+        let mut energy = self.standing.energy;
+        if let Some(loads) = self.loads.as_ref().filter(|loads| !loads.is_none()) {
+            // The sheet has the work from rest on, as it is seen from the motion.
+            for (load, rest) in loads.slots().iter().zip(&self.sheet.rest) {
+                energy -= load.dot(&(self.motion * Point3::from(*rest)).coords);
+            }
+            energy += loads.hold(&self.held_poses(), slopes);
+        }
+        Some(Response { energy, is_defined: self.is_defined })
     }
 
     fn field(&self) -> Option<&[[f32; 3]]> {
@@ -283,12 +336,22 @@ impl DeformationModel for Plate {
             memory.put(&frame.stretch);
         }
         self.sheet.keep(controls, &mut memory);
+        if let Some(loads) = &self.loads {
+            memory.loads = Some(loads.applied().clone());
+            memory.put(loads.mean.matrix());
+        }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
         let controls = self.controls.len();
-        memory.suits(controls, 7 + 1 + 2 * controls * (7 + 9) + self.sheet.kept(controls))?;
+        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        memory.suits(controls, 7 + 1 + 2 * controls * (7 + 9) + self.sheet.kept(controls) + of_loads)?;
+        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
+            let mean = Unknowns(&memory.unknowns[memory.unknowns.len() - 9..]).take();
+            loads.set_applied(applied, Rotation3::from_matrix_unchecked(mean));
+            self.sheet.warm(loads.strain());
+        }
         self.turns = memory.turns_of(controls);
         self.poses.clone_from(&memory.poses);
         self.is_defined = memory.is_defined;
@@ -309,7 +372,7 @@ impl DeformationModel for Plate {
         }
         self.sheet.take_back(controls, &mut unknowns);
         self.take_holds();
-        self.skin.update(&self.sheet.q, &self.holds);
+        self.skin.update(&self.sheet.q, &self.holds, self.strain());
         Ok(())
     }
 

@@ -4,7 +4,7 @@
 //! strains and changes of curvature, energy, its gradient and Hessian by the control points.
 //!
 //! ```text
-//! ε_ab = ½ (a_a·a_b - δ_ab) + s_ab    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
+//! ε_ab = ½ (a_a·a_b - δ_ab) + s_ab - warmth δ_ab    κ_ab = b_ab - b⁰_ab    a_a = r,a    b_ab = r,ab·n    n = a_1 × a_2/|a_1 × a_2|
 //! s = h²/24 (p (κ₁₁² - ν' κ₁₁ κ_cc, κ₂₂² - ν' κ₂₂ κ_cc, 2 (1 - ν') κ₁₂ κ_cc) + q (κ₁₂², κ₁₂², 0))
 //! V = ∫ ½ εᵀ A ε + ½ κᵀ D κ    δb_ab = n·(δr,ab - Γ^c_ab δa_c)    Γ^c_ab = r,ab·aᶜ
 //! δ²b_ab = -2 (n·δa_c) aᶜ·(δr,ab - Γ^d_ab δa_d) - b_ab a^cd (n·δa_c)(n·δa_d)
@@ -62,6 +62,8 @@ pub struct Point {
     /// h²/24 p and h²/24 q, m², and ν'.
     pub second_order: [f64; 2],
     pub contraction: f64,
+    /// Green's strain of a surface without stress: that of warmth.
+    pub warmth: f64,
     /// The area that it stands for at rest, m², and the thickness there, m.
     pub area: f64,
     pub thickness: f64,
@@ -130,6 +132,7 @@ impl Point {
             curvature: [0.0; 3],
             second_order: [0.0; 2],
             contraction: 0.0,
+            warmth: 0.0,
             area: cell_area * normal.norm(),
             thickness,
             membrane: Law::default(),
@@ -203,7 +206,8 @@ impl Point {
         let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
         let bending = std::array::from_fn(|pair| bent[pair] - self.curvature[pair]);
         let (s, by_bending) = self.stretch_of(&bending);
-        let strain = [[0.5 * (aa - 1.0) + s[0], 0.5 * (bb - 1.0) + s[1], ab + s[2]], bending];
+        let warm = self.warmth;
+        let strain = [[0.5 * (aa - 1.0) + s[0] - warm, 0.5 * (bb - 1.0) + s[1] - warm, ab + s[2]], bending];
         Some(Local { tangents, normal, up, metric, bent, by_bending, m, strain })
     }
 

@@ -160,6 +160,17 @@ impl Sheet {
         self.relax();
     }
 
+    /// From now on the shell without stress is so much longer. A factor was that of another one.
+    pub fn warm(&mut self, strain: f64) {
+        let green = 0.5 * strain * (2.0 + strain);
+        if self.points.iter().any(|point| point.warmth != green) {
+            self.drop_factor();
+            self.settled.clear();
+            self.points.iter_mut().for_each(|point| point.warmth = green);
+            self.relax();
+        }
+    }
+
     /// The stresses are those of the state again.
     fn relax(&mut self) {
         for (point, stress) in self.points.iter().zip(&mut self.stress) {
@@ -494,8 +505,8 @@ impl Sheet {
 
     /// Energy and gradient.
     pub fn slope(&mut self, holds: &[Hold]) -> Option<f64> {
-        let Sheet { q, gradient, .. } = self;
-        let mut energy = -self.loads.iter().zip(&*q).map(|(load, q)| load.dot(q)).sum::<f64>();
+        let Sheet { q, rest, loads, gradient, .. } = self;
+        let mut energy = potential(loads, q, rest);
         for (own, load) in gradient.chunks_exact_mut(3).zip(&self.loads) {
             (0..3).for_each(|axis| own[axis] = -load[axis]);
         }
@@ -513,7 +524,7 @@ impl Sheet {
     }
 
     pub fn energy(&self, holds: &[Hold], q: &[Vector3<f64>]) -> Option<f64> {
-        let mut energy = -self.loads.iter().zip(q).map(|(load, q)| load.dot(q)).sum::<f64>();
+        let mut energy = potential(&self.loads, q, &self.rest);
         for point in &self.points {
             energy += point.energy(&point.local(q)?.strain);
         }
@@ -615,6 +626,11 @@ impl Sheet {
             }
         }
     }
+}
+
+/// Of dead forces, from rest on.
+fn potential(loads: &[Vector3<f64>], q: &[Vector3<f64>], rest: &[Vector3<f64>]) -> f64 {
+    -loads.iter().zip(q.iter().zip(rest)).map(|(load, (q, rest))| load.dot(&(q - rest))).sum::<f64>()
 }
 
 /// Adds the Hessian of one of [`PARTS`] parts of the points, with their own stress where none is led to. The parts are always the

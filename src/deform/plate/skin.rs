@@ -71,8 +71,9 @@ impl Skin {
         &self.field
     }
 
-    /// Displacements for these control points.
-    pub fn update(&mut self, q: &[Vector3<f64>], holds: &[Hold]) {
+    /// Displacements for these control points, of a body that is so much longer by warmth where it is free.
+    pub fn update(&mut self, q: &[Vector3<f64>], holds: &[Hold], strain: f64) {
+        let warm = strain as f32;
         for (own, q) in self.control_points.iter_mut().zip(q) {
             *own = q.cast();
         }
@@ -89,7 +90,7 @@ impl Skin {
             let normal = if size > 0.0 { cross / size } else { cross };
             let [xx, yy, xy] = place.metric;
             let strain = 0.5 * (x.norm_squared() * xx + y.norm_squared() * yy + 2.0 * x.dot(&y) * xy - 2.0);
-            let height = place.height * (1.0 - self.contraction * strain);
+            let height = place.height * (1.0 + warm - self.contraction * (strain - 2.0 * warm));
             let moved = r + x * place.beside[0] + y * place.beside[1] + normal * height;
             *field = (moved - Vector3::from(*rest)).into();
         }
@@ -99,6 +100,18 @@ impl Skin {
             self.field[*node] = moved.cast::<f32>().into();
         }
     }
+}
+
+/// How much a force at x does on each control point: r + α_1 r,1 + α_2 r,2.
+pub fn shares(middle: &Middle, x: &Vector3<f64>) -> Vec<(usize, f64)> {
+    let shape = middle.grid.at(middle.place_of(x));
+    let [by_x, by_y] = shape.tangents(&middle.rest);
+    let off = x - shape.point(&middle.rest);
+    let metric = Matrix2::new(by_x.norm_squared(), by_x.dot(&by_y), by_x.dot(&by_y), by_y.norm_squared());
+    let inverse = metric.try_inverse().unwrap_or_else(Matrix2::zeros);
+    let beside = inverse * Vector2::new(by_x.dot(&off), by_y.dot(&off));
+    let share = |k: usize| shape.value[k] + shape.slope[k][0] * beside.x + shape.slope[k][1] * beside.y;
+    (0..9).map(|k| (shape.nodes[k], share(k))).collect()
 }
 
 impl Place {

@@ -6,7 +6,9 @@
 //! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
 
 use super::quartic::Quartic;
+use crate::deform::loads::Burden;
 use crate::deform::memory::Unknowns;
+use crate::fem::QuarticShape;
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
@@ -20,12 +22,14 @@ const ROUNDING: f64 = 1e-12;
 /// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
 /// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
 const SAYS_NOTHING: f64 = 1e-6;
-/// y beyond those of undeformed elements count as 0 below this.
+/// y beyond those of undeformed elements count as 0 below this; where loads are taken away, so does the energy of such a y.
 const NOTHING: f64 = 1e-9;
 
 /// The quartic with where it was last in equilibrium.
 pub struct ReducedBody {
     quartic: Quartic,
+    /// An energy that counts as none, J.
+    nothing: f64,
     /// z = (1, coordinates y of undeformed elements, q, the other y).
     rigid: usize,
     fields: usize,
@@ -52,7 +56,11 @@ impl ReducedBody {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
         z[0] = 1.0;
+        let shape = QuarticShape { variables: n };
+        let of_unit = |k: usize| coefficients.get(shape.at([0, 0, k, k])).copied().unwrap_or(0.0);
+        let stiffest = (1..n).map(of_unit).fold(0.0, f64::max);
         Some(ReducedBody {
+            nothing: NOTHING * NOTHING * stiffest,
             quartic: Quartic::new(n, coefficients)?,
             rigid,
             fields,
@@ -114,8 +122,14 @@ impl ReducedBody {
         self.active = 0;
     }
 
-    /// V at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of before.
-    pub fn settle(&mut self, y: &[f64]) -> Option<f64> {
+    /// z, as it was last found.
+    pub fn z(&self) -> &[f64] {
+        &self.z
+    }
+
+    /// V, with what loads make of it, at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of
+    /// before.
+    pub fn settle(&mut self, y: &[f64], mut burden: Option<&mut Burden>) -> Option<f64> {
         let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
         let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };
         self.before.copy_from_slice(&self.z);
@@ -129,7 +143,7 @@ impl ReducedBody {
         }
         let (q, fields) = (1 + self.rigid, self.fields);
         self.predicted.copy_from_slice(&self.z[q..q + fields]);
-        let found = self.iterate(active).filter(|value| value.is_finite());
+        let found = self.iterate(active, &mut burden).filter(|value| value.is_finite());
         if found.is_none() {
             self.z[q..q + fields].copy_from_slice(&self.before[q..q + fields]);
             self.active = 0;
@@ -139,6 +153,9 @@ impl ReducedBody {
             self.mend();
         }
         self.quartic.slopes_beyond(&self.z, active, &mut self.slopes[active..]);
+        if let Some(burden) = burden {
+            burden.add_beyond(&self.z, active, &mut self.slopes[active..]);
+        }
         found
     }
 
@@ -172,21 +189,22 @@ impl ReducedBody {
     }
 
     /// V at the q that is found from the q in z.
-    fn iterate(&mut self, active: usize) -> Option<f64> {
+    fn iterate(&mut self, active: usize, burden: &mut Option<&mut Burden>) -> Option<f64> {
         let q = 1 + self.rigid;
-        let mut value = self.quartic.slopes(&self.z, active, &mut self.slopes[..active]);
+        let (mut value, mut size) =
+            slopes_with(&mut self.quartic, burden, &self.z, &mut self.slopes[..active]);
         let mut last = f64::INFINITY;
         for _ in 0..MOST_STEPS {
             let mut promised = if self.active == active { self.direction() } else { f64::INFINITY };
             let is_new = self.active != active || promised > SERVES * last;
             if is_new {
-                self.factorize(active)?;
+                self.factorize(active, burden)?;
                 promised = self.direction();
             }
             if promised.is_nan() {
                 return None;
             }
-            if promised <= LAST * value.abs() {
+            if promised <= LAST * size.max(self.nothing) {
                 return Some(self.take_last(value, promised));
             }
             last = promised;
@@ -196,8 +214,8 @@ impl ReducedBody {
                 for (q, step) in self.trial[q..].iter_mut().zip(&self.step) {
                     *q -= share * step;
                 }
-                let moved = self.quartic.slopes(&self.trial, active, &mut self.slopes[..active]);
-                if moved <= value - 1e-4 * share * promised + ROUNDING * value.abs() {
+                let moved = slopes_with(&mut self.quartic, burden, &self.trial, &mut self.slopes[..active]);
+                if moved.0 <= value - 1e-4 * share * promised + ROUNDING * size {
                     break Some(moved);
                 }
                 share *= 0.5;
@@ -208,12 +226,13 @@ impl ReducedBody {
             match moved {
                 Some(moved) => {
                     self.z.copy_from_slice(&self.trial);
-                    value = moved;
+                    (value, size) = moved;
                 }
                 None if is_new => return None,
                 // The old second derivatives are of no use here.
                 None => {
-                    value = self.quartic.slopes(&self.z, active, &mut self.slopes[..active]);
+                    (value, size) =
+                        slopes_with(&mut self.quartic, burden, &self.z, &mut self.slopes[..active]);
                     self.active = 0;
                 }
             }
@@ -242,9 +261,12 @@ impl ReducedBody {
     }
 
     /// Factors ∂²V/∂q² at z, with so much added to its diagonal that it is positive definite, and finds the tangent.
-    fn factorize(&mut self, active: usize) -> Option<()> {
+    fn factorize(&mut self, active: usize, burden: &Option<&mut Burden>) -> Option<()> {
         let (n, q, fields) = (active, 1 + self.rigid, self.fields);
         self.quartic.second(&self.z, n, &mut self.row, &mut self.second);
+        if let Some(burden) = burden {
+            burden.add_second(n, &mut self.second);
+        }
         self.cross[..fields * n].copy_from_slice(&self.second[q * n..(q + fields) * n]);
         let largest = (q..q + fields).map(|i| self.second[i * n + i].abs()).fold(0.0, f64::max);
         let mut shift = 0.0;
@@ -274,6 +296,20 @@ impl ReducedBody {
             self.tangent[i * n + q..][..fields].fill(0.0);
         }
         (self.active == n).then_some(())
+    }
+}
+
+/// V with what loads make of it, its slopes against the first of z, and how large the numbers are that make it up.
+fn slopes_with(
+    quartic: &mut Quartic,
+    burden: &mut Option<&mut Burden>,
+    z: &[f64],
+    slopes: &mut [f64],
+) -> (f64, f64) {
+    let value = quartic.slopes(z, slopes.len(), slopes);
+    match burden {
+        None => (value, value.abs()),
+        Some(burden) => burden.add(value, z, slopes),
     }
 }
 
@@ -322,7 +358,6 @@ impl Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::QuarticShape;
 
     /// V = (q + q² - y₀²)² + 10³ y₀² + y₁², moved and then held still but for rounding: what the search leaves of q for the next
     /// call is no slope by y₁.
@@ -347,7 +382,7 @@ mod tests {
         for k in 0..40 {
             let y = 0.3 + 1e-3 * f64::from(k);
             for still in 0..4 {
-                body.settle(&[y, 1e-9 * (1.0 + 1e-15 * f64::from(still))]).unwrap();
+                body.settle(&[y, 1e-9 * (1.0 + 1e-15 * f64::from(still))], None).unwrap();
             }
             let steepest = body.tangent.iter().fold(0.0, |most: f64, slope| most.max(slope.abs()));
             assert!(steepest < 1.0, "dq/dy₀ is below 0.7 and dq/dy₁ is 0: {steepest:e}");

@@ -4,15 +4,17 @@
 //! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`Posed`]), and the tables of the
 //! family `reduced`. Out: x = m (X + Σ c_k u_k + Φ q - ō) with ∂V/∂q = 0 for V(y, q), y = Lᵀ c, the exact energy of St.
 //! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements.
-//! Forces are the derivative of V by the poses, that of m included; q has no part in it.
+//! Forces are the derivative of V by the poses, that of m included; q has no part in it. Loads and forces at points are forces on
+//! (y, q) and m ([`FrameForces`]), and what they do at rest is among the fields Φ.
 
 mod equilibrium;
 mod posed;
 mod quartic;
 
 use super::frames::PoseSlope;
+use super::loads::FrameForces;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
 use crate::fem::QuarticShape;
 use crate::green::{AFFINE, Lift, QUARTIC, REDUCED};
@@ -31,12 +33,14 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Two elements at 90° turn the pieces at their ends by 45° against the mean frame.
     turn_limits_deg: [40.0, 75.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Reduced::new(input)?))),
+    loads: Bearing::Forces(&[]),
     fits: None,
 };
 
 pub struct Reduced {
     posed: Posed,
     body: ReducedBody,
+    loads: Option<FrameForces>,
     /// Those that were settled last; none where they had no equilibrium.
     poses: Vec<ControlPose>,
     /// Of the last poses that had an equilibrium.
@@ -63,6 +67,7 @@ impl Reduced {
         let lift = Lift::of(elements);
         let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, coefficients);
         Ok(Reduced {
+            loads: FrameForces::of(input, fields)?,
             posed: Posed::new(input.controls),
             body: body.ok_or_else(|| format!("the table {QUARTIC} does not suit the control elements"))?,
             poses: Vec::with_capacity(elements),
@@ -73,12 +78,21 @@ impl Reduced {
 
     /// Finds m, c and q of the poses; `None` where there are none.
     fn settle(&mut self, poses: &[ControlPose]) -> Option<()> {
-        if self.poses == poses {
+        let has_changed = self.loads.as_mut().is_some_and(FrameForces::read);
+        if self.poses == poses && !has_changed {
             return Some(());
         }
         self.poses.clear();
         self.posed.take(poses)?;
-        self.energy = self.body.settle(self.posed.coordinates())?;
+        let y = self.posed.coordinates();
+        self.energy = match self.loads.as_mut().filter(|loads| !loads.is_none) {
+            None => self.body.settle(y, None)?,
+            Some(loads) => {
+                let m = self.posed.mean();
+                loads.find(m);
+                self.body.settle(y, Some(&mut loads.burden))? + loads.beside(m)
+            }
+        };
         self.poses.extend_from_slice(poses);
         Some(())
     }
@@ -100,7 +114,10 @@ impl DeformationModel for Reduced {
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         let found = self.settle(poses);
         let (body, posed) = (&self.body, &mut self.posed);
-        let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), None, &mut self.slopes));
+        let loads = self.loads.as_ref().filter(|loads| !loads.is_none);
+        let by_mean = loads.map(|loads| -loads.by_frame(posed.mean(), body.z()));
+        let own = &mut self.slopes;
+        let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), (None, by_mean), own));
         slopes.copy_from_slice(&self.slopes);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
     }
@@ -110,6 +127,7 @@ impl DeformationModel for Reduced {
         let mut memory = ModelMemory { poses, slopes, energy: self.energy, ..ModelMemory::default() };
         self.posed.keep(&mut memory);
         self.body.keep(&mut memory.unknowns);
+        memory.loads = self.loads.as_ref().map(|loads| loads.applied().clone());
         memory
     }
 
@@ -122,6 +140,10 @@ impl DeformationModel for Reduced {
         self.energy = memory.energy;
         self.slopes.clone_from(&memory.slopes);
         self.slopes.resize(self.posed.elements(), PoseSlope::default());
+        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
+            loads.set_applied(applied);
+            loads.find(self.posed.mean());
+        }
         Ok(())
     }
 

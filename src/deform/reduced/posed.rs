@@ -103,12 +103,18 @@ impl Posed {
         &self.frames
     }
 
-    /// ∂V by the poses that were taken, from that by each y and, where V depends on them too, by each ξ_e.
+    /// m, whose origin rests at ō.
+    pub fn mean(&self) -> &Isometry3<f64> {
+        &self.mean.body_from_mean
+    }
+
+    /// ∂V by the poses that were taken, from that by each y and, where V depends on them too, by each ξ_e, and by a motion of m in its
+    /// own axes with all of these held.
     pub fn pull_back(
         &mut self,
         poses: &[ControlPose],
         by_coordinate: &dyn Fn(usize) -> f64,
-        by_screw: Option<&[Vector6<f64>]>,
+        (by_screw, by_mean): (Option<&[Vector6<f64>]>, Option<Vector6<f64>>),
         slopes: &mut [PoseSlope],
     ) -> Option<()> {
         for (k, slope) in self.by_coordinates.iter_mut().enumerate() {
@@ -118,7 +124,7 @@ impl Posed {
         let rotation = self.mean.body_from_mean.rotation.to_rotation_matrix();
         let mean_from_body = self.mean.body_from_mean.inverse();
         // ∂V by a motion of m, in its own axes.
-        let mut common = Vector6::zeros();
+        let mut common = by_mean.unwrap_or_default();
         let forces = &self.forces;
         let held = |e: usize| {
             let own = &forces.as_slice()[FIELDS * e..FIELDS * (e + 1)];

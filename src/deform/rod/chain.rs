@@ -12,11 +12,15 @@
 //! ([`super::section`]); without it the material is linear. Newton's iteration with the exact Hessian, which is block
 //! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
 //! stable is left along its mode.
+//!
+//! Loads are dead while a pose is settled: Σ f and Σ f ⊗ (X - c_i) of the forces that section i = (R_i, r_i) bears make the potential
+//! -Σ_i (N_i·r_i + M_i : R_i). A warm rod is longer at rest.
 
+use super::super::frames::axial;
 use super::super::memory::{ModelMemory, Unknowns};
-use super::super::se3::{exp, halves};
+use super::super::se3::{exp, halves, joined};
 use super::screws::{Tangent, log};
-use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
+use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
 /// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
 const CLAMP_TURN: f64 = std::f64::consts::FRAC_PI_4;
@@ -44,6 +48,9 @@ pub struct Standing {
     pub buckled: bool,
 }
 
+/// What a section bears: Σ f and Σ f ⊗ (X - c), along the body's axes.
+pub type Borne = (Vector3<f64>, Matrix3<f64>);
+
 /// A rod and the state in which it was last held.
 #[derive(Clone)]
 pub struct Chain {
@@ -52,9 +59,13 @@ pub struct Chain {
     /// u, and A/ℓ of a segment.
     axis: Vector6<f64>,
     second: Matrix6<f64>,
-    /// h₀.
+    /// h₀, and that of a rod that is not warm.
     rest: Vector6<f64>,
+    cold: Vector6<f64>,
     length: f64,
+    /// Of each section; empty where nothing acts. The strain energy of the last assembly.
+    loads: Vec<Borne>,
+    strained: f64,
     /// Frames of the n + 1 sections.
     pub frames: Vec<Isometry3<f64>>,
     trial: Vec<Isometry3<f64>>,
@@ -96,7 +107,10 @@ impl Chain {
             axis: Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0),
             second: second / piece,
             rest,
+            cold: rest,
             length,
+            loads: Vec::new(),
+            strained: 0.0,
             frames: vec![first; segments + 1],
             trial: Vec::new(),
             kept: Vec::new(),
@@ -128,6 +142,29 @@ impl Chain {
         for i in 1..self.frames.len() {
             self.frames[i] = self.frames[i - 1] * piece;
         }
+    }
+
+    /// From now on the sections bear these loads, none where there are none, and the rod at rest is so much longer.
+    pub fn bear(&mut self, loads: impl Iterator<Item = Borne>, stretch: f64) {
+        let rest = self.cold * stretch;
+        let mut has_changed = self.rest != rest;
+        self.rest = rest;
+        let mut count = 0;
+        for load in loads {
+            match self.loads.get_mut(count) {
+                Some(own) if *own == load => {}
+                Some(own) => (*own, has_changed) = (load, true),
+                None => {
+                    self.loads.push(load);
+                    has_changed = true;
+                }
+            }
+            count += 1;
+        }
+        has_changed |= self.loads.len() > count;
+        self.loads.truncate(count);
+        // The factor was that of another equilibrium.
+        self.is_factored &= !has_changed;
     }
 
     /// How many numbers [`Chain::keep`] adds.
@@ -251,7 +288,7 @@ impl Chain {
             self.solve(Vector6::zeros());
             let gain: f64 = -(1..last).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
             self.limit_step();
-            let is_last = gain <= CONVERGED * energy.max(self.least_energy());
+            let is_last = gain <= CONVERGED * self.strained.max(self.least_energy());
             if is_last && shift > 0.0 {
                 self.leave_along_mode(energy)?;
                 *buckled = true;
@@ -360,7 +397,19 @@ impl Chain {
 
     fn energy_of(&self, frames: &[Isometry3<f64>]) -> f64 {
         let segment = |pair: &[Isometry3<f64>]| self.law(&log(&pair[0].inv_mul(&pair[1]))).0;
-        frames.windows(2).map(segment).sum()
+        let strained: f64 = frames.windows(2).map(segment).sum();
+        let potential = |(frame, (force, moment)): (&Isometry3<f64>, &Borne)| {
+            force.dot(&frame.translation.vector) + moment.dot(frame.rotation.to_rotation_matrix().matrix())
+        };
+        strained - frames.iter().zip(&self.loads).map(potential).sum::<f64>()
+    }
+
+    /// Takes the loads' work from the gradient.
+    fn take_work(&mut self) {
+        for (slope, load) in self.gradient.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
+            let (force, moments) = seen(load);
+            *slope -= joined(&force, &axial(&moments));
+        }
     }
 
     /// The gradient alone.
@@ -372,6 +421,7 @@ impl Chain {
             self.gradient[i] += tangent.first.tr_mul(&wrench);
             self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
         }
+        self.take_work();
     }
 
     /// Energy, gradient and Hessian.
@@ -392,7 +442,25 @@ impl Chain {
             self.diagonal[i + 1] += tangent.last.tr_mul(&by_last) + last;
             self.beside[i] = tangent.first.tr_mul(&by_last) + across;
         }
-        energy
+        self.strained = energy;
+        if self.loads.is_empty() {
+            return energy;
+        }
+        self.take_work();
+        // Of r + R (v + ½ ω × v) and R (1 + ω̂ + ½ ω̂²) for a motion exp (v, ω).
+        for (block, load) in self.diagonal.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
+            let (force, moments) = seen(load);
+            let cross = force.cross_matrix() * 0.5;
+            let turning =
+                (moments + moments.transpose()) * 0.5 - Matrix3::from_diagonal_element(moments.trace());
+            let mut mixed = block.fixed_view_mut::<3, 3>(0, 3);
+            mixed -= cross;
+            let mut mixed = block.fixed_view_mut::<3, 3>(3, 0);
+            mixed -= cross.transpose();
+            let mut own = block.fixed_view_mut::<3, 3>(3, 3);
+            own -= turning;
+        }
+        self.energy_of(&self.frames)
     }
 
     /// Factorises the Hessian of the inner sections, shifted as little as it must be to be positive definite; returns the
@@ -447,6 +515,12 @@ impl Chain {
         self.assemble();
         self.factor_shifted(0.0)
     }
+}
+
+/// What a section bears, in its own axes.
+fn seen((frame, (force, moments)): (&Isometry3<f64>, &Borne)) -> (Vector3<f64>, Matrix3<f64>) {
+    let inverse = frame.rotation.inverse().to_rotation_matrix();
+    (inverse * force, inverse.matrix() * moments)
 }
 
 /// The last clamp at a share of its way: on the straight line between the screws that a rod from `first` on winds along,

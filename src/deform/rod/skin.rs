@@ -48,6 +48,7 @@ pub struct Skin {
     middle: Vector3<f64>,
     /// W and Y, node after node.
     fields: Vec<[[f32; 3]; FIELDS]>,
+    /// Of a node that is held, from its control element's origin; of another, from the axis.
     offsets: Vec<[f32; 3]>,
     field: Vec<[f32; 3]>,
 }
@@ -68,7 +69,11 @@ impl Skin {
             .iter()
             .map(|x| Place::of((point(x) - section.ends[0]).dot(&axis) / length, segments))
             .collect();
-        let mut offsets = vec![[0.0; 3]; rest.len()];
+        let across = |x: &[f32; 3]| {
+            let from = point(x) - section.ends[0];
+            <[f32; 3]>::from((from - axis * axis.dot(&from)).cast::<f32>())
+        };
+        let mut offsets: Vec<[f32; 3]> = rest.iter().map(across).collect();
         for (e, nodes) in held.iter().enumerate() {
             for &node in nodes {
                 if let Some(place) = places.get_mut(node as usize) {
@@ -121,8 +126,8 @@ impl Skin {
         }
     }
 
-    /// y of all nodes for the wrenches in the rod, and U - I of both ends.
-    pub fn update(&mut self, chain: &Chain, stretches: [&Matrix3<f64>; 2]) -> &[[f32; 3]] {
+    /// y of all nodes for the wrenches in the rod, and U - I of both ends, of a rod that is so much longer by warmth.
+    pub fn update(&mut self, chain: &Chain, stretches: [&Matrix3<f64>; 2], strain: f64) -> &[[f32; 3]] {
         let wrench = |i: usize| {
             let arm = self.axis * (chain.length() * ((i as f64 + 0.5) / self.segments as f64 - 0.5));
             let (force, moment) = halves(&chain.linear_wrench(i));
@@ -131,7 +136,9 @@ impl Skin {
         let wrenches: Vec<Vector6<f32>> = (0..self.segments).map(wrench).collect();
         let stretch: Vec<f32> = stretches
             .iter()
-            .flat_map(|u| STRETCHES.map(|(i, j)| (u[(i, j)] - if i == j { 1.0 } else { 0.0 }) as f32))
+            .flat_map(|u| {
+                STRETCHES.map(|(i, j)| (u[(i, j)] - if i == j { 1.0 + strain } else { 0.0 }) as f32)
+            })
             .collect();
         let is_stretched = stretch.iter().any(|s| *s != 0.0);
         let affine = stretches.map(|u| (u - Matrix3::identity()).cast::<f32>());
@@ -144,7 +151,7 @@ impl Skin {
             let at = place.at.clamp(0.0, (self.segments - 1) as f64);
             let i = (at as usize).min(self.segments - 2);
             let q = wrenches[i].lerp(&wrenches[i + 1], (at - i as f64) as f32);
-            let mut y = [0.0; 3];
+            let mut y = self.offsets[node].map(|across| strain as f32 * across);
             let mut add =
                 |share: f32, field: &[f32; 3]| (0..3).for_each(|axis| y[axis] += share * field[axis]);
             (0..6).for_each(|k| add(q[k], &fields[k]));

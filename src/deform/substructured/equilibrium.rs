@@ -7,6 +7,9 @@
 
 use super::link::Twist;
 use super::linked_part::{LinkedPart, PartEnd, Places};
+use super::loads::{Borne, potential, seen};
+use crate::deform::frames::axial;
+use nalgebra::Matrix3;
 
 /// How the search ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,6 +24,8 @@ pub struct Search {
 /// The parts, and memory for the search.
 pub struct Assembly {
     pub parts: Vec<LinkedPart>,
+    /// What each interface bears; empty where nothing acts.
+    loads: Vec<Borne>,
     /// A length against which shifts are measured, m.
     size: f64,
     gradient: Vec<f64>,
@@ -54,6 +59,7 @@ impl Assembly {
         }
         Assembly {
             parts,
+            loads: Vec::new(),
             size,
             gradient: vec![0.0; n],
             hessian: vec![0.0; n * n],
@@ -64,9 +70,17 @@ impl Assembly {
         }
     }
 
+    /// From now on the interfaces bear this.
+    pub fn bear(&mut self, loads: impl Iterator<Item = Borne>) {
+        self.loads.clear();
+        self.loads.extend(loads);
+    }
+
     /// V.
     pub fn value(&mut self, places: &Places) -> f64 {
-        self.parts.iter_mut().map(|part| part.value(places)).sum()
+        let strained: f64 = self.parts.iter_mut().map(|part| part.value(places)).sum();
+        let loaded = places.interfaces.iter().zip(&self.loads);
+        strained + loaded.map(|(frame, load)| potential(frame, load)).sum::<f64>()
     }
 
     /// Moves the interfaces to equilibrium, or leaves them where the search ended. Afterwards all parts have the gradient
@@ -76,6 +90,7 @@ impl Assembly {
         let n = self.gradient.len();
         while n > 0 && search.energy.is_finite() && search.iterations < MOST_ITERATIONS {
             self.assemble();
+            self.add_loads(places);
             search.iterations += 1;
             let (Some(slope), largest) = (self.find_step(), self.shorten()) else { break };
             match self.advance(places, search.energy, slope) {
@@ -110,6 +125,29 @@ impl Assembly {
                         let to = &mut self.hessian[(6 * i + row) * n + 6 * j..][..6];
                         to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
                     }
+                }
+            }
+        }
+    }
+
+    /// Adds the loads' part of gradient and Hessian, of a motion exp (ω, v) in the frame's axes: of x + R (v + ½ ω × v) and
+    /// R (1 + ω̂ + ½ ω̂²).
+    fn add_loads(&mut self, places: &Places) {
+        let n = self.gradient.len();
+        for (i, (frame, load)) in places.interfaces.iter().zip(&self.loads).enumerate() {
+            let (force, moments) = seen(frame, load);
+            let torque = axial(&moments);
+            let cross = force.cross_matrix() * 0.5;
+            let turning =
+                (moments + moments.transpose()) * 0.5 - Matrix3::from_diagonal_element(moments.trace());
+            for row in 0..3 {
+                self.gradient[6 * i + row] -= torque[row];
+                self.gradient[6 * i + 3 + row] -= force[row];
+                for column in 0..3 {
+                    let at = |a: usize, b: usize| (6 * i + a + row) * n + 6 * i + b + column;
+                    self.hessian[at(0, 0)] -= turning[(row, column)];
+                    self.hessian[at(3, 0)] -= cross[(row, column)];
+                    self.hessian[at(0, 3)] -= cross[(column, row)];
                 }
             }
         }
@@ -192,7 +230,7 @@ impl Assembly {
                 *frame = before.moved(&(Twist::from_column_slice(step) * share));
             }
             let value = self.value(places);
-            if value <= energy + ARMIJO * share * slope.min(0.0) + ROUNDING * energy {
+            if value <= energy + ARMIJO * share * slope.min(0.0) + ROUNDING * energy.abs() {
                 return Some(value);
             }
             share *= 0.5;

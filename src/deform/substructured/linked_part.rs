@@ -46,6 +46,8 @@ pub struct LinkedPart {
     pub ends: Vec<PartEnd>,
     /// Where each other end rests from the first, m.
     rest: Vec<Vector3<f64>>,
+    /// By how much warmth makes the part longer.
+    pub strain: f64,
     pub energy: PartEnergy,
     /// Coordinates: ω and d of each screw, then the stretches.
     pub y: Vec<f64>,
@@ -67,6 +69,7 @@ impl LinkedPart {
         let (m, q) = (energy.m, unknowns(&ends));
         LinkedPart {
             rest,
+            strain: 0.0,
             y: vec![0.0; m],
             xi: vec![Twist::zeros(); ends.len().saturating_sub(1)],
             map: vec![0.0; m * q],
@@ -87,7 +90,7 @@ impl LinkedPart {
             self.xi[i] = xi;
             let y = &mut self.y[6 * i..][..6];
             y.copy_from_slice(xi.as_slice());
-            y[3..].iter_mut().zip(self.rest[i].iter()).for_each(|(d, rest)| *d -= rest);
+            y[3..].iter_mut().zip(self.rest[i].iter()).for_each(|(d, rest)| *d -= rest * (1.0 + self.strain));
             let turn = xi.fixed_rows::<3>(0).norm_squared();
             if turn.is_nan() || turn > MOST_TURN * MOST_TURN {
                 return f64::INFINITY;
@@ -97,6 +100,7 @@ impl LinkedPart {
         for &end in &self.ends {
             if let PartEnd::Control(e) = end {
                 self.y[at..at + 6].copy_from_slice(&places.controls[e].stretch);
+                self.y[at..at + 3].iter_mut().for_each(|stretch| *stretch -= self.strain);
                 at += 6;
             }
         }

@@ -3,27 +3,32 @@
 //! Each part has Green's functions and a strain energy of its own ([`energy`]) in the screws between its ends: interfaces to
 //! other parts, and control elements ([`link`], [`linked_part`]). For every pose the frames of the interfaces go to where the
 //! sum V of all parts' energies is least ([`equilibrium`], [`follow`]); there ∂V by the control elements is the whole derivative
-//! (envelope theorem), so that forces and moments are in equilibrium. [`shape`] makes the surface.
+//! (envelope theorem), so that forces and moments are in equilibrium. [`shape`] makes the surface. Loads and forces at points act on
+//! the ends of the part that they are on ([`loads`]); what they bend the part by between these is left out. Warmth lengthens parts
+//! at rest.
 
 mod energy;
 mod equilibrium;
 mod follow;
 mod link;
 mod linked_part;
+mod loads;
 mod shape;
 
-use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::frames::{ControlFrame, FrameSlope, PoseSlope, axial};
+use super::loads::Lumped;
 use super::memory::{ModelMemory, Unknowns};
-use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
+use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use crate::green::SUBSTRUCTURES;
 use crate::green::substructure::{Joint, StoredParts};
+use crate::green::{LOAD_FORCES, SUBSTRUCTURES};
 use energy::PartEnergy;
 use equilibrium::{Assembly, Search};
 use follow::Follower;
 use link::EndFrame;
 use linked_part::{ControlState, LinkedPart, PartEnd, Places};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use loads::{Borne, SLOTS, Shares, potential, seen};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use shape::PartShape;
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
@@ -35,6 +40,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     // Of two ends against each other, with eight parts.
     turn_limits_deg: [60.0, 100.0],
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Substructured::new(input)?))),
+    loads: Bearing::Forces(&[LOAD_FORCES]),
     fits: None,
 };
 
@@ -49,6 +55,7 @@ pub struct Substructured {
     follower: Follower,
     shapes: Vec<PartShape>,
     field: Vec<[f32; 3]>,
+    loads: Option<Lumped>,
     /// The poses of the last search, as many as there are control elements once there was one; and how it ended.
     poses: Vec<ControlPose>,
     is_defined: bool,
@@ -85,7 +92,7 @@ impl Substructured {
         let first = origins.first().copied().unwrap_or_default();
         let size = everywhere.map(|place| (place - first).norm()).fold(0.0, f64::max);
         let size = if size > 0.0 { size } else { 1.0 };
-        let (mut parts, mut shapes) = (Vec::new(), Vec::new());
+        let (mut parts, mut shapes, mut all_ends) = (Vec::new(), Vec::new(), Vec::new());
         for part in &stored.parts {
             let end = |joint: &Joint| match joint {
                 Joint::Interface(i) => PartEnd::Interface(*i),
@@ -95,9 +102,13 @@ impl Substructured {
             let places: Vec<Vector3<f64>> = ends.iter().map(|end| rest.frame(*end).place).collect();
             shapes.push(PartShape::new(part, &places, input.rest, size));
             let energy = PartEnergy::new(&part.stiffness, &part.quadratic, &part.quartic);
-            parts.push(LinkedPart::new(ends, &places, energy));
+            parts.push(LinkedPart::new(ends.clone(), &places, energy));
+            all_ends.push(ends);
         }
         let mut assembly = Assembly::new(parts, &rest, size);
+        let slots = SLOTS * (rest.interfaces.len() + rest.controls.len());
+        let shares = Shares::new(&stored.parts, &all_ends, &rest, input.rest);
+        let loads = Lumped::new(input, slots, Box::new(move |x| shares.at(x)))?;
         let mut places = rest.clone();
         let search = assembly.settle(&mut places);
         Ok(Substructured {
@@ -107,6 +118,7 @@ impl Substructured {
             assembly,
             shapes,
             field: vec![[0.0; 3]; input.rest.len()],
+            loads,
             poses: Vec::with_capacity(origins.len()),
             is_defined: true,
             energy: search.energy,
@@ -122,11 +134,13 @@ impl Substructured {
 
     /// Goes to new poses, unless it is there; false where it was not.
     fn follow(&mut self, poses: &[ControlPose]) -> bool {
-        if self.poses == poses {
+        let has_changed = self.loads.as_mut().is_some_and(Lumped::read);
+        if self.poses == poses && !has_changed {
             return false;
         }
         self.poses.clear();
         self.poses.extend_from_slice(poses);
+        self.bear();
         self.frames.clear();
         for ((origin, pose), turn) in self.origins.iter().zip(poses).zip(&self.turns) {
             self.frames.extend(ControlFrame::of(origin, pose, Some(turn)));
@@ -134,6 +148,11 @@ impl Substructured {
         self.is_defined = self.frames.len() == self.origins.len();
         if !self.is_defined {
             return true;
+        }
+        if let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none()) {
+            let turns: Vec<UnitQuaternion<f64>> = self.frames.iter().map(|frame| frame.turn).collect();
+            loads.follow(poses, &turns);
+            self.bear();
         }
         for (wanted, frame) in self.wanted.iter_mut().zip(&self.frames) {
             let s = frame.stretch - Matrix3::identity();
@@ -155,6 +174,22 @@ impl Substructured {
         true
     }
 
+    /// Gives the parts what they bear.
+    fn bear(&mut self) {
+        let Some(loads) = &self.loads else { return };
+        let slots = if loads.is_none() { &[][..] } else { loads.slots() };
+        let interfaces = SLOTS * self.rest.interfaces.len();
+        self.assembly.bear(slots.get(..interfaces).unwrap_or(&[]).chunks_exact(SLOTS).map(borne));
+        let strain = loads.strain();
+        self.assembly.parts.iter_mut().for_each(|part| part.strain = strain);
+    }
+
+    /// What the frames of control elements bear beside what these hold; empty where nothing acts.
+    fn on_controls(&self) -> impl Iterator<Item = Borne> + '_ {
+        let slots = self.loads.as_ref().filter(|loads| !loads.is_none()).map_or(&[][..], Lumped::slots);
+        slots.chunks_exact(SLOTS).skip(self.rest.interfaces.len()).map(borne)
+    }
+
     /// Makes the surface of the places at which the parts were last evaluated.
     fn shape(&mut self) {
         self.field.fill([0.0; 3]);
@@ -174,14 +209,25 @@ impl Substructured {
         self.settled.interfaces.copy_from_slice(&self.places.interfaces);
         self.settled.controls.copy_from_slice(&self.places.controls);
         self.energy = self.search.energy;
+        let on_controls: Vec<Borne> = self.on_controls().collect();
         for (e, (slope, frame)) in self.slopes.iter_mut().zip(&self.frames).enumerate() {
             let mut own = NO_TURN;
             for part in &self.assembly.parts {
                 part.add_slope(e, &mut own);
             }
+            if let Some(load) = on_controls.get(e) {
+                let place = EndFrame { place: frame.place, turn: frame.turn };
+                let (force, moments) = seen(&place, load);
+                own.force -= force;
+                own.torque -= axial(&moments);
+                self.energy += potential(&place, load);
+            }
             own.force = frame.turn * own.force;
             own.torque = frame.turn * own.torque;
             *slope = frame.pull_back(&own);
+        }
+        if let Some(loads) = self.loads.as_ref().filter(|loads| !loads.is_none()) {
+            self.energy += loads.hold(&self.poses, &mut self.slopes);
         }
     }
 }
@@ -219,18 +265,27 @@ impl DeformationModel for Substructured {
             memory.unknowns.extend(control.stretch);
         }
         self.settled.interfaces.iter().for_each(|interface| memory.put(&interface.motion()));
+        if let Some(loads) = &self.loads {
+            memory.loads = Some(loads.applied().clone());
+            memory.put(loads.mean.matrix());
+        }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
         let Places { interfaces, controls } = &mut self.settled;
-        memory.suits(controls.len(), (7 + 6) * controls.len() + 7 * interfaces.len())?;
+        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        memory.suits(controls.len(), (7 + 6) * controls.len() + 7 * interfaces.len() + of_loads)?;
         let mut unknowns = Unknowns(&memory.unknowns);
         for control in controls {
             control.frame = EndFrame::of(&unknowns.take());
             unknowns.fill(&mut control.stretch);
         }
         interfaces.iter_mut().for_each(|interface| *interface = EndFrame::of(&unknowns.take()));
+        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
+            loads.set_applied(applied, Rotation3::from_matrix_unchecked(unknowns.take()));
+            self.bear();
+        }
         self.turns = memory.turns_of(self.origins.len());
         self.poses.clone_from(&memory.poses);
         self.is_defined = memory.is_defined;
@@ -256,6 +311,10 @@ impl DeformationModel for Substructured {
             self.poses.clear();
         }
     }
+}
+
+fn borne(slots: &[Vector3<f64>]) -> Borne {
+    (slots[0], Matrix3::from_columns(&slots[1..SLOTS]))
 }
 
 #[cfg(test)]

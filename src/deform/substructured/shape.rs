@@ -83,8 +83,9 @@ impl PartShape {
         let rotation = frame.turn.to_rotation_matrix().into_inner().cast::<f32>();
         let place = frame.place.cast::<f32>();
         let nodes = self.nodes.iter().zip(&self.shares).zip(&self.rest).zip(&self.from_centre).zip(&self.u);
+        let longer = 1.0 + part.strain as f32;
         for ((((&node, share), rest), from_centre), u) in nodes {
-            let y = [from_centre[0] + u[0], from_centre[1] + u[1], from_centre[2] + u[2]];
+            let y = [0, 1, 2].map(|axis| longer * from_centre[axis] + u[axis]);
             let to = &mut field[node as usize];
             for axis in 0..3 {
                 let row = rotation.row(axis);

@@ -78,23 +78,9 @@ fn compute(
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
     let mesh = &solution.mesh;
-    let mut forces: Vec<Vec<V3>> = Vec::new();
-    for load in assembled.body.loads() {
-        forces.extend(match load.source {
-            LoadSource::Thermal => vec![expansion(mesh, assembled.k)],
-            _ => nodal_forces(assembled.scene, assembled.name, mesh, &load)?,
-        });
-    }
+    let forces = column_forces(assembled, mesh)?;
     let (nodes, count) = (mesh.nodes.len(), forces.len());
-    let mut f = NodeFields::zeros(nodes, count);
-    for (column, force) in forces.iter().enumerate() {
-        for (row, value) in force.iter().flat_map(|force| force.iter()).enumerate() {
-            f.row_mut(row)[column] = *value;
-        }
-    }
-    let mut g = NodeFields::zeros(nodes, count);
-    let free = (assembled.solve)(&f.at(&assembled.partition.free), progress)?;
-    assembled.partition.insert_free(&free, &mut g);
+    let [f, g] = answers(assembled, nodes, &forces, progress)?;
 
     let dense = |fields: &NodeFields| DMatrix::from_row_slice(3 * nodes, fields.columns, &fields.data);
     let (f, g, u) = (dense(&f), dense(&g), dense(&solution.fields));
@@ -142,6 +128,37 @@ fn compute(
     solution.tables.insert(LOAD_FORCES, f);
     solution.loads = assembled.body.loads().iter().map(LoadMeta::of).collect();
     Ok(())
+}
+
+/// A force for each node, for each column of a body's loads; those of warmth by the stiffness.
+pub(super) fn column_forces(assembled: &Assembled<'_>, mesh: &TetMesh) -> Result<Vec<Vec<V3>>, GreenError> {
+    let mut forces = Vec::new();
+    for load in assembled.body.loads() {
+        forces.extend(match load.source {
+            LoadSource::Thermal => vec![expansion(mesh, assembled.k)],
+            _ => nodal_forces(assembled.scene, assembled.name, mesh, &load)?,
+        });
+    }
+    Ok(forces)
+}
+
+/// These forces over all nodes, and what they do while all control elements rest: F and G.
+pub(super) fn answers(
+    assembled: &Assembled<'_>,
+    nodes: usize,
+    forces: &[Vec<V3>],
+    progress: &dyn Progress,
+) -> Result<[NodeFields; 2], GreenError> {
+    let mut f = NodeFields::zeros(nodes, forces.len());
+    for (column, force) in forces.iter().enumerate() {
+        for (row, value) in force.iter().flat_map(|force| force.iter()).enumerate() {
+            f.row_mut(row)[column] = *value;
+        }
+    }
+    let mut g = NodeFields::zeros(nodes, forces.len());
+    let free = (assembled.solve)(&f.at(&assembled.partition.free), progress)?;
+    assembled.partition.insert_free(&free, &mut g);
+    Ok([f, g])
 }
 
 /// A force for each node, for each of a load's columns; nothing of warmth, whose forces are those of the stiffness.

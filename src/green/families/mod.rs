@@ -7,6 +7,7 @@ mod compressed;
 mod cubic;
 mod dense_fields;
 mod kept_factor;
+mod load_forces;
 mod loads;
 mod of_effects;
 mod perturbation;
@@ -27,11 +28,12 @@ pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
 pub use cubic::CUBIC;
 pub use kept_factor::KEPT_FACTOR;
+pub use load_forces::{LOAD_FORCES, LoadForces};
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
-pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED};
+pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS, WARMTH};
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use tractions::Tractions;
@@ -54,6 +56,7 @@ pub const FAMILIES: &[FamilyEntry] = &[
     substructures::ENTRY,
     volume::ENTRY,
     loads::ENTRY,
+    load_forces::ENTRY,
     compliance::ENTRY,
     kept_factor::ENTRY,
     compressed::ENTRY,

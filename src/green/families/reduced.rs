@@ -6,10 +6,18 @@
 //! all φ_3. Of two elements the φ_2 span the 21 second derivatives of the equilibrium by their relative motion, and all are kept (J.
 //! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes). Main parts are
 //! those of the energy norm.
+//!
+//! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
+//! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
+//!
+//! ```text
+//! x = m (z_0 (X - ō) + Σ z_k h_k)    W = Σ_i f_i · x_i:  Σ_i f_i, then Σ_i f_i ⊗ h_k(i) column by column for each z
+//! zᵀ T z = ∫ (3λ + 2μ) tr E    T_00 = 3 ∫ (3λ + 2μ)
+//! ```
 
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
-use super::super::file::{BodyMeta, GreenFile};
+use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::lift::Lift;
 use super::super::prepare::Prepared;
 use super::super::requirements::Family;
@@ -18,18 +26,22 @@ use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
+use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, paths};
 use super::table;
 use crate::base::columns::ColumnGroup;
-use crate::fem::{NodeFields, QuarticShape, RestPoints};
+use crate::fem::{NodeFields, QuarticShape, RestPoints, StiffnessMatrix};
 use crate::scene::Body;
 use crate::solve::Progress;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 
 pub const REDUCED: Family = Family { name: "reduced", from: &[AFFINE] };
 
 /// Its table of the energy's coefficients.
 pub const QUARTIC: &str = "reduced/quartic";
+/// The work of loads, 3 (1 + 3 n) × K for n numbers z; and T, n × n, of a body that may be warm.
+pub const REDUCED_LOADS: &str = "reduced/loads";
+pub const WARMTH: &str = "reduced/warmth";
 /// Φ over all nodes, until it is written.
 pub const FIELDS_TABLE: &str = "reduced/fields";
 
@@ -89,14 +101,29 @@ fn compute(
     let elements = solution.controls.len();
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let basis = basis(assembled, solution, &points, progress)?;
+    let forces = column_forces(assembled, &solution.mesh)?;
+    let basis = match forces.len() {
+        0 => basis,
+        _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
+    };
 
     progress.begin("quartic energy", points.count() as u64);
     let lift = Lift::of(elements);
     let lifted = combined(&solution.fields, &lift.columns);
     // In the order of the coordinates (1, y of undeformed elements, q, the other y).
     let (first, others) = split_columns(&lifted, lift.rigid);
-    let coefficients = points.quartic(&beside(&[&first, &basis, &others]), &|units| progress.advance(units));
+    let all = beside(&[&first, &basis, &others]);
+    let coefficients = points.quartic(&all, &|units| progress.advance(units));
     progress.end();
+    if !forces.is_empty() {
+        solution.loads = assembled.body.loads().iter().map(LoadMeta::of).collect();
+        let turnings =
+            || solution.loads.iter().flat_map(|load| std::iter::repeat_n(load.turning, load.columns));
+        let work = work_of_loads(solution, &forces, &all, turnings());
+        let warmth = turnings().any(|turning| turning == Turning::Inner).then(|| warmth(&points, &all));
+        solution.tables.insert(REDUCED_LOADS, work);
+        solution.tables.extend(warmth.map(|warmth| (WARMTH, warmth)));
+    }
     solution.tables.insert(QUARTIC, DMatrix::from_vec(coefficients.len(), 1, coefficients));
     let fields = DMatrix::from_row_slice(3 * basis.nodes, basis.columns, &basis.data);
     solution.tables.insert(FIELDS_TABLE, fields);
@@ -134,8 +161,111 @@ fn basis(
     Ok(beside(&[&main, &rest]))
 }
 
-fn write(body: &Precomputed, _: &mut BodyMeta) -> Vec<(String, Tensor)> {
+/// Φ with what loads do: at rest, and in second order beside motions.
+fn with_loads(
+    assembled: &Assembled<'_>,
+    solution: &Solution,
+    points: &RestPoints,
+    forces: &[Vec<Vector3<f64>>],
+    basis: NodeFields,
+    progress: &dyn Progress,
+) -> Result<NodeFields, GreenError> {
+    if assembled.partition.free.is_empty() {
+        return Ok(basis);
+    }
+    progress.begin("fields of loads", 0);
+    let k = assembled.k;
+    let [_, own] = answers(assembled, points.nodes, forces, progress)?;
+    let own = of_unit_energy(k, &own);
+    let first = principal(k, &without(k, &own, &basis), forces.len());
+    let whole = beside(&[&basis, &first]);
+    // Each motion with a mixture of all loads of the same energy, then each load alone and with each other one.
+    let moved = lifted_order(solution, &paths(solution, PATHS), 1);
+    let moved = of_unit_energy(k, &moved);
+    let (motions, loads) = (moved.columns, own.columns);
+    let pairs: Vec<(usize, usize)> = (0..loads).flat_map(|i| (i..loads).map(move |j| (i, j))).collect();
+    let of_motions =
+        DMatrix::from_fn(motions, motions + pairs.len(), |row, column| f64::from(u8::from(row == column)));
+    let of_loads =
+        DMatrix::from_fn(loads, motions + pairs.len(), |row, column| match column.checked_sub(motions) {
+            None => {
+                if column % loads == row {
+                    1.0
+                } else {
+                    0.0
+                }
+            }
+            Some(pair) => [pairs[pair].0, pairs[pair].1].iter().filter(|load| **load == row).count() as f64,
+        });
+    let mut paths = combined(&moved, &of_motions);
+    add(&mut paths, 1.0, &combined(&own, &of_loads));
+    let second = bend(assembled, points, std::slice::from_ref(&paths), progress)?;
+    let second = principal(k, &without(k, &second, &whole), forces.len());
+    progress.end();
+    Ok(beside(&[&whole, &second]))
+}
+
+/// Each field with an energy of ½, so that none counts for its unit.
+fn of_unit_energy(k: &StiffnessMatrix, fields: &NodeFields) -> NodeFields {
+    let energies = products(k, fields, fields).diagonal();
+    let scales = energies.map(|energy| if energy > 0.0 { energy.sqrt().recip() } else { 0.0 });
+    combined(fields, &DMatrix::from_diagonal(&scales))
+}
+
+/// Σ f and Σ f ⊗ h of each column but those of warmth, whose work is that of T; h_0 is X - ō.
+fn work_of_loads(
+    solution: &Solution,
+    forces: &[Vec<Vector3<f64>>],
+    fields: &NodeFields,
+    turnings: impl Iterator<Item = Turning>,
+) -> DMatrix<f64> {
+    let count = solution.controls.len().max(1) as f64;
+    let middle = solution.controls.iter().map(|control| control.origin).sum::<Vector3<f64>>() / count;
+    let mut work = DMatrix::zeros(3 * (1 + 3 * (1 + fields.columns)), forces.len());
+    for ((column, forces), turning) in forces.iter().enumerate().zip(turnings) {
+        let mut own = work.column_mut(column);
+        let nodes = forces.iter().zip(&solution.mesh.nodes).enumerate();
+        for (node, (force, x)) in nodes.filter(|_| turning != Turning::Inner) {
+            let mut add =
+                |slot: usize, by: f64| (0..3).for_each(|axis| own[3 * slot + axis] += force[axis] * by);
+            add(0, 1.0);
+            for axis in 0..3 {
+                add(1 + axis, x[axis] - middle[axis]);
+                for (k, u) in fields.row(3 * node + axis).iter().enumerate() {
+                    add(1 + 3 * (1 + k) + axis, *u);
+                }
+            }
+        }
+    }
+    work
+}
+
+/// T.
+fn warmth(points: &RestPoints, fields: &NodeFields) -> DMatrix<f64> {
+    let n = 1 + fields.columns;
+    let (mut sum, mut h) = (DMatrix::zeros(n, n), Vec::new());
+    for point in (0..points.count()).map(|point| points.at(point)) {
+        point.gradients_of(fields, &mut h);
+        let bulk = (3.0 * point.lame.lambda + 2.0 * point.lame.mu) * point.volume;
+        sum[(0, 0)] += 3.0 * bulk;
+        let rows = DMatrix::from_fn(9, fields.columns, |row, k| h[k][row]);
+        sum.view_mut((1, 1), (n - 1, n - 1)).gemm_tr(0.5 * bulk, &rows, &rows, 1.0);
+        for (k, h) in h.iter().enumerate() {
+            sum[(0, 1 + k)] += 0.5 * bulk * h.trace();
+            sum[(1 + k, 0)] += 0.5 * bulk * h.trace();
+        }
+    }
+    sum
+}
+
+fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let mut tensors = table::write(body, QUARTIC);
+    for name in [REDUCED_LOADS, WARMTH] {
+        tensors.extend(table::write(body, name));
+    }
+    if !body.solution.loads.is_empty() {
+        meta.loads.clone_from(&body.solution.loads);
+    }
     if let Some(fields) = body.solution.tables.get(FIELDS_TABLE) {
         let stored = columns::stored(body, fields.ncols(), &|row, column| fields[(row, column)]);
         tensors.extend(columns::write(body.storage, body.solution.surface.nodes.len(), names(), stored));
@@ -154,7 +284,14 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     }
     columns::check(file, name, &names(), fields)?;
     let variables = 1 + Lift::of(body.controls.len()).len() + fields;
-    table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1]).map(drop)
+    table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1])?;
+    if !body.loads.is_empty() {
+        table::check(file, name, REDUCED_LOADS, [3 * (1 + 3 * variables), body.load_columns()])?;
+    }
+    if body.loads.iter().any(|load| load.turning == Turning::Inner) {
+        table::check(file, name, WARMTH, [variables, variables])?;
+    }
+    Ok(())
 }
 
 fn groups<'a>(file: &'a GreenFile, body: &str) -> Vec<ColumnGroup<'a>> {

@@ -1,0 +1,94 @@
+//! How a part's ends share a force on it.
+//!
+//! In: where the ends rest, and a place X. Out: the shares φ of the slots x and R of each end, N = Σ f φ and the three columns of
+//! Σ f ⊗ a. Between two ends a and b, d = b - a apart, X = a + t d + X⊥ goes as a beam's point does (Hermite's cubics):
+//!
+//! ```text
+//! x = h₀₀ x_a + h₀₁ x_b + R_a (h₁₀ d + (1 - t) X⊥) + R_b (h₁₁ d + t X⊥)
+//! h₀₀ = 1 - h₀₁    h₀₁ = 3t² - 2t³    h₁₀ = t - 2t² + t³    h₁₁ = t³ - t²
+//! ```
+//!
+//! Of one end it goes rigidly with that; of more, with each in inverse proportion to the square of the distance. A common motion of
+//! all ends moves X with them.
+
+use super::link::EndFrame;
+use super::linked_part::{PartEnd, Places};
+use crate::green::substructure::StoredPart;
+use nalgebra::{Matrix3, Vector3};
+
+type V3 = Vector3<f64>;
+
+/// Σ f and Σ f ⊗ a of what a frame bears, along the body's axes.
+pub type Borne = (V3, Matrix3<f64>);
+
+/// Slots of a frame: Σ f, then the columns of Σ f ⊗ a.
+pub const SLOTS: usize = 4;
+
+/// The parts with where their ends rest, and the places of the surface by which a force finds its part.
+pub struct Shares {
+    parts: Vec<Vec<(usize, V3)>>,
+    places: Vec<(V3, usize)>,
+}
+
+impl Shares {
+    /// Slots of interfaces stand before those of control elements.
+    pub fn new(parts: &[StoredPart], ends: &[Vec<PartEnd>], rest: &Places, surface: &[[f32; 3]]) -> Shares {
+        let slot = |end: &PartEnd| match *end {
+            PartEnd::Interface(i) => SLOTS * i,
+            PartEnd::Control(e) => SLOTS * (rest.interfaces.len() + e),
+        };
+        let of_part =
+            |ends: &Vec<PartEnd>| ends.iter().map(|end| (slot(end), rest.frame(*end).place)).collect();
+        let mut owners = vec![(0.0, 0); surface.len()];
+        for (p, part) in parts.iter().enumerate() {
+            for (&node, &share) in part.nodes.iter().zip(&part.shares) {
+                if share > owners[node as usize].0 {
+                    owners[node as usize] = (share, p);
+                }
+            }
+        }
+        let place = |(x, (_, p)): (&[f32; 3], &(f64, usize))| (Vector3::from(*x).cast(), *p);
+        Shares {
+            parts: ends.iter().map(of_part).collect(),
+            places: surface.iter().zip(&owners).map(place).collect(),
+        }
+    }
+
+    /// The slots with the shares of a force at x.
+    pub fn at(&self, x: &V3) -> Vec<(usize, f64)> {
+        let away = |(place, _): &&(V3, usize)| (place - x).norm_squared();
+        let nearest = self.places.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let ends = nearest.and_then(|(_, part)| self.parts.get(*part)).map_or(&[][..], Vec::as_slice);
+        let of = |slot: usize, share: f64, arm: V3| {
+            [(slot, share), (slot + 1, arm.x), (slot + 2, arm.y), (slot + 3, arm.z)]
+        };
+        if let [(first, a), (last, b)] = ends {
+            let d = b - a;
+            let along = (x - a).dot(&d) / d.norm_squared();
+            let t = along.clamp(0.0, 1.0);
+            let across = x - a - d * along;
+            let beyond = d * (along - t);
+            let h = 3.0 * t * t - 2.0 * t * t * t;
+            let [at_first, at_last] = [t - 2.0 * t * t + t * t * t, t * t * t - t * t];
+            let one = of(*first, 1.0 - h, d * at_first + (across + beyond) * (1.0 - t));
+            let other = of(*last, h, d * at_last + (across + beyond) * t);
+            return one.into_iter().chain(other).collect();
+        }
+        let weights: Vec<f64> =
+            ends.iter().map(|(_, place)| (place - x).norm_squared().max(f64::MIN_POSITIVE).recip()).collect();
+        let sum: f64 = weights.iter().sum();
+        let all = ends.iter().zip(weights).map(|((slot, place), w)| (*slot, w / sum, place));
+        all.flat_map(|(slot, share, place)| of(slot, share, (x - place) * share)).collect()
+    }
+}
+
+/// The potential of what a frame bears.
+pub fn potential(frame: &EndFrame, (force, moments): &Borne) -> f64 {
+    -force.dot(&frame.place) - moments.dot(frame.turn.to_rotation_matrix().matrix())
+}
+
+/// What a frame bears, in its own axes.
+pub fn seen(frame: &EndFrame, (force, moments): &Borne) -> Borne {
+    let inverse = frame.turn.inverse().to_rotation_matrix();
+    (inverse * force, inverse.matrix() * moments)
+}
