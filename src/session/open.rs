@@ -3,12 +3,13 @@
 use super::advance::Session;
 use super::recording::{Origin, Recorder, Replay};
 use crate::base::failure::Failure;
+use crate::base::notice::notice;
 use crate::effect;
 use crate::green::GreenFile;
 use crate::prepare;
 use crate::scene::Scene;
 use crate::scene::proposal::relative;
-use crate::stage::Stage;
+use crate::stage::{self, Stage};
 use crate::track::Script;
 use crate::world::World;
 use std::path::Path;
@@ -56,6 +57,9 @@ impl Session {
             (None, None) => None,
         };
         let stage = stage(scene, named.as_deref())?;
+        for error in stage::errors(&stage) {
+            notice!("stage {}: {}; `greenstage check` says more", stage.name, error.message);
+        }
         let file = file()?;
         let mut world = World::new(scene, &file, stage)?;
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
