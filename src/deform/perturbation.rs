@@ -17,7 +17,7 @@ use super::helicoidal::Helicoidal;
 use super::memory::{ModelMemory, Unknowns};
 use super::model::{BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use super::reduced::{Posed, Quartic, quartic_table};
+use super::reduced::{CURVATURE_SERVES, Posed, Quartic, quartic_table};
 use crate::green::{AFFINE, CUBIC, FIELDS, Lift, PERTURBATION, RADIUS, REDUCED, SERIES, STIFFNESS};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
@@ -51,6 +51,11 @@ pub struct Perturbation {
     z: Vec<f64>,
     slopes: Vec<f64>,
     bends: DMatrix<f64>,
+    /// z and ∂V/∂z of the last response and V there, and ∂²V/∂z² of so many responses before, if there are: of them slopes beside
+    /// are found.
+    last: (Vec<f64>, Vec<f64>, f64),
+    curvature: Vec<f64>,
+    curvature_age: Option<usize>,
     by_frames: Vec<FrameSlope>,
     /// Of the last poses that had a mean frame.
     energy: f64,
@@ -83,7 +88,7 @@ impl Perturbation {
             _ => None,
         };
         let nothing = Vector3::zeros();
-        let quartic = Quartic::new(variables, coefficients);
+        let quartic = Quartic::new(variables, &coefficients);
         Ok(Perturbation {
             posed: Posed::new(input.controls),
             quartic: quartic.ok_or("the energy's table does not suit the control elements")?,
@@ -97,6 +102,9 @@ impl Perturbation {
             share: 0.0,
             z: vec![0.0; variables],
             slopes: vec![0.0; variables],
+            last: (vec![0.0; variables], vec![0.0; variables], 0.0),
+            curvature: vec![0.0; variables * variables],
+            curvature_age: None,
             by_frames: vec![FrameSlope { force: nothing, torque: nothing, stretch: Matrix3::zeros() }; 2],
             energy: 0.0,
             by_poses: vec![PoseSlope::default(); 2],
@@ -142,9 +150,45 @@ impl Perturbation {
         }
     }
 
-    /// V and its slopes at the poses that were settled with the share b of `rotation`.
-    fn answer(&mut self, poses: &[ControlPose], (share, slope): (f64, f64)) -> Option<f64> {
-        let rotation = self.rotation.as_mut()?;
+    /// V(z) and its slopes.
+    fn evaluate(&mut self) -> f64 {
+        let energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
+        let (z, slopes, last) = &mut self.last;
+        z.copy_from_slice(&self.z);
+        slopes.copy_from_slice(&self.slopes);
+        *last = energy;
+        self.curvature_age = self.curvature_age.map(|age| age + 1).filter(|age| *age < CURVATURE_SERVES);
+        energy
+    }
+
+    /// The same from where it was evaluated last: slopes to first order of the way from there.
+    fn evaluate_beside(&mut self) -> f64 {
+        let (last_z, last_slopes, last) = &self.last;
+        let n = last_z.len();
+        if self.curvature_age.is_none() {
+            self.quartic.second(last_z, n, &mut self.curvature);
+            self.curvature_age = Some(0);
+        }
+        for (way, last) in self.z.iter_mut().zip(last_z) {
+            *way -= last;
+        }
+        let mut energy = *last;
+        for (at, slope) in self.slopes.iter_mut().enumerate() {
+            let row = &self.curvature[at * n..][..n];
+            *slope = last_slopes[at] + row.iter().zip(&self.z).map(|(second, way)| second * way).sum::<f64>();
+            energy += 0.5 * (*slope + last_slopes[at]) * self.z[at];
+        }
+        energy
+    }
+
+    /// V and its slopes at the poses that were settled with the share b of `rotation`, where V(z) is evaluated so.
+    fn answer(
+        &mut self,
+        poses: &[ControlPose],
+        (share, slope): (f64, f64),
+        evaluate: fn(&mut Perturbation) -> f64,
+    ) -> Option<f64> {
+        self.rotation.as_ref()?;
         self.z[0] = 1.0;
         let (rigid, fields) = (self.lift.rigid, self.fields);
         let place = |k: usize| if k < rigid { 1 + k } else { 1 + fields + k };
@@ -153,7 +197,7 @@ impl Perturbation {
         }
         let q = 1 + self.lift.rigid;
         self.z[q..q + self.fields].copy_from_slice(self.bends.column(0).as_slice());
-        let mut energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
+        let mut energy = evaluate(self);
         let mut by_x = SVector::<f64, 6>::zeros();
         for i in 0..6 {
             let own = self.bends.column(1 + i);
@@ -162,7 +206,7 @@ impl Perturbation {
         by_x *= 1.0 - share;
         let mut of_rotation = None;
         if share > 0.0 {
-            let other = rotation.respond(self.posed.frames(), &mut self.by_frames)?;
+            let other = self.rotation.as_mut()?.respond(self.posed.frames(), &mut self.by_frames)?;
             by_x += self.radius * self.x * (2.0 * slope * (other - energy));
             energy = (1.0 - share) * energy + share * other;
             of_rotation = Some(());
@@ -199,10 +243,18 @@ impl DeformationModel for Perturbation {
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         self.rotation.as_ref()?;
-        let found = self.settle(poses).and_then(|share| self.answer(poses, share));
+        let found = self.settle(poses).and_then(|share| self.answer(poses, share, Self::evaluate));
         self.energy = found.unwrap_or(self.energy);
         slopes.copy_from_slice(&self.by_poses);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn respond_beside(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.rotation.as_ref()?;
+        slopes.copy_from_slice(&self.by_poses);
+        let found = self.settle(poses).and_then(|share| self.answer(poses, share, Self::evaluate_beside));
+        slopes.swap_with_slice(&mut self.by_poses);
+        found.map(|energy| Response { energy, is_defined: true })
     }
 
     fn memory(&self) -> ModelMemory {
