@@ -122,6 +122,14 @@ pub fn peak_memory() -> Option<f64> {
     kilobytes(&std::fs::read_to_string(STATUS).ok()?, "VmHWM:")
 }
 
+/// Processor time of the calling thread, s: what other programs take meanwhile does not count.
+pub fn thread_s() -> f64 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: the call writes into `time`, which lives on, and nowhere else.
+    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &raw mut time) };
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
 /// Bytes of the largest cache of a processor, as faer's matrix products read it; at least 2 MiB.
 pub fn largest_cache() -> f64 {
     let size = |index: u32| {

@@ -4,7 +4,7 @@ use super::bench_haptics::Subject;
 use super::opening::{self, Guess};
 use super::parsers;
 use super::print::print;
-use super::{bench_haptics, marks, precompute};
+use super::{bench_haptics, bench_snapshot, marks, precompute};
 use crate::base::columns::ColumnGroup;
 use crate::base::failure::Failure;
 use crate::base::machine;
@@ -30,7 +30,8 @@ use std::time::Instant;
 /// Measure the frame rate and where a frame's time goes, offline and online
 ///
 /// Runs the offline stage anew; then the two online loops at the paper's 10,000 nodes, beside the memory bandwidth measured in the
-/// same run; then the scene's script, offscreen on a stage; and, if a body lists the effect haptics, the ticks of its force loop.
+/// same run; then the scene's script, offscreen on a stage; what a snapshot of the session takes; and, if a body lists the effect
+/// haptics, the ticks of its force loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
@@ -128,8 +129,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         drawn.push(measured);
     }
     let ticks = beside_frames(open()?, args)?;
-    let mut tables =
-        vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
+    let snapshot = bench_snapshot::measure(&mut open()?)?;
+    let mut tables = vec![
+        offline_table(&offline, peak_memory),
+        loops_table(&loops),
+        frame_table(&stage.name, &drawn),
+        bench_snapshot::table(&snapshot),
+    ];
     if !ticks.is_empty() {
         tables.push(bench_haptics::table(&ticks));
     }
@@ -138,7 +144,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{}: tables written\n", path.display()))?;
     }
     if args.json {
-        print(&format!("{:#}\n", as_json(&offline, peak_memory, &loops, &drawn, &ticks)))
+        let mut all = as_json(&offline, peak_memory, &loops, &drawn, &ticks);
+        all["snapshot"] = json!(snapshot);
+        print(&format!("{all:#}\n"))
     } else {
         let text: String =
             tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();

@@ -39,7 +39,7 @@ pub struct Args {
     /// Where to write: OUT or OUT.csv
     #[arg(short, long)]
     pub output: PathBuf,
-    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    /// Use this .green file, never rewrite it; default: the scene's own, rebuilt if missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)

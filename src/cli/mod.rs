@@ -7,6 +7,7 @@
 mod accuracy;
 mod bench;
 pub mod bench_haptics;
+mod bench_snapshot;
 mod bent;
 mod check;
 mod check_stage;

@@ -32,7 +32,7 @@ pub struct SessionArgs {
     /// Write the last hold's force and displacement into this CSV file at the end, of bodies with the effect force_curve
     #[arg(long)]
     pub curve: Option<PathBuf>,
-    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    /// Use this .green file, never rewrite it; default: the scene's own, rebuilt if missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
 }

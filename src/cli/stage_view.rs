@@ -48,7 +48,7 @@ pub struct Args {
     /// Close the window after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
-    /// A .green file that is only read; default: beside the scene, made anew where it is missing or stale
+    /// Use this .green file, never rewrite it; default: the scene's own, rebuilt if missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
     /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some three times as

@@ -24,6 +24,18 @@ pub trait DeformationModel: Send {
         None
     }
 
+    /// [`DeformationModel::respond`] a little beside the poses that were asked last, to first order of the way there, for
+    /// stiffnesses: the equilibrium stays, and most calls cost much less than a response. `None` of a model that has no such way,
+    /// and where it has no equilibrium.
+    fn respond_beside(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
+        None
+    }
+
+    /// Whether the last response took so long that the force loop should ask for no other in the same tick.
+    fn was_long(&self) -> bool {
+        false
+    }
+
     /// What the model keeps from one frame to the next.
     fn memory(&self) -> ModelMemory {
         ModelMemory::default()

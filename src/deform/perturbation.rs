@@ -28,7 +28,7 @@ use super::loads::FrameForces;
 use super::memory::{ModelMemory, Unknowns};
 use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use super::reduced::{Posed, Quartic, quartic_table};
+use super::reduced::{CURVATURE_SERVES, Posed, Quartic, quartic_table};
 use crate::green::{AFFINE, CUBIC, FIELDS, Lift, PERTURBATION, RADIUS, REDUCED, SERIES, STIFFNESS};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
@@ -63,6 +63,11 @@ pub struct Perturbation {
     z: Vec<f64>,
     slopes: Vec<f64>,
     bends: DMatrix<f64>,
+    /// z and ∂V/∂z of the last response and V there, and ∂²V/∂z² of so many responses before, if there are: of them slopes beside
+    /// are found.
+    last: (Vec<f64>, Vec<f64>, f64),
+    curvature: Vec<f64>,
+    curvature_age: Option<usize>,
     by_frames: Vec<FrameSlope>,
     loads: Option<FrameForces>,
     /// r, and ∂V by it.
@@ -99,7 +104,7 @@ impl Perturbation {
             _ => None,
         };
         let nothing = Vector3::zeros();
-        let quartic = Quartic::new(variables, coefficients);
+        let quartic = Quartic::new(variables, &coefficients);
         let loads = FrameForces::of(input, fields)?;
         let answers = vec![0.0; if loads.is_some() { fields } else { 0 }];
         Ok(Perturbation {
@@ -118,6 +123,9 @@ impl Perturbation {
             share: 0.0,
             z: vec![0.0; variables],
             slopes: vec![0.0; variables],
+            last: (vec![0.0; variables], vec![0.0; variables], 0.0),
+            curvature: vec![0.0; variables * variables],
+            curvature_age: None,
             by_frames: vec![FrameSlope { force: nothing, torque: nothing, stretch: Matrix3::zeros() }; 2],
             energy: 0.0,
             by_poses: vec![PoseSlope::default(); 2],
@@ -179,9 +187,45 @@ impl Perturbation {
         }
     }
 
-    /// V and its slopes at the poses that were settled with the share b of `rotation`.
-    fn answer(&mut self, poses: &[ControlPose], (share, slope): (f64, f64)) -> Option<f64> {
-        let rotation = self.rotation.as_mut()?;
+    /// V(z) and its slopes.
+    fn evaluate(&mut self) -> f64 {
+        let energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
+        let (z, slopes, last) = &mut self.last;
+        z.copy_from_slice(&self.z);
+        slopes.copy_from_slice(&self.slopes);
+        *last = energy;
+        self.curvature_age = self.curvature_age.map(|age| age + 1).filter(|age| *age < CURVATURE_SERVES);
+        energy
+    }
+
+    /// The same from where it was evaluated last: slopes to first order of the way from there.
+    fn evaluate_beside(&mut self) -> f64 {
+        let (last_z, last_slopes, last) = &self.last;
+        let n = last_z.len();
+        if self.curvature_age.is_none() {
+            self.quartic.second(last_z, n, &mut self.curvature);
+            self.curvature_age = Some(0);
+        }
+        for (way, last) in self.z.iter_mut().zip(last_z) {
+            *way -= last;
+        }
+        let mut energy = *last;
+        for (at, slope) in self.slopes.iter_mut().enumerate() {
+            let row = &self.curvature[at * n..][..n];
+            *slope = last_slopes[at] + row.iter().zip(&self.z).map(|(second, way)| second * way).sum::<f64>();
+            energy += 0.5 * (*slope + last_slopes[at]) * self.z[at];
+        }
+        energy
+    }
+
+    /// V and its slopes at the poses that were settled with the share b of `rotation`, where V(z) is evaluated so.
+    fn answer(
+        &mut self,
+        poses: &[ControlPose],
+        (share, slope): (f64, f64),
+        evaluate: fn(&mut Perturbation) -> f64,
+    ) -> Option<f64> {
+        self.rotation.as_ref()?;
         self.z[0] = 1.0;
         let (rigid, fields) = (self.lift.rigid, self.fields);
         let place = |k: usize| if k < rigid { 1 + k } else { 1 + fields + k };
@@ -190,11 +234,12 @@ impl Perturbation {
         }
         let q = 1 + self.lift.rigid;
         self.z[q..q + self.fields].copy_from_slice(self.bends.column(0).as_slice());
-        let mut loads = self.loads.as_mut().filter(|loads| !loads.is_none);
-        if loads.is_some() {
+        let is_loaded = self.loads.as_ref().is_some_and(|loads| !loads.is_none);
+        if is_loaded {
             self.z[q..].iter_mut().zip(&self.answers).for_each(|(z, answer)| *z += answer);
         }
-        let mut energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
+        let mut energy = evaluate(self);
+        let mut loads = self.loads.as_mut().filter(|_| is_loaded);
         if let Some(loads) = &mut loads {
             (energy, _) = loads.burden.add(energy, &self.z, &mut self.slopes);
         }
@@ -206,7 +251,7 @@ impl Perturbation {
         by_x *= 1.0 - share;
         let mut of_rotation = None;
         if share > 0.0 {
-            let mut other = rotation.respond(self.posed.frames(), &mut self.by_frames)?;
+            let mut other = self.rotation.as_mut()?.respond(self.posed.frames(), &mut self.by_frames)?;
             if let Some(loads) = &loads {
                 let by_motion = |k: usize| self.z[k] * (loads.burden.forces[k] + loads.push_of_warmth(k));
                 other -= (1..q).chain(q + fields..self.z.len()).map(by_motion).sum::<f64>();
@@ -266,10 +311,22 @@ impl DeformationModel for Perturbation {
 
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         self.rotation.as_ref()?;
-        let found = self.settle(poses).and_then(|share| self.answer(poses, share));
+        let found = self.settle(poses).and_then(|share| self.answer(poses, share, Self::evaluate));
         self.energy = found.unwrap_or(self.energy);
         slopes.copy_from_slice(&self.by_poses);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn respond_beside(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.rotation.as_ref()?;
+        // Loads have second derivatives of their own.
+        if self.loads.as_ref().is_some_and(|loads| !loads.is_none) {
+            return None;
+        }
+        slopes.copy_from_slice(&self.by_poses);
+        let found = self.settle(poses).and_then(|share| self.answer(poses, share, Self::evaluate_beside));
+        slopes.swap_with_slice(&mut self.by_poses);
+        found.map(|energy| Response { energy, is_defined: true })
     }
 
     fn memory(&self) -> ModelMemory {

@@ -47,7 +47,7 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "hose",
         title: "A hose is bent, and let go",
-        text: "The hand feels the force of finite elements: a weighted sum of Green's functions that were solved beforehand.",
+        text: "The force is computed live: a sum of responses that were solved in advance.",
         scene: "hose",
         script: None,
         effects: &[],
@@ -104,7 +104,7 @@ pub const CHAPTERS: &[Chapter] = &[
     Chapter {
         name: "room",
         title: "The room from outside",
-        text: "The same tube over a two-sided workbench: each eye sees each screen off-axis, from where the tracked head is.",
+        text: "A tube over a two-sided workbench: each eye sees each screen off-axis, from where the tracked head is.",
         scene: "tube",
         script: None,
         effects: &[],

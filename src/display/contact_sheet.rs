@@ -1,8 +1,8 @@
 //! The contact sheet of a session: some of its frames on one picture, as their screens stand.
 //!
-//! In: the pictures of each frame, with their names. Out: one picture. Frames stand from left to right, in each one column for each
-//! eye; a column has the screens from the highest to the lowest, so that a wall stands on the table before it, below the names of
-//! their files.
+//! In: the pictures of each frame, with their names. Out: one picture. Frames stand from left to right below their numbers, in each
+//! one column for each eye; a column has the screens from the highest to the lowest, so that a wall stands on the table before
+//! it. Each picture has its name in its corner.
 
 use crate::export::raster::Raster;
 use egui::{Align2, Color32, FontId, pos2};
@@ -11,7 +11,7 @@ use image::{RgbaImage, imageops};
 /// Width of one picture.
 const PICTURE: u32 = 400;
 const GAP: u32 = 8;
-/// Height of the line of names; left out above narrow pictures, which have no room for one.
+/// Height of a line of words; left out of narrow pictures, which have no room for one.
 const CAPTION: u32 = 20;
 const NARROW: u32 = 200;
 const BACKGROUND: [u8; 3] = [24, 26, 30];
@@ -28,6 +28,71 @@ impl SheetFrame {
     pub fn new(number: usize, pictures: &[(&str, RgbaImage)]) -> SheetFrame {
         let small = |(name, picture): &(&str, RgbaImage)| ((*name).to_owned(), small(picture));
         SheetFrame { number, pictures: pictures.iter().map(small).collect() }
+    }
+
+    /// How much it looks different from another frame: the mean difference of a colour's byte.
+    pub fn difference(&self, other: &SheetFrame) -> f64 {
+        let bytes =
+            |frame: &SheetFrame| frame.pictures.iter().map(|(_, picture)| picture.len()).sum::<usize>();
+        let pairs = self.pictures.iter().zip(&other.pictures);
+        let off = pairs.flat_map(|((_, one), (_, other))| one.iter().zip(other.iter()));
+        let sum: u64 = off.map(|(one, other)| u64::from(one.abs_diff(*other))).sum();
+        sum as f64 / bytes(self).max(1) as f64
+    }
+}
+
+/// The frames of a session that tell it best, chosen as they come: the first, the one between that looks most different from it, and
+/// the last. Where that is the last itself, the middle one stands between them; where all look alike, the first stands alone.
+pub struct Chosen {
+    first: Option<SheetFrame>,
+    middle: Option<SheetFrame>,
+    farthest: Option<(f64, SheetFrame)>,
+    last: Option<SheetFrame>,
+    count: usize,
+}
+
+impl Chosen {
+    /// Of so many frames.
+    pub fn new(count: usize) -> Chosen {
+        Chosen { first: None, middle: None, farthest: None, last: None, count }
+    }
+
+    pub fn take(&mut self, number: usize, pictures: &[(&str, RgbaImage)]) {
+        let new = || SheetFrame::new(number, pictures);
+        let Some(first) = &self.first else {
+            self.first = Some(new());
+            return;
+        };
+        let frame = new();
+        let off = frame.difference(first);
+        if number + 1 == self.count {
+            if self.farthest.as_ref().is_some_and(|(most, _)| off >= *most) {
+                self.farthest = None;
+            }
+            self.last = Some(frame);
+            return;
+        }
+        if number == self.count / 2 {
+            self.middle = Some(new());
+        }
+        if off > self.farthest.as_ref().map_or(0.0, |(most, _)| *most) {
+            self.farthest = Some((off, frame));
+        }
+    }
+
+    /// Whether nothing in the pictures ever changed.
+    pub fn are_alike(&self) -> bool {
+        let last = self.first.as_ref().zip(self.last.as_ref());
+        self.farthest.is_none() && last.is_some_and(|(first, last)| last.difference(first) == 0.0)
+    }
+
+    /// The frames, in their order.
+    pub fn frames(self) -> Vec<SheetFrame> {
+        if self.are_alike() {
+            return self.first.into_iter().collect();
+        }
+        let between = self.farthest.map(|(_, frame)| frame).or(self.middle);
+        [self.first, between, self.last].into_iter().flatten().collect()
     }
 }
 
@@ -52,15 +117,17 @@ pub fn contact_sheet(frames: &[SheetFrame], from_top: &[usize]) -> RgbaImage {
             let x = i64::from(2 * GAP + f as u32 * frame_width + eye as u32 * (width + GAP));
             let of_screen = |screen: &usize| frame.pictures.get(screen * eyes + eye);
             let column = || from_top.iter().map(of_screen);
-            if caption > 0 {
-                let names: Vec<&str> = column().flatten().map(|(name, _)| name.as_str()).collect();
-                let names = format!("frame{:04}: {}", frame.number, names.join(", "));
-                imageops::replace(&mut sheet, &line(&names, [width, caption]), x, i64::from(GAP / 2));
+            if caption > 0 && eye == 0 {
+                let number = line(&format!("frame{:04}", frame.number), [width, caption]);
+                imageops::replace(&mut sheet, &number, x, i64::from(GAP / 2));
             }
             let mut y = i64::from(GAP + caption);
             for (picture, height) in column().zip(&heights) {
-                if let Some((_, picture)) = picture {
+                if let Some((name, picture)) = picture {
                     imageops::replace(&mut sheet, picture, x, y);
+                    if caption > 0 {
+                        imageops::replace(&mut sheet, &plate(name, [picture.width(), caption]), x, y);
+                    }
                 }
                 y += i64::from(*height);
             }
@@ -73,6 +140,14 @@ fn small(picture: &RgbaImage) -> RgbaImage {
     let width = PICTURE.min(picture.width());
     let height = (u64::from(picture.height()) * u64::from(width) / u64::from(picture.width())).max(1) as u32;
     imageops::resize(picture, width, height, imageops::FilterType::Triangle)
+}
+
+/// [`line()`] with a margin, no longer than the words.
+fn plate(words: &str, size: [u32; 2]) -> RgbaImage {
+    let line = line(&format!(" {words}"), size);
+    let is_inked = |x: &u32| (0..size[1]).any(|y| line.get_pixel(*x, y).0[0] > 2 * BACKGROUND[0]);
+    let end = (0..size[0]).rev().find(is_inked).map_or(0, |last| size[0].min(last + 6));
+    imageops::crop_imm(&line, 0, 0, end, size[1]).to_image()
 }
 
 /// Words on the sheet's ground, cut where they are longer than the size has room.
@@ -113,15 +188,37 @@ mod tests {
             for eye in 0..2 {
                 let x = 2 * GAP + frame * (2 * column + 2 * GAP) + eye * column;
                 assert_eq!(*sheet.get_pixel(x + 299, GAP + CAPTION + 29), BLUE, "the wall");
-                assert_eq!(*sheet.get_pixel(x, GAP + CAPTION + 31), RED, "the table");
-                let inked = (x..x + 300).filter(|&x| (0..CAPTION).any(|y| sheet.get_pixel(x, y).0[0] > 128));
-                assert!((60..300).contains(&inked.count()), "names above each column");
+                assert_eq!(*sheet.get_pixel(x + 299, GAP + CAPTION + 31), RED, "the table");
+                // As long as its name.
+                let named =
+                    |y: u32| (x..x + 300).filter(|&x| sheet.get_pixel(x, y).0[2] == BACKGROUND[2]).count();
+                let [wall, table] = [GAP + CAPTION + 1, GAP + CAPTION + 32].map(named);
+                assert!((40..100).contains(&wall) && table > wall, "{wall} {table}");
             }
+            let x = 2 * GAP + frame * (2 * column + 2 * GAP);
+            let inked = (x..x + 300).filter(|&x| (0..CAPTION).any(|y| sheet.get_pixel(x, y).0[0] > 128));
+            assert!((40..100).contains(&inked.count()), "its number");
         }
-        let differ = |a: u32, b: u32| {
-            (0..300).any(|x| (0..CAPTION).any(|y| sheet.get_pixel(a + x, y) != sheet.get_pixel(b + x, y)))
+    }
+
+    /// The names of six screens, one after the other in one line, were cut off, and three pictures could be the same.
+    #[test]
+    fn frames_that_differ_are_chosen() {
+        let chosen = |colours: &[u8]| {
+            let mut chosen = Chosen::new(colours.len());
+            for (number, colour) in colours.iter().enumerate() {
+                let picture = RgbaImage::from_pixel(300, 20, image::Rgba([*colour, 0, 0, 255]));
+                chosen.take(number, &[("wall-left", picture)]);
+            }
+            let are_alike = chosen.are_alike();
+            (chosen.frames().iter().map(|frame| frame.number).collect::<Vec<_>>(), are_alike)
         };
-        assert!(differ(2 * GAP, 2 * GAP + column), "each column its own");
+        assert_eq!(chosen(&[0, 9, 0, 0, 0]), (vec![0, 1, 4], false), "the first and the last look the same");
+        assert_eq!(chosen(&[0, 1, 2, 3, 4]), (vec![0, 2, 4], false), "one way");
+        assert_eq!(chosen(&[0, 0, 0, 0, 4]), (vec![0, 2, 4], false));
+        assert_eq!(chosen(&[7; 5]), (vec![0], true));
+        assert_eq!(chosen(&[7]), (vec![0], false));
+        assert_eq!(chosen(&[7, 8]), (vec![0, 1], false));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Writes a session as PNG files: every picture of every frame, and a contact sheet.
 
-use super::contact_sheet::{SheetFrame, contact_sheet};
+use super::contact_sheet::{Chosen, contact_sheet};
 use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
 use crate::base::failure::Failure;
@@ -45,8 +45,8 @@ impl PictureRequest {
         Ok(pictures.try_for_each(|path| output::may_replace(&path, &PNG, inputs))?)
     }
 
-    /// Draws all frames into the folder, with a contact sheet of first, middle and last; tells what was written and how long
-    /// it took.
+    /// Draws all frames into the folder, with a contact sheet of three that differ; tells what was written and how long it took. A
+    /// session in which nothing moves has one frame.
     pub fn draw(&self, session: &mut Session) -> Result<String, Failure> {
         let folder = &self.folder;
         output::make_folder(folder)?;
@@ -63,13 +63,20 @@ impl PictureRequest {
             session.world.assets.stage.name,
             device::describe(&targets.images.gpu, self.samples)
         );
-        let shown = [0, self.frames / 2, self.frames - 1];
-        let bar = indicatif::ProgressBar::new(self.frames as u64).with_message("frames");
-        let mut sheet: Vec<SheetFrame> = Vec::new();
+        let mut playback = Playback::new(session, self.frames)?;
+        let frames = if playback.moves() { self.frames } else { 1 };
+        if frames < self.frames {
+            notice!(
+                "one frame in place of {}: nothing moves without a script; --script bend, or script in the scene file, \
+                 moves head and stylus",
+                self.frames
+            );
+        }
+        let bar = indicatif::ProgressBar::new(frames as u64).with_message("frames");
+        let mut chosen = Chosen::new(frames);
         let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
         let started = Instant::now();
-        let mut playback = Playback::new(session, self.frames)?;
-        for frame in 0..self.frames {
+        for frame in 0..frames {
             mechanics_s += playback.step_to(session, frame)?.total_s();
             session.world.before_picture();
             let DrawTimes { upload_s, encode_s, draw_s } =
@@ -88,9 +95,7 @@ impl PictureRequest {
             let staged = named(frame).zip(&images).map(|(path, (_, image))| stage(image, &path));
             output::put_all(staged.collect::<Result<_, Failure>>()?, &older)?;
             count += images.len();
-            if shown.contains(&frame) {
-                sheet.push(SheetFrame::new(frame, &images));
-            }
+            chosen.take(frame, &images);
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -102,15 +107,18 @@ impl PictureRequest {
             Pictures::Windows => (format!("{} windows", targets.count()), (0..targets.count()).collect()),
             _ => (pictures_of_frame(stage, screens), stage.screens_from_top()),
         };
-        save(&contact_sheet(&sheet, &from_top), &path)?;
+        if chosen.are_alike() {
+            notice!("all frames look the same: the script moves nothing that is seen on {}", stage.name);
+        }
+        save(&contact_sheet(&chosen.frames(), &from_top), &path)?;
         let drawn = format!(
             "{count} pictures in {} (all steps, PNG files too: {})\n\
              drawing {:.1} frames/s, each of {each} {}; its mechanics {}\ncontact sheet {}\n",
             folder.display(),
             seconds(started.elapsed().as_secs_f64()),
-            self.frames as f64 / drawn_s,
-            seconds(drawn_s / self.frames as f64),
-            seconds(mechanics_s / self.frames as f64),
+            frames as f64 / drawn_s,
+            seconds(drawn_s / frames as f64),
+            seconds(mechanics_s / frames as f64),
             path.display()
         );
         Ok(drawn)

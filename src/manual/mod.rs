@@ -23,7 +23,7 @@ chapters! {
     meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
     stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
     tracking: "trackers: what a stage file says of them, how to calibrate them, and how to see that they work",
-    install: "on your own workbench or CAVE: from a tape measure to a bent tube, and what is wrong when it is wrong",
+    install: "on your own workbench or CAVE: from a tape measure to a bent tube, and troubleshooting",
     scripts: "key frames that move head and stylus where nobody does",
     graph: "the data flow from tracker to surface, and recording a session and replaying it",
     view: "windows, mouse and keyboard, colours, and what happens without a display",

@@ -3,12 +3,13 @@
 use super::advance::Session;
 use super::recording::{Origin, Replay};
 use crate::base::failure::Failure;
+use crate::base::notice::notice;
 use crate::effect;
 use crate::green::GreenFile;
 use crate::prepare::{self, Resolved};
 use crate::scene::Scene;
 use crate::scene::proposal::relative;
-use crate::stage::Stage;
+use crate::stage::{self, Stage};
 use crate::track::Script;
 use crate::world::World;
 use std::path::Path;
@@ -66,6 +67,9 @@ impl Session {
         let mut replay = request.replay.map(Replay::open).transpose()?;
         let named = request.named_stage(replay.as_ref())?;
         let stage = stage(scene, named.as_deref())?;
+        for error in stage::errors(&stage) {
+            notice!("stage {}: {}; `greenstage check` says more", stage.name, error.message);
+        }
         let file = file()?;
         let mut world = World::new(scene, &scene.models(), &file, stage)?;
         let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;

@@ -48,6 +48,11 @@ impl Playback {
         Ok(Playback { source: Source::of(session)?, frames: frames.max(1), done: 0 })
     }
 
+    /// Whether a recording or a script moves anything.
+    pub fn moves(&self) -> bool {
+        !matches!(self.source, Source::Rest)
+    }
+
     /// Moves the session on to picture `frame`, counted from 0; returns what the mechanics of the last step took.
     pub fn step_to(&mut self, session: &mut Session, frame: usize) -> Result<StepTimes, Failure> {
         match self.source {

@@ -42,7 +42,8 @@ pub enum SolveError {
     )]
     Factor { column: usize, residual: f64, backward: f64 },
     #[error(
-        "\"{0}\" leaves no factor that could be kept: write solver = {{ method = \"cholesky\" }}, or leave          kept = \"factor\" out of surface_compliance"
+        "\"{0}\" leaves no factor that could be kept: write solver = {{ method = \"cholesky\" }}, or leave \
+         kept = \"factor\" out of surface_compliance"
     )]
     NoFactor(&'static str),
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]

@@ -37,6 +37,7 @@ const GRAZING: f64 = 0.087;
 /// All findings about `stage` except for those of the loader. Windows are checked if `monitors` are known.
 pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     let mut found: Vec<Diagnostic> = upright::lint(stage).into_iter().collect();
+    let is_upright = found.is_empty();
     for screen in &stage.screens {
         screens(stage, screen, &mut found);
     }
@@ -54,9 +55,17 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
-    turned::lint(stage, &mut found);
+    // Pictures of walls that lie seem to be turned.
+    if is_upright {
+        turned::lint(stage, &mut found);
+    }
     tracking::lint(stage, &mut found);
     found
+}
+
+/// What is wrong with a stage whatever it is shown on.
+pub fn errors(stage: &Stage) -> impl Iterator<Item = Diagnostic> {
+    lint(stage, &[]).into_iter().filter(|finding| finding.severity == Severity::Error)
 }
 
 fn push(found: &mut Vec<Diagnostic>, severity: Severity, place: &str, message: impl Into<String>) {

@@ -71,8 +71,8 @@ fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
             Some((first, _)) => found.push((
                 table,
                 format!(
-                    "trackers `{first}` and `{name}` both use {own}: one of them would hear nothing; keep one, \
-                     several sensors may name it"
+                    "trackers `{first}` and `{name}` both use {own}: only one can receive data; remove the other: \
+                     several sensors may name the same tracker"
                 ),
             )),
             None => used.push((name, own)),

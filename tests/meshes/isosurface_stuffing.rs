@@ -254,7 +254,7 @@ fn what_cannot_be_filled_is_refused_with_a_remedy() {
     let (mut both, other) = (cuboid([1.0; 3]), cuboid([0.5, 0.5, 2.0]));
     both.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + 8)));
     both.vertices.extend(other.vertices);
-    assert!(refused(both, 0.06).contains("inside and outside contradict"));
+    assert!(refused(both, 0.06).contains("the surface overlaps itself"));
     // Flat: no volume.
     refused(
         surface(

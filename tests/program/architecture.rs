@@ -401,3 +401,27 @@ fn notices_go_through_base() {
     let faults: Vec<String> = files("src", "rs").into_iter().filter_map(ours).collect();
     assert!(faults.is_empty(), "{faults:?} should write `notice!` of base::notice");
 }
+
+/// A sentence that goes on in the next line without a backslash has the indentation of that line in its middle. Texts with line
+/// breaks of their own are laid out by hand.
+#[test]
+fn sentences_have_no_gaps() {
+    let gap = " ".repeat(8);
+    let mut found = Vec::new();
+    for (file, text) in files("src", "rs") {
+        let is_sentence = |line: &str| !line.trim_start().starts_with("//") && !line.contains("\\n");
+        for (number, line) in text.lines().enumerate().filter(|(_, line)| is_sentence(line)) {
+            let is_quoted = |before: &str| before.replace("\\\"", "").matches('"').count() % 2 == 1;
+            let is_gap = |(at, _): (usize, &str)| {
+                let (before, after) = (&line[..at], line[at..].trim_start());
+                is_quoted(before)
+                    && before.ends_with(|c: char| !c.is_whitespace() && c != '"')
+                    && !after.is_empty()
+            };
+            if line.match_indices(&gap).any(is_gap) {
+                found.push(format!("{file}:{}: {}", number + 1, line.trim()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{found:#?}");
+}

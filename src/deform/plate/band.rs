@@ -3,6 +3,8 @@
 //! In: the lower triangle, row after row, `width` entries before the diagonal. Out: L with L Lᵀ = A in the same places, and
 //! solutions of A x = b (Golub and Van Loan, Matrix Computations, section 4.3.5).
 
+use crate::base::lanes::{self, Kernel, fused64};
+
 /// The lower triangle of a symmetric matrix within a band.
 #[derive(Clone, Debug)]
 pub struct Band {
@@ -55,9 +57,29 @@ impl Band {
 
     /// Replaces the matrix by its factor; false where it is not positive definite.
     pub fn factor(&mut self) -> bool {
-        let (width, stride) = (self.width, self.width + 1);
-        for i in 0..self.rows {
-            let (above, rest) = self.entries.split_at_mut(i * stride);
+        let mut is_definite = false;
+        lanes::run(Factor { band: self, is_definite: &mut is_definite });
+        is_definite
+    }
+
+    /// Solves with the factor, in place.
+    pub fn solve(&self, x: &mut [f64]) {
+        lanes::run(Solve { band: self, x });
+    }
+}
+
+struct Factor<'a> {
+    band: &'a mut Band,
+    is_definite: &'a mut bool,
+}
+
+impl Kernel for Factor<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Band { width, rows, entries } = self.band;
+        let (width, stride) = (*width, *width + 1);
+        for i in 0..*rows {
+            let (above, rest) = entries.split_at_mut(i * stride);
             let row = &mut rest[..stride];
             for j in i.saturating_sub(width)..i {
                 // From the first column that both rows have.
@@ -65,34 +87,42 @@ impl Band {
                 let first = i.saturating_sub(width).max(j.saturating_sub(width));
                 let own = &row[first + width - i..at];
                 let other = &above[j * stride..][..stride];
-                let sum = dot(own, &other[first + width - j..width]);
+                let sum = fused_dot::<FUSED>(own, &other[first + width - j..width]);
                 row[at] = (row[at] - sum) * other[width];
             }
-            let pivot = row[width] - dot(&row[..width], &row[..width]);
+            let pivot = row[width] - fused_dot::<FUSED>(&row[..width], &row[..width]);
             if pivot.is_nan() || pivot <= 0.0 {
-                return false;
+                return;
             }
             // The diagonal is kept as its inverse.
             row[width] = 1.0 / pivot.sqrt();
         }
-        true
+        *self.is_definite = true;
     }
+}
 
-    /// Solves with the factor, in place.
-    pub fn solve(&self, x: &mut [f64]) {
-        let (width, stride) = (self.width, self.width + 1);
-        for i in 0..self.rows {
-            let row = &self.entries[i * stride..][..stride];
+struct Solve<'a> {
+    band: &'a Band,
+    x: &'a mut [f64],
+}
+
+impl Kernel for Solve<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let (Band { width, rows, entries }, x) = (self.band, self.x);
+        let (width, stride) = (*width, *width + 1);
+        for i in 0..*rows {
+            let row = &entries[i * stride..][..stride];
             let first = i.saturating_sub(width);
-            x[i] = (x[i] - dot(&row[first + width - i..width], &x[first..i])) * row[width];
+            x[i] = (x[i] - fused_dot::<FUSED>(&row[first + width - i..width], &x[first..i])) * row[width];
         }
-        for i in (0..self.rows).rev() {
-            let row = &self.entries[i * stride..][..stride];
+        for i in (0..*rows).rev() {
+            let row = &entries[i * stride..][..stride];
             let first = i.saturating_sub(width);
             x[i] *= row[width];
             let value = x[i];
             for (x, l) in x[first..i].iter_mut().zip(&row[first + width - i..width]) {
-                *x -= l * value;
+                *x = fused64::<FUSED>(-l, value, *x);
             }
         }
     }
@@ -101,12 +131,17 @@ impl Band {
 /// Eight sums at once, which a compiler turns into wide additions.
 #[inline]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    fused_dot::<false>(a, b)
+}
+
+#[inline(always)]
+fn fused_dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (wide_a, wide_b) = (a.chunks_exact(8), b.chunks_exact(8));
     let rest: f64 = wide_a.remainder().iter().zip(wide_b.remainder()).map(|(a, b)| a * b).sum();
     for (a, b) in wide_a.zip(wide_b) {
         for k in 0..8 {
-            sums[k] += a[k] * b[k];
+            sums[k] = fused64::<FUSED>(a[k], b[k], sums[k]);
         }
     }
     sums.iter().sum::<f64>() + rest

@@ -135,7 +135,7 @@ impl Plate {
         }
         self.poses.clear();
         self.poses.extend_from_slice(poses);
-        self.is_defined = false;
+        (self.is_defined, self.sheet.work) = (false, 0);
         self.target.clear();
         for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
             let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns.get(e)) else {
@@ -250,6 +250,9 @@ fn bear(loads: &Lumped, motion: &Isometry3<f64>, sheet: &mut Sheet) {
 /// A target as near as this to one that had no equilibrium, in steps of [`path`], is not tried: each attempt takes long.
 const AGAIN: f64 = 0.125;
 
+/// An equilibrium that takes more evaluations is a long one.
+const USUAL_WORK: usize = 8;
+
 /// How the shell stands at rest.
 const REST: Standing = Standing { energy: 0.0, iterations: 0, buckled: false };
 
@@ -313,6 +316,10 @@ impl DeformationModel for Plate {
             energy += loads.hold(&self.held_poses(), slopes);
         }
         Some(Response { energy, is_defined: self.is_defined })
+    }
+
+    fn was_long(&self) -> bool {
+        self.sheet.work > USUAL_WORK
     }
 
     fn field(&self) -> Option<&[[f32; 3]]> {

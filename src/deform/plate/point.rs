@@ -35,7 +35,7 @@ impl Law {
         Law { first: plane, second: plane, mixed: poisson * plane, shear: 0.5 * young / (1.0 + poisson) }
     }
 
-    #[inline]
+    #[inline(always)]
     pub fn stress(&self, e: [f64; 3]) -> [f64; 3] {
         [self.first * e[0] + self.mixed * e[1], self.second * e[1] + self.mixed * e[0], self.shear * e[2]]
     }
@@ -91,13 +91,21 @@ pub struct Local {
 
 impl Local {
     /// What works on κ: M + (∂s/∂κ)ᵀ N.
-    #[inline]
+    #[inline(always)]
     fn moment(&self, [n, m]: &[[f64; 3]; 2]) -> [f64; 3] {
-        std::array::from_fn(|i| m[i] + dot(&self.by_bending.map(|row| row[i]), n))
+        let [x, y, z] = &self.by_bending;
+        let of = |i: usize| m[i] + x[i] * n[0] + y[i] * n[1] + z[i] * n[2];
+        [of(0), of(1), of(2)]
     }
 }
 
-#[inline]
+/// ½ ε·σ.
+#[inline(always)]
+pub fn half_product(strain: &[[f64; 3]; 2], stress: &[[f64; 3]; 2]) -> f64 {
+    0.5 * (dot(&strain[0], &stress[0]) + dot(&strain[1], &stress[1]))
+}
+
+#[inline(always)]
 fn dot(x: &[f64; 3], y: &[f64; 3]) -> f64 {
     x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 }
@@ -149,7 +157,7 @@ impl Point {
     }
 
     /// s of κ, and ∂s/∂κ.
-    #[inline]
+    #[inline(always)]
     fn stretch_of(&self, bending: &[f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
         let ([g, t], c, [x, y, z]) = (self.second_order, self.contraction, *bending);
         let stretch = [
@@ -173,7 +181,8 @@ impl Point {
         [[own * n[0], mixed, shear], [mixed, own * n[1], shear], [shear, shear, 0.5 * t * (n[0] + n[1])]]
     }
 
-    #[inline]
+    /// Inlined into loops that are compiled for the machine's vector instructions, as [`Point::add_gradient`] is.
+    #[inline(always)]
     pub fn local(&self, q: &[Vector3<f64>]) -> Option<Local> {
         let (mut tangents, mut second) = ([Vector3::zeros(); 2], [Vector3::zeros(); 3]);
         for k in 0..9 {
@@ -193,31 +202,33 @@ impl Point {
         }
         let normal = cross / size;
         let (aa, bb, ab) = (a.norm_squared(), b.norm_squared(), a.dot(&b));
-        let metric = [bb, aa, -ab].map(|x| x / (size * size));
+        let square = size * size;
+        let metric = [bb / square, aa / square, -ab / square];
         let up = [a * metric[0] + b * metric[2], a * metric[2] + b * metric[1]];
-        let gamma = second.map(|h| up.map(|up| up.dot(&h)));
         let twice = [1.0, 1.0, 2.0];
-        let m = std::array::from_fn(|k| {
-            std::array::from_fn(|pair| {
-                let slope = &self.slope[k];
-                twice[pair] * (self.second[k][pair] - gamma[pair][0] * slope[0] - gamma[pair][1] * slope[1])
-            })
-        });
-        let bent: [f64; 3] = std::array::from_fn(|pair| twice[pair] * second[pair].dot(&normal));
-        let bending = std::array::from_fn(|pair| bent[pair] - self.curvature[pair]);
+        let (mut m, mut bent, mut bending) = ([[0.0; 3]; 9], [0.0; 3], [0.0; 3]);
+        for pair in 0..3 {
+            let gamma = [up[0].dot(&second[pair]), up[1].dot(&second[pair])];
+            for k in 0..9 {
+                let [x, y] = self.slope[k];
+                m[k][pair] = twice[pair] * (self.second[k][pair] - gamma[0] * x - gamma[1] * y);
+            }
+            bent[pair] = twice[pair] * second[pair].dot(&normal);
+            bending[pair] = bent[pair] - self.curvature[pair];
+        }
         let (s, by_bending) = self.stretch_of(&bending);
         let warm = self.warmth;
         let strain = [[0.5 * (aa - 1.0) + s[0] - warm, 0.5 * (bb - 1.0) + s[1] - warm, ab + s[2]], bending];
         Some(Local { tangents, normal, up, metric, bent, by_bending, m, strain })
     }
 
+    #[inline(always)]
     pub fn stress(&self, strain: &[[f64; 3]; 2]) -> [[f64; 3]; 2] {
         [self.membrane.stress(strain[0]), self.bending.stress(strain[1])]
     }
 
     pub fn energy(&self, strain: &[[f64; 3]; 2]) -> f64 {
-        let stress = self.stress(strain);
-        0.5 * (0..3).map(|i| stress[0][i] * strain[0][i] + stress[1][i] * strain[1][i]).sum::<f64>()
+        half_product(strain, &self.stress(strain))
     }
 
     /// The change of the strains, to first order, with that of the control points.
@@ -239,7 +250,7 @@ impl Point {
     }
 
     /// Adds ∂V by the control points.
-    #[inline]
+    #[inline(always)]
     pub fn add_gradient(&self, local: &Local, stress: &[[f64; 3]; 2], gradient: &mut [f64]) {
         let (n, moment) = (&stress[0], local.moment(stress));
         for k in 0..9 {
@@ -249,7 +260,9 @@ impl Point {
                 + local.tangents[1] * (n[1] * y + n[2] * x)
                 + local.normal * (moment[0] * m[0] + moment[1] * m[1] + moment[2] * m[2]);
             let at = 3 * self.nodes[k];
-            (0..3).for_each(|axis| gradient[at + axis] += force[axis]);
+            for (gradient, force) in gradient[at..at + 3].iter_mut().zip(&force) {
+                *gradient += force;
+            }
         }
     }
 

@@ -14,8 +14,9 @@
 use super::super::frames::PoseSlope;
 use super::super::memory::{ModelMemory, Unknowns};
 use super::band::{Band, dot};
-use super::point::{Block, Grip, Hold, Point};
+use super::point::{Block, Grip, Hold, Point, half_product};
 use super::spline::Grid;
+use crate::base::lanes::{self, Kernel};
 use nalgebra::{Matrix3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
@@ -34,6 +35,10 @@ const BEGIN: f64 = 0.25;
 const REACH: f64 = 2.0;
 /// Steps in which the Hessian of the next one is made.
 const PARTS: usize = 6;
+/// After so many of the first it is foreseen whether they suffice.
+const TOLD: usize = 2;
+/// Evaluations of the slopes that take as long as a factor.
+const FACTOR_WORK: usize = 3;
 /// Iterations with an earlier factor, at full length, and along the energy's way down.
 const CHEAP: usize = 12;
 const FAST: usize = 16;
@@ -71,6 +76,8 @@ pub struct Sheet {
     /// The largest distance of a control point from the first, and the mean thickness, m.
     pub size: f64,
     pub thickness: f64,
+    /// Evaluations of the slopes, as which a factor counts several; whoever reads it sets it to 0.
+    pub work: usize,
 }
 
 /// The factor that is made beside the steps.
@@ -141,6 +148,7 @@ impl Sheet {
             rest,
             size,
             thickness,
+            work: 0,
         }
     }
 
@@ -395,9 +403,14 @@ impl Sheet {
             }
             self.go(1.0);
             self.q.clone_from_slice(&self.trial);
-            let left = if pair == 0 { gain } else { gain * (gain / before) };
-            if left <= COASTED * energy.abs().max(ROUNDED * self.least_energy()) {
+            let rate = if pair == 0 { 1.0 } else { gain / before };
+            let wanted = COASTED * energy.abs().max(ROUNDED * self.least_energy());
+            if gain * rate <= wanted {
                 return Some(energy - 0.5 * gain);
+            }
+            // Too slow, even at the square of this rate.
+            if pair >= TOLD && gain * rate.powi(2 * (CHEAP - pair) as i32) > wanted {
+                return None;
             }
             before = gain;
             let own = &mut self.pairs[pair];
@@ -505,16 +518,15 @@ impl Sheet {
 
     /// Energy and gradient.
     pub fn slope(&mut self, holds: &[Hold]) -> Option<f64> {
+        self.work += 1;
         let Sheet { q, rest, loads, gradient, .. } = self;
         let mut energy = potential(loads, q, rest);
         for (own, load) in gradient.chunks_exact_mut(3).zip(&self.loads) {
             (0..3).for_each(|axis| own[axis] = -load[axis]);
         }
-        for point in &self.points {
-            let local = point.local(q)?;
-            energy += point.energy(&local.strain);
-            point.add_gradient(&local, &point.stress(&local.strain), gradient);
-        }
+        let mut of_points = None;
+        lanes::run(Slope { points: &self.points, q, gradient, energy: &mut of_points });
+        energy += of_points?;
         for grip in &self.grips {
             let pulled = grip.pulled(q, holds.get(grip.control)?);
             energy += grip.energy(&pulled);
@@ -539,6 +551,7 @@ impl Sheet {
         let mean = self.hessian.trace() / self.gradient.len() as f64;
         let mut shift = 0.0;
         for _ in 0..16 {
+            self.work += FACTOR_WORK;
             self.factor.copy_from(&self.hessian);
             self.factor.add_to_diagonal(shift);
             if self.factor.factor() {
@@ -657,6 +670,28 @@ fn add_part(
         block.spill(&cell, hessian);
     }
     Some(())
+}
+
+/// Energy of all points, `None` where the surface has lost its tangent plane, and its gradient, which is added.
+struct Slope<'a> {
+    points: &'a [Point],
+    q: &'a [Vector3<f64>],
+    gradient: &'a mut [f64],
+    energy: &'a mut Option<f64>,
+}
+
+impl Kernel for Slope<'_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let mut energy = 0.0;
+        for point in self.points {
+            let Some(local) = point.local(self.q) else { return };
+            let stress = point.stress(&local.strain);
+            energy += half_product(&local.strain, &stress);
+            point.add_gradient(&local, &stress, self.gradient);
+        }
+        *self.energy = Some(energy);
+    }
 }
 
 /// x += share · y.

@@ -22,6 +22,15 @@ const ROUNDING: f64 = 1e-12;
 /// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
 /// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
 const SAYS_NOTHING: f64 = 1e-6;
+/// So many equilibria have their second derivatives taken from the first of them: as many as a search for the stiffness at a handle
+/// has columns, and some in which it waits.
+pub const CURVATURE_SERVES: usize = 12;
+/// The way before tells how q bends away from its tangent where this one is so much as long, and leads within 27° in its direction.
+const AS_LONG: [f64; 2] = [0.25, 4.0];
+const AS_STRAIGHT: f64 = 0.8;
+/// An equilibrium that takes more evaluations is a long one, where the second derivatives that slopes beside it need are there, and
+/// where they are not; one of second derivatives counts as two.
+const USUAL_WORK: [usize; 2] = [3, 1];
 /// y beyond those of undeformed elements count as 0 below this; where loads are taken away, so does the energy of such a y.
 const NOTHING: f64 = 1e-9;
 
@@ -35,7 +44,6 @@ pub struct ReducedBody {
     fields: usize,
     z: Vec<f64>,
     slopes: Vec<f64>,
-    row: Vec<f64>,
     second: Vec<f64>,
     factor: Factor,
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
@@ -44,21 +52,33 @@ pub struct ReducedBody {
     /// How many of z the factor and the tangent were made with, 0 where there are none.
     active: usize,
     step: Vec<f64>,
-    /// The last z, the z that is tried, and the q that were predicted.
+    /// The last z, and the z that is tried.
     before: Vec<f64>,
     trial: Vec<f64>,
-    predicted: Vec<f64>,
+    /// The last change of y in the places of z, and by how much q missed its tangent then.
+    change: Vec<f64>,
+    missed: Vec<f64>,
+    /// Evaluations for the last equilibrium, and whether the tangent was made in it.
+    work: usize,
+    is_fresh: bool,
+    /// ∂²V/∂z² over all of z, where q was settled so many times ago, none where there are none; the factor of its part by q; the
+    /// slopes that were found with it.
+    curvature: Vec<f64>,
+    curvature_age: Option<usize>,
+    beside: Factor,
+    slopes_beside: Vec<f64>,
 }
 
 impl ReducedBody {
     /// `None` where the coefficients are not those of so many coordinates.
-    pub fn new(rigid: usize, others: usize, fields: usize, coefficients: Vec<f64>) -> Option<ReducedBody> {
+    pub fn new(rigid: usize, others: usize, fields: usize, coefficients: &[f64]) -> Option<ReducedBody> {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
         z[0] = 1.0;
         let shape = QuarticShape { variables: n };
         let of_unit = |k: usize| coefficients.get(shape.at([0, 0, k, k])).copied().unwrap_or(0.0);
         let stiffest = (1..n).map(of_unit).fold(0.0, f64::max);
+        let factor = Factor { n: fields, lower: vec![0.0; fields * fields] };
         Some(ReducedBody {
             nothing: NOTHING * NOTHING * stiffest,
             quartic: Quartic::new(n, coefficients)?,
@@ -68,15 +88,26 @@ impl ReducedBody {
             trial: z.clone(),
             z,
             slopes: vec![0.0; n],
-            row: vec![0.0; n],
             second: vec![0.0; n * n],
-            factor: Factor { n: fields, lower: vec![0.0; fields * fields] },
+            curvature: vec![0.0; n * n],
+            curvature_age: None,
+            beside: factor.clone(),
+            slopes_beside: vec![0.0; n],
+            factor,
             tangent: vec![0.0; fields * n],
             cross: vec![0.0; fields * n],
             active: 0,
             step: vec![0.0; fields],
-            predicted: vec![0.0; fields],
+            change: vec![0.0; n],
+            missed: vec![0.0; fields],
+            work: 0,
+            is_fresh: false,
         })
+    }
+
+    /// Whether the last equilibrium left little time for slopes beside it.
+    pub fn was_long(&self) -> bool {
+        self.work > USUAL_WORK[usize::from(self.curvature_age.is_none())]
     }
 
     /// q, as it was last found.
@@ -96,7 +127,8 @@ impl ReducedBody {
 
     /// How many numbers [`ReducedBody::keep`] adds.
     pub fn kept(&self) -> usize {
-        self.z.len() + self.slopes.len() + 1 + self.factor.lower.len() + self.tangent.len() + self.cross.len()
+        let [lower, tangent, cross] = [&self.factor.lower, &self.tangent, &self.cross].map(Vec::len);
+        3 * self.z.len() + self.fields + 1 + lower + tangent + cross
     }
 
     /// Adds the last equilibrium with its slopes, and the factor and the tangent with which the next one is found.
@@ -104,20 +136,25 @@ impl ReducedBody {
         unknowns.extend(self.z.iter().chain(&self.slopes));
         unknowns.push(self.active as f64);
         unknowns.extend(self.factor.lower.iter().chain(&self.tangent).chain(&self.cross));
+        unknowns.extend(self.change.iter().chain(&self.missed));
     }
 
     /// Takes back what [`ReducedBody::keep`] added.
     pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
+        self.curvature_age = None;
         unknowns.fill(&mut self.z);
         unknowns.fill(&mut self.slopes);
         self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
-        for numbers in [&mut self.factor.lower, &mut self.tangent, &mut self.cross] {
+        let made = [&mut self.factor.lower, &mut self.tangent, &mut self.cross];
+        for numbers in made.into_iter().chain([&mut self.change, &mut self.missed]) {
             unknowns.fill(numbers);
         }
     }
 
     /// From now on the search begins at q = 0.
     pub fn forget(&mut self) {
+        self.curvature_age = None;
+        self.change.fill(0.0);
         self.z[1..].fill(0.0);
         self.active = 0;
     }
@@ -130,6 +167,8 @@ impl ReducedBody {
     /// V, with what loads make of it, at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of
     /// before.
     pub fn settle(&mut self, y: &[f64], mut burden: Option<&mut Burden>) -> Option<f64> {
+        self.curvature_age = self.curvature_age.map(|age| age + 1).filter(|age| *age < CURVATURE_SERVES);
+        (self.work, self.is_fresh) = (0, false);
         let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
         let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };
         self.before.copy_from_slice(&self.z);
@@ -142,15 +181,17 @@ impl ReducedBody {
             self.predict();
         }
         let (q, fields) = (1 + self.rigid, self.fields);
-        self.predicted.copy_from_slice(&self.z[q..q + fields]);
         let found = self.iterate(active, &mut burden).filter(|value| value.is_finite());
         if found.is_none() {
             self.z[q..q + fields].copy_from_slice(&self.before[q..q + fields]);
             self.active = 0;
+            self.change.fill(0.0);
             return None;
         }
         if is_predicted {
             self.mend();
+        } else {
+            self.change.fill(0.0);
         }
         self.quartic.slopes_beyond(&self.z, active, &mut self.slopes[active..]);
         if let Some(burden) = burden {
@@ -159,31 +200,91 @@ impl ReducedBody {
         found
     }
 
-    /// Moves q with y along the tangent.
+    /// Finds the slopes by y a little beside that which was settled last, to first order of the way there: q follows y along
+    /// ∂²V/∂q² δq = -∂²V/∂q∂y δy, with second derivatives that serve [`CURVATURE_SERVES`] equilibria. Returns what that adds to V;
+    /// `None` where q is not stable.
+    pub fn settle_beside(&mut self, y: &[f64]) -> Option<f64> {
+        let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
+        if self.curvature_age.is_none() {
+            self.quartic.second(&self.z, n, &mut self.curvature);
+            for i in 0..fields {
+                let row = &self.curvature[(q + i) * n + q..][..fields];
+                self.beside.lower[i * fields..(i + 1) * fields].copy_from_slice(row);
+            }
+            self.curvature_age = self.beside.make().then_some(0);
+        }
+        self.curvature_age?;
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        self.trial.fill(0.0);
+        for (k, y) in y.iter().enumerate() {
+            let at = self.place(k);
+            self.trial[at] = y - self.z[at];
+        }
+        let added = dot(&self.slopes, &self.trial);
+        for (i, step) in self.step.iter_mut().enumerate() {
+            *step = -dot(&self.curvature[(q + i) * n..][..n], &self.trial);
+        }
+        self.beside.solve(&mut self.step);
+        self.trial[q..q + fields].copy_from_slice(&self.step);
+        for (at, slope) in self.slopes_beside.iter_mut().enumerate() {
+            *slope = self.slopes[at] + dot(&self.curvature[at * n..][..n], &self.trial);
+        }
+        Some(added)
+    }
+
+    /// ∂V/∂y of the k-th y where [`ReducedBody::settle_beside`] was.
+    pub fn slope_beside(&self, k: usize) -> f64 {
+        self.slopes_beside[self.place(k)]
+    }
+
+    /// The change of y since the last equilibrium, in the places of z.
+    fn change_of(&self, at: usize) -> f64 {
+        let is_q = (1 + self.rigid..1 + self.rigid + self.fields).contains(&at);
+        if is_q { 0.0 } else { self.z[at] - self.before[at] }
+    }
+
+    /// Moves q with y along the tangent, and aside by as much as it missed that on the way before, where this is a like one: what it
+    /// misses grows with the square of the way.
     fn predict(&mut self) {
         let (n, q) = (self.active, 1 + self.rigid);
+        let [mut own, mut last, mut both] = [0.0; 3];
+        for (at, before) in self.change.iter().enumerate().take(n) {
+            let change = self.change_of(at);
+            own += change * change;
+            last += before * before;
+            both += change * before;
+        }
+        let is_like = both * both >= AS_STRAIGHT * own * last && last > SAYS_NOTHING * SAYS_NOTHING;
+        let long = if is_like { both / last } else { 0.0 };
+        let share = if (AS_LONG[0]..AS_LONG[1]).contains(&long) { long * long } else { 0.0 };
         for i in 0..self.fields {
-            let moved = self.tangent[i * n..(i + 1) * n].iter().zip(self.z.iter().zip(&self.before));
-            let change: f64 = moved.map(|(slope, (now, before))| slope * (now - before)).sum();
-            self.trial[q + i] = self.z[q + i] + change;
+            let along: f64 = (0..n).map(|at| self.tangent[i * n + at] * self.change_of(at)).sum();
+            self.trial[q + i] = self.z[q + i] + along + share * self.missed[i];
         }
         self.z[q..q + self.fields].copy_from_slice(&self.trial[q..q + self.fields]);
     }
 
-    /// Lets the tangent say of the last change of y what was found.
+    /// Lets a tangent that was not made on this way say of it what was found.
     fn mend(&mut self) {
         let (n, q, fields) = (self.active, 1 + self.rigid, self.fields);
-        let change = |at: usize, z: &[f64], before: &[f64]| {
-            if (q..q + fields).contains(&at) { 0.0 } else { z[at] - before[at] }
-        };
-        let square: f64 = (0..n).map(|at| change(at, &self.z, &self.before).powi(2)).sum();
+        let square: f64 = (0..n).map(|at| self.change_of(at).powi(2)).sum();
         if square <= SAYS_NOTHING * SAYS_NOTHING {
             return;
         }
+        for at in 0..n {
+            self.change[at] = self.change_of(at);
+        }
+        self.change[n..].fill(0.0);
+        if self.is_fresh {
+            self.missed.fill(0.0);
+            return;
+        }
         for i in 0..fields {
-            let missed = (self.z[q + i] - self.predicted[i]) / square;
-            for at in 0..n {
-                self.tangent[i * n + at] += missed * change(at, &self.z, &self.before);
+            let tangent = &mut self.tangent[i * n..(i + 1) * n];
+            let along: f64 = tangent.iter().zip(&self.change).map(|(slope, change)| slope * change).sum();
+            self.missed[i] = self.z[q + i] - self.before[q + i] - along;
+            for (slope, change) in tangent.iter_mut().zip(&self.change) {
+                *slope += self.missed[i] / square * change;
             }
         }
     }
@@ -191,6 +292,7 @@ impl ReducedBody {
     /// V at the q that is found from the q in z.
     fn iterate(&mut self, active: usize, burden: &mut Option<&mut Burden>) -> Option<f64> {
         let q = 1 + self.rigid;
+        self.work += 1;
         let (mut value, mut size) =
             slopes_with(&mut self.quartic, burden, &self.z, &mut self.slopes[..active]);
         let mut last = f64::INFINITY;
@@ -210,6 +312,7 @@ impl ReducedBody {
             last = promised;
             let mut share = 1.0;
             let moved = loop {
+                self.work += 1;
                 self.trial.copy_from_slice(&self.z);
                 for (q, step) in self.trial[q..].iter_mut().zip(&self.step) {
                     *q -= share * step;
@@ -263,7 +366,9 @@ impl ReducedBody {
     /// Factors ∂²V/∂q² at z, with so much added to its diagonal that it is positive definite, and finds the tangent.
     fn factorize(&mut self, active: usize, burden: &Option<&mut Burden>) -> Option<()> {
         let (n, q, fields) = (active, 1 + self.rigid, self.fields);
-        self.quartic.second(&self.z, n, &mut self.row, &mut self.second);
+        self.work += 2;
+        self.is_fresh = true;
+        self.quartic.second(&self.z, n, &mut self.second);
         if let Some(burden) = burden {
             burden.add_second(n, &mut self.second);
         }
@@ -314,6 +419,7 @@ fn slopes_with(
 }
 
 /// Cholesky's factor L of a symmetric matrix, row by row.
+#[derive(Clone)]
 struct Factor {
     n: usize,
     lower: Vec<f64>,
@@ -378,7 +484,7 @@ mod tests {
         ] {
             coefficients[shape.at(term)] = value;
         }
-        let mut body = ReducedBody::new(2, 0, 1, coefficients).unwrap();
+        let mut body = ReducedBody::new(2, 0, 1, &coefficients).unwrap();
         for k in 0..40 {
             let y = 0.3 + 1e-3 * f64::from(k);
             for still in 0..4 {

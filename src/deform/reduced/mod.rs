@@ -21,6 +21,7 @@ use crate::green::{AFFINE, Lift, QUARTIC, REDUCED};
 use equilibrium::ReducedBody;
 use nalgebra::UnitQuaternion;
 
+pub use equilibrium::CURVATURE_SERVES;
 pub use posed::Posed;
 pub use quartic::Quartic;
 
@@ -65,7 +66,7 @@ impl Reduced {
         let (coefficients, fields) = quartic_table(input)?;
         let elements = input.controls.len();
         let lift = Lift::of(elements);
-        let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, coefficients);
+        let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, &coefficients);
         Ok(Reduced {
             loads: FrameForces::of(input, fields)?,
             posed: Posed::new(input.controls),
@@ -120,6 +121,29 @@ impl DeformationModel for Reduced {
         let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), (None, by_mean), own));
         slopes.copy_from_slice(&self.slopes);
         Some(Response { energy: self.energy, is_defined: found.is_some() })
+    }
+
+    fn respond_beside(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        // Loads have second derivatives of their own.
+        let is_loaded = self.loads.as_ref().is_some_and(|loads| !loads.is_none);
+        if self.poses.is_empty() || is_loaded {
+            return None;
+        }
+        let (body, posed) = (&mut self.body, &mut self.posed);
+        let found = posed.take(poses).and_then(|()| body.settle_beside(posed.coordinates()));
+        let found = found.and_then(|added| {
+            posed.pull_back(poses, &|k| body.slope_beside(k), (None, None), slopes)?;
+            Some(Response { energy: self.energy + added, is_defined: true })
+        });
+        // Where that fails, the poses are settled anew.
+        if posed.take(&self.poses).is_none() {
+            self.poses.clear();
+        }
+        found
+    }
+
+    fn was_long(&self) -> bool {
+        self.body.was_long()
     }
 
     fn memory(&self) -> ModelMemory {

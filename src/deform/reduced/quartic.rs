@@ -4,25 +4,230 @@
 //!
 //! ```text
 //! D_cd = Σ w_abcd z_a z_b      X_ab = Σ w_abcd z_c z_d      ∂V/∂z_d = Σ D_cd z_c + …      V = ¼ z·∂V/∂z
+//! U^c_ab = Σ w_abcd z_d        W^d_ab = Σ w_abcd z_c        ∂²V/∂z_i∂z_d = ∂/∂z_i Σ (U^d + W^d)_ab z_a z_b + X_id + D_id + …
 //! ```
 //!
-//! so that each coefficient is read once, in the order in which they stand.
+//! so that each coefficient is read once, in the order in which they stand: the triangles of [`TEAM`] successive d stand side
+//! by side, so that what belongs to (a, b) is read and written once for all of them.
 
 use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::QuarticShape;
 
+/// Numbers that one vector instruction takes at most.
+const SIDE: usize = 8;
+/// Triangles that are read together.
+const TEAM: usize = 4;
+
+/// [`SIDE`] numbers of one triangle.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Lane([f64; SIDE]);
+
+/// The same places (a, b) of [`TEAM`] triangles.
+type Quad = [Lane; TEAM];
+
+const EMPTY: Lane = Lane([0.0; SIDE]);
+
 /// The coefficients, and the memory for an evaluation.
 pub struct Quartic {
-    shape: QuarticShape,
-    coefficients: Vec<f64>,
+    variables: usize,
+    /// For each team of d, and each c up to the last of them, the triangle of (c, d); 0 where d < c, and at its end.
+    coefficients: Vec<Quad>,
     /// z_a z_b of all pairs.
-    products: Vec<f64>,
+    products: Vec<Lane>,
     /// X.
-    sums: Vec<f64>,
+    sums: Vec<Lane>,
+    /// W of a team, and U of all c, one after the other.
+    of_team: Vec<Quad>,
+    of_all: Vec<Lane>,
+    triangle: Vec<f64>,
+    row: Vec<f64>,
 }
 
-/// Numbers that are summed side by side.
-const SIDE: usize = 16;
+/// Pairs a ≤ b < n.
+fn triangle(n: usize) -> usize {
+    n * (n + 1) / 2
+}
+
+/// Lanes of the triangle of c.
+fn lanes_of(c: usize) -> usize {
+    triangle(c + 1).div_ceil(SIDE)
+}
+
+/// Lanes of the triangles before that of c.
+fn lanes_before(c: usize) -> usize {
+    (0..c).map(lanes_of).sum()
+}
+
+/// The first d of each team with one of the first `active`, and the number of the c that the team's triangles have.
+fn teams(active: usize, variables: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..active).step_by(TEAM).map(move |d| (d, variables.min(d + TEAM)))
+}
+
+impl Quartic {
+    /// `None` where `coefficients` are not as many as a quartic of `variables` has.
+    pub fn new(variables: usize, coefficients: &[f64]) -> Option<Quartic> {
+        let shape = QuarticShape { variables };
+        if coefficients.len() != shape.len() {
+            return None;
+        }
+        let mut quads = Vec::new();
+        for (first, count) in teams(variables, variables) {
+            for c in 0..count {
+                let start = quads.len();
+                quads.resize(start + lanes_of(c), [EMPTY; TEAM]);
+                for d in c.max(first)..variables.min(first + TEAM) {
+                    let own = &coefficients[shape.at([0, 0, c, d])..][..triangle(c + 1)];
+                    for (quad, own) in quads[start..].iter_mut().zip(own.chunks(SIDE)) {
+                        quad[d - first].0[..own.len()].copy_from_slice(own);
+                    }
+                }
+            }
+        }
+        let lanes = triangle(variables).div_ceil(SIDE);
+        Some(Quartic {
+            variables,
+            coefficients: quads,
+            products: vec![EMPTY; lanes],
+            sums: vec![EMPTY; lanes],
+            of_team: vec![[EMPTY; TEAM]; lanes],
+            of_all: vec![EMPTY; lanes_before(variables)],
+            triangle: vec![0.0; lanes * SIDE],
+            row: vec![0.0; variables],
+        })
+    }
+
+    /// The products z_a z_b, and nothing behind them.
+    fn multiply(&mut self, z: &[f64]) {
+        let mut places = self.products.iter_mut().flat_map(|lane| &mut lane.0);
+        for (b, zb) in z.iter().enumerate() {
+            z[..=b].iter().zip(&mut places).for_each(|(za, place)| *place = za * zb);
+        }
+        places.for_each(|place| *place = 0.0);
+    }
+
+    /// V, and its slopes against the first `active` of z; the others of z must be 0.
+    pub fn slopes(&mut self, z: &[f64], active: usize, slopes: &mut [f64]) -> f64 {
+        let z = &z[..active];
+        self.multiply(z);
+        self.sums.fill(EMPTY);
+        slopes.fill(0.0);
+        lanes::run(Slopes { quartic: self, z, slopes });
+        let mut sums = self.sums.iter().flat_map(|lane| lane.0);
+        for b in 0..active {
+            for (a, sum) in (0..=b).zip(&mut sums) {
+                slopes[a] += sum * z[b];
+                slopes[b] += sum * z[a];
+            }
+        }
+        0.25 * z.iter().zip(slopes).map(|(z, slope)| z * *slope).sum::<f64>()
+    }
+
+    /// The slopes against the z behind the first `active`, which are 0. Where [`Quartic::slopes`] was asked last is near enough.
+    pub fn slopes_beyond(&self, z: &[f64], active: usize, slopes: &mut [f64]) {
+        slopes.fill(0.0);
+        lanes::run(Beyond { quartic: self, z: &z[..active], slopes });
+    }
+
+    /// Second derivatives against the first `active` of z, row by row into `second`; the others of z must be 0.
+    pub fn second(&mut self, z: &[f64], active: usize, second: &mut [f64]) {
+        let (n, z) = (active, &z[..active]);
+        self.multiply(z);
+        self.sums.fill(EMPTY);
+        self.of_all.fill(EMPTY);
+        second[..n * n].fill(0.0);
+        lanes::run(Second { quartic: self, z, second });
+        let mut sums = self.sums.iter().flat_map(|lane| lane.0);
+        for b in 0..n {
+            second[b * n..=b * n + b].iter_mut().zip(&mut sums).for_each(|(second, sum)| *second += sum);
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                let both = second[i * n + j] + second[j * n + i];
+                (second[i * n + j], second[j * n + i]) = (both, both);
+            }
+        }
+    }
+}
+
+/// A call, so that the lanes above are not torn apart to be summed side by side.
+#[inline(never)]
+fn totals(lanes: &Quad) -> [f64; TEAM] {
+    lanes.map(|lane| lane.0.iter().sum())
+}
+
+/// a b + c.
+#[inline(always)]
+fn lane_fused<const FUSED: bool>(a: &Lane, b: &Lane, c: &mut Lane) {
+    for i in 0..SIDE {
+        c.0[i] = fused64::<FUSED>(a.0[i], b.0[i], c.0[i]);
+    }
+}
+
+#[inline(always)]
+fn lane_add<const FUSED: bool>(factor: f64, a: &Lane, sum: &mut Lane) {
+    for i in 0..SIDE {
+        sum.0[i] = fused64::<FUSED>(factor, a.0[i], sum.0[i]);
+    }
+}
+
+/// D of a team with one c.
+#[inline(always)]
+fn dots<const FUSED: bool>(own: &[Quad], products: &[Lane]) -> [f64; TEAM] {
+    let mut dots = [EMPTY; TEAM];
+    for (own, products) in own.iter().zip(products) {
+        for j in 0..TEAM {
+            lane_fused::<FUSED>(&own[j], products, &mut dots[j]);
+        }
+    }
+    totals(&{ dots })
+}
+
+/// D of a team, `zd`, with one c; adds to X what they give.
+#[inline(always)]
+fn dots_and_sums<const FUSED: bool>(
+    own: &[Quad],
+    products: &[Lane],
+    (zc, zd): (f64, [f64; TEAM]),
+    sums: &mut [Lane],
+) -> [f64; TEAM] {
+    let mut dots = [EMPTY; TEAM];
+    let by = zd.map(|zd| zc * zd);
+    for ((own, products), sums) in own.iter().zip(products).zip(sums) {
+        let mut sum = *sums;
+        for j in 0..TEAM {
+            lane_fused::<FUSED>(&own[j], products, &mut dots[j]);
+            lane_add::<FUSED>(by[j], &own[j], &mut sum);
+        }
+        *sums = sum;
+    }
+    totals(&{ dots })
+}
+
+/// The same; adds to W of the team and to U of c too.
+#[inline(always)]
+fn dots_and_all<const FUSED: bool>(
+    own: &[Quad],
+    products: &[Lane],
+    (zc, zd): (f64, [f64; TEAM]),
+    sums: &mut [Lane],
+    (of_team, of_c): (&mut [Quad], &mut [Lane]),
+) -> [f64; TEAM] {
+    let mut dots = [EMPTY; TEAM];
+    let sides = products.iter().zip(sums).zip(of_team).zip(of_c);
+    for (own, (((products, sums), of_team), of_c)) in own.iter().zip(sides) {
+        let (mut team, mut sum) = (*of_team, EMPTY);
+        for j in 0..TEAM {
+            lane_fused::<FUSED>(&own[j], products, &mut dots[j]);
+            lane_add::<FUSED>(zd[j], &own[j], &mut sum);
+            lane_add::<FUSED>(zc, &own[j], &mut team[j]);
+        }
+        *of_team = team;
+        lane_add::<FUSED>(1.0, &sum, of_c);
+        lane_add::<FUSED>(zc, &sum, sums);
+    }
+    totals(&{ dots })
+}
 
 #[inline(always)]
 fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
@@ -37,144 +242,89 @@ fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-#[inline(always)]
-fn add<const FUSED: bool>(sum: &mut [f64], factor: f64, values: &[f64]) {
-    for (sum, value) in sum.iter_mut().zip(values) {
-        *sum = fused64::<FUSED>(factor, *value, *sum);
-    }
-}
-
-fn triangle(n: usize) -> usize {
-    n * (n + 1) / 2
-}
-
-impl Quartic {
-    /// `None` where `coefficients` are not as many as a quartic of `variables` has.
-    pub fn new(variables: usize, coefficients: Vec<f64>) -> Option<Quartic> {
-        let shape = QuarticShape { variables };
-        let pairs = shape.pairs();
-        (coefficients.len() == shape.len()).then(|| Quartic {
-            shape,
-            coefficients,
-            products: vec![0.0; pairs],
-            sums: vec![0.0; pairs],
-        })
-    }
-
-    /// The triangle of (c, d): the coefficients of all a ≤ b ≤ c.
-    fn of(&self, c: usize, d: usize) -> &[f64] {
-        let start = self.shape.at([0, 0, c, d]);
-        &self.coefficients[start..start + triangle(c + 1)]
-    }
-
-    /// V, and its slopes against the first `active` of z; the others of z must be 0.
-    pub fn slopes(&mut self, z: &[f64], active: usize, slopes: &mut [f64]) -> f64 {
-        let mut at = 0;
-        for (b, zb) in z[..active].iter().enumerate() {
-            for za in &z[..=b] {
-                self.products[at] = za * zb;
-                at += 1;
-            }
-        }
-        self.sums[..triangle(active)].fill(0.0);
-        slopes.fill(0.0);
-        lanes::run(Triangles { quartic: self, z: &z[..active], slopes });
-        let mut at = 0;
-        for b in 0..active {
-            for a in 0..=b {
-                slopes[a] += self.sums[at] * z[b];
-                slopes[b] += self.sums[at] * z[a];
-                at += 1;
-            }
-        }
-        0.25 * dot::<false>(&z[..active], slopes)
-    }
-
-    /// The slopes against the z behind the first `active`, which are 0. Where [`Quartic::slopes`] was asked last is near enough.
-    pub fn slopes_beyond(&self, z: &[f64], active: usize, slopes: &mut [f64]) {
-        lanes::run(Beyond { quartic: self, z: &z[..active], slopes });
-    }
-
-    /// Second derivatives against the first `active` of z, row by row into `second`; the others of z must be 0.
-    pub fn second(&mut self, z: &[f64], active: usize, row: &mut [f64], second: &mut [f64]) {
-        let n = active;
-        self.sums[..triangle(n)].fill(0.0);
-        second[..n * n].fill(0.0);
-        lanes::run(Second { quartic: self, z: &z[..n], row, second });
-        let mut at = 0;
-        for b in 0..n {
-            for a in 0..=b {
-                second[b * n + a] += self.sums[at];
-                at += 1;
-            }
-        }
-        for i in 0..n {
-            for j in 0..=i {
-                let both = second[i * n + j] + second[j * n + i];
-                (second[i * n + j], second[j * n + i]) = (both, both);
-            }
-        }
-    }
-}
-
 /// X, and the part of the slopes that D gives.
-struct Triangles<'a> {
+struct Slopes<'a> {
     quartic: &'a mut Quartic,
     z: &'a [f64],
     slopes: &'a mut [f64],
 }
 
-impl Kernel for Triangles<'_> {
+impl Kernel for Slopes<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Quartic { coefficients, products, sums, .. } = self.quartic;
-        let mut start = 0;
-        for d in 0..self.z.len() {
-            for c in 0..=d {
-                let own = &coefficients[start..start + triangle(c + 1)];
-                start += own.len();
-                let sum = dot::<FUSED>(own, &products[..own.len()]);
-                self.slopes[d] += sum * self.z[c];
-                self.slopes[c] += sum * self.z[d];
-                add::<FUSED>(&mut sums[..own.len()], self.z[c] * self.z[d], own);
+        let Quartic { variables, coefficients, products, sums, .. } = self.quartic;
+        let (z, slopes, n) = (self.z, self.slopes, self.z.len());
+        let mut rest = coefficients.as_slice();
+        for (first, count) in teams(n, *variables) {
+            let team: [f64; TEAM] = std::array::from_fn(|j| z.get(first + j).copied().unwrap_or(0.0));
+            for c in 0..count {
+                let own;
+                (own, rest) = rest.split_at(lanes_of(c));
+                let Some(&zc) = z.get(c) else { continue };
+                let dots = dots_and_sums::<FUSED>(own, products, (zc, team), sums);
+                for (j, dot) in dots.iter().enumerate().take(n - first) {
+                    slopes[first + j] += dot * zc;
+                    slopes[c] += dot * team[j];
+                }
             }
         }
     }
 }
 
-/// X, and the part of the second derivatives that D and its slopes give.
+/// X, and the other parts of the second derivatives.
 struct Second<'a> {
     quartic: &'a mut Quartic,
     z: &'a [f64],
-    row: &'a mut [f64],
     second: &'a mut [f64],
 }
 
 impl Kernel for Second<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Quartic { coefficients, sums, .. } = self.quartic;
+        let Quartic { variables, coefficients, products, sums, of_team, of_all, triangle, row } =
+            self.quartic;
         let (z, second, n) = (self.z, self.second, self.z.len());
-        let mut start = 0;
-        for d in 0..n {
-            for c in 0..=d {
-                let own = &coefficients[start..start + triangle(c + 1)];
-                start += own.len();
-                add::<FUSED>(&mut sums[..own.len()], z[c] * z[d], own);
-                // r_i = ∂/∂z_i of Σ w_abcd z_a z_b.
-                let row = &mut self.row[..=c];
-                row.fill(0.0);
-                let mut at = 0;
-                for b in 0..=c {
-                    let run = &own[at..=at + b];
-                    row[b] += dot::<FUSED>(run, &z[..=b]);
-                    add::<FUSED>(&mut row[..=b], z[b], run);
-                    at += b + 1;
+        let mut rest = coefficients.as_slice();
+        for (first, count) in teams(n, *variables) {
+            let team: [f64; TEAM] = std::array::from_fn(|j| z.get(first + j).copied().unwrap_or(0.0));
+            of_team.fill([EMPTY; TEAM]);
+            let mut at = 0;
+            for c in 0..count {
+                let own;
+                (own, rest) = rest.split_at(lanes_of(c));
+                let Some(&zc) = z.get(c) else { continue };
+                let of_c = &mut of_all[at..at + own.len()];
+                at += own.len();
+                let dots = dots_and_all::<FUSED>(own, products, (zc, team), sums, (of_team, of_c));
+                for (j, dot) in dots.iter().enumerate().take(n - first) {
+                    second[(first + j) * n + c] += dot;
                 }
-                second[d * n + c] += 0.5 * dot::<FUSED>(row, &z[..=c]);
-                add::<FUSED>(&mut second[d * n..=d * n + c], z[c], row);
-                add::<FUSED>(&mut second[c * n..=c * n + c], z[d], row);
             }
+            for (j, d) in (first..n.min(first + TEAM)).enumerate() {
+                let of_d = of_all[lanes_before(d)..].iter_mut().take(lanes_of(d));
+                of_d.zip(&*of_team).for_each(|(of_d, team)| lane_add::<FUSED>(1.0, &team[j], of_d));
+            }
+        }
+        let mut at = 0;
+        for c in 0..n {
+            let of_c = &of_all[at..at + lanes_of(c)];
+            at += of_c.len();
+            for (place, lane) in triangle.chunks_exact_mut(SIDE).zip(of_c) {
+                place.copy_from_slice(&lane.0);
+            }
+            // ∂/∂z_i Σ (U + W)_ab z_a z_b.
+            let row = &mut row[..=c];
+            row.fill(0.0);
+            let mut run = triangle.as_slice();
+            for b in 0..=c {
+                let own;
+                (own, run) = run.split_at(b + 1);
+                row[b] += dot::<FUSED>(own, &z[..=b]);
+                for (row, own) in row.iter_mut().zip(own) {
+                    *row = fused64::<FUSED>(z[b], *own, *row);
+                }
+            }
+            second[c * n..=c * n + c].iter_mut().zip(&*row).for_each(|(second, row)| *second += row);
         }
     }
 }
@@ -189,11 +339,24 @@ struct Beyond<'a> {
 impl Kernel for Beyond<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        for (d, slope) in (self.z.len()..).zip(self.slopes) {
-            *slope = 0.0;
-            for (c, z) in self.z.iter().enumerate() {
-                let own = self.quartic.of(c, d);
-                *slope += dot::<FUSED>(own, &self.quartic.products[..own.len()]) * z;
+        let Quartic { variables, coefficients, products, .. } = self.quartic;
+        let (z, slopes, n) = (self.z, self.slopes, self.z.len());
+        let mut rest = coefficients.as_slice();
+        for (first, count) in teams(*variables, *variables) {
+            let mut team;
+            (team, rest) = rest.split_at(lanes_before(count));
+            if first + TEAM <= n {
+                continue;
+            }
+            for (c, zc) in z.iter().enumerate().take(count) {
+                let own;
+                (own, team) = team.split_at(lanes_of(c));
+                let dots = dots::<FUSED>(own, products);
+                for (j, dot) in dots.iter().enumerate() {
+                    if let Some(slope) = (first + j).checked_sub(n).and_then(|at| slopes.get_mut(at)) {
+                        *slope += dot * zc;
+                    }
+                }
             }
         }
     }
@@ -222,10 +385,10 @@ mod tests {
             }
             sum
         };
-        let mut quartic = Quartic::new(n, coefficients.clone()).unwrap();
+        let mut quartic = Quartic::new(n, &coefficients).unwrap();
         for active in [6, 4] {
             let z: Vec<f64> = (0..n).map(|i| if i < active { (0.7 * i as f64).cos() } else { 0.0 }).collect();
-            let (mut slopes, mut row, mut second) = (vec![0.0; n], vec![0.0; n], vec![0.0; active * active]);
+            let (mut slopes, mut second) = (vec![0.0; n], vec![0.0; active * active]);
             let found = quartic.slopes(&z, active, &mut slopes[..active]);
             quartic.slopes_beyond(&z, active, &mut slopes[active..]);
             assert!((found - value(&z)).abs() < 1e-13, "{found} {}", value(&z));
@@ -238,7 +401,7 @@ mod tests {
                 let slope = (value(&moved(i, 1e-5)) - value(&moved(i, -1e-5))) / 2e-5;
                 assert!((slopes[i] - slope).abs() < 1e-8, "{i}: {} {slope}", slopes[i]);
             }
-            quartic.second(&z, active, &mut row, &mut second);
+            quartic.second(&z, active, &mut second);
             for i in 0..active {
                 let (mut plus, mut minus) = (vec![0.0; active], vec![0.0; active]);
                 quartic.slopes(&moved(i, 1e-5), active, &mut plus);

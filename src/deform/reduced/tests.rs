@@ -4,7 +4,7 @@ use crate::deform::{
     se3,
 };
 use crate::fem::STVK;
-use crate::green::{self, AFFINE, GreenFile, REDUCED, Requirements};
+use crate::green::{self, AFFINE, CUBIC, GreenFile, PERTURBATION, REDUCED, Requirements, STIFFNESS};
 use crate::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
@@ -49,6 +49,51 @@ fn motion() -> Isometry3<f64> {
         Vector3::new(0.4, -1.0, 2.0).into(),
         UnitQuaternion::from_scaled_axis(Vector3::new(0.7, -0.2, 1.1)),
     )
+}
+
+/// What a model finds a little beside its state, and what it finds there by itself, differ by the square of the way; at 90° in
+/// the models' own fields, to which stretches of control elements belong. The state stays.
+#[test]
+fn slopes_beside_are_those_to_first_order() {
+    let families = [AFFINE, REDUCED, PERTURBATION, STIFFNESS, CUBIC];
+    let solution = green::solve(&bar(RIGHT), "bar", &Requirements::of(&families), &Silent).unwrap();
+    for name in ["reduced", "perturbation"] {
+        let (mut model, _) = model_of(find_model(name).unwrap(), &solution).unwrap();
+        let at = poses([0.1, 0.3, -0.2], [0.2, -0.9, 0.3], &motion());
+        let moved = |by: f64| {
+            let mut moved = at.clone();
+            moved[1].translation += Vector3::new(0.3, -0.8, 0.5) * by;
+            moved[1].matrix += Matrix3::new(0.1, -0.4, 0.2, 0.3, 0.2, -0.5, 0.1, 0.6, -0.2) * by;
+            moved
+        };
+        let mut slopes = [[PoseSlope::default(); 2]; 3];
+        let [own, found, beside] = &mut slopes;
+        let mut off = |by: f64| {
+            model.respond(&at, own).unwrap();
+            let answer = model.respond_beside(&moved(by), beside).unwrap();
+            model.respond(&at, found).unwrap();
+            assert!(off_by(own, found) < 1e-9 * size(own), "{name}: {}", off_by(own, found));
+            let expected = model.respond(&moved(by), found).unwrap();
+            [off_by(beside, found), off_by(own, found), (answer.energy - expected.energy).abs()]
+        };
+        let [[far, way, far_j], [near, _, near_j]] = [off(1e-2), off(1e-3)];
+        assert!(far < 0.1 * way, "{name}: {far} of {way}");
+        let [rate, rate_j] = [far / near, far_j / near_j].map(f64::log10);
+        assert!((1.95..2.05).contains(&rate), "{name}: {far} {near}");
+        assert!(rate_j > 1.95, "{name}: energy off by {far_j} J, {near_j} J");
+    }
+}
+
+fn size(slopes: &[PoseSlope]) -> f64 {
+    slopes.iter().map(|slope| slope.translation.norm() + slope.matrix.norm()).fold(0.0, f64::max)
+}
+
+fn off_by(one: &[PoseSlope], other: &[PoseSlope]) -> f64 {
+    let between = |(one, other): (&PoseSlope, &PoseSlope)| PoseSlope {
+        translation: one.translation - other.translation,
+        matrix: one.matrix - other.matrix,
+    };
+    size(&one.iter().zip(other).map(between).collect::<Vec<_>>())
 }
 
 /// Force, torque and shape at 60° to 90° against the equilibrium of the whole mesh: a tenth of what the other models miss.

@@ -337,7 +337,7 @@ fn change(ui: &mut Ui, draft: &Draft, now: &Now<'_>, orders: &mut Vec<Order>) {
             if ui.button("Stop computing").clicked() {
                 orders.push(Order::GiveUp);
             }
-            ui.label(RichText::new("all else goes on meanwhile").color(QUIET).small());
+            ui.label(RichText::new("you can keep working").color(QUIET).small());
         });
         return;
     }

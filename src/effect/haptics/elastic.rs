@@ -6,7 +6,7 @@
 
 use crate::deform::{
     ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, MODELS, ModelEntry,
-    ModelInput, PoseCurvature, PoseSlope,
+    ModelInput, PoseCurvature, PoseSlope, Response,
 };
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
@@ -114,6 +114,25 @@ impl Elastic {
     pub fn respond(&mut self, pose: &ControlPose) -> ElasticResponse {
         self.poses[self.held] = *pose;
         let response = self.model.respond(&self.poses, &mut self.slopes);
+        self.with_added(response, pose)
+    }
+
+    /// The same a little beside the held element's pose, which stays.
+    pub fn respond_beside(&mut self, pose: &ControlPose) -> ElasticResponse {
+        let own = std::mem::replace(&mut self.poses[self.held], *pose);
+        let beside = self.model.respond_beside(&self.poses, &mut self.slopes);
+        let response = beside.or_else(|| self.model.respond(&self.poses, &mut self.slopes));
+        self.poses[self.held] = own;
+        self.with_added(response, pose)
+    }
+
+    /// Whether the last response took much longer than most do.
+    pub fn was_long(&self) -> bool {
+        self.model.was_long()
+    }
+
+    /// The model's response and slopes with what other effects add at the held element's pose.
+    fn with_added(&self, response: Option<Response>, pose: &ControlPose) -> ElasticResponse {
         let (mut energy, is_defined) =
             response.map_or((f64::NAN, false), |found| (found.energy, found.is_defined));
         let mut slope = self.slopes[self.held];
@@ -136,14 +155,6 @@ impl Elastic {
         self.is_stiffened |= (now - before).norm() > STIFFENED * before.norm();
         self.added = added;
         raised
-    }
-
-    /// The same a little beside the held element's pose, which stays.
-    pub fn respond_beside(&mut self, pose: &ControlPose) -> ElasticResponse {
-        let own = self.held_pose();
-        let response = self.respond(pose);
-        self.poses[self.held] = own;
-        response
     }
 
     /// Remembers the poses of all elements.

@@ -1,4 +1,5 @@
-//! The body's stiffness at the handle, found while the loop ticks: one more evaluation of the body in each tick.
+//! The body's stiffness at the handle, found while the loop ticks: one more evaluation of the body in each tick that has not taken
+//! long, beside its state where the model has such a way.
 //!
 //! In: the hold with the body's push there. Out: K, 6 × 6 in N/m, N and N·m of the device: minus the derivatives of the push by
 //! the hold's motion (v, ω), by differences from the push that the tick has found anyway. It is the Hessian of the energy in
@@ -16,6 +17,8 @@ const DIFFERENCE: f64 = 1e-4;
 pub const TURNED: f64 = 0.1;
 /// or after a control element has turned by this angle, or moved by this part of the body.
 const MOVED: f64 = 0.02;
+/// A column waits for a tick in which the body's response does not take long, over at most so many.
+const MOST_WAITED: usize = 4;
 
 /// The stiffness of one hold.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,6 +30,8 @@ pub struct Stiffness {
     columns: Matrix6<f64>,
     /// The next column of a search; `None` between two searches.
     next: Option<usize>,
+    /// Ticks in which that has waited.
+    waited: usize,
 }
 
 impl Stiffness {
@@ -52,6 +57,11 @@ impl Stiffness {
         body: &mut Elastic,
     ) -> Option<bool> {
         let Some(k) = self.next else { return Some(false) };
+        if body.was_long() && self.waited < MOST_WAITED {
+            self.waited += 1;
+            return Some(false);
+        }
+        self.waited = 0;
         // A metre of the device is `motion` of the room's, of which the body has 1/scaling.
         let size = body.origin().norm().max(0.01) * held.room_from_body.scaling() / haptic.motion;
         let step = if k < 3 { DIFFERENCE * size } else { DIFFERENCE };
@@ -87,8 +97,8 @@ mod tests {
     /// N/m.
     const SPRINGS: Vector3<f64> = Vector3::new(900.0, 500.0, 200.0);
 
-    /// A spring along each axis; counts how often it is evaluated.
-    struct Springs(Arc<AtomicUsize>);
+    /// A spring along each axis; counts how often it is evaluated, and says whether that takes long.
+    struct Springs(Arc<AtomicUsize>, bool);
 
     impl DeformationModel for Springs {
         fn state(&mut self, _poses: &[ControlPose]) -> BodyState {
@@ -102,14 +112,17 @@ mod tests {
             slopes[0] = PoseSlope { translation: force, matrix: Matrix3::zeros() };
             Some(Response { energy: 0.5 * force.dot(&moved), is_defined: true })
         }
+
+        fn was_long(&self) -> bool {
+            self.1
+        }
     }
 
-    /// Each tick evaluated the body thirteen times where the handle had moved: plates were late by ten ticks.
-    #[test]
-    fn a_tick_evaluates_the_body_twice_at_most() {
+    /// How often each of so many ticks evaluates the body, and whether there is a force; and how much stiffer the coupling is.
+    fn ticked(ticks: u32, is_long: bool) -> (Vec<(usize, bool)>, f64) {
         let count = Arc::new(AtomicUsize::new(0));
         let rest = ControlRest { name: "springs".into(), origin: Vector3::zeros(), nodes: 1 };
-        let body = Elastic::new(Box::new(Springs(count.clone())), &[rest]).unwrap();
+        let body = Elastic::new(Box::new(Springs(count.clone(), is_long)), &[rest]).unwrap();
         let mut control = Control::new(Haptic::simulated("counted"), vec![body], 0.0);
         let held = Held {
             grip: 1,
@@ -119,7 +132,7 @@ mod tests {
             constraint: HoldConstraint::Rigid(Matrix4::identity()),
         };
         let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST], ..Grasp::default() };
-        for tick in 0..1000 {
+        let tick = |tick: u32| {
             let now_s = 1e-3 * f64::from(tick);
             if tick % 16 == 0 {
                 control.take(&grasp);
@@ -128,15 +141,30 @@ mod tests {
             let swing = (6.0 * now_s).sin();
             let at = Isometry3::new(Vector3::new(2e-3, 1e-3, -1e-3) * swing, Vector3::y() * swing);
             control.tick(Some(&Reading::at(at, now_s)), now_s);
-            assert!(count.load(Relaxed) <= 2, "tick {tick}: {} evaluations", count.load(Relaxed));
-            assert_eq!(
-                control.state.gain > 0.0,
-                tick >= 6,
-                "tick {tick}: no force before the coupling suits all six columns"
-            );
+            (count.load(Relaxed), control.state.gain > 0.0)
+        };
+        ((0..ticks).map(tick).collect(), control.state.stiffer)
+    }
+
+    /// Each tick evaluated the body thirteen times where the handle had moved: plates were late by ten ticks.
+    #[test]
+    fn a_tick_evaluates_the_body_twice_at_most() {
+        let (ticks, stiffer) = ticked(1000, false);
+        for (tick, (evaluations, is_felt)) in ticks.into_iter().enumerate() {
+            assert!(evaluations <= 2, "tick {tick}: {evaluations} evaluations");
+            assert_eq!(is_felt, tick >= 6, "tick {tick}: no force before the coupling suits all six columns");
         }
         // 0.8 · 2 b/T at 1 N·s/m and 1 kHz.
-        let stiffer = control.state.stiffer;
         assert!((stiffer - SPRINGS.max() / 1600.0).abs() < 1e-6, "{stiffer}");
+    }
+
+    /// A second equilibrium made long ticks twice as long.
+    #[test]
+    fn a_long_tick_finds_no_column_four_times_in_succession() {
+        let (ticks, _) = ticked(34, true);
+        for (tick, (evaluations, is_felt)) in ticks.into_iter().enumerate() {
+            assert_eq!(evaluations, if tick % 5 == 4 { 2 } else { 1 }, "tick {tick}");
+            assert_eq!(is_felt, tick >= 30, "tick {tick}");
+        }
     }
 }

@@ -174,13 +174,10 @@ impl Reached {
         format!("{value}, limit {} PASSED in {passed} of the surface", written(limit))
     }
 
-    /// `its limit of 250 MPa is PASSED in 3 % of its surface, where 412 MPa is reached`.
+    /// `above its 250 MPa limit on 3 % of the surface (peak 412 MPa)`.
     pub fn passing(&self, limit: Limit) -> String {
         let [value, passed] = self.value_and_passed(limit);
-        format!(
-            "its limit of {} is PASSED in {passed} of its surface, where {value} is reached",
-            written(limit)
-        )
+        format!("above its {} limit on {passed} of the surface (peak {value})", written(limit))
     }
 }
 

@@ -85,7 +85,7 @@ pub fn compress(of: &Surface<'_>, error: f64, progress: &dyn Progress) -> Result
         }
         if tried < TIGHTNESS.len() {
             progress.tell(&format!(
-                "compressed, a displacement is wrong by {least:.1e} of a pressed node's own: it is made again with larger bases"
+                "compressed, a displacement is wrong by {least:.1e} of a pressed node's own: retrying with larger bases"
             ));
         }
     }

@@ -20,6 +20,7 @@ use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
 use super::tet_mesh::{Loaded, TetMesh};
 use crate::base::machine;
+use crate::base::table::count;
 use distance::{Depth, Distance};
 use lattice::Lattice;
 use nalgebra::Vector3;
@@ -223,8 +224,9 @@ fn told(
     let bodies = report.shells.iter().filter(|shell| !shell.is_cavity).count();
     if pieces != bodies {
         notices.push(format!(
-            "the surface has {bodies} bodies, the mesh {pieces} pieces: where they are joined or torn, it is thinner \
-             than a cell"
+            "the surface has {}, the mesh {}: where they are joined or torn, it is thinner than a cell",
+            if bodies == 1 { "one body".to_owned() } else { format!("{bodies} bodies") },
+            count(pieces, "piece")
         ));
     }
     if let Some((distance, at, count)) = deviation(surface, mesh, &boundary, cell / 2.0) {

@@ -24,7 +24,7 @@ pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, Str
     for [outside, inside] in &votes {
         if f64::from(*outside.min(inside)) > MINORITY * f64::from(outside + inside) {
             return Err(format!(
-                "inside and outside contradict each other at {place}: bodies that overlap, or a surface that passes \
+                "the surface overlaps itself at {place}: bodies that overlap, or a surface that passes \
                  through itself by more than a cell. Join the bodies where they were made, or let a mesher that \
                  repairs do both: `greenstage manual meshes` shows the command"
             ));
@@ -39,7 +39,7 @@ pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, Str
         }
     }
     Ok(Some(format!(
-        "inside and outside contradicted each other at {place}, because the surface passes through itself: {turned} \
+        "the surface passes through itself at {place}: {turned} \
          lattice vertices were outvoted by their neighbours"
     )))
 }

@@ -24,6 +24,7 @@ use crate::mesh::{self, Loaded, TetMesh, quality, surface_files};
 use doubt::plausible;
 use filling::Filled;
 use indexmap::IndexMap;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use telling::Telling;
 
@@ -62,6 +63,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     telling.warnings.extend(notices);
     size(&mut telling, &key, &mesh, wishes, filling);
     let material = material(&mut telling, &key, known, why);
+    regions(&mut telling, &mesh);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let choice = choice::choose(&mut telling, &key, &mesh, &material, control.len(), wishes);
     let body = Body {
@@ -214,6 +216,19 @@ fn material(
     telling.comment(&key("material"), &comment);
     telling.reason(format!("material: {} (E = {modulus}, ν = {}), {why}", known.name, known.poisson));
     Material::from(known)
+}
+
+/// Says that regions of the file get one material, until the scene gives them theirs.
+fn regions(telling: &mut Telling, mesh: &TetMesh) {
+    let numbers: BTreeSet<u32> = mesh.regions.iter().copied().collect();
+    let named = |number: &u32| mesh.region_names.get(number).cloned().unwrap_or_else(|| number.to_string());
+    let names: Vec<String> = numbers.iter().map(named).collect();
+    if let [first, .., _] = names.as_slice() {
+        telling.reason(format!(
+            "regions: {}, all of this material; region.{first} = \"steel\" in the scene file gives one its own",
+            names.join(", ")
+        ));
+    }
 }
 
 /// A modulus in the unit that suits it.

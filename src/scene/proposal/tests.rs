@@ -175,6 +175,22 @@ fn every_piece_is_held() {
     assert_eq!(control_names(&proposal), ["left", "right", "piece_2"]);
 }
 
+/// A file with two regions got one material without a word.
+#[test]
+fn regions_of_one_material_are_named() {
+    let mut mesh = bar([0.5, 0.05, 0.05], [20, 2, 2]);
+    let said = |mesh: &TetMesh| {
+        let proposal = proposed("two.msh", mesh, &Wishes::default()).unwrap();
+        proposal.reasons.into_iter().find(|reason| reason.starts_with("regions"))
+    };
+    assert_eq!(said(&mesh), None);
+    mesh.regions = (0..mesh.tets.len() as u32).map(|tet| 1 + tet % 2).collect();
+    mesh.region_names.insert(2, "core".to_owned());
+    let expected =
+        "regions: 1, core, all of this material; region.1 = \"steel\" in the scene file gives one its own";
+    assert_eq!(said(&mesh).as_deref(), Some(expected));
+}
+
 #[test]
 fn a_surface_is_filled_with_some_ten_thousand_nodes() {
     let folder = tempfile::tempdir().unwrap();

@@ -69,6 +69,16 @@ mod tests {
         assert!(said.ends_with("of wall as [-0.8000, 0.9000, 0.0000]"), "{said}");
     }
 
+    /// Beside the cause, each wall was told to be on its side.
+    #[test]
+    fn walls_with_z_up_are_not_said_to_be_turned() {
+        let stage = with_z_up("cave3");
+        let said: Vec<String> =
+            crate::stage::lint(&stage, &[]).into_iter().map(|found| found.message).collect();
+        assert!(!said.iter().any(|message| message.contains("on its side: what")), "{said:#?}");
+        assert_eq!(crate::stage::errors(&stage).count(), 1);
+    }
+
     #[test]
     fn stages_with_y_up_pass() {
         for (name, _) in BUILT_IN {
