@@ -121,7 +121,7 @@ impl Deformer {
         let (bearing, takes_points) = (model.loads, model.takes_points());
         let may_act = has_loads || (takes_points && matches!(kind, Kind::Online(_)));
         let loads = may_act.then(SharedLoads::default);
-        if let Some(message) = refusal(model, has_loads, meta.compliance_nodes.is_some()) {
+        if let Some(message) = refusal(model, meta.compliance_nodes.is_some()) {
             return Err(format!("body.{body}.model: {message}"));
         }
         let frame = model.frame;

@@ -310,7 +310,7 @@ impl Desk {
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
-        told::try_loads(&scene)?;
+        told::try_compliance(&scene)?;
         let path = self.path()?;
         self.told = None;
         self.change_to(scene, stage, path, session)

@@ -41,19 +41,19 @@ pub fn changes(before: &Scene, after: &Scene) -> String {
     }
 }
 
-/// Refuses a model for a body with loads, which the panel cannot take away.
-pub fn try_loads(scene: &Scene) -> Result<(), Failure> {
-    scene.body.iter().try_for_each(|(name, body)| bears_its_loads(name, body))
+/// Refuses a model for a body with a compliance of its surface, which the panel cannot take away.
+pub fn try_compliance(scene: &Scene) -> Result<(), Failure> {
+    scene.body.iter().try_for_each(|(name, body)| has_what_it_asks(name, body))
 }
 
-fn bears_its_loads(name: &str, body: &Body) -> Result<(), Failure> {
-    let (has_loads, has_compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
+fn has_what_it_asks(name: &str, body: &Body) -> Result<(), Failure> {
+    let has_compliance = body.surface_compliance.is_some();
     let model = MODELS.iter().find(|model| model.name == body.model);
-    match model.filter(|model| load_refusal(model, has_loads, has_compliance).is_some()) {
+    match model.filter(|model| load_refusal(model, has_compliance).is_some()) {
         None => Ok(()),
         Some(model) => Err(Failure::wrong(format!(
-            "{name} has loads, or points that can be pulled, which the model {} does not bear: choose rotation or linear here, or take \
-             them out of the scene's file",
+            "{name} has points that can be pulled, which the model {} does not have: choose rotation or linear here, or take \
+             surface_compliance out of the scene's file",
             model.name
         ))),
     }
@@ -77,6 +77,7 @@ mod tests {
         model = \"rotation\"\n\
         material = { young = 3.0e5, poisson = 0.4, density = 1100 }\n\
         gravity = true\n\
+        surface_compliance = { nodes = \"surface\" }\n\
         [body.hose.control]\n\
         low = { nodes = { group = \"low\" }, grab = \"fixed\" }\n\
         high = { nodes = { group = \"high\" }, grab = \"dragger\" }\n";
@@ -95,11 +96,11 @@ mod tests {
     #[test]
     fn a_refusal_fits_the_panel() {
         let mut scene = Scene::parse(SCENE, std::path::Path::new("cache/stylus.toml")).unwrap();
-        assert!(try_loads(&scene).is_ok());
+        assert!(try_compliance(&scene).is_ok());
         scene.body["hose"].model = "rod".into();
-        let told = refused(&try_loads(&scene).unwrap_err(), Some(&scene));
+        let told = refused(&try_compliance(&scene).unwrap_err(), Some(&scene));
         assert!(
-            told.starts_with("Not changed: hose has loads") && told.contains("choose rotation"),
+            told.starts_with("Not changed: hose has points") && told.contains("choose rotation"),
             "{told}"
         );
         let failure = Failure::wrong("cache/stylus.toml: body.hose.model: no such model");
