@@ -201,8 +201,6 @@ pub enum Bearing {
     Columns,
     /// As forces in its own equilibrium; a body with loads needs these families beside the model's own.
     Forces(&'static [Family]),
-    /// Not at all.
-    Nothing,
 }
 
 /// In which frame a model's displacements stand.

@@ -300,7 +300,7 @@ fn loads_required(
     model: &ModelEntry,
 ) -> Result<Requirements, Failure> {
     let (loads, compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-    if let Some(message) = load_refusal(model, loads, compliance) {
+    if let Some(message) = load_refusal(model, compliance) {
         return Err(wrong(scene, name, "model", message));
     }
     if let Bearing::Forces(families) = model.loads {

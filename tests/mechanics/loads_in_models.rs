@@ -2,8 +2,8 @@
 
 use super::loads::{applied, bar, deformer};
 use greenstage::deform::{
-    AppliedLoads, Bearing, ControlPose, ControlPoses, Deformer, EquilibriumResult, Kind, MODELS, ModelEntry,
-    PointLoad, PoseSlope, Pull, StateAge, StaticForces, Statics, load_refusal,
+    AppliedLoads, Bearing, ControlPose, ControlPoses, Deformer, EquilibriumResult, Kind, MODELS, PointLoad,
+    PoseSlope, Pull, StateAge, StaticForces, Statics,
 };
 use greenstage::fem::{LAWS, Law, STVK};
 use greenstage::scene::Scene;
@@ -33,7 +33,9 @@ fn body(model: &str, bearing: Bearing) -> (Scene, Deformer) {
     let scene = match model {
         "plate" => block("tet10", [1.0, 0.06, 0.4], [10, 1, 4], &keys),
         // Parts are made of linear tetrahedra.
-        "substructured" => block("tet4", [1.0, 0.2, 0.2], [12, 3, 3], &format!("{keys}parts = 4\n")),
+        "substructured" => {
+            block("tet4", [1.0, 0.2, 0.2], [12, 3, 3], &format!("{keys}parts = {{ along = 8 }}\n"))
+        }
         _ => bar("tet10", &keys, &ENDS),
     };
     let mut deformer = deformer(&scene, model);
@@ -181,10 +183,7 @@ fn forces_of_a_loaded_body_of_large_strain_are_the_slopes_of_its_energy() {
 /// numbers of a pose.
 #[test]
 fn forces_of_a_loaded_model_are_the_slopes_of_its_energy() {
-    let bears = |model: &&ModelEntry| {
-        matches!(model.kind, Kind::Online(_)) && load_refusal(model, true, false).is_none()
-    };
-    for model in MODELS.iter().filter(bears) {
+    for model in MODELS.iter().filter(|model| matches!(model.kind, Kind::Online(_))) {
         let (_, mut online) = body(model.name, model.loads);
         let mut all = load(&online, &LOADS[0], part(model.name));
         all.coefficients[3] = 0.01 * part(model.name);
@@ -218,40 +217,126 @@ fn forces_of_a_loaded_model_are_the_slopes_of_its_energy() {
                 }
             }
             println!("{} at {angle}°: {worst:.1e}", model.name);
+            assert!(worst < 1e-6, "{} at {angle}°: {worst}", model.name);
         }
     }
 }
 
-/// What each load does under each model beside what it does in equilibrium under St. Venant–Kirchhoff's law, in parts of the latter:
-/// at a hundredth of the load and at all of it, at rest and bent by 30°.
+/// What each load does under each model beside what it does in equilibrium under St. Venant–Kirchhoff's law, in parts of the largest
+/// displacement and of the largest force that it makes: at rest a hundredth of it and all of it, and all of it with one end bent by 30°, in
+/// shape and then in the forces on the ends. The printed rows are the manual's.
 #[test]
 fn loads_under_each_model_come_near_the_full_solve() {
     for model in MODELS {
         let (scene, mut online) = body(model.name, model.loads);
         let part = part(model.name);
-        for of in &LOADS {
-            let error = |size: f64, poses: &ControlPoses, online: &mut Deformer| {
-                let (none, load) = (AppliedLoads::default(), load(online, of, size));
-                let own = [&load, &none].map(|load| displacements(online, load, poses));
-                let full =
-                    [&load, &none].map(|load| on_surface(&solve(&scene, &STVK, online, load, poses), online));
-                let done = |[with, without]: &[Vec<V3>; 2]| -> Vec<V3> {
-                    with.iter().zip(without).map(|(with, without)| with - without).collect()
+        let rows = LOADS.map(|of| {
+            let mut error = |size: f64, poses: &ControlPoses| {
+                let both = [load(&online, &of, size), AppliedLoads::default()];
+                let own = both.each_ref().map(|load| displacements_and_forces(&mut online, load, poses));
+                let full = both.each_ref().map(|load| {
+                    let settled = solve(&scene, &STVK, &online, load, poses);
+                    (on_surface(&settled, &online), settled.wrenches.iter().map(|w| w.force).collect())
+                });
+                let done = |[with, without]: [Vec<V3>; 2]| -> Vec<V3> {
+                    with.iter().zip(&without).map(|(with, without)| with - without).collect()
                 };
-                let (own, full) = (done(&own), done(&full));
-                let most = largest(full.iter().copied());
-                (100.0 * apart(&own, &full) / most, most)
+                let [[own, own_forces], [full, full_forces]] =
+                    [own, full].map(|[with, without]| [done([with.0, without.0]), done([with.1, without.1])]);
+                let part = |own: &[V3], full: &[V3]| 100.0 * apart(own, full) / largest(full.iter().copied());
+                [part(&own, &full), part(&own_forces, &full_forces)]
             };
             let rest = vec![ControlPose::REST; 2];
-            let [(small, _), (all, most), (bent, _)] =
-                [(0.01 * part, &rest), (part, &rest), (part, &bend(30.0))]
-                    .map(|(size, poses)| error(size, poses, &mut online));
-            println!(
-                "| {} | {} | {:.1} mm | {small:.2} | {all:.2} | {bent:.2} |",
-                model.name,
-                of.0,
-                1e3 * most
-            );
+            let [small, _] = error(0.01 * part, &rest);
+            let [all, _] = error(part, &rest);
+            let [bent, force] = error(part, &bend(30.0));
+            [small, all, bent, force]
+        });
+        let cells = rows.map(|row| row.map(|error| format!("{error:.2}")).join(" / "));
+        println!("| `{}` | {} |", model.name, cells.join(" | "));
+        for ((of, row), known) in LOADS.iter().zip(rows).zip(known(model.name)) {
+            for (found, known) in row.iter().zip(known) {
+                assert!(*found < 1.1 * known + 0.02, "{} {}: {row:?}", model.name, of.0);
+            }
         }
+    }
+}
+
+fn displacements_and_forces(
+    deformer: &mut Deformer,
+    load: &AppliedLoads,
+    poses: &ControlPoses,
+) -> (Vec<V3>, Vec<V3>) {
+    let u = displacements(deformer, load, poses);
+    (u, deformer.wrenches().unwrap().0.iter().map(|wrench| wrench.force).collect())
+}
+
+/// The errors of the test's rows as they were measured, %, for gravity, warmth, pressure and a force at a point. `linear` and `rotation`
+/// have what loads do at rest, and `perturbation` to first order in both loads and motion, so that the last two grow with the angle; a body
+/// that has loads in its equilibrium keeps the error of its fields, sections or parts. Models without a compliance miss the dimple under
+/// a point.
+fn known(model: &str) -> [[f64; 4]; 4] {
+    match model {
+        "linear" => [
+            [0.00, 0.50, 31.69, 1e3],
+            [0.01, 0.74, 82.90, 1e3],
+            [0.01, 0.50, 29.51, 1e3],
+            [0.00, 0.29, 24.37, 1e3],
+        ],
+        "rotation" => [
+            [0.00, 0.50, 17.03, 1e3],
+            [0.01, 0.74, 83.26, 1e3],
+            [0.01, 0.50, 12.08, 1e3],
+            [0.00, 0.29, 9.62, 1e3],
+        ],
+        "perturbation" => [
+            [0.00, 0.50, 17.03, 1e3],
+            [0.01, 0.74, 83.26, 1e3],
+            [0.01, 0.50, 12.08, 1e3],
+            [11.41, 11.63, 11.30, 1e3],
+        ],
+        "reduced" => [
+            [0.00, 0.04, 0.30, 1e3],
+            [0.00, 0.41, 0.82, 1e3],
+            [0.00, 0.01, 0.13, 1e3],
+            [11.41, 11.52, 13.32, 1e3],
+        ],
+        "substructured" => [
+            [1.14, 1.15, 1.21, 1e3],
+            [12.04, 11.87, 3.38, 1e3],
+            [2.66, 2.77, 3.31, 1e3],
+            [16.25, 16.49, 18.54, 1e3],
+        ],
+        "rod" => [
+            [0.42, 0.45, 1.65, 1e3],
+            [0.01, 0.74, 2.52, 1e3],
+            [1.70, 1.76, 2.93, 1e3],
+            [6.21, 6.33, 9.22, 1e3],
+        ],
+        "plate" => [
+            [5.98, 5.69, 5.18, 1e3],
+            [32.06, 31.60, 6.74, 1e3],
+            [6.00, 4.71, 5.86, 1e3],
+            [9.90, 9.78, 12.16, 1e3],
+        ],
+        "stvk" => [
+            [0.00, 0.00, 0.00, 1e3],
+            [0.00, 0.00, 0.00, 1e3],
+            [0.00, 0.00, 0.00, 1e3],
+            [0.00, 0.00, 0.00, 1e3],
+        ],
+        "neo_hookean" => [
+            [0.00, 0.18, 1.95, 1e3],
+            [0.03, 3.32, 2.49, 1e3],
+            [0.00, 0.19, 1.43, 1e3],
+            [0.00, 0.04, 1.56, 1e3],
+        ],
+        "corotational" => [
+            [0.00, 0.17, 1.45, 1e3],
+            [0.00, 0.33, 1.33, 1e3],
+            [0.00, 0.14, 1.31, 1e3],
+            [0.00, 0.05, 1.07, 1e3],
+        ],
+        _ => panic!("{model} was not measured"),
     }
 }

@@ -7,7 +7,7 @@ use crate::deform::frames::PoseSlope;
 use crate::deform::loads::{self, AppliedLoads, PointLoad, Pull};
 use crate::deform::model::{Bearing, PointResult};
 use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::PoisonError;
@@ -134,14 +134,33 @@ impl Deformer {
     }
 
     /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as
-    /// they are applied.
+    /// they are applied, in the frame of its displacements.
     pub fn load_coefficients(&self) -> Vec<f64> {
         if !matches!(self.entry.loads, Bearing::Columns) {
-            return self.applied().coefficients;
+            return self.seen_coefficients();
         }
         let count: usize = self.load_metas().iter().map(|meta| meta.columns).sum();
         let first = FIELDS * self.controls.len();
         self.state.coefficients.get(first..first + count).unwrap_or(&[]).to_vec()
+    }
+
+    fn seen_coefficients(&self) -> Vec<f64> {
+        let mut all = self.applied().coefficients;
+        let turn = if self.weights.is_none() {
+            self.summed.body_from_surface().rotation
+        } else {
+            UnitQuaternion::identity()
+        };
+        let mut first = 0;
+        for meta in self.load_metas() {
+            let own = all.get_mut(first..first + meta.columns);
+            if let (Turning::Fixed, 3, Some(own)) = (meta.turning, meta.columns, own) {
+                let seen = turn.inverse() * V3::from_column_slice(own);
+                own.copy_from_slice(seen.as_slice());
+            }
+            first += meta.columns;
+        }
+        all
     }
 
     /// The nodes of the surface at which points are pulled.

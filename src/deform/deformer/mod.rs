@@ -122,7 +122,7 @@ impl Deformer {
         let has_loads = !meta.loads.is_empty() || meta.compliance_nodes.is_some();
         let may_act = has_loads || (entry.takes_points() && matches!(entry.kind, Kind::Online(_)));
         let loads = may_act.then(SharedLoads::default);
-        if let Some(message) = refusal(entry, has_loads, meta.compliance_nodes.is_some()) {
+        if let Some(message) = refusal(entry, meta.compliance_nodes.is_some()) {
             return Err(format!("body.{body}.model: {message}"));
         }
         let model = made(&file, body, &controls, entry, loads.as_ref())?;

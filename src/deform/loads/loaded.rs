@@ -7,7 +7,7 @@ use crate::base::parts::PartWeights;
 use crate::deform::frames::PoseSlope;
 use crate::deform::memory::ModelMemory;
 use crate::deform::model::{
-    Bearing, BodyState, ControlRest, DeformationModel, ModelEntry, PointResult, Response, StateAge,
+    BodyState, ControlRest, DeformationModel, ModelEntry, PointResult, Response, StateAge,
 };
 use crate::deform::pose::{ControlPose, ControlPoses};
 use crate::green::{FIELDS, GreenFile, LOAD_COMPLIANCE, MOMENTS, REACTION, TORQUES};
@@ -17,25 +17,16 @@ use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
-/// Why a body of such a model cannot have what it has of loads and of a compliance of its surface, and what to choose.
-pub fn refusal(model: &ModelEntry, has_loads: bool, has_compliance: bool) -> Option<String> {
+/// Why a body of such a model cannot have a compliance of its surface, and what to choose.
+pub fn refusal(model: &ModelEntry, has_compliance: bool) -> Option<String> {
     let name = model.name;
-    match model.loads {
-        Bearing::Columns => None,
-        Bearing::Forces(_) => has_compliance.then(|| {
-            format!(
-                "\"{name}\" has no surface_compliance: that adds up what single forces do at rest, and by the principle of superposition \
-                 sums are answers of a linear body alone; the stiffness of \"{name}\" changes as the body bends. Leave it out \
-                 (`greenstage deform` has forces at points without), or write model = \"rotation\""
-            )
-        }),
-        Bearing::Nothing => (has_loads || has_compliance).then(|| {
-            format!(
-                "\"{name}\" cannot carry loads (gravity, centrifugal, thermal, load and surface_compliance): write model = \"reduced\" or \
-                 \"stvk\", or leave the loads out"
-            )
-        }),
-    }
+    (has_compliance && model.takes_points()).then(|| {
+        format!(
+            "\"{name}\" has no surface_compliance: that adds up what single forces do at rest, and sums are answers of a linear body \
+             alone (the principle of superposition); the stiffness of \"{name}\" changes as the body bends. Leave it out \
+             (`greenstage deform` has forces at points without), or write model = \"rotation\""
+        )
+    })
 }
 
 /// A model with loads.

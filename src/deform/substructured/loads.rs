@@ -92,3 +92,65 @@ pub fn seen(frame: &EndFrame, (force, moments): &Borne) -> Borne {
     let inverse = frame.turn.inverse().to_rotation_matrix();
     (inverse * force, inverse.matrix() * moments)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::linked_part::ControlState;
+    use super::*;
+    use nalgebra::{Isometry3, Rotation3, UnitQuaternion};
+
+    /// A common motion of the ends moves every place with it, of parts with one, two and three ends; a beam bent to an arc goes along
+    /// the arc to third order.
+    #[test]
+    fn places_go_with_their_ends() {
+        let frame = |x: f64, y: f64| EndFrame { place: V3::new(x, y, 0.2), turn: UnitQuaternion::identity() };
+        let rest = Places {
+            interfaces: vec![frame(0.0, 0.0), frame(1.0, 0.1), frame(0.4, 1.0)],
+            controls: vec![ControlState { frame: frame(-1.0, 0.0), stretch: [0.0; 6] }],
+        };
+        let ends = vec![
+            vec![PartEnd::Control(0), PartEnd::Interface(0)],
+            vec![PartEnd::Interface(0), PartEnd::Interface(1), PartEnd::Interface(2)],
+            vec![PartEnd::Interface(2)],
+        ];
+        let surface = [[-0.5, 0.0, 0.0], [0.4, 0.3, 0.0], [0.4, 1.3, 0.0]];
+        let part = |node: u32| StoredPart { nodes: vec![node], shares: vec![1.0], ..StoredPart::default() };
+        let shares = Shares::new(&[part(0), part(1), part(2)], &ends, &rest, &surface);
+        let motion = Isometry3::new(V3::new(0.3, -2.0, 0.7), V3::new(0.4, 1.1, -0.6));
+        let came = |x: &V3, frames: &[Isometry3<f64>]| -> V3 {
+            shares
+                .at(x)
+                .iter()
+                .map(|(slot, share)| {
+                    let (frame, column) = (frames[slot / SLOTS], slot % SLOTS);
+                    let rotation = Rotation3::from(frame.rotation);
+                    match column {
+                        0 => frame.translation.vector * *share,
+                        _ => rotation.matrix().column(column - 1) * *share,
+                    }
+                })
+                .sum()
+        };
+        let at_rest = rest.interfaces.iter().chain(rest.controls.iter().map(|control| &control.frame));
+        let frames: Vec<Isometry3<f64>> = at_rest.map(|frame| motion * frame.motion()).collect();
+        for x in
+            [V3::new(-0.7, 0.2, 0.1), V3::new(-1.4, 0.1, 0.0), V3::new(0.5, 0.4, 0.3), V3::new(0.4, 1.5, 0.1)]
+        {
+            let off = (came(&x, &frames) - (motion * nalgebra::Point3::from(x)).coords).norm();
+            assert!(off < 1e-12, "{x}: {off}");
+        }
+        let off = |angle: f64| {
+            let arc = |s: f64| {
+                let place = V3::new((s * angle).sin() / angle, (1.0 - (s * angle).cos()) / angle, 0.2);
+                Isometry3::from_parts(
+                    (place - V3::x()).into(),
+                    UnitQuaternion::from_scaled_axis(V3::z() * s * angle),
+                )
+            };
+            let mut frames = frames.clone();
+            (frames[3], frames[0]) = (arc(0.0), arc(1.0));
+            (came(&V3::new(-0.7, 0.0, 0.2), &frames) - arc(0.3).translation.vector).norm()
+        };
+        assert!(off(0.4) < 1e-3 && off(0.4) > 7.0 * off(0.2), "{} {}", off(0.4), off(0.2));
+    }
+}

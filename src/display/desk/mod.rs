@@ -324,7 +324,7 @@ impl Desk {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
         let scene = Resolved::of(scene)?;
-        told::try_loads(&scene)?;
+        told::try_compliance(&scene)?;
         let path = self.path()?;
         self.told = None;
         self.change_to(scene, stage, path, session)

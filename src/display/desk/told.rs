@@ -42,14 +42,13 @@ pub fn changes(before: &Scene, after: &Scene) -> String {
     }
 }
 
-/// Refuses a model for a body with loads, which the panel cannot take away.
-pub fn try_loads(scene: &Resolved) -> Result<(), Failure> {
+/// Refuses a model for a body with a compliance of its surface, which the panel cannot take away.
+pub fn try_compliance(scene: &Resolved) -> Result<(), Failure> {
     for ((name, body), model) in scene.body.iter().zip(scene.models()) {
-        let (has_loads, has_compliance) = (!body.loads().is_empty(), body.surface_compliance.is_some());
-        if load_refusal(model, has_loads, has_compliance).is_some() {
+        if load_refusal(model, body.surface_compliance.is_some()).is_some() {
             return Err(Failure::wrong(format!(
-                "{name} has loads, or points that can be pulled, which the model {} does not bear: choose rotation or linear here, \
-                 or take them out of the scene's file",
+                "{name} has points that can be pulled, which the model {} does not have: choose rotation or linear here, or take \
+                 surface_compliance out of the scene's file",
                 model.name
             )));
         }
@@ -75,6 +74,7 @@ mod tests {
         model = \"rotation\"\n\
         material = { young = 3.0e5, poisson = 0.4, density = 1100 }\n\
         gravity = true\n\
+        surface_compliance = { nodes = \"surface\" }\n\
         [body.hose.control]\n\
         low = { nodes = { group = \"low\" }, grab = \"fixed\" }\n\
         high = { nodes = { group = \"high\" }, grab = \"dragger\" }\n";
@@ -94,11 +94,11 @@ mod tests {
     fn a_refusal_fits_the_panel() {
         let mut scene = Scene::parse(SCENE, std::path::Path::new("cache/stylus.toml")).unwrap();
         let resolved = |scene: &Scene| Resolved::of(scene.clone()).unwrap();
-        assert!(try_loads(&resolved(&scene)).is_ok());
+        assert!(try_compliance(&resolved(&scene)).is_ok());
         scene.body["hose"].model = "rod".into();
-        let told = refused(&try_loads(&resolved(&scene)).unwrap_err(), Some(&scene));
+        let told = refused(&try_compliance(&resolved(&scene)).unwrap_err(), Some(&scene));
         assert!(
-            told.starts_with("Not changed: hose has loads") && told.contains("choose rotation"),
+            told.starts_with("Not changed: hose has points") && told.contains("choose rotation"),
             "{told}"
         );
         let failure = Failure::wrong("cache/stylus.toml: body.hose.model: no such model");

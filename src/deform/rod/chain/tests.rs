@@ -247,6 +247,60 @@ fn wrenches_are_slopes_of_the_energy() {
     assert!((moved.wrenches[1] - standing.wrenches[1]).amax() < 1e-7 * standing.wrenches[1].amax());
 }
 
+/// q L⁴/(384 EI) in the middle of a rod between two clamps, q L/2 and q L²/12 on each (Timoshenko, Strength of Materials I, 3rd ed.
+/// 1955, section 38); a rod that is longer by e and held at its length presses with EA e.
+#[test]
+fn a_rod_between_clamps_sags_and_presses_as_the_book_says() {
+    let (mut chain, n, q) = (straight(ELASTICA, 32), 32, 1e-3);
+    let weight = |i: usize| if i == 0 || i == n { 0.5 } else { 1.0 } * q / n as f64;
+    chain.bear((0..=n).map(|i| (Vector3::y() * weight(i), Matrix3::zeros())), 1.0);
+    let clamps = [chain.frames[0], chain.frames[n]];
+    let standing = chain.hold(&clamps).unwrap();
+    let sag = chain.frames[n / 2].translation.vector.y * 384.0 / q;
+    assert!((sag - 1.0).abs() < 2e-3, "{sag}");
+    let [first, last] = standing.wrenches.map(|wrench| (-wrench[1] * 2.0 / q, -wrench[5] * 12.0 / q));
+    assert!((first.0 - 1.0).abs() < 1e-9 && (last.0 - 1.0).abs() < 1e-9, "{first:?} {last:?}");
+    assert!((first.1 - 1.0).abs() < 2e-3 && (last.1 + 1.0).abs() < 2e-3, "{first:?} {last:?}");
+    chain.bear(std::iter::empty(), 1.0 + 1e-6);
+    let warm = chain.hold(&clamps).unwrap();
+    assert!((warm.wrenches[1][0] + 1e6 * 1e-6).abs() < 1e-5, "{:?}", warm.wrenches);
+    assert!(chain.frames[n / 2].translation.vector.y.abs() < 1e-9, "nothing of the load is left");
+}
+
+/// With loads on every section, energy, gradient and Hessian against differences along a motion of all inner sections.
+#[test]
+fn loads_are_part_of_the_slopes_and_the_hessian() {
+    let mut chain = straight([1e2, 50.0, 50.0, 0.8, 1.0, 1.2], 6);
+    let number = |i: usize| ((i * 2_654_435_761 % 1000) as f64 - 500.0) * 1e-3;
+    let borne = |i: usize| {
+        let moments = Matrix3::from_fn(|a, b| number(29 * i + 3 * a + b));
+        (Vector3::new(number(7 * i), number(7 * i + 3), number(7 * i + 5)), moments)
+    };
+    chain.bear((0..7).map(borne), 1.02);
+    let step = |i: usize| Vector6::from_fn(|k, _| number(31 * i + 5 * k + 2));
+    for i in 1..6 {
+        chain.frames[i] *= exp(&(step(i + 11) * 0.3));
+    }
+    chain.assemble();
+    let slope: f64 = (1..6).map(|i| chain.gradient[i].dot(&step(i))).sum();
+    let second: f64 = (1..6)
+        .map(|i| {
+            let across = if i < 5 { 2.0 * step(i).dot(&(chain.beside[i] * step(i + 1))) } else { 0.0 };
+            step(i).dot(&(chain.diagonal[i] * step(i))) + across
+        })
+        .sum();
+    let at = |by: f64| {
+        let mut frames = chain.frames.clone();
+        (1..6).for_each(|i| frames[i] *= exp(&(step(i) * by)));
+        chain.energy_of(&frames)
+    };
+    let h = 1e-4;
+    let (high, low, here) = (at(h), at(-h), at(0.0));
+    let (found, curved) = ((high - low) / (2.0 * h), (high - 2.0 * here + low) / (h * h));
+    assert!((found - slope).abs() < 1e-6 * slope.abs().max(1.0), "{found} {slope}");
+    assert!((curved - second).abs() < 1e-5 * second.abs().max(1.0), "{curved} {second}");
+}
+
 #[test]
 fn what_cannot_be_held_leaves_the_rod_as_it_was() {
     let mut chain = straight(ROUND, 8);
