@@ -3,8 +3,8 @@
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
 //! | [`input`](RunningEffect::input) | what trackers, mouse or script say; not in a replay | other poses of styli |
-//! | [`solve`](RunningEffect::solve) | hands and poses of this frame, bodies as they were shaped last | coefficients, energy, slopes, curvatures |
-//! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours |
+//! | [`solve`](RunningEffect::solve) | hands and poses of this frame, bodies as they were shaped last | coefficients, energy, slopes, curvatures, other triangles |
+//! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, and what is known of forces |
 //! | [`show`](RunningEffect::show) | the whole frame | what is drawn and written, warnings |
 
 use super::assets::Assets;
@@ -80,7 +80,7 @@ pub trait RunningEffect {
     /// are as they were shaped in the frame before. Effects act one after the other, in the order of the program's table of effects.
     fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
 
-    /// Sees the bodies in the shape of this frame, and colours them.
+    /// Sees the bodies in the shape of this frame; colours them, and adds what it knows of their forces.
     fn surface(&mut self, _world: &World, _bodies: &mut [BodyFrame]) {}
 
     /// Sees the world at the end of a frame, and adds what is drawn.
