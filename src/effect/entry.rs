@@ -64,6 +64,12 @@ pub struct Listed<'a> {
     pub bodies: Vec<(usize, &'a str)>,
 }
 
+/// The error of a body's section that cannot be used.
+pub type CheckSection = fn(&GreenFile, &str) -> Result<(), GreenError>;
+
+/// The tensors of a body's section, each with its name.
+pub type SectionAfterChange = fn(&Resolved, &str) -> Vec<(String, Tensor)>;
+
 pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
@@ -91,9 +97,9 @@ pub struct EffectEntry {
     /// [`crate::green::GreenFile::section`] reads.
     pub precompute: Option<Precompute>,
     /// Errors where the section of a body, by its name, does not hold what `precompute` makes.
-    pub check_section: Option<fn(&GreenFile, &str) -> Result<(), GreenError>>,
+    pub check_section: Option<CheckSection>,
     /// The section of a body, by its name, of which something was released or changed since; `None` where it stays as it is.
-    pub section_after_change: Option<fn(&Resolved, &str) -> Vec<(String, Tensor)>>,
+    pub section_after_change: Option<SectionAfterChange>,
     /// Joins a new world: in windows, in pictures and where a session is checked.
     pub attach: Option<Attach>,
     /// Starts what a live session alone has: devices, and nothing where the stage has none.

@@ -137,6 +137,7 @@ pub struct Ghost {
 ///
 /// Solids (styli, arrows, balls) stand among the bodies; then come ghosts, quads, lines and strips, blended in this order.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "a frame has a few dozen of them")]
 pub enum Drawable {
     Stylus(StylusShape),
     Arrow(Arrow),

@@ -65,13 +65,16 @@ fn measured_range(file: &GreenFile, body: &str) -> Option<f64> {
     file.meta.bodies.get(body)?.plan.as_ref()?.get("range")?.as_f64().map(|range| 1.1 * range)
 }
 
-/// The assets of all bodies of a scene at their places on a stage, each with what is wrong with its place.
+/// The assets of a body, and what is wrong with its place.
+pub type LoadedBody = (Arc<BodyAssets>, Vec<String>);
+
+/// The assets of all bodies of a scene at their places on a stage.
 pub fn of_bodies(
     scene: &Scene,
     file: &GreenFile,
     deformers: &mut [Deformer],
     stage: &Stage,
-) -> Result<Vec<(Arc<BodyAssets>, Vec<String>)>, Failure> {
+) -> Result<Vec<LoadedBody>, Failure> {
     let points: Vec<_> = deformers.iter().map(in_mesh).collect();
     let standing: Vec<(&Body, &[Point3<f64>])> =
         scene.body.values().zip(points.iter().map(Vec::as_slice)).collect();

@@ -134,7 +134,7 @@ mod tests {
         let grasp = Grasp { held: Some(held), poses: vec![ControlPose::REST], ..Grasp::default() };
         let tick = |tick: u32| {
             let now_s = 1e-3 * f64::from(tick);
-            if tick % 16 == 0 {
+            if tick.is_multiple_of(16) {
                 control.take(&grasp);
             }
             count.store(0, Relaxed);

@@ -64,7 +64,7 @@ impl<'a> Drawn<'a> {
         let storage = Storage::named(&setting.storage)?;
         let is_own = |of: &&Candidate| {
             (of.refine, of.element.name, of.solver) == (setting.refine, &setting.element, setting.solver)
-                && of.models.iter().any(|own| *own == model)
+                && of.models.contains(&model)
         };
         let candidate = candidates.iter().find(is_own)?;
         Some(Drawn { candidate, model, rounded: stored(&candidate.solution, storage) })

@@ -247,20 +247,33 @@ fn wrenches_are_slopes_of_the_energy() {
     assert!((moved.wrenches[1] - standing.wrenches[1]).amax() < 1e-7 * standing.wrenches[1].amax());
 }
 
-/// q L⁴/(384 EI) in the middle of a rod between two clamps, q L/2 and q L²/12 on each (Timoshenko, Strength of Materials I, 3rd ed.
-/// 1955, section 38); a rod that is longer by e and held at its length presses with EA e.
+/// q L⁴/(384 EI) + q L²/(8 GA) in the middle of a rod between two clamps, q L/2 and q L²/12 on each (Timoshenko, Strength of Materials I,
+/// 3rd ed. 1955, sections 38 and 39); n pieces with the load at their ends have 4/n² less of the first and 1/n² less of the last. A rod
+/// that is longer by e and held at its length presses with EA e.
 #[test]
 fn a_rod_between_clamps_sags_and_presses_as_the_book_says() {
-    let (mut chain, n, q) = (straight(ELASTICA, 32), 32, 1e-3);
-    let weight = |i: usize| if i == 0 || i == n { 0.5 } else { 1.0 } * q / n as f64;
-    chain.bear((0..=n).map(|i| (Vector3::y() * weight(i), Matrix3::zeros())), 1.0);
-    let clamps = [chain.frames[0], chain.frames[n]];
-    let standing = chain.hold(&clamps).unwrap();
-    let sag = chain.frames[n / 2].translation.vector.y * 384.0 / q;
-    assert!((sag - 1.0).abs() < 2e-3, "{sag}");
-    let [first, last] = standing.wrenches.map(|wrench| (-wrench[1] * 2.0 / q, -wrench[5] * 12.0 / q));
-    assert!((first.0 - 1.0).abs() < 1e-9 && (last.0 - 1.0).abs() < 1e-9, "{first:?} {last:?}");
-    assert!((first.1 - 1.0).abs() < 2e-3 && (last.1 + 1.0).abs() < 2e-3, "{first:?} {last:?}");
+    let q = 1e-3;
+    let loaded = |n: usize| {
+        let mut chain = straight(ELASTICA, n);
+        let weight = |i: usize| if i == 0 || i == n { 0.5 } else { 1.0 } * q / n as f64;
+        chain.bear((0..=n).map(|i| (Vector3::y() * weight(i), Matrix3::zeros())), 1.0);
+        let clamps = [chain.frames[0], chain.frames[n]];
+        (chain, clamps)
+    };
+    for n in [16, 32, 64] {
+        let (mut chain, clamps) = loaded(n);
+        let (standing, pieces) = (chain.hold(&clamps).unwrap(), (n * n) as f64);
+        let sag = chain.frames[n / 2].translation.vector.y * 384.0 / q;
+        let expected = 1.0 - 4.0 / pieces + 384.0 / 8.0 / ELASTICA[1];
+        assert!((sag - expected).abs() < 2e-6, "{n}: {sag}, not {expected}");
+        let [first, last] = standing.wrenches.map(|wrench| (-wrench[1] * 2.0 / q, -wrench[5] * 12.0 / q));
+        assert!((first.0 - 1.0).abs() < 1e-9 && (last.0 - 1.0).abs() < 1e-9, "{first:?} {last:?}");
+        let moment = 1.0 - 1.0 / pieces;
+        assert!((first.1 - moment).abs() < 2e-6 && (last.1 + moment).abs() < 2e-6, "{first:?} {last:?}");
+    }
+    let n = 32;
+    let (mut chain, clamps) = loaded(n);
+    chain.hold(&clamps).unwrap();
     chain.bear(std::iter::empty(), 1.0 + 1e-6);
     let warm = chain.hold(&clamps).unwrap();
     assert!((warm.wrenches[1][0] + 1e6 * 1e-6).abs() < 1e-5, "{:?}", warm.wrenches);
