@@ -275,6 +275,7 @@ fn displacements_and_forces(
 /// have what loads do at rest, and `perturbation` to first order in both loads and motion, so that the last two grow with the angle; a body
 /// that has loads in its equilibrium keeps the error of its fields, sections or parts. Models without a compliance miss the dimple under
 /// a point.
+#[allow(clippy::approx_constant, reason = "a measured percentage, not a circle")]
 fn known(model: &str) -> [[f64; 4]; 4] {
     match model {
         "linear" => [
