@@ -19,7 +19,7 @@ mod skin;
 use super::cubic_form::CubicForm;
 use super::frames::{ControlFrame, FrameSlope, PoseSlope};
 use super::helicoidal::Helicoidal;
-use super::loads::Lumped;
+use super::loads::{Borne, Lumped, SLOTS};
 use super::memory::{ModelMemory, Unknowns};
 use super::model::{
     Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response,
@@ -29,7 +29,7 @@ use super::se3::{exp, halves};
 use crate::base::parts::PartWeights;
 use crate::green::{AFFINE, CUBIC, FIELDS, LOAD_FORCES, STIFFNESS};
 use chain::{Chain, Standing};
-use nalgebra::{Isometry3, Matrix3, Rotation3, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
 use screws::Tangent;
 use section::{Section, stretch_of};
 use skin::Skin;
@@ -114,12 +114,12 @@ impl Rod {
             let first = (at as usize).min(SEGMENTS - 1);
             let of = |i: usize, share: f64| {
                 let arm = (x - place.frame_at(i as f64 / SEGMENTS as f64).translation.vector) * share;
-                [(4 * i, share), (4 * i + 1, arm.x), (4 * i + 2, arm.y), (4 * i + 3, arm.z)]
+                Borne::shares(SLOTS * i, share, &arm)
             };
             let share = at - first as f64;
             of(first, 1.0 - share).into_iter().chain(of(first + 1, share)).collect()
         };
-        let loads = Lumped::new(input, 4 * (SEGMENTS + 1), Box::new(shares))?;
+        let loads = Lumped::new(input, SLOTS * (SEGMENTS + 1), Box::new(shares))?;
         Ok(Rod {
             loads,
             controls: [first.clone(), last.clone()],
@@ -180,10 +180,9 @@ impl Rod {
     /// Gives the rod its loads.
     fn bear(&mut self) {
         let Some(loads) = &self.loads else { return };
-        let borne = |slots: &[Vector3<f64>]| (slots[0], Matrix3::from_columns(&slots[1..4]));
         for chain in [&mut self.chain, &mut self.spare] {
             let slots = if loads.is_none() { &[] } else { loads.slots() };
-            chain.bear(slots.chunks_exact(4).map(borne), 1.0 + loads.strain());
+            chain.bear(slots.chunks_exact(SLOTS).map(Borne::of_slots), 1.0 + loads.strain());
         }
     }
 
@@ -298,25 +297,24 @@ impl DeformationModel for Rod {
         }
         self.chain.keep(&mut memory);
         if let Some(loads) = &self.loads {
-            memory.loads = Some(loads.applied().clone());
-            memory.put(loads.mean.matrix());
+            loads.keep(&mut memory);
         }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
-        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        let of_loads = if self.loads.is_some() { Lumped::KEPT } else { 0 };
         memory.suits(2, 2 * (7 + 9) + 2 * 6 + self.chain.kept() + of_loads)?;
-        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
-            let mean = Unknowns(&memory.unknowns[memory.unknowns.len() - 9..]).take();
-            loads.set_applied(applied, Rotation3::from_matrix_unchecked(mean));
+        let (of_rod, of_loads) = memory.unknowns.split_at(memory.unknowns.len() - of_loads);
+        if let Some(loads) = &mut self.loads {
+            loads.take_back(memory.loads.as_ref(), &mut Unknowns(of_loads));
             self.bear();
         }
         let turns = memory.turns_of(2);
         self.turns = [turns[0], turns[1]];
         self.poses = <[ControlPose; 2]>::try_from(memory.poses.as_slice()).ok();
         self.is_defined = memory.is_defined;
-        let mut unknowns = Unknowns(&memory.unknowns);
+        let mut unknowns = Unknowns(of_rod);
         for frame in &mut self.frames {
             let motion: Isometry3<f64> = unknowns.take();
             let (place, turn) = (motion.translation.vector, motion.rotation);

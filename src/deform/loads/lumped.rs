@@ -7,7 +7,9 @@
 
 use super::acting::Acting;
 use super::applied::AppliedLoads;
+use super::borne::{Borne, SLOTS};
 use crate::deform::frames::PoseSlope;
+use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{ColumnsAt, ControlRest, ModelInput};
 use crate::deform::pose::ControlPose;
 use crate::deform::rotation::mean_rotation;
@@ -31,7 +33,7 @@ pub struct Lumped {
     follows: Vec<V3>,
     all: Vec<V3>,
     /// With which loads that follow the body are turned.
-    pub mean: Rotation3<f64>,
+    mean: Rotation3<f64>,
 }
 
 impl Lumped {
@@ -40,15 +42,12 @@ impl Lumped {
         let Some(loads) = input.loads else { return Ok(None) };
         let acting = Acting::new(&loads);
         let forces = LoadForces::of(input.table, input.controls.len(), acting.columns())?;
-        let slots = own + 4 * input.controls.len() + 3;
+        let slots = own + SLOTS * input.controls.len() + 3;
         let mut table = DMatrix::zeros(3 * slots, acting.columns());
         for (node, (place, held)) in forces.places.iter().zip(&forces.held).enumerate() {
             let mut at = match held {
                 None => shares(place),
-                Some(e) => {
-                    let (first, arm) = (own + 4 * e, place - input.controls[*e].origin);
-                    vec![(first, 1.0), (first + 1, arm.x), (first + 2, arm.y), (first + 3, arm.z)]
-                }
+                Some(e) => Borne::shares(own + SLOTS * e, 1.0, &(place - input.controls[*e].origin)).to_vec(),
             };
             at.extend((0..3).map(|axis| (slots - 3 + axis, place[axis])));
             for (slot, share) in at {
@@ -82,15 +81,23 @@ impl Lumped {
         has_changed
     }
 
-    pub fn applied(&self) -> &AppliedLoads {
-        &self.acting.applied
+    /// How many numbers [`Lumped::keep`] adds.
+    pub const KEPT: usize = 9;
+
+    /// Adds what is applied, and how it is turned.
+    pub fn keep(&self, memory: &mut ModelMemory) {
+        memory.loads = Some(self.acting.applied.clone());
+        memory.put(self.mean.matrix());
     }
 
-    /// Goes on from what was applied, turned so.
-    pub fn set_applied(&mut self, applied: &AppliedLoads, mean: Rotation3<f64>) {
-        self.acting.applied.clone_from(applied);
-        self.mean = mean;
-        self.gather();
+    /// Goes on from what was applied, where the memory has it.
+    pub fn take_back(&mut self, applied: Option<&AppliedLoads>, unknowns: &mut Unknowns<'_>) {
+        let mean = Rotation3::from_matrix_unchecked(unknowns.take());
+        if let Some(applied) = applied {
+            self.acting.applied.clone_from(applied);
+            self.mean = mean;
+            self.gather();
+        }
     }
 
     pub fn is_none(&self) -> bool {
@@ -140,15 +147,13 @@ impl Lumped {
 
     /// Takes the work on what control elements hold from the slopes; the potential of that, and of where all forces rest.
     pub fn hold(&self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> f64 {
-        let tensor = |first: usize| Matrix3::from_columns(&self.all[first..first + 3]);
-        let mut potential = tensor(self.all.len() - 3).trace();
+        let mut potential = Matrix3::from_columns(&self.all[self.all.len() - 3..]).trace();
         let held = self.controls.iter().zip(poses).zip(slopes).enumerate();
         for (e, ((control, pose), slope)) in held {
-            let first = self.own + 4 * e;
-            let (force, moment) = (self.all[first], tensor(first + 1));
-            potential -= force.dot(&(control.origin + pose.translation)) + moment.dot(&pose.matrix);
+            let Borne { force, moments } = Borne::of_slots(&self.all[self.own + SLOTS * e..]);
+            potential -= force.dot(&(control.origin + pose.translation)) + moments.dot(&pose.matrix);
             slope.translation -= force;
-            slope.matrix -= moment;
+            slope.matrix -= moments;
         }
         potential
     }

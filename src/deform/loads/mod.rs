@@ -14,6 +14,7 @@
 
 mod acting;
 pub(super) mod applied;
+mod borne;
 mod in_frame;
 mod loaded;
 mod lumped;
@@ -21,6 +22,7 @@ mod points;
 mod work;
 
 pub use applied::{AppliedLoads, PointLoad, Pull, SharedLoads, set};
+pub use borne::{Borne, SLOTS};
 pub use in_frame::{Burden, FrameForces};
 pub use loaded::{Loaded, refusal};
 pub use lumped::Lumped;

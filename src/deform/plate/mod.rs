@@ -36,7 +36,7 @@ use crate::green::{CUBIC, FIELDS, LOAD_FORCES, Prepared, STIFFNESS};
 use crate::mesh::Surface;
 use grips::grips_of;
 use middle::{Middle, Part};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use point::{Hold, Point};
 use sheet::{Sheet, Standing};
 use skin::Skin;
@@ -344,26 +344,25 @@ impl DeformationModel for Plate {
         }
         self.sheet.keep(controls, &mut memory);
         if let Some(loads) = &self.loads {
-            memory.loads = Some(loads.applied().clone());
-            memory.put(loads.mean.matrix());
+            loads.keep(&mut memory);
         }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
         let controls = self.controls.len();
-        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        let of_loads = if self.loads.is_some() { Lumped::KEPT } else { 0 };
         memory.suits(controls, 7 + 1 + 2 * controls * (7 + 9) + self.sheet.kept(controls) + of_loads)?;
-        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
-            let mean = Unknowns(&memory.unknowns[memory.unknowns.len() - 9..]).take();
-            loads.set_applied(applied, Rotation3::from_matrix_unchecked(mean));
+        let (of_sheet, of_loads) = memory.unknowns.split_at(memory.unknowns.len() - of_loads);
+        if let Some(loads) = &mut self.loads {
+            loads.take_back(memory.loads.as_ref(), &mut Unknowns(of_loads));
             self.sheet.warm(loads.strain());
         }
         self.turns = memory.turns_of(controls);
         self.poses.clone_from(&memory.poses);
         self.is_defined = memory.is_defined;
         self.standing = Standing { energy: memory.energy, ..REST };
-        let mut unknowns = Unknowns(&memory.unknowns);
+        let mut unknowns = Unknowns(of_sheet);
         self.motion = unknowns.take();
         let is_lost = unknowns.take::<f64>() == 1.0;
         let mut frame = || {

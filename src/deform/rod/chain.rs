@@ -13,14 +13,13 @@
 //! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
 //! stable is left along its mode.
 //!
-//! Loads are dead while a pose is settled: Σ f and Σ f ⊗ (X - c_i) of the forces that section i = (R_i, r_i) bears make the potential
-//! -Σ_i (N_i·r_i + M_i : R_i). A warm rod is longer at rest.
+//! Loads are dead while a pose is settled; those of a section act on its frame ([`Borne`]). A warm rod is longer at rest.
 
-use super::super::frames::axial;
+use super::super::loads::Borne;
 use super::super::memory::{ModelMemory, Unknowns};
 use super::super::se3::{exp, halves, joined};
 use super::screws::{Tangent, log};
-use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
 
 /// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
 const CLAMP_TURN: f64 = std::f64::consts::FRAC_PI_4;
@@ -47,9 +46,6 @@ pub struct Standing {
     /// It was left for this state because it was not stable: the rod buckled.
     pub buckled: bool,
 }
-
-/// What a section bears: Σ f and Σ f ⊗ (X - c), along the body's axes.
-pub type Borne = (Vector3<f64>, Matrix3<f64>);
 
 /// A rod and the state in which it was last held.
 #[derive(Clone)]
@@ -398,17 +394,17 @@ impl Chain {
     fn energy_of(&self, frames: &[Isometry3<f64>]) -> f64 {
         let segment = |pair: &[Isometry3<f64>]| self.law(&log(&pair[0].inv_mul(&pair[1]))).0;
         let strained: f64 = frames.windows(2).map(segment).sum();
-        let potential = |(frame, (force, moment)): (&Isometry3<f64>, &Borne)| {
-            force.dot(&frame.translation.vector) + moment.dot(frame.rotation.to_rotation_matrix().matrix())
+        let potential = |(frame, load): (&Isometry3<f64>, &Borne)| {
+            load.potential(&frame.translation.vector, &frame.rotation)
         };
-        strained - frames.iter().zip(&self.loads).map(potential).sum::<f64>()
+        strained + frames.iter().zip(&self.loads).map(potential).sum::<f64>()
     }
 
     /// Takes the loads' work from the gradient.
     fn take_work(&mut self) {
-        for (slope, load) in self.gradient.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
-            let (force, moments) = seen(load);
-            *slope -= joined(&force, &axial(&moments));
+        for (slope, (frame, load)) in self.gradient.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
+            let load = load.along(&frame.rotation);
+            *slope -= joined(&load.force, &load.torque());
         }
     }
 
@@ -447,18 +443,12 @@ impl Chain {
             return energy;
         }
         self.take_work();
-        // Of r + R (v + ½ ω × v) and R (1 + ω̂ + ½ ω̂²) for a motion exp (v, ω).
-        for (block, load) in self.diagonal.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
-            let (force, moments) = seen(load);
-            let cross = force.cross_matrix() * 0.5;
-            let turning =
-                (moments + moments.transpose()) * 0.5 - Matrix3::from_diagonal_element(moments.trace());
-            let mut mixed = block.fixed_view_mut::<3, 3>(0, 3);
-            mixed -= cross;
-            let mut mixed = block.fixed_view_mut::<3, 3>(3, 0);
-            mixed -= cross.transpose();
-            let mut own = block.fixed_view_mut::<3, 3>(3, 3);
-            own -= turning;
+        for (block, (frame, load)) in self.diagonal.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
+            let [mixed, turning] = load.along(&frame.rotation).curvatures();
+            for (row, column, part) in [(0, 3, mixed), (3, 0, mixed.transpose()), (3, 3, turning)] {
+                let mut view = block.fixed_view_mut::<3, 3>(row, column);
+                view -= part;
+            }
         }
         self.energy_of(&self.frames)
     }
@@ -515,12 +505,6 @@ impl Chain {
         self.assemble();
         self.factor_shifted(0.0)
     }
-}
-
-/// What a section bears, in its own axes.
-fn seen((frame, (force, moments)): (&Isometry3<f64>, &Borne)) -> (Vector3<f64>, Matrix3<f64>) {
-    let inverse = frame.rotation.inverse().to_rotation_matrix();
-    (inverse * force, inverse.matrix() * moments)
 }
 
 /// The last clamp at a share of its way: on the straight line between the screws that a rod from `first` on winds along,

@@ -7,9 +7,7 @@
 
 use super::link::Twist;
 use super::linked_part::{LinkedPart, PartEnd, Places};
-use super::loads::{Borne, potential, seen};
-use crate::deform::frames::axial;
-use nalgebra::Matrix3;
+use crate::deform::loads::Borne;
 
 /// How the search ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -80,7 +78,7 @@ impl Assembly {
     pub fn value(&mut self, places: &Places) -> f64 {
         let strained: f64 = self.parts.iter_mut().map(|part| part.value(places)).sum();
         let loaded = places.interfaces.iter().zip(&self.loads);
-        strained + loaded.map(|(frame, load)| potential(frame, load)).sum::<f64>()
+        strained + loaded.map(|(frame, load)| load.potential(&frame.place, &frame.turn)).sum::<f64>()
     }
 
     /// Moves the interfaces to equilibrium, or leaves them where the search ended. Afterwards all parts have the gradient
@@ -130,24 +128,20 @@ impl Assembly {
         }
     }
 
-    /// Adds the loads' part of gradient and Hessian, of a motion exp (ω, v) in the frame's axes: of x + R (v + ½ ω × v) and
-    /// R (1 + ω̂ + ½ ω̂²).
+    /// Adds the loads' part of gradient and Hessian, of a motion exp (ω, v) in the frame's axes.
     fn add_loads(&mut self, places: &Places) {
         let n = self.gradient.len();
         for (i, (frame, load)) in places.interfaces.iter().zip(&self.loads).enumerate() {
-            let (force, moments) = seen(frame, load);
-            let torque = axial(&moments);
-            let cross = force.cross_matrix() * 0.5;
-            let turning =
-                (moments + moments.transpose()) * 0.5 - Matrix3::from_diagonal_element(moments.trace());
+            let load = load.along(&frame.turn);
+            let (torque, [mixed, turning]) = (load.torque(), load.curvatures());
             for row in 0..3 {
                 self.gradient[6 * i + row] -= torque[row];
-                self.gradient[6 * i + 3 + row] -= force[row];
+                self.gradient[6 * i + 3 + row] -= load.force[row];
                 for column in 0..3 {
                     let at = |a: usize, b: usize| (6 * i + a + row) * n + 6 * i + b + column;
                     self.hessian[at(0, 0)] -= turning[(row, column)];
-                    self.hessian[at(3, 0)] -= cross[(row, column)];
-                    self.hessian[at(0, 3)] -= cross[(column, row)];
+                    self.hessian[at(3, 0)] -= mixed[(row, column)];
+                    self.hessian[at(0, 3)] -= mixed[(column, row)];
                 }
             }
         }

@@ -11,18 +11,12 @@
 //! Of one end it goes rigidly with that; of more, with each in inverse proportion to the square of the distance. A common motion of
 //! all ends moves X with them.
 
-use super::link::EndFrame;
 use super::linked_part::{PartEnd, Places};
+use crate::deform::loads::{Borne, SLOTS};
 use crate::green::substructure::StoredPart;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 type V3 = Vector3<f64>;
-
-/// Σ f and Σ f ⊗ a of what a frame bears, along the body's axes.
-pub type Borne = (V3, Matrix3<f64>);
-
-/// Slots of a frame: Σ f, then the columns of Σ f ⊗ a.
-pub const SLOTS: usize = 4;
 
 /// The parts with where their ends rest, and the places of the surface by which a force finds its part.
 pub struct Shares {
@@ -59,9 +53,6 @@ impl Shares {
         let away = |(place, _): &&(V3, usize)| (place - x).norm_squared();
         let nearest = self.places.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         let ends = nearest.and_then(|(_, part)| self.parts.get(*part)).map_or(&[][..], Vec::as_slice);
-        let of = |slot: usize, share: f64, arm: V3| {
-            [(slot, share), (slot + 1, arm.x), (slot + 2, arm.y), (slot + 3, arm.z)]
-        };
         if let [(first, a), (last, b)] = ends {
             let d = b - a;
             let along = (x - a).dot(&d) / d.norm_squared();
@@ -70,31 +61,21 @@ impl Shares {
             let beyond = d * (along - t);
             let h = 3.0 * t * t - 2.0 * t * t * t;
             let [at_first, at_last] = [t - 2.0 * t * t + t * t * t, t * t * t - t * t];
-            let one = of(*first, 1.0 - h, d * at_first + (across + beyond) * (1.0 - t));
-            let other = of(*last, h, d * at_last + (across + beyond) * t);
+            let one = Borne::shares(*first, 1.0 - h, &(d * at_first + (across + beyond) * (1.0 - t)));
+            let other = Borne::shares(*last, h, &(d * at_last + (across + beyond) * t));
             return one.into_iter().chain(other).collect();
         }
         let weights: Vec<f64> =
             ends.iter().map(|(_, place)| (place - x).norm_squared().max(f64::MIN_POSITIVE).recip()).collect();
         let sum: f64 = weights.iter().sum();
         let all = ends.iter().zip(weights).map(|((slot, place), w)| (*slot, w / sum, place));
-        all.flat_map(|(slot, share, place)| of(slot, share, (x - place) * share)).collect()
+        all.flat_map(|(slot, share, place)| Borne::shares(slot, share, &((x - place) * share))).collect()
     }
-}
-
-/// The potential of what a frame bears.
-pub fn potential(frame: &EndFrame, (force, moments): &Borne) -> f64 {
-    -force.dot(&frame.place) - moments.dot(frame.turn.to_rotation_matrix().matrix())
-}
-
-/// What a frame bears, in its own axes.
-pub fn seen(frame: &EndFrame, (force, moments): &Borne) -> Borne {
-    let inverse = frame.turn.inverse().to_rotation_matrix();
-    (inverse * force, inverse.matrix() * moments)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::link::EndFrame;
     use super::super::linked_part::ControlState;
     use super::*;
     use nalgebra::{Isometry3, Rotation3, UnitQuaternion};

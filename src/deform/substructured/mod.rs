@@ -15,8 +15,8 @@ mod linked_part;
 mod loads;
 mod shape;
 
-use super::frames::{ControlFrame, FrameSlope, PoseSlope, axial};
-use super::loads::Lumped;
+use super::frames::{ControlFrame, FrameSlope, PoseSlope};
+use super::loads::{Borne, Lumped, SLOTS};
 use super::memory::{ModelMemory, Unknowns};
 use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
@@ -27,8 +27,8 @@ use equilibrium::{Assembly, Search};
 use follow::Follower;
 use link::EndFrame;
 use linked_part::{ControlState, LinkedPart, PartEnd, Places};
-use loads::{Borne, SLOTS, Shares, potential, seen};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use loads::Shares;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use shape::PartShape;
 
 pub(super) const ENTRY: ModelEntry = ModelEntry {
@@ -179,7 +179,7 @@ impl Substructured {
         let Some(loads) = &self.loads else { return };
         let slots = if loads.is_none() { &[][..] } else { loads.slots() };
         let interfaces = SLOTS * self.rest.interfaces.len();
-        self.assembly.bear(slots.get(..interfaces).unwrap_or(&[]).chunks_exact(SLOTS).map(borne));
+        self.assembly.bear(slots.get(..interfaces).unwrap_or(&[]).chunks_exact(SLOTS).map(Borne::of_slots));
         let strain = loads.strain();
         self.assembly.parts.iter_mut().for_each(|part| part.strain = strain);
     }
@@ -187,7 +187,7 @@ impl Substructured {
     /// What the frames of control elements bear beside what these hold; empty where nothing acts.
     fn on_controls(&self) -> impl Iterator<Item = Borne> + '_ {
         let slots = self.loads.as_ref().filter(|loads| !loads.is_none()).map_or(&[][..], Lumped::slots);
-        slots.chunks_exact(SLOTS).skip(self.rest.interfaces.len()).map(borne)
+        slots.chunks_exact(SLOTS).skip(self.rest.interfaces.len()).map(Borne::of_slots)
     }
 
     /// Makes the surface of the places at which the parts were last evaluated.
@@ -216,11 +216,10 @@ impl Substructured {
                 part.add_slope(e, &mut own);
             }
             if let Some(load) = on_controls.get(e) {
-                let place = EndFrame { place: frame.place, turn: frame.turn };
-                let (force, moments) = seen(&place, load);
-                own.force -= force;
-                own.torque -= axial(&moments);
-                self.energy += potential(&place, load);
+                let along = load.along(&frame.turn);
+                own.force -= along.force;
+                own.torque -= along.torque();
+                self.energy += load.potential(&frame.place, &frame.turn);
             }
             own.force = frame.turn * own.force;
             own.torque = frame.turn * own.torque;
@@ -266,15 +265,14 @@ impl DeformationModel for Substructured {
         }
         self.settled.interfaces.iter().for_each(|interface| memory.put(&interface.motion()));
         if let Some(loads) = &self.loads {
-            memory.loads = Some(loads.applied().clone());
-            memory.put(loads.mean.matrix());
+            loads.keep(&mut memory);
         }
         memory
     }
 
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
         let Places { interfaces, controls } = &mut self.settled;
-        let of_loads = if self.loads.is_some() { 9 } else { 0 };
+        let of_loads = if self.loads.is_some() { Lumped::KEPT } else { 0 };
         memory.suits(controls.len(), (7 + 6) * controls.len() + 7 * interfaces.len() + of_loads)?;
         let mut unknowns = Unknowns(&memory.unknowns);
         for control in controls {
@@ -282,8 +280,8 @@ impl DeformationModel for Substructured {
             unknowns.fill(&mut control.stretch);
         }
         interfaces.iter_mut().for_each(|interface| *interface = EndFrame::of(&unknowns.take()));
-        if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
-            loads.set_applied(applied, Rotation3::from_matrix_unchecked(unknowns.take()));
+        if let Some(loads) = &mut self.loads {
+            loads.take_back(memory.loads.as_ref(), &mut unknowns);
             self.bear();
         }
         self.turns = memory.turns_of(self.origins.len());
@@ -311,10 +309,6 @@ impl DeformationModel for Substructured {
             self.poses.clear();
         }
     }
-}
-
-fn borne(slots: &[Vector3<f64>]) -> Borne {
-    (slots[0], Matrix3::from_columns(&slots[1..SLOTS]))
 }
 
 #[cfg(test)]

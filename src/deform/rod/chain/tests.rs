@@ -256,7 +256,8 @@ fn a_rod_between_clamps_sags_and_presses_as_the_book_says() {
     let loaded = |n: usize| {
         let mut chain = straight(ELASTICA, n);
         let weight = |i: usize| if i == 0 || i == n { 0.5 } else { 1.0 } * q / n as f64;
-        chain.bear((0..=n).map(|i| (Vector3::y() * weight(i), Matrix3::zeros())), 1.0);
+        chain
+            .bear((0..=n).map(|i| Borne { force: Vector3::y() * weight(i), moments: Matrix3::zeros() }), 1.0);
         let clamps = [chain.frames[0], chain.frames[n]];
         (chain, clamps)
     };
@@ -287,7 +288,7 @@ fn loads_are_part_of_the_slopes_and_the_hessian() {
     let number = |i: usize| ((i * 2_654_435_761 % 1000) as f64 - 500.0) * 1e-3;
     let borne = |i: usize| {
         let moments = Matrix3::from_fn(|a, b| number(29 * i + 3 * a + b));
-        (Vector3::new(number(7 * i), number(7 * i + 3), number(7 * i + 5)), moments)
+        Borne { force: Vector3::new(number(7 * i), number(7 * i + 3), number(7 * i + 5)), moments }
     };
     chain.bear((0..7).map(borne), 1.02);
     let step = |i: usize| Vector6::from_fn(|k, _| number(31 * i + 5 * k + 2));
