@@ -274,7 +274,8 @@ impl Overlays {
             })
         };
         let of = |leader: &usize| outer[*leader].as_ref().unwrap_or(contents);
-        let contents: Vec<&FrameContents<'_>> = leader.iter().map(of).collect();
+        // A presenter may have fewer windows than the stage: the demo shows the room of four in one.
+        let contents: Vec<&FrameContents<'_>> = leader.iter().take(tiles.len()).map(of).collect();
         presenter.present(&tiles, &contents, Some(&mut paint))
     }
 
