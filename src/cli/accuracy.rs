@@ -1,6 +1,6 @@
 //! `greenstage accuracy`: measures what accuracy costs in time.
 
-use super::opening::{self, Guess};
+use super::opening::Guess;
 use super::parsers;
 use super::print::print;
 use crate::base::bars::Bars;
@@ -68,7 +68,7 @@ const QUICK_S: f64 = 55.0;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let from = Instant::now();
-    let scene = opening::scene(&args.scene, &args.guess)?;
+    let scene = Resolved::load(&args.scene)?;
     try_outputs(args, &scene)?;
     let name = match &args.body {
         Some(name) if scene.body.contains_key(name) => name.clone(),

@@ -1,7 +1,7 @@
 //! `greenstage bench`: measures the frame rate, and where a frame's time goes.
 
 use super::bench_haptics::Subject;
-use super::opening::{self, Guess};
+use super::opening::Guess;
 use super::parsers;
 use super::print::print;
 use super::{bench_haptics, bench_snapshot, marks, precompute};
@@ -15,7 +15,7 @@ use crate::display::device::{self, Shadows};
 use crate::display::offscreen::{DrawTimes, Pictures, Targets};
 use crate::display::pictures;
 use crate::green::{FIELDS, Precomputed, STIFFNESS};
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::render::{DrawCounts, Samples};
 use crate::scene::Storage;
 use crate::session::{Playback, Request, Session};
@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             stage: &stage,
         });
     };
-    let scene = opening::scene(scene, &args.guess)?;
+    let scene = Resolved::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
     prepare::try_green(&scene, None)?;
     let scene = tuning::settle(scene, false, false)?;

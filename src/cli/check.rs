@@ -1,6 +1,6 @@
 //! `greenstage check`: lists all that can be found wrong with a scene, without solving it.
 
-use super::opening::{self, Guess};
+use super::opening::Guess;
 use super::print::print;
 use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, tally};
@@ -12,7 +12,6 @@ use crate::green::{self, Forecast, GreenError, Prepared};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
-use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::survey::State;
 use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
@@ -42,10 +41,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    if !is_mesh_or_surface(&args.scene) && inspect::is_stage(&args.scene)? {
+    if inspect::is_stage(&args.scene)? {
         return check_stage::run(&args.scene, args.json);
     }
-    let survey = opening::survey(&args.scene, &args.guess)?;
+    let survey = Scene::survey(&args.scene)?;
     let mut findings: Vec<Diagnostic> = survey.faults.iter().map(SceneError::finding).collect();
     let (mut effects, mut known) = (Vec::new(), Vec::new());
     if let Some(scene) = &survey.scene {

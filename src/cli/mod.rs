@@ -42,6 +42,9 @@ mod view;
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
 use clap::{CommandFactory, Parser, Subcommand};
+use opening::Guess;
+use session_args::SessionArgs;
+use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
 A first tour:
@@ -97,16 +100,33 @@ impl Command {
     fn draws_frames(&self) -> bool {
         matches!(self, Command::View(_) | Command::Render(_) | Command::Bench(_) | Command::Demo(_))
     }
+
+    /// The file that it opens as a scene, and what is known of it should it be a mesh or a surface.
+    fn opens(&mut self) -> Option<(&mut PathBuf, &Guess)> {
+        match self {
+            Command::View(view::Args { session: SessionArgs { scene, guess, .. }, .. })
+            | Command::Render(render::Args { session: SessionArgs { scene, guess, .. }, .. })
+            | Command::Precompute(precompute::Args { scene, guess, .. })
+            | Command::Accuracy(accuracy::Args { scene, guess, .. })
+            | Command::Check(check::Args { scene, guess, .. })
+            | Command::Bench(bench::Args { scene: Some(scene), guess, .. }) => Some((scene, guess)),
+            _ => None,
+        }
+    }
 }
 
-/// Runs the command that was asked for; without one, the demo.
-pub fn run(cli: Cli) -> Result<(), Failure> {
+/// Runs the command that was asked for; without one, the demo. For a mesh or a surface file a scene is written first, so that
+/// commands know only scenes.
+pub fn run(mut cli: Cli) -> Result<(), Failure> {
     machine::start_threads().map_err(|error| match error {
         ThreadsError::TooMany { .. } => Failure::request(error),
         ThreadsError::Start { .. } => Failure::work(error),
     })?;
     if cli.command.as_ref().is_none_or(Command::draws_frames) {
         machine::work_along();
+    }
+    if let Some((file, guess)) = cli.command.as_mut().and_then(Command::opens) {
+        *file = opening::scene_path(file, guess)?;
     }
     match cli.command {
         Some(Command::New(args)) => new::run(&args),

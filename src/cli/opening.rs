@@ -7,11 +7,8 @@ use crate::base::output::{self, Kind};
 use crate::base::text::quoted;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
-use crate::prepare::Resolved;
-use crate::scene::Scene;
 use crate::scene::file_kind::is_mesh_or_surface;
 use crate::scene::proposal::{self, Proposal, ProposalError, UnitDoubt, Wishes};
-use crate::scene::survey::Survey;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
@@ -50,19 +47,9 @@ fn is_a_person_there() -> bool {
     std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }
 
-/// The scene of a file that a command is given: a scene file, or what is proposed for a mesh or a surface file, whose scene
-/// and .green file then go to a folder of their own ([`cache::folder`]), so that nothing appears beside the mesh.
-pub fn scene(path: &Path, guess: &Guess) -> Result<Resolved, Failure> {
-    Resolved::load(&scene_path(path, guess)?)
-}
-
-/// The same with all of its faults.
-pub fn survey(path: &Path, guess: &Guess) -> Result<Survey, Failure> {
-    Ok(Scene::survey(&scene_path(path, guess)?)?)
-}
-
-/// Where the scene stands, written there for a mesh or a surface file.
-fn scene_path(path: &Path, guess: &Guess) -> Result<PathBuf, Failure> {
+/// The scene file for what a command is given: that file itself, or, for a mesh or a surface file, a proposed scene. The scene
+/// and its .green file then go to a folder of their own ([`cache::folder`]), so that nothing appears beside the mesh.
+pub fn scene_path(path: &Path, guess: &Guess) -> Result<PathBuf, Failure> {
     if !is_mesh_or_surface(path) {
         let is_guessed = guess.unit.is_some() || guess.material.is_some();
         let told =

@@ -1,7 +1,7 @@
 //! `greenstage precompute`: the offline stage.
 
 use super::expected;
-use super::opening::{self, Guess};
+use super::opening::Guess;
 use super::parsers;
 use super::print::print;
 use crate::base::bars::Bars;
@@ -12,7 +12,7 @@ use crate::base::output::{self, Kind, OutputError};
 use crate::base::table::{Table, bytes, seconds};
 use crate::effect;
 use crate::green::{self, FAMILIES, GreenFile, KEPT_AFTER, Precomputed, STIFFNESS};
-use crate::prepare;
+use crate::prepare::{self, Resolved};
 use crate::scene::{Method, Storage};
 use crate::tuning;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = opening::scene(&args.scene, &args.guess)?;
+    let scene = Resolved::load(&args.scene)?;
     let path = args.output.clone().unwrap_or_else(|| prepare::green_path(&scene));
     let inputs = prepare::inputs(&scene);
     let will_compute = args.force || !path.exists();

@@ -1,6 +1,6 @@
 //! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
 
-use super::opening::{self, Guess};
+use super::opening::Guess;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};
@@ -45,7 +45,7 @@ impl SessionArgs {
 
     /// The scene, found or proposed, ready to be solved. Whatever the run writes, `pictures` included, is tried before.
     pub fn load_scene(&self, pictures: Option<&PictureRequest>) -> Result<Resolved, Failure> {
-        let scene = opening::scene(&self.scene, &self.guess)?;
+        let scene = Resolved::load(&self.scene)?;
         self.try_outputs(&scene, pictures)?;
         tuning::settle(scene, false, false)
     }
