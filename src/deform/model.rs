@@ -24,9 +24,15 @@ pub trait DeformationModel: Send {
         None
     }
 
+    /// Does a part of what [`DeformationModel::respond_beside`] needs, beginning anew where `anew`: the second derivatives of V at
+    /// the last response. True when nothing is left to do; until then each tick of the force loop has time for one part.
+    fn prepare_beside(&mut self, _anew: bool) -> bool {
+        true
+    }
+
     /// [`DeformationModel::respond`] a little beside the poses that were asked last, to first order of the way there, for
-    /// stiffnesses: the equilibrium stays, and most calls cost much less than a response. `None` of a model that has no such way,
-    /// and where it has no equilibrium.
+    /// stiffnesses: the equilibrium stays, and a call costs much less than a response. `None` of a model that has no such way,
+    /// and where it is not prepared or has no equilibrium.
     fn respond_beside(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
         None
     }

@@ -28,7 +28,7 @@ use super::loads::FrameForces;
 use super::memory::{ModelMemory, Unknowns};
 use super::model::{Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response};
 use super::pose::ControlPose;
-use super::reduced::{CURVATURE_SERVES, Posed, Quartic, quartic_table};
+use super::reduced::{Curvature, Posed, Quartic, quartic_table};
 use crate::green::{AFFINE, CUBIC, FIELDS, Lift, PERTURBATION, RADIUS, REDUCED, SERIES, STIFFNESS};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
@@ -63,11 +63,9 @@ pub struct Perturbation {
     z: Vec<f64>,
     slopes: Vec<f64>,
     bends: DMatrix<f64>,
-    /// z and ∂V/∂z of the last response and V there, and ∂²V/∂z² of so many responses before, if there are: of them slopes beside
-    /// are found.
+    /// z and ∂V/∂z of the last response and V there, and ∂²V/∂z² of a response before: with them slopes beside are found.
     last: (Vec<f64>, Vec<f64>, f64),
-    curvature: Vec<f64>,
-    curvature_age: Option<usize>,
+    curvature: Curvature,
     by_frames: Vec<FrameSlope>,
     loads: Option<FrameForces>,
     /// r, and ∂V by it.
@@ -124,8 +122,7 @@ impl Perturbation {
             z: vec![0.0; variables],
             slopes: vec![0.0; variables],
             last: (vec![0.0; variables], vec![0.0; variables], 0.0),
-            curvature: vec![0.0; variables * variables],
-            curvature_age: None,
+            curvature: Curvature::new(variables),
             by_frames: vec![FrameSlope { force: nothing, torque: nothing, stretch: Matrix3::zeros() }; 2],
             energy: 0.0,
             by_poses: vec![PoseSlope::default(); 2],
@@ -187,6 +184,11 @@ impl Perturbation {
         }
     }
 
+    /// Loads have second derivatives of their own, which are not made beside the equilibrium.
+    fn is_loaded(&self) -> bool {
+        self.loads.as_ref().is_some_and(|loads| !loads.is_none)
+    }
+
     /// V(z) and its slopes.
     fn evaluate(&mut self) -> f64 {
         let energy = self.quartic.slopes(&self.z, self.z.len(), &mut self.slopes);
@@ -194,7 +196,6 @@ impl Perturbation {
         z.copy_from_slice(&self.z);
         slopes.copy_from_slice(&self.slopes);
         *last = energy;
-        self.curvature_age = self.curvature_age.map(|age| age + 1).filter(|age| *age < CURVATURE_SERVES);
         energy
     }
 
@@ -202,16 +203,12 @@ impl Perturbation {
     fn evaluate_beside(&mut self) -> f64 {
         let (last_z, last_slopes, last) = &self.last;
         let n = last_z.len();
-        if self.curvature_age.is_none() {
-            self.quartic.second(last_z, n, &mut self.curvature);
-            self.curvature_age = Some(0);
-        }
         for (way, last) in self.z.iter_mut().zip(last_z) {
             *way -= last;
         }
         let mut energy = *last;
         for (at, slope) in self.slopes.iter_mut().enumerate() {
-            let row = &self.curvature[at * n..][..n];
+            let row = &self.curvature.second[at * n..][..n];
             *slope = last_slopes[at] + row.iter().zip(&self.z).map(|(second, way)| second * way).sum::<f64>();
             energy += 0.5 * (*slope + last_slopes[at]) * self.z[at];
         }
@@ -234,7 +231,7 @@ impl Perturbation {
         }
         let q = 1 + self.lift.rigid;
         self.z[q..q + self.fields].copy_from_slice(self.bends.column(0).as_slice());
-        let is_loaded = self.loads.as_ref().is_some_and(|loads| !loads.is_none);
+        let is_loaded = self.is_loaded();
         if is_loaded {
             self.z[q..].iter_mut().zip(&self.answers).for_each(|(z, answer)| *z += answer);
         }
@@ -317,10 +314,19 @@ impl DeformationModel for Perturbation {
         Some(Response { energy: self.energy, is_defined: found.is_some() })
     }
 
+    fn prepare_beside(&mut self, anew: bool) -> bool {
+        if self.is_loaded() {
+            return true;
+        }
+        if anew {
+            self.curvature.forget();
+        }
+        self.curvature.prepare(&self.quartic, &self.last.0)
+    }
+
     fn respond_beside(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         self.rotation.as_ref()?;
-        // Loads have second derivatives of their own.
-        if self.loads.as_ref().is_some_and(|loads| !loads.is_none) {
+        if self.is_loaded() || !self.curvature.is_made() {
             return None;
         }
         slopes.copy_from_slice(&self.by_poses);

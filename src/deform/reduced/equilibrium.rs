@@ -5,6 +5,7 @@
 //! what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened until V falls (Nocedal and
 //! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
 
+use super::curvature::Curvature;
 use super::quartic::Quartic;
 use crate::deform::loads::Burden;
 use crate::deform::memory::Unknowns;
@@ -22,15 +23,12 @@ const ROUNDING: f64 = 1e-12;
 /// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
 /// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
 const SAYS_NOTHING: f64 = 1e-6;
-/// So many equilibria have their second derivatives taken from the first of them: as many as a search for the stiffness at a handle
-/// has columns, and some in which it waits.
-pub const CURVATURE_SERVES: usize = 12;
 /// The way before tells how q bends away from its tangent where this one is so much as long, and leads within 27° in its direction.
 const AS_LONG: [f64; 2] = [0.25, 4.0];
 const AS_STRAIGHT: f64 = 0.8;
 /// An equilibrium that takes more evaluations is a long one, where the second derivatives that slopes beside it need are there, and
 /// where they are not; one of second derivatives counts as two.
-const USUAL_WORK: [usize; 2] = [3, 1];
+const USUAL_WORK: [usize; 2] = [3, 2];
 /// y beyond those of undeformed elements count as 0 below this; where loads are taken away, so does the energy of such a y.
 const NOTHING: f64 = 1e-9;
 
@@ -44,7 +42,7 @@ pub struct ReducedBody {
     fields: usize,
     z: Vec<f64>,
     slopes: Vec<f64>,
-    second: Vec<f64>,
+    second: Curvature,
     factor: Factor,
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
     tangent: Vec<f64>,
@@ -61,11 +59,11 @@ pub struct ReducedBody {
     /// Evaluations for the last equilibrium, and whether the tangent was made in it.
     work: usize,
     is_fresh: bool,
-    /// ∂²V/∂z² over all of z, where q was settled so many times ago, none where there are none; the factor of its part by q; the
-    /// slopes that were found with it.
-    curvature: Vec<f64>,
-    curvature_age: Option<usize>,
+    /// ∂²V/∂z² over all of z at an earlier equilibrium; the factor of its part by q, if that has one; the slopes that were found with
+    /// them.
+    curvature: Curvature,
     beside: Factor,
+    has_beside: bool,
     slopes_beside: Vec<f64>,
 }
 
@@ -88,10 +86,10 @@ impl ReducedBody {
             trial: z.clone(),
             z,
             slopes: vec![0.0; n],
-            second: vec![0.0; n * n],
-            curvature: vec![0.0; n * n],
-            curvature_age: None,
+            second: Curvature::new(n),
+            curvature: Curvature::new(n),
             beside: factor.clone(),
+            has_beside: false,
             slopes_beside: vec![0.0; n],
             factor,
             tangent: vec![0.0; fields * n],
@@ -107,7 +105,7 @@ impl ReducedBody {
 
     /// Whether the last equilibrium left little time for slopes beside it.
     pub fn was_long(&self) -> bool {
-        self.work > USUAL_WORK[usize::from(self.curvature_age.is_none())]
+        self.work > USUAL_WORK[usize::from(!self.curvature.is_made())]
     }
 
     /// q, as it was last found.
@@ -141,7 +139,7 @@ impl ReducedBody {
 
     /// Takes back what [`ReducedBody::keep`] added.
     pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
-        self.curvature_age = None;
+        self.curvature.forget();
         unknowns.fill(&mut self.z);
         unknowns.fill(&mut self.slopes);
         self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
@@ -153,7 +151,7 @@ impl ReducedBody {
 
     /// From now on the search begins at q = 0.
     pub fn forget(&mut self) {
-        self.curvature_age = None;
+        self.curvature.forget();
         self.change.fill(0.0);
         self.z[1..].fill(0.0);
         self.active = 0;
@@ -167,7 +165,6 @@ impl ReducedBody {
     /// V, with what loads make of it, at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of
     /// before.
     pub fn settle(&mut self, y: &[f64], mut burden: Option<&mut Burden>) -> Option<f64> {
-        self.curvature_age = self.curvature_age.map(|age| age + 1).filter(|age| *age < CURVATURE_SERVES);
         (self.work, self.is_fresh) = (0, false);
         let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
         let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };
@@ -200,20 +197,45 @@ impl ReducedBody {
         found
     }
 
+    /// Does a part of what [`ReducedBody::settle_beside`] needs, beginning at the last equilibrium where `anew`; true when nothing is
+    /// left to do. The search for equilibria goes on with these second derivatives too, which are newer than its own.
+    pub fn prepare_beside(&mut self, anew: bool) -> bool {
+        if anew {
+            self.curvature.forget();
+        }
+        if self.curvature.is_made() {
+            return true;
+        }
+        self.has_beside = false;
+        if !self.curvature.prepare(&self.quartic, &self.z) {
+            return false;
+        }
+        let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
+        let second = &self.curvature.second;
+        for i in 0..fields {
+            self.beside.lower[i * fields..(i + 1) * fields]
+                .copy_from_slice(&second[(q + i) * n + q..][..fields]);
+        }
+        self.has_beside = self.beside.make();
+        let active = self.active;
+        if self.has_beside && active > 0 {
+            for i in 0..fields {
+                self.cross[i * active..(i + 1) * active].copy_from_slice(&second[(q + i) * n..][..active]);
+            }
+            self.factor.lower.copy_from_slice(&self.beside.lower);
+            self.find_tangent(active);
+            self.missed.fill(0.0);
+        }
+        true
+    }
+
     /// Finds the slopes by y a little beside that which was settled last, to first order of the way there: q follows y along
-    /// ∂²V/∂q² δq = -∂²V/∂q∂y δy, with second derivatives that serve [`CURVATURE_SERVES`] equilibria. Returns what that adds to V;
-    /// `None` where q is not stable.
+    /// ∂²V/∂q² δq = -∂²V/∂q∂y δy. Returns what that adds to V; `None` where it is not prepared, or q was not stable.
     pub fn settle_beside(&mut self, y: &[f64]) -> Option<f64> {
         let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
-        if self.curvature_age.is_none() {
-            self.quartic.second(&self.z, n, &mut self.curvature);
-            for i in 0..fields {
-                let row = &self.curvature[(q + i) * n + q..][..fields];
-                self.beside.lower[i * fields..(i + 1) * fields].copy_from_slice(row);
-            }
-            self.curvature_age = self.beside.make().then_some(0);
+        if !self.has_beside {
+            return None;
         }
-        self.curvature_age?;
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         self.trial.fill(0.0);
         for (k, y) in y.iter().enumerate() {
@@ -222,12 +244,12 @@ impl ReducedBody {
         }
         let added = dot(&self.slopes, &self.trial);
         for (i, step) in self.step.iter_mut().enumerate() {
-            *step = -dot(&self.curvature[(q + i) * n..][..n], &self.trial);
+            *step = -dot(&self.curvature.second[(q + i) * n..][..n], &self.trial);
         }
         self.beside.solve(&mut self.step);
         self.trial[q..q + fields].copy_from_slice(&self.step);
         for (at, slope) in self.slopes_beside.iter_mut().enumerate() {
-            *slope = self.slopes[at] + dot(&self.curvature[at * n..][..n], &self.trial);
+            *slope = self.slopes[at] + dot(&self.curvature.second[at * n..][..n], &self.trial);
         }
         Some(added)
     }
@@ -368,12 +390,12 @@ impl ReducedBody {
         let (n, q, fields) = (active, 1 + self.rigid, self.fields);
         self.work += 2;
         self.is_fresh = true;
-        self.quartic.second(&self.z, n, &mut self.second);
+        self.second.make(&self.quartic, &self.z, n);
         if let Some(burden) = burden {
-            burden.add_second(n, &mut self.second);
+            burden.add_second(n, &mut self.second.second);
         }
-        self.cross[..fields * n].copy_from_slice(&self.second[q * n..(q + fields) * n]);
-        let largest = (q..q + fields).map(|i| self.second[i * n + i].abs()).fold(0.0, f64::max);
+        self.cross[..fields * n].copy_from_slice(&self.second.second[q * n..(q + fields) * n]);
+        let largest = (q..q + fields).map(|i| self.second.second[i * n + i].abs()).fold(0.0, f64::max);
         let mut shift = 0.0;
         self.active = 0;
         for _ in 0..12 {
@@ -388,7 +410,16 @@ impl ReducedBody {
             }
             shift = (10.0 * shift).max(1e-4 * largest);
         }
-        for at in (0..self.active).filter(|at| !(q..q + fields).contains(at)) {
+        if self.active == n {
+            self.find_tangent(n);
+        }
+        (self.active == n).then_some(())
+    }
+
+    /// dq/dy of the `n` active z, by the factor and the derivatives by q and y.
+    fn find_tangent(&mut self, n: usize) {
+        let (q, fields) = (1 + self.rigid, self.fields);
+        for at in (0..n).filter(|at| !(q..q + fields).contains(at)) {
             for i in 0..fields {
                 self.step[i] = -self.cross[i * n + at];
             }
@@ -400,7 +431,6 @@ impl ReducedBody {
         for i in 0..fields {
             self.tangent[i * n + q..][..fields].fill(0.0);
         }
-        (self.active == n).then_some(())
     }
 }
 

@@ -7,6 +7,7 @@
 //! Forces are the derivative of V by the poses, that of m included; q has no part in it. Loads and forces at points are forces on
 //! (y, q) and m ([`FrameForces`]), and what they do at rest is among the fields Φ.
 
+mod curvature;
 mod equilibrium;
 mod posed;
 mod quartic;
@@ -21,7 +22,7 @@ use crate::green::{AFFINE, Lift, QUARTIC, REDUCED};
 use equilibrium::ReducedBody;
 use nalgebra::UnitQuaternion;
 
-pub use equilibrium::CURVATURE_SERVES;
+pub use curvature::Curvature;
 pub use posed::Posed;
 pub use quartic::Quartic;
 
@@ -77,6 +78,11 @@ impl Reduced {
         })
     }
 
+    /// Loads have second derivatives of their own, which are not made beside the equilibrium.
+    fn is_loaded(&self) -> bool {
+        self.loads.as_ref().is_some_and(|loads| !loads.is_none)
+    }
+
     /// Finds m, c and q of the poses; `None` where there are none.
     fn settle(&mut self, poses: &[ControlPose]) -> Option<()> {
         let has_changed = self.loads.as_mut().is_some_and(FrameForces::read);
@@ -123,10 +129,12 @@ impl DeformationModel for Reduced {
         Some(Response { energy: self.energy, is_defined: found.is_some() })
     }
 
+    fn prepare_beside(&mut self, anew: bool) -> bool {
+        self.poses.is_empty() || self.is_loaded() || self.body.prepare_beside(anew)
+    }
+
     fn respond_beside(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
-        // Loads have second derivatives of their own.
-        let is_loaded = self.loads.as_ref().is_some_and(|loads| !loads.is_none);
-        if self.poses.is_empty() || is_loaded {
+        if self.poses.is_empty() || self.is_loaded() {
             return None;
         }
         let (body, posed) = (&mut self.body, &mut self.posed);

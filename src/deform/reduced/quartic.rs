@@ -1,10 +1,9 @@
-//! A quartic V(z) = Σ w_abcd z_a z_b z_c z_d over a ≤ b ≤ c ≤ d, evaluated with its slopes and second derivatives.
+//! A quartic V(z) = Σ w_abcd z_a z_b z_c z_d over a ≤ b ≤ c ≤ d, evaluated with its slopes.
 //!
 //! In: w as [`QuarticShape`] orders it, and z. Out, from the triangle of the a ≤ b ≤ c for each c ≤ d,
 //!
 //! ```text
 //! D_cd = Σ w_abcd z_a z_b      X_ab = Σ w_abcd z_c z_d      ∂V/∂z_d = Σ D_cd z_c + …      V = ¼ z·∂V/∂z
-//! U^c_ab = Σ w_abcd z_d        W^d_ab = Σ w_abcd z_c        ∂²V/∂z_i∂z_d = ∂/∂z_i Σ (U^d + W^d)_ab z_a z_b + X_id + D_id + …
 //! ```
 //!
 //! so that each coefficient is read once, in the order in which they stand: the triangles of [`TEAM`] successive d stand side
@@ -14,48 +13,43 @@ use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::QuarticShape;
 
 /// Numbers that one vector instruction takes at most.
-const SIDE: usize = 8;
+pub(super) const SIDE: usize = 8;
 /// Triangles that are read together.
-const TEAM: usize = 4;
+pub(super) const TEAM: usize = 4;
 
 /// [`SIDE`] numbers of one triangle.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Lane([f64; SIDE]);
+pub(super) struct Lane(pub [f64; SIDE]);
 
 /// The same places (a, b) of [`TEAM`] triangles.
-type Quad = [Lane; TEAM];
+pub(super) type Quad = [Lane; TEAM];
 
-const EMPTY: Lane = Lane([0.0; SIDE]);
+pub(super) const EMPTY: Lane = Lane([0.0; SIDE]);
 
 /// The coefficients, and the memory for an evaluation.
 pub struct Quartic {
-    variables: usize,
+    pub(super) variables: usize,
     /// For each team of d, and each c up to the last of them, the triangle of (c, d); 0 where d < c, and at its end.
-    coefficients: Vec<Quad>,
+    pub(super) coefficients: Vec<Quad>,
     /// z_a z_b of all pairs.
     products: Vec<Lane>,
     /// X.
     sums: Vec<Lane>,
-    /// W of a team, and U of all c, one after the other.
-    of_team: Vec<Quad>,
-    of_all: Vec<Lane>,
-    triangle: Vec<f64>,
-    row: Vec<f64>,
 }
 
 /// Pairs a ≤ b < n.
-fn triangle(n: usize) -> usize {
+pub(super) fn triangle(n: usize) -> usize {
     n * (n + 1) / 2
 }
 
 /// Lanes of the triangle of c.
-fn lanes_of(c: usize) -> usize {
+pub(super) fn lanes_of(c: usize) -> usize {
     triangle(c + 1).div_ceil(SIDE)
 }
 
 /// Lanes of the triangles before that of c.
-fn lanes_before(c: usize) -> usize {
+pub(super) fn lanes_before(c: usize) -> usize {
     (0..c).map(lanes_of).sum()
 }
 
@@ -90,26 +84,13 @@ impl Quartic {
             coefficients: quads,
             products: vec![EMPTY; lanes],
             sums: vec![EMPTY; lanes],
-            of_team: vec![[EMPTY; TEAM]; lanes],
-            of_all: vec![EMPTY; lanes_before(variables)],
-            triangle: vec![0.0; lanes * SIDE],
-            row: vec![0.0; variables],
         })
-    }
-
-    /// The products z_a z_b, and nothing behind them.
-    fn multiply(&mut self, z: &[f64]) {
-        let mut places = self.products.iter_mut().flat_map(|lane| &mut lane.0);
-        for (b, zb) in z.iter().enumerate() {
-            z[..=b].iter().zip(&mut places).for_each(|(za, place)| *place = za * zb);
-        }
-        places.for_each(|place| *place = 0.0);
     }
 
     /// V, and its slopes against the first `active` of z; the others of z must be 0.
     pub fn slopes(&mut self, z: &[f64], active: usize, slopes: &mut [f64]) -> f64 {
         let z = &z[..active];
-        self.multiply(z);
+        multiply(z, &mut self.products);
         self.sums.fill(EMPTY);
         slopes.fill(0.0);
         lanes::run(Slopes { quartic: self, z, slopes });
@@ -128,44 +109,33 @@ impl Quartic {
         slopes.fill(0.0);
         lanes::run(Beyond { quartic: self, z: &z[..active], slopes });
     }
+}
 
-    /// Second derivatives against the first `active` of z, row by row into `second`; the others of z must be 0.
-    pub fn second(&mut self, z: &[f64], active: usize, second: &mut [f64]) {
-        let (n, z) = (active, &z[..active]);
-        self.multiply(z);
-        self.sums.fill(EMPTY);
-        self.of_all.fill(EMPTY);
-        second[..n * n].fill(0.0);
-        lanes::run(Second { quartic: self, z, second });
-        let mut sums = self.sums.iter().flat_map(|lane| lane.0);
-        for b in 0..n {
-            second[b * n..=b * n + b].iter_mut().zip(&mut sums).for_each(|(second, sum)| *second += sum);
-        }
-        for i in 0..n {
-            for j in 0..=i {
-                let both = second[i * n + j] + second[j * n + i];
-                (second[i * n + j], second[j * n + i]) = (both, both);
-            }
-        }
+/// The products z_a z_b, and nothing behind them.
+pub(super) fn multiply(z: &[f64], products: &mut [Lane]) {
+    let mut places = products.iter_mut().flat_map(|lane| &mut lane.0);
+    for (b, zb) in z.iter().enumerate() {
+        z[..=b].iter().zip(&mut places).for_each(|(za, place)| *place = za * zb);
     }
+    places.for_each(|place| *place = 0.0);
 }
 
 /// A call, so that the lanes above are not torn apart to be summed side by side.
 #[inline(never)]
-fn totals(lanes: &Quad) -> [f64; TEAM] {
+pub(super) fn totals(lanes: &Quad) -> [f64; TEAM] {
     lanes.map(|lane| lane.0.iter().sum())
 }
 
 /// a b + c.
 #[inline(always)]
-fn lane_fused<const FUSED: bool>(a: &Lane, b: &Lane, c: &mut Lane) {
+pub(super) fn lane_fused<const FUSED: bool>(a: &Lane, b: &Lane, c: &mut Lane) {
     for i in 0..SIDE {
         c.0[i] = fused64::<FUSED>(a.0[i], b.0[i], c.0[i]);
     }
 }
 
 #[inline(always)]
-fn lane_add<const FUSED: bool>(factor: f64, a: &Lane, sum: &mut Lane) {
+pub(super) fn lane_add<const FUSED: bool>(factor: f64, a: &Lane, sum: &mut Lane) {
     for i in 0..SIDE {
         sum.0[i] = fused64::<FUSED>(factor, a.0[i], sum.0[i]);
     }
@@ -204,44 +174,6 @@ fn dots_and_sums<const FUSED: bool>(
     totals(&{ dots })
 }
 
-/// The same; adds to W of the team and to U of c too.
-#[inline(always)]
-fn dots_and_all<const FUSED: bool>(
-    own: &[Quad],
-    products: &[Lane],
-    (zc, zd): (f64, [f64; TEAM]),
-    sums: &mut [Lane],
-    (of_team, of_c): (&mut [Quad], &mut [Lane]),
-) -> [f64; TEAM] {
-    let mut dots = [EMPTY; TEAM];
-    let sides = products.iter().zip(sums).zip(of_team).zip(of_c);
-    for (own, (((products, sums), of_team), of_c)) in own.iter().zip(sides) {
-        let (mut team, mut sum) = (*of_team, EMPTY);
-        for j in 0..TEAM {
-            lane_fused::<FUSED>(&own[j], products, &mut dots[j]);
-            lane_add::<FUSED>(zd[j], &own[j], &mut sum);
-            lane_add::<FUSED>(zc, &own[j], &mut team[j]);
-        }
-        *of_team = team;
-        lane_add::<FUSED>(1.0, &sum, of_c);
-        lane_add::<FUSED>(zc, &sum, sums);
-    }
-    totals(&{ dots })
-}
-
-#[inline(always)]
-fn dot<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; SIDE];
-    let (wide_a, wide_b) = (a.chunks_exact(SIDE), b.chunks_exact(SIDE));
-    let rest: f64 = wide_a.remainder().iter().zip(wide_b.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in wide_a.zip(wide_b) {
-        for i in 0..SIDE {
-            sums[i] = fused64::<FUSED>(a[i], b[i], sums[i]);
-        }
-    }
-    sums.iter().sum::<f64>() + rest
-}
-
 /// X, and the part of the slopes that D gives.
 struct Slopes<'a> {
     quartic: &'a mut Quartic,
@@ -267,64 +199,6 @@ impl Kernel for Slopes<'_> {
                     slopes[c] += dot * team[j];
                 }
             }
-        }
-    }
-}
-
-/// X, and the other parts of the second derivatives.
-struct Second<'a> {
-    quartic: &'a mut Quartic,
-    z: &'a [f64],
-    second: &'a mut [f64],
-}
-
-impl Kernel for Second<'_> {
-    #[inline(always)]
-    fn run<const FUSED: bool>(self) {
-        let Quartic { variables, coefficients, products, sums, of_team, of_all, triangle, row } =
-            self.quartic;
-        let (z, second, n) = (self.z, self.second, self.z.len());
-        let mut rest = coefficients.as_slice();
-        for (first, count) in teams(n, *variables) {
-            let team: [f64; TEAM] = std::array::from_fn(|j| z.get(first + j).copied().unwrap_or(0.0));
-            of_team.fill([EMPTY; TEAM]);
-            let mut at = 0;
-            for c in 0..count {
-                let own;
-                (own, rest) = rest.split_at(lanes_of(c));
-                let Some(&zc) = z.get(c) else { continue };
-                let of_c = &mut of_all[at..at + own.len()];
-                at += own.len();
-                let dots = dots_and_all::<FUSED>(own, products, (zc, team), sums, (of_team, of_c));
-                for (j, dot) in dots.iter().enumerate().take(n - first) {
-                    second[(first + j) * n + c] += dot;
-                }
-            }
-            for (j, d) in (first..n.min(first + TEAM)).enumerate() {
-                let of_d = of_all[lanes_before(d)..].iter_mut().take(lanes_of(d));
-                of_d.zip(&*of_team).for_each(|(of_d, team)| lane_add::<FUSED>(1.0, &team[j], of_d));
-            }
-        }
-        let mut at = 0;
-        for c in 0..n {
-            let of_c = &of_all[at..at + lanes_of(c)];
-            at += of_c.len();
-            for (place, lane) in triangle.chunks_exact_mut(SIDE).zip(of_c) {
-                place.copy_from_slice(&lane.0);
-            }
-            // ∂/∂z_i Σ (U + W)_ab z_a z_b.
-            let row = &mut row[..=c];
-            row.fill(0.0);
-            let mut run = triangle.as_slice();
-            for b in 0..=c {
-                let own;
-                (own, run) = run.split_at(b + 1);
-                row[b] += dot::<FUSED>(own, &z[..=b]);
-                for (row, own) in row.iter_mut().zip(own) {
-                    *row = fused64::<FUSED>(z[b], *own, *row);
-                }
-            }
-            second[c * n..=c * n + c].iter_mut().zip(&*row).for_each(|(second, row)| *second += row);
         }
     }
 }
@@ -364,6 +238,7 @@ impl Kernel for Beyond<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::curvature::Curvature;
     use super::*;
 
     /// Against sums over all coefficients, and central differences.
@@ -388,7 +263,7 @@ mod tests {
         let mut quartic = Quartic::new(n, &coefficients).unwrap();
         for active in [6, 4] {
             let z: Vec<f64> = (0..n).map(|i| if i < active { (0.7 * i as f64).cos() } else { 0.0 }).collect();
-            let (mut slopes, mut second) = (vec![0.0; n], vec![0.0; active * active]);
+            let mut slopes = vec![0.0; n];
             let found = quartic.slopes(&z, active, &mut slopes[..active]);
             quartic.slopes_beyond(&z, active, &mut slopes[active..]);
             assert!((found - value(&z)).abs() < 1e-13, "{found} {}", value(&z));
@@ -401,14 +276,18 @@ mod tests {
                 let slope = (value(&moved(i, 1e-5)) - value(&moved(i, -1e-5))) / 2e-5;
                 assert!((slopes[i] - slope).abs() < 1e-8, "{i}: {} {slope}", slopes[i]);
             }
-            quartic.second(&z, active, &mut second);
+            let mut curvature = Curvature::new(n);
+            curvature.make(&quartic, &z, active);
             for i in 0..active {
                 let (mut plus, mut minus) = (vec![0.0; active], vec![0.0; active]);
                 quartic.slopes(&moved(i, 1e-5), active, &mut plus);
                 quartic.slopes(&moved(i, -1e-5), active, &mut minus);
                 for j in 0..active {
                     let expected = (plus[j] - minus[j]) / 2e-5;
-                    assert!((second[i * active + j] - expected).abs() < 1e-8, "{i} {j}: {expected}");
+                    assert!(
+                        (curvature.second[i * active + j] - expected).abs() < 1e-8,
+                        "{i} {j}: {expected}"
+                    );
                 }
             }
         }

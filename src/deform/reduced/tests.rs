@@ -70,6 +70,8 @@ fn slopes_beside_are_those_to_first_order() {
         let [own, found, beside] = &mut slopes;
         let mut off = |by: f64| {
             model.respond(&at, own).unwrap();
+            assert!(!model.prepare_beside(true), "{name}: a tick has time for a part");
+            assert!((0..9).any(|_| model.prepare_beside(false)), "{name}: nine parts are not enough");
             let answer = model.respond_beside(&moved(by), beside).unwrap();
             model.respond(&at, found).unwrap();
             assert!(off_by(own, found) < 1e-9 * size(own), "{name}: {}", off_by(own, found));

@@ -126,6 +126,11 @@ impl Elastic {
         self.with_added(response, pose)
     }
 
+    /// Does a part of what makes responses beside the last one cheap; true when nothing is left to do.
+    pub fn prepare_beside(&mut self, anew: bool) -> bool {
+        self.model.prepare_beside(anew)
+    }
+
     /// Whether the last response took much longer than most do.
     pub fn was_long(&self) -> bool {
         self.model.was_long()

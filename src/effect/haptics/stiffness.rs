@@ -1,5 +1,5 @@
-//! The body's stiffness at the handle, found while the loop ticks: one more evaluation of the body in each tick that has not taken
-//! long, beside its state where the model has such a way.
+//! The body's stiffness at the handle, found while the loop ticks: in each tick that has not taken long, a part of what the model
+//! prepares for it, then one more evaluation of the body, beside its state where the model has such a way.
 //!
 //! In: the hold with the body's push there. Out: K, 6 × 6 in N/m, N and N·m of the device: minus the derivatives of the push by
 //! the hold's motion (v, ω), by differences from the push that the tick has found anyway. It is the Hessian of the energy in
@@ -28,8 +28,9 @@ pub struct Stiffness {
     /// Rotation of the handle where the newest search began.
     begun_at: Option<UnitQuaternion<f64>>,
     columns: Matrix6<f64>,
-    /// The next column of a search; `None` between two searches.
+    /// The next column of a search; `None` between two searches. Whether the body is prepared for it, `None` before that begins.
     next: Option<usize>,
+    prepared: Option<bool>,
     /// Ticks in which that has waited.
     waited: usize,
 }
@@ -43,10 +44,11 @@ impl Stiffness {
             return;
         }
         (self.begun_at, self.columns, self.next) = (Some(handle.rotation), Matrix6::zeros(), Some(0));
+        self.prepared = None;
         body.mark();
     }
 
-    /// Goes on with a search by one column: with the hold at `at` in the device's frame, the body's push is `push`. A device
+    /// Goes on with a search by one column, or by a part of what comes before: with the hold at `at` in the device's frame, the body's push is `push`. A device
     /// without torque does not feel the columns of turns. True when the search is over; `None` if the hold or the push
     /// beside it is not defined.
     pub fn search(
@@ -62,6 +64,13 @@ impl Stiffness {
             return Some(false);
         }
         self.waited = 0;
+        if self.prepared != Some(true) {
+            let is_prepared = body.prepare_beside(self.prepared.is_none());
+            self.prepared = Some(is_prepared);
+            if !is_prepared {
+                return Some(false);
+            }
+        }
         // A metre of the device is `motion` of the room's, of which the body has 1/scaling.
         let size = body.origin().norm().max(0.01) * held.room_from_body.scaling() / haptic.motion;
         let step = if k < 3 { DIFFERENCE * size } else { DIFFERENCE };
