@@ -277,4 +277,14 @@ mod tests {
         assert!((parallax(-0.55) + 0.064 / 1.5).abs() < 1e-6);
         assert!(parallax(-1.5).abs() < 1e-6);
     }
+
+    /// The near plane is where it is asked for, but at most at a quarter of the eye's distance and at least at a thousandth.
+    #[test]
+    fn the_near_plane_lies_between_a_thousandth_and_a_quarter() {
+        let eye = Point3::new(0.0, 1.2, 0.5);
+        for (asked_m, expected_m) in [(0.1, 0.1), (0.6, 0.5), (1e-5, 2e-3), (0.0, 2e-3)] {
+            let near = front().frustum(&eye, asked_m).unwrap().near;
+            assert!((near - expected_m).abs() < 1e-12, "{asked_m}: {near}");
+        }
+    }
 }

@@ -230,6 +230,12 @@ mod tests {
         stage.screens[1].lower_right.z -= 0.010;
         let seam = &stage.seams()[0];
         assert!(seam.gap_m[0] < 1e-9 && (seam.gap_m[1] - 0.010).abs() < 1e-6, "{seam:?}");
+        assert!((seam.widest_m() - 0.010).abs() < 1e-6);
+        let wall = &mut stage.screens[1];
+        (wall.lower_right.z, wall.lower_left.z) = (wall.lower_right.z + 0.010, wall.lower_left.z - 0.010);
+        let seam = &stage.seams()[0];
+        assert!((seam.gap_m[0] - 0.010).abs() < 1e-6 && seam.gap_m[1] < 1e-9, "{seam:?}");
+        assert!((seam.widest_m() - 0.010).abs() < 1e-6);
     }
 
     #[test]

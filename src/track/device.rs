@@ -138,12 +138,19 @@ impl DeviceState {
     }
 
     pub fn take_button(&mut self, button: i32, pressed: bool, measured_s: Option<f64>) {
-        let kept = take(&mut self.buttons, button, pressed, Stamp::now(measured_s), 1.0).is_some();
+        self.take_button_at(Stamp::now(measured_s), button, pressed);
+    }
+
+    fn take_button_at(&mut self, stamp: Stamp, button: i32, pressed: bool) {
+        let kept = take(&mut self.buttons, button, pressed, stamp, 1.0).is_some();
         self.counters.dropped += u64::from(!kept);
     }
 
     pub fn take_valuator(&mut self, valuator: i32, value: f64, measured_s: Option<f64>) {
-        let stamp = Stamp::now(measured_s);
+        self.take_valuator_at(Stamp::now(measured_s), valuator, value);
+    }
+
+    fn take_valuator_at(&mut self, stamp: Stamp, valuator: i32, value: f64) {
         let kept = value.is_finite() && take(&mut self.valuators, valuator, value, stamp, 1.0).is_some();
         self.counters.dropped += u64::from(!kept);
     }
@@ -188,10 +195,11 @@ mod tests {
     #[test]
     fn a_flood_of_channels_does_not_grow() {
         let mut state = DeviceState::default();
+        let at_once = Stamp { arrived_s: 1.0, measured_s: None };
         for channel in 0..10_000 {
-            state.take_pose(channel, Isometry3::identity(), None, 1.0);
-            state.take_button(-channel, true, None);
-            state.take_valuator(channel, f64::NAN, None);
+            state.take_pose_at(at_once, channel, Isometry3::identity(), 1.0);
+            state.take_button_at(at_once, -channel, true);
+            state.take_valuator_at(at_once, channel, f64::NAN);
         }
         assert_eq!((state.sensors.len(), state.buttons.len(), state.valuators.len()), (256, 256, 0));
         assert_eq!(state.counters.dropped, 2 * (10_000 - 256) + 10_000);

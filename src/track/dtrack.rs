@@ -307,4 +307,31 @@ mod tests {
         let set_s = dtrack.dated(80_000.0, MIDNIGHT_S + 80_000.5);
         assert!((set_s - MIDNIGHT_S - 80_000.0).abs() < 1e-6, "{set_s}");
     }
+
+    /// Frames of one flystick at rest with these counts and numbers in its last group; what was read of it.
+    fn flystick(counts: &str, inputs: &str) -> (bool, DeviceState) {
+        let mut state = DeviceState::default();
+        let frame = format!("fr 1\n6df2 1 1 [0 1.0 {counts}][0 0 0][1 0 0 0 1 0 0 0 1][{inputs}]\n");
+        let is_read = Dtrack::default().parse(frame.as_bytes(), &mut state);
+        (is_read && state.counters.malformed == 0, state)
+    }
+
+    fn pressed(state: &DeviceState) -> Vec<i32> {
+        state.buttons.iter().filter(|(_, reading)| reading.value).map(|(button, _)| *button).collect()
+    }
+
+    /// 32 buttons are one number, the first one its lowest bit and the last one its sign; 33 are two, of which the first counts.
+    #[test]
+    fn a_word_holds_32_buttons() {
+        let (is_read, state) = flystick("32 1", "-2147483647 0.25");
+        assert!(is_read);
+        assert_eq!((pressed(&state), state.buttons.len()), (vec![0, 31], 32));
+        assert_eq!(state.valuators[&0].value, 0.25);
+        let (is_read, state) = flystick("33 1", "2 1 0.25");
+        assert!(is_read);
+        assert_eq!((pressed(&state), state.buttons.len()), (vec![1], 32));
+        assert_eq!(state.valuators[&0].value, 0.25, "it stands behind two words");
+        assert!(!flystick("33 1", "2 0.25").0, "a word is missing");
+        assert!(!flystick("32 1", "2 1 0.25").0, "a word too many");
+    }
 }

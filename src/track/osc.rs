@@ -172,3 +172,38 @@ fn rotation(order: EulerOrder, degrees: Vector3<f64>) -> UnitQuaternion<f64> {
     };
     about(first) * about(second) * about(third)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The places along x at which sensor 3 was seen, one after each message; of `p` places at 1, 2, … m and `r` rotations.
+    fn seen(messages: &str) -> Vec<Option<f64>> {
+        let (mut osc, mut state) = (Osc::new(EulerOrder::default()), DeviceState::default());
+        let mut step = 0.0;
+        let send = |half: char| {
+            step += 1.0;
+            let name = if half == 'p' { "position" } else { "rotation" };
+            let before = state.sensors.get(&3).map_or(0, |reading| reading.count);
+            osc.take(3, name, Vector3::new(step, 0.0, 0.0), &mut state);
+            let reading = state.sensors.get(&3).filter(|reading| reading.count > before);
+            reading.map(|reading| reading.value.translation.x)
+        };
+        messages.chars().map(send).collect()
+    }
+
+    #[test]
+    fn a_pose_is_complete_with_its_second_half() {
+        assert_eq!(seen("pppp"), [1.0, 2.0, 3.0, 4.0].map(Some), "a sender of places alone");
+        assert_eq!(seen("rr"), [Some(0.0); 2], "a sender of rotations alone");
+        // Until both are known each is sent on alone; from then on one pose for a pair, in either order.
+        assert_eq!(seen("prprpr"), [Some(1.0), Some(1.0), None, Some(3.0), None, Some(5.0)]);
+        assert_eq!(seen("rprprp"), [Some(0.0), Some(2.0), None, Some(4.0), None, Some(6.0)]);
+    }
+
+    /// A half that comes again before the other one, as when a packet was lost, is not held back.
+    #[test]
+    fn a_half_is_sent_on_when_it_comes_again() {
+        assert_eq!(seen("prppr"), [Some(1.0), Some(1.0), None, Some(3.0), Some(4.0)]);
+    }
+}

@@ -139,4 +139,23 @@ mod tests {
         assert_eq!(clock.faults, 20);
         assert!((times[29] - 0.3).abs() < 1e-4 && (times[28] - 0.29).abs() < 1e-4, "{times:?}");
     }
+
+    /// A packet that was faster than all others serves for the rest of its window and for the next one.
+    #[test]
+    fn the_fastest_packet_counts_for_two_windows() {
+        let mut clock = DeviceClock::default();
+        let mut late_s = |from: u32, until: u32| {
+            let late = |i: u32| {
+                let measured_s = 0.01 * f64::from(i);
+                // Packets take 12 ms; one took 2 ms.
+                let way_s = if i == 100 { 0.002 } else { 0.012 };
+                clock.time_s(measured_s + way_s, Some(500.0 + measured_s)) - measured_s
+            };
+            (from..until).map(late).last().unwrap()
+        };
+        assert!((late_s(0, 99) - 0.012).abs() < 1e-9, "none is known that was faster");
+        assert!((late_s(99, 150) - 0.002).abs() < 1e-9);
+        assert!((late_s(150, 380) - 0.002).abs() < 1e-9, "in the next window");
+        assert!((late_s(380, 620) - 0.012).abs() < 1e-9, "it is forgotten");
+    }
 }

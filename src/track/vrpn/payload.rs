@@ -244,3 +244,34 @@ impl Reader<'_> {
         self.bytes().map(|numbers| numbers.map(f64::from_be_bytes))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A list whose count is not that of its numbers is damaged, and so is one that is longer than any device's.
+    #[test]
+    fn lists_have_as_many_numbers_as_they_count() {
+        let analog = |count: f64, there: usize| {
+            let mut bytes = Writer(Vec::new());
+            bytes.f64s(&[count]).f64s(&vec![0.5; there]);
+            Payload::decode(MessageKind::AnalogChannel, &bytes.0).ok()
+        };
+        assert_eq!(analog(3.0, 3), Some(Payload::Analog(vec![0.5; 3])));
+        assert_eq!(analog(0.0, 0), Some(Payload::Analog(Vec::new())));
+        for (count, there) in [(2.0, 3), (4.0, 3), (-3.0, 3), (2.5, 2), (f64::NAN, 3), (1e300, 3)] {
+            assert_eq!(analog(count, there), None, "{count} of {there}");
+        }
+        assert!(analog(MOST_CHANNELS as f64, MOST_CHANNELS).is_some());
+        assert_eq!(analog(MOST_CHANNELS as f64 + 1.0, MOST_CHANNELS + 1), None);
+        let buttons = |count: i32, there: usize| {
+            let mut bytes = Writer(Vec::new());
+            bytes.i32s(&[count]).i32s(&vec![1; there]);
+            Payload::decode(MessageKind::ButtonStates, &bytes.0).ok()
+        };
+        assert_eq!(buttons(2, 2), Some(Payload::ButtonStates(vec![1; 2])));
+        for (count, there) in [(1, 2), (3, 2), (-2, 2)] {
+            assert_eq!(buttons(count, there), None, "{count} of {there}");
+        }
+    }
+}
