@@ -90,8 +90,18 @@ impl Gpu {
             required_limits: adapter.limits(),
             ..Default::default()
         }))
-        .map_err(|error| RenderError::NoDevice { adapter: info.name.clone(), reason: error.to_string() })?;
+        .map_err(|error| RenderError::NoDevice { adapter: info.name, reason: error.to_string() })?;
+        Ok(Self::of(instance, adapter, device, queue))
+    }
 
+    /// A device that was opened elsewhere, as the runtime of a headset does.
+    pub fn of(
+        instance: wgpu::Instance,
+        adapter: wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Self {
+        let info = adapter.get_info();
         let reported = Arc::new(Mutex::new(None));
         let listener = reported.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -115,7 +125,7 @@ impl Gpu {
             reported,
         };
         tracing::info!("drawing with {}", gpu.describe());
-        Ok(gpu)
+        gpu
     }
 
     /// One line for logs and tables, with the warning where one is due.
