@@ -29,8 +29,9 @@ pub struct Session {
     pub scene: Option<Resolved>,
     /// Whether a file, or the program, holds the bodies that are shown.
     pub is_saved: bool,
-    /// Commands for the next frame.
-    pending: Vec<Action>,
+    /// Commands and warnings for the next frame.
+    actions: Vec<Action>,
+    warnings: Vec<String>,
     pub(super) presses: ScriptPresses,
     /// Where the curves go that effects have recorded.
     pub(super) curve: Option<PathBuf>,
@@ -59,7 +60,8 @@ impl Session {
             file: None,
             scene: None,
             is_saved: true,
-            pending: Vec::new(),
+            actions: Vec::new(),
+            warnings: Vec::new(),
             presses: ScriptPresses::default(),
             curve: None,
             is_cleared: false,
@@ -75,7 +77,7 @@ impl Session {
     pub fn start_effects(&mut self, scene: &Resolved) -> Result<(), Failure> {
         if let Some(file) = &self.file {
             let started = effect::start(scene, file, &self.world)?;
-            self.world.effects.extend(started);
+            self.world.join(started)?;
         }
         Ok(())
     }
@@ -98,11 +100,11 @@ impl Session {
         }
         self.set_loads(time_s);
         self.world.effects.iter_mut().for_each(|effect| effect.input(&mut trackers));
-        let (actions, arrivals) = (std::mem::take(&mut self.pending), self.world.arrivals());
-        let input = Input { clock_s: time_s, actions, arrivals, trackers };
+        let (actions, warnings) = (std::mem::take(&mut self.actions), std::mem::take(&mut self.warnings));
+        let input = Input { clock_s: time_s, actions, arrivals: self.world.arrivals(), warnings, trackers };
         self.world.step(&input);
         if self.input.leader() == Leader::Script {
-            self.presses.watch(&mut self.world, &input.trackers);
+            self.warnings.extend(self.presses.watch(&self.world, &input.trackers));
         }
         if let Some(recorder) = &mut self.recorder {
             recorder.frame(&mut self.world, input)?;
@@ -121,7 +123,7 @@ impl Session {
                     self.act(Action::SetLoad { body, column, value });
                 }
                 Some(_) => {}
-                None => self.world.warn(format!("the script sets the load {name}, which no body has")),
+                None => self.warnings.push(format!("the script sets the load {name}, which no body has")),
             }
         }
     }
@@ -158,7 +160,7 @@ impl Session {
 
     /// Has a command carried out at the beginning of the next frame.
     pub fn act(&mut self, action: Action) {
-        self.pending.push(action);
+        self.actions.push(action);
     }
 
     fn apply(&mut self, change: ScriptChange) {

@@ -12,8 +12,9 @@ pub struct ScriptPresses {
 }
 
 impl ScriptPresses {
-    /// After a frame of a script.
-    pub fn watch(&mut self, world: &mut World, state: &TrackerState) {
+    /// The warnings of a frame that a script has led.
+    pub fn watch(&mut self, world: &World, state: &TrackerState) -> Vec<String> {
+        let mut warnings = Vec::new();
         let count = state.styli.len().min(world.styli_count());
         self.pressed.resize(count, false);
         self.told.resize(count, false);
@@ -36,10 +37,11 @@ impl ScriptPresses {
                 None => "no control element can be grabbed".to_owned(),
             };
             let (time_s, stylus) = (state.time_s, world.fields.stylus_name(i));
-            world.warn(format!(
+            warnings.push(format!(
                 "the script's stylus {stylus} presses at {time_s:.2} s and grabs nothing: {how}"
             ));
         }
+        warnings
     }
 }
 

@@ -352,3 +352,40 @@ impl Replay {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::prepare::Resolved;
+    use crate::session::{Request, Session};
+
+    /// A warning of the session is an input, as commands are: a replay was without it.
+    #[test]
+    fn a_replay_warns_as_the_session_did() {
+        let folder = tempfile::tempdir().unwrap();
+        let [scene, script, recording] =
+            ["scene.toml", "script.toml", "all.jsonl"].map(|name| folder.path().join(name));
+        let text = "[body.a]\ngenerate = { block = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] } }\n\
+                    material = { young = 1.0e6, poisson = 0.3 }\n\
+                    control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let keys = "frame = \"room\"\n[[key]]\ntime = 0.0\nload = { weight = 1.0 }\n\
+                    stylus.pen = { position = [0, 9, 0], direction = [0, 1, 0] }\n\
+                    [[key]]\ntime = 0.2\nstylus.pen = { pressed = true }\n[[key]]\ntime = 1.0\n";
+        std::fs::write(&scene, text).unwrap();
+        std::fs::write(&script, keys).unwrap();
+        let scene = Resolved::load(&scene).unwrap();
+        let request = Request { script: Some(&script), record: Some(&recording), ..Request::of(&scene) };
+        let mut session = Session::open(&request).unwrap();
+        (0..30).for_each(|frame| {
+            session.advance(f64::from(frame) / 60.0).unwrap();
+        });
+        session.stop_recording().unwrap();
+        let expected = session.world.warnings.clone();
+        let has = |part: &str| expected.iter().any(|(_, warning)| warning.contains(part));
+        assert!(has("sets the load weight, which no body has") && has("grabs nothing"), "{expected:?}");
+        let request = Request { replay: Some(&recording), ..Request::of(&scene) };
+        let mut replay = Session::open(&request).unwrap();
+        replay.advance(10.0).unwrap();
+        assert_eq!(replay.world.warnings, expected);
+    }
+}

@@ -144,7 +144,7 @@ impl World {
         self.edit =
             EditState::new(&self.assets.stage.workspace, self.bodies.len(), self.fields.targets.len());
         self.place_bodies(0.0);
-        self.evaluate();
+        self.settle();
     }
 
     /// Moves elements that are on their way to rest by one step, before the graph is evaluated.

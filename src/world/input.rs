@@ -19,6 +19,9 @@ pub struct Input {
     /// The bodies whose state has come from the background since the last frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub arrivals: Vec<usize>,
+    /// Warnings of the session, such as that a script's press grabs nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Head and styli.
     pub trackers: TrackerState,
 }

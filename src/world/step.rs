@@ -151,6 +151,7 @@ impl World {
         let trackers = &input.trackers;
         self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::of(&self.assets) };
         self.clock_s = input.clock_s;
+        input.warnings.iter().for_each(|warning| self.warn(warning.clone()));
         self.have_styli(trackers.styli.len());
         self.put(self.fields.tracked_head, Tracked(trackers.head));
         self.put(self.fields.time, trackers.time_s);
@@ -184,18 +185,29 @@ impl World {
         let poses: Vec<Vec<Field<ControlPose>>> =
             self.fields.bodies.iter().map(|body| body.poses.clone()).collect();
         self.graph.evaluate_first(&poses, &mut self.bodies);
-        let mut contributions: Vec<Contribution> =
-            self.bodies.iter().map(|body| body.deformer.no_contribution()).collect();
+        let mut contributions = self.no_contributions();
         self.with_effects(|effect, world| effect.solve(world, &mut contributions));
         self.put(field, Contributions(contributions));
     }
 
-    /// Takes the scene's effects, before the first frame.
+    fn no_contributions(&self) -> Vec<Contribution> {
+        self.bodies.iter().map(|body| body.deformer.no_contribution()).collect()
+    }
+
+    /// Evaluates the graph without effects and pictures, between two frames.
+    pub(super) fn settle(&mut self) {
+        if let Some(field) = self.fields.contributions {
+            self.put(field, Contributions(self.no_contributions()));
+        }
+        self.graph.evaluate(&mut self.bodies);
+    }
+
+    /// Takes further effects, before the first frame.
     pub fn join(&mut self, effects: Vec<Box<dyn RunningEffect>>) -> Result<(), Failure> {
-        if effects.iter().any(|effect| effect.acts()) {
+        if self.fields.contributions.is_none() && effects.iter().any(|effect| effect.acts()) {
             self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
         }
-        self.effects = effects;
+        self.effects.extend(effects);
         self.colour();
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! A frame from stylus to control pose, without pictures.
 
 use super::*;
-use crate::deform::ControlPose;
+use crate::deform::{Contribution, ControlPose};
 use crate::green;
 use crate::green::GreenFile;
 use crate::interact::Action;
@@ -16,6 +16,7 @@ use nalgebra::{Isometry3, Point3};
 use nalgebra::{Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 mod elsewhere;
 mod touch;
@@ -52,6 +53,38 @@ fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerS
     let room_from_stylus = Isometry3::from_parts(Translation3::from(place(from).coords), rotation).cast();
     let stylus = StylusState { room_from_stylus, pressed, ..Default::default() };
     TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
+}
+
+/// Counts how often it is asked what it adds.
+struct Counter(Arc<AtomicUsize>);
+
+impl RunningEffect for Counter {
+    fn name(&self) -> &'static str {
+        "counter"
+    }
+
+    fn acts(&self) -> bool {
+        true
+    }
+
+    fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// In a frame that began at rest the graph was evaluated twice, and effects with it.
+#[test]
+fn effects_are_asked_once_a_frame() {
+    let mut world = world("asked");
+    let count = Arc::new(AtomicUsize::new(0));
+    world.join(vec![Box::new(Counter(count.clone()))]).unwrap();
+    let at_end = state(&world, [1.5, 0.0, 0.1], [0.0, 0.0, 0.1], true);
+    let mut step = |actions: Vec<Action>| {
+        let before = count.load(Ordering::Relaxed);
+        world.step(&Input { actions, ..at_end.clone().into() });
+        count.load(Ordering::Relaxed) - before
+    };
+    assert_eq!([step(vec![]), step(vec![Action::Reset]), step(vec![Action::LetGo, Action::Undo])], [1; 3]);
 }
 
 /// A block is drawn with six flat sides: each vertex has the normal of its own, on nodes that are counted once.
