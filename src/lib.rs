@@ -8,7 +8,8 @@
 //! ```text
 //! offline   Scene → Resolved → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
 //! online    tube.green → Assets, and a Deformer for each body of a World
-//!           trackers, keys, script → Input → World::step, which moves the State → Frame → ViewSource (screen × eye) → Presenter
+//!           trackers, keys, script → Input → World::step moves the world on (State is its snapshot) → Frame
+//!           Frame → ViewSource (screen × eye) → Presenter
 //! ```
 //!
 //! | question | answer |
@@ -16,25 +17,26 @@
 //! | What is the state of a session between two frames? | [`world::State`], plain data; [`world::World::state`] takes it, [`world::World::set_state`] goes on from it |
 //! | What comes from outside in a frame? | [`world::Input`] and nothing else; a recording is a `State` and then an `Input` a frame |
 //! | What can a script write? | head, styli and loads: [`session::InputSource::state`] and [`session::InputSource::loads`] put them into the `Input` |
-//! | Where would contact between bodies go? | a folder of [`effect`] and a line in [`effect::EFFECTS`]; its [`world::RunningEffect::solve`] adds energy and slopes, its `memory` is part of the `State` |
-//! | Where would a headset plug in? | one [`display::view_source::ViewSource`] and one [`display::presenter::Presenter`], which [`display::view_source::show`] joins |
-//! | How is a new model, element, file format or device added? | a file, and a line in [`deform::MODELS`], [`fem::ELEMENTS`], [`mesh::formats::FORMATS`], [`track::SOURCES`] |
+//! | Where would contact between bodies go? | a folder of [`effect`], a line in [`effect::EFFECTS`]; its [`acts`](world::RunningEffect::acts) returns true and its [`solve`](world::RunningEffect::solve) adds energy and slopes; its `memory` is part of the `State`. `tests/pictures/breath.rs` is a complete example |
+//! | Where would a headset plug in? | one [`display::view_source::ViewSource`] and one [`display::presenter::Presenter`], which [`display::view_source::show`] joins; head and controllers come from a [`track::Source`]. `tests/pictures/headset.rs` shows the views |
+//! | How is a new model, element, file format or device added? | a file, and a line in [`deform::MODELS`], [`fem::ELEMENTS`], [`mesh::formats::FORMATS`] or [`track::SOURCES`] respectively |
 //!
-//! Each room imports only from rooms that stand below it in this table, and no two files import each other.
+//! Each module (called a room here) imports only from rooms that stand below it in this table, and there are no import cycles,
+//! not even between two files.
 //!
 //! | room | what it holds |
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
-//! | [`demo`] | the demo's chapters, told in one captioned window, or as pictures and a film |
+//! | [`demo`] | the demo's chapters, in one captioned window, or as pictures and a film |
 //! | [`display`] | a session on screens or in images: what is seen and who shows it, bodies on the GPU, overlays, the stage from outside |
 //! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
-//! | [`tuning`] | an asked accuracy or budget → element, refinement, storage, solver, model, chosen by measuring |
+//! | [`tuning`] | chooses element, refinement, storage, solver and model by measuring, for an accuracy or budget that is asked for |
 //! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
-//! | [`prepare`] | a scene made ready: every name resolved, its .green file found fresh or made |
-//! | [`effect`] | opt-in effects, with what they precompute, add to a world, draw and run; what no scene lists costs nothing |
+//! | [`prepare`] | resolves the names in a scene, and finds its .green file, or makes it where it is missing or stale |
+//! | [`effect`] | opt-in effects, each with all its parts: precomputation, phases of a frame, drawing, threads; what no scene lists costs nothing |
 //! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
@@ -52,7 +54,7 @@
 //! | [`manual`] | the manual's chapters in Markdown |
 //! | [`base`] | plain data and services that several rooms share |
 //!
-//! The way of a tracker's packet to a pixel:
+//! The way of a tracker's packet to a pixel; arrows are calls:
 //!
 //! ```text
 //! track     udp::run → Parser::parse → DeviceState::take_pose → StatePublisher::publish_changed   (a thread per tracker)
@@ -61,10 +63,12 @@
 //! effect        RunningEffect::input; the Input is whole now, and Recorder::frame writes it after the step
 //! world         World::step: commands, then the graph of fields:
 //!                 pick, Hands::step, PlacedBody::admit
-//! effect          RunningEffect::solve, where an effect acts on bodies
-//! deform          Deformer::take → DeformationModel::state
+//! effect          RunningEffect::solve, if an effect acts on bodies
+//! deform          Deformer::take → DeformationModel::state, Deformer::respond (energy and forces: the model's and the effects')
 //!                 Deformer::deform → Superposition::update, move_parts, SurfaceNormals::write
-//! effect          RunningEffect::surface: colours; RunningEffect::show: what is drawn beside the bodies; the Frame is whole now
+//! effect          RunningEffect::surface: colours, scales of forces
+//! world           World::show_hands → force::held_force → Deformer::wrenches: the force on the hand, and its arrow
+//! effect          RunningEffect::show: what is drawn beside the bodies; the Frame is whole now
 //! display     ScreenWindows::draw → ViewSource::tiles → window_layout::tiles → World::view → Screen::view
 //!               GpuBodies::upload
 //!               Overlays::draw → Presenter::present

@@ -52,7 +52,7 @@ impl World {
         }
     }
 
-    /// How held elements move.
+    /// The mode of the hands: how held elements move.
     pub fn mode(&self) -> Mode {
         self.graph.get(self.fields.hands).hands.mode
     }
@@ -74,12 +74,12 @@ impl World {
         })
     }
 
-    /// How many changes can be undone, and how many redone.
+    /// Numbers of changes that can be undone, and redone.
     pub fn undo_depth(&self) -> [usize; 2] {
         self.edit.history.depth()
     }
 
-    /// What the ray of stylus `i` hits of all bodies, anywhere on their surfaces.
+    /// The first hit of the ray of stylus `i` anywhere on the surfaces of all bodies.
     pub(super) fn hit_anywhere(&self, i: usize) -> Option<Hit> {
         let stylus = self.graph.get(self.fields.styli.get(i)?.stylus).as_ref()?;
         let ray = PickRay::from_stylus(stylus)?;

@@ -1,4 +1,4 @@
-//! What was loaded for a session: the same in every frame, and shared by all who look at it.
+//! The loaded data of a session: the same in every frame, and shared by all that reads it.
 //!
 //! In: a scene, its .green file, the bodies' deformers, and a stage. Out: [`Assets`], of which nothing changes, with the bodies' places.
 
@@ -14,27 +14,27 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How near a ray must pass a node of a control element to take it, as part of the workspace's radius.
+/// Largest distance at which a ray that passes a node of a control element still takes it, as part of the workspace's radius.
 const PASSING_BY: f64 = 0.05;
 
-/// So long a frame waits for columns that are solved for when a point is touched.
+/// Longest time that a frame waits for the columns of a point that is touched.
 pub const PATIENCE: Duration = Duration::from_millis(5);
 
-/// What was loaded, for a whole session.
+/// The loaded data of a session.
 pub struct Assets {
     pub stage: Stage,
     pub bodies: Vec<Arc<BodyAssets>>,
 }
 
-/// What was loaded of a body.
+/// The loaded data of a body.
 #[derive(Clone)]
 pub struct BodyAssets {
     pub model: &'static ModelEntry,
     /// Names of its effects, as in the scene.
     pub effects: Vec<String>,
-    /// Where it stands before anybody navigates.
+    /// room_from_body before anybody navigates.
     pub home: Similarity3<f64>,
-    /// It has no place of its own.
+    /// Whether it has no `place`.
     pub is_fitted: bool,
     /// Middle and radius of a ball about it at rest, in its frame.
     pub ball: (Point3<f64>, f64),
@@ -45,11 +45,11 @@ pub struct BodyAssets {
     /// Nodes of the surface that take forces, where the scene has them touched, and the spring by which.
     pub takes_forces: BTreeSet<u32>,
     pub spring: Option<f64>,
-    /// Its first loads are those of gravity.
+    /// Whether its first loads are those of gravity.
     pub has_gravity: bool,
     /// Largest turn for which a planned body's error was measured, rad.
     pub range: Option<f64>,
-    /// How near a ray must pass a node of a control element that it misses, m in the room.
+    /// Largest distance at which a ray that misses a node of a control element still takes it, m in the room.
     pub passing_m: f64,
 }
 

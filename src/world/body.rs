@@ -16,32 +16,33 @@ use std::sync::Arc;
 pub struct PlacedBody {
     pub assets: Arc<BodyAssets>,
     pub deformer: Deformer,
-    /// What of each control element a ray can hit, of the triangles as they are now.
+    /// The parts of the control elements that a ray can hit, for the triangles as they are now.
     shapes: Vec<ControlShape>,
-    /// Where it is shown now.
+    /// The place where it is shown now.
     pub room_from_body: Similarity3<f64>,
     /// One per control element.
     pub(super) limiters: Vec<PoseLimiter>,
-    /// Whether a warning has told that the range was left.
+    /// Whether it was warned that the range was left.
     range_left: bool,
-    /// How often it was deformed since the start of the session, and what that took in this frame.
+    /// Number of deformations since the start of the session.
     pub deformations: u64,
-    /// Of its deformed positions, as its surface was in this version ([`Deformer::version`]).
+    /// Hash of its deformed positions, for this version of its surface ([`Deformer::version`]).
     pub(super) positions_hash: Option<(u64, blake3::Hash)>,
+    /// Times of this frame's deformation.
     pub times: StepTimes,
-    /// What went wrong in this frame.
+    /// Warnings of this frame.
     pub warnings: Vec<String>,
 }
 
 /// The part of a control element that a ray can hit.
 struct ControlShape {
     whole: PickShape,
-    /// Its surface nodes as balls, for a ray that passes by.
+    /// Balls around its surface nodes, for a ray that passes by.
     near: PickShape,
 }
 
 impl ControlShape {
-    /// Those of all control elements.
+    /// The shapes of all control elements.
     fn all(deformer: &Deformer) -> Vec<ControlShape> {
         let surface = Surface {
             triangles: deformer.triangles().to_vec(),
@@ -72,7 +73,7 @@ impl PlacedBody {
         }
     }
 
-    /// From the frame in which the deformed surface stands.
+    /// The transform from the frame in which the deformed surface is computed.
     pub fn room_from_surface(&self) -> Similarity3<f64> {
         self.room_from_body * self.deformer.body_from_surface()
     }
@@ -124,7 +125,7 @@ impl PlacedBody {
         PickShape { triangles: self.deformer.triangles().to_vec(), points: Vec::new() }
     }
 
-    /// What it keeps from one frame to the next beside its fields.
+    /// The memory of the body: all that it keeps from one frame to the next beside its fields.
     pub(super) fn memory(&self) -> BodyMemory {
         BodyMemory {
             room_from_body: self.room_from_body,
@@ -161,7 +162,7 @@ impl PlacedBody {
         admitted
     }
 
-    /// Takes what effects add; what cannot be used is left out, and told.
+    /// Takes what effects add; if that cannot be used, keeps what they added last, with a warning.
     pub(super) fn take_contribution(&mut self, contribution: &Contribution) {
         let before = self.deformer.topology;
         if self.deformer.contribute(contribution) {
@@ -171,7 +172,7 @@ impl PlacedBody {
         } else {
             let body = &self.deformer.body;
             self.warnings.push(format!(
-                "body.{body}: what its effects add in this frame is no finite number; it keeps what they added last"
+                "body.{body}: what its effects add in this frame is not finite or does not fit the body; it keeps what they added last"
             ));
         }
     }

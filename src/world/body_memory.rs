@@ -4,7 +4,7 @@ use crate::deform::{DeformerState, PoseLimiter};
 use nalgebra::Similarity3;
 use serde::{Deserialize, Serialize};
 
-/// What a body keeps beside its fields.
+/// The memory of a body, beside its fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyMemory {

@@ -1,4 +1,4 @@
-//! What lasts from one grab to the next: undo history, navigation, bodies set aside, and the way back to rest.
+//! State that lasts from one grab to the next: undo history, navigation, bodies set aside, and the way back to rest.
 
 use super::ruler::Ruler;
 use crate::deform::{ControlPose, FollowedTurn};

@@ -14,8 +14,13 @@
 //! | `taking`, `touches` | taking, touches | where a body has `surface_compliance`: what is set from outside; `taking`, `hands`, every `stylus`, `touches.previous` |
 //! | `body.B.loads` | loads | set from outside, of a body with loads |
 //! | `contributions` | contributions | where an effect acts on bodies: set by the effects, when the poses of the frame are known |
-//! | `body.B.coefficients` | coefficients | every `pose` of the body, `arrived`, of a body with loads `loads`, `place`, `touches`, where an effect acts `contributions`: the paper's `fieldHasChanged`. A [`BodyState`], which also holds the motions of the body's parts |
+//! | `body.B.coefficients` | coefficients | see below |
 //! | `body.B.surface` | surface | `coefficients`: the paper's `evaluate` |
+//!
+//! The coefficients of a body are a [`BodyState`], which also holds the motions of the body's parts. They are made from every
+//! `pose` of the body, from `arrived`, from `loads` and `place` if the body has loads, from `touches` if it can be touched, and
+//! from `contributions` if an effect acts on bodies; they are computed again when one of these changes, as with the paper's
+//! `fieldHasChanged`.
 //!
 //! The functions act on the bodies (their deformers) and on nothing else outside the graph.
 
@@ -33,10 +38,10 @@ use indexmap::IndexMap;
 use nalgebra::{Isometry3, Similarity3};
 use serde::{Deserialize, Serialize};
 
-/// At most so many styli are followed; further ones are ignored.
+/// Largest number of styli that are followed; further ones are ignored.
 pub(super) const MOST_STYLI: usize = 16;
 
-/// What the graph's functions act on beside its fields.
+/// The bodies, on which the graph's functions act beside its fields.
 pub type Bodies = Vec<PlacedBody>;
 
 /// The fields of a world by what they are.
@@ -49,9 +54,9 @@ pub struct Fields {
     pub styli: Vec<StylusFields>,
     pub hands: Field<HandState>,
     pub bodies: Vec<BodyFields>,
-    /// Where a body can be touched.
+    /// Present if a body can be touched.
     pub touch: Option<TouchFields>,
-    /// Where an effect acts on bodies.
+    /// Present if an effect acts on bodies.
     pub contributions: Option<Field<Contributions>>,
     /// Control elements that can be taken, as (body, control element): what the targets of hits and
     /// hands number.
@@ -65,7 +70,7 @@ pub struct StylusFields {
     pub hit: Field<Option<Hit>>,
 }
 
-/// What hands take of surfaces.
+/// Fields of the hands' grip on surfaces.
 #[derive(Clone, Copy)]
 pub struct TouchFields {
     pub taking: Field<Taking>,
@@ -74,17 +79,17 @@ pub struct TouchFields {
 
 pub struct BodyFields {
     pub place: Field<BodyPlace>,
-    /// How often something has arrived from the background, of a body whose model computes there.
+    /// Number of states that have arrived from the background, of a body whose model computes there.
     pub arrived: Option<Field<f64>>,
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
     coefficients: Field<BodyState>,
     pub surface: Field<SurfaceVersion>,
-    /// Of a body with loads or a compliance.
+    /// Present for a body with loads or a compliance.
     pub loads: Option<Field<LoadValues>>,
     /// Whether forces at single points act on it.
     is_touched: bool,
-    /// What those come to at the start.
+    /// Values of the loads at the start.
     pub starting: LoadValues,
 }
 
@@ -111,12 +116,12 @@ pub struct HandState {
 #[serde(transparent)]
 pub struct BodyPlace(#[serde(with = "crate::field::numbers")] pub Similarity3<f64>);
 
-/// What effects add to every body in a frame.
+/// Contributions of all effects to every body in a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Contributions(pub Vec<Contribution>);
 
-/// How often a surface was deformed, which tells one version of it from another; the deformer holds its vertices.
+/// Number of deformations of a surface, which identifies a version of it; the deformer holds its vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SurfaceVersion(pub u64);
@@ -183,10 +188,10 @@ fn targets(bodies: &IndexMap<String, Body>) -> Vec<(usize, usize)> {
     bodies.values().enumerate().flat_map(of).collect()
 }
 
-/// What touches are made from: what is taken, styli, hands, the last touches.
+/// Inputs of the touches: what is taken, styli, hands, the last touches.
 type SeenByTouches<'a> = (&'a Taking, Each<'a, Field<Option<StylusState>>>, &'a HandState, &'a Touches);
 
-/// What the state of a body is made from: poses, what arrived, loads with the place, touches, what effects add.
+/// Inputs of a body's state: poses, what arrived, loads with the place, touches, what effects add.
 type SeenByBody<'a> = (
     Each<'a, Field<ControlPose>>,
     Each<'a, Field<f64>>,
@@ -195,7 +200,7 @@ type SeenByBody<'a> = (
     Each<'a, Field<Contributions>>,
 );
 
-/// Where a body has `surface_compliance`.
+/// Adds the fields of touching, if a body has `surface_compliance`.
 fn touch_fields(
     graph: &mut Graph<Bodies>,
     bodies: &IndexMap<String, Body>,

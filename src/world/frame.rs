@@ -1,4 +1,4 @@
-//! What one frame shows, thrown away with the next.
+//! The content of one frame, thrown away with the next.
 //!
 //! In: a world after [`World::step`](super::World::step). Out: colours of the bodies, forces, what is drawn beside the bodies, warnings.
 //! The shapes of the bodies themselves stay with their deformers, which the next frame brings up to date.
@@ -12,7 +12,7 @@ use crate::render::Drawable;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// What one frame shows; the next one begins empty.
+/// The content of one frame; the next one begins empty.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
     /// Time since the frame before, s.
@@ -22,22 +22,22 @@ pub struct Frame {
     pub forces: Vec<HeldForce>,
     /// Styli, arrows, the ruler, and what effects draw.
     pub drawables: Vec<Drawable>,
-    /// What effects warn of.
+    /// Warnings of effects.
     pub warnings: Vec<String>,
-    /// What the mechanics took.
+    /// Times of the mechanics.
     pub times: StepTimes,
 }
 
-/// What a frame shows of a body beside its shape.
+/// The look of a body in a frame, beside its shape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyFrame {
     /// Per control element.
     pub highlights: Vec<Highlight>,
-    /// Where an effect shows a field in colours: the code of every node ([`crate::render::field_code`]).
+    /// The code of every node ([`crate::render::field_code`]), if an effect shows a field in colours.
     pub colours: Option<Arc<Vec<[u8; 4]>>>,
-    /// Where an effect shows forces: how.
+    /// The scale of forces, if an effect shows them.
     pub force_scale: Option<Arc<ForceScale>>,
-    /// Where an effect has measured them: what errors to expect of its model.
+    /// The errors to expect of its model, if an effect has measured them.
     pub expected: Option<Arc<ExpectedErrors>>,
 }
 
@@ -53,7 +53,7 @@ pub struct HeldForce {
 }
 
 impl BodyFrame {
-    /// Whether the body has the colours of another frame, told by what they were made from.
+    /// Whether the body has the colours of another frame: made from the same codes, with the same highlights.
     pub fn is_drawn_as(&self, other: &BodyFrame) -> bool {
         let is_same = match (&self.colours, &other.colours) {
             (Some(one), Some(two)) => Arc::ptr_eq(one, two),
@@ -64,7 +64,7 @@ impl BodyFrame {
 }
 
 impl Frame {
-    /// Nothing but the bodies.
+    /// A frame with nothing but the bodies.
     pub(super) fn of(assets: &Assets) -> Frame {
         let of = |body: &Arc<BodyAssets>| BodyFrame {
             highlights: vec![Highlight::Idle; body.controls.len()],

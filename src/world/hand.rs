@@ -7,10 +7,10 @@ use crate::stage::Workspace;
 use crate::track::{Signal, StylusState, usable};
 use nalgebra::{Isometry3, Point3, Translation3};
 
-/// How near the tip of a stylus must be to take what it touches, as part of the workspace's radius.
+/// Largest distance at which the tip of a stylus takes what it touches, as part of the workspace's radius.
 const REACH: f64 = 0.06;
 
-/// What the tip touches, else what the ray hits, else what the ray narrowly misses, because the end of a tube is hard to
+/// Picks what the tip touches, else what the ray hits, else what the ray narrowly misses, because the end of a tube is hard to
 /// hit from the side. A ray from the eye has no tip that touches; a stylus that is lost points at nothing.
 pub fn pick(
     stylus: &StylusState,
@@ -32,7 +32,7 @@ pub fn pick(
     touched.or_else(|| pick_nearest(&ray, &surfaces)).or_else(|| pick_nearest(&ray, &shapes(true)))
 }
 
-/// What a hand holds, and where the place that it grabbed is now.
+/// The grip of a hand, and where the place that it grabbed is now.
 #[derive(Clone, Copy)]
 pub struct HeldPlace<'a> {
     pub grip: &'a Grip,

@@ -7,16 +7,17 @@ use crate::interact::Action;
 use crate::track::TrackerState;
 use serde::{Deserialize, Serialize};
 
-/// What comes from outside in a frame.
+/// The input of a frame: all that comes from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
     /// Time since the start of the session, s; a script's own time ([`TrackerState::time_s`]) begins anew with every round.
     pub clock_s: f64,
-    /// Commands of keys, panels and scripts, which are carried out in this order before the styli move.
+    /// Commands of keys and panels, and what the session does for a script: its loads, and let go or reset at its end or new
+    /// round. They are carried out in this order before the styli move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actions: Vec<Action>,
-    /// The bodies whose state has come from the background since the last frame.
+    /// The bodies for which the background has a new state ([`World::arrivals`](super::World::arrivals)).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub arrivals: Vec<usize>,
     /// Warnings of the session, such as that a script's press grabs nothing.

@@ -1,4 +1,4 @@
-//! Lays the ruler by [`Action::Measure`](crate::interact::Action::Measure), and draws it: two balls, a line, and a plate beside it.
+//! Lays the ruler by [`Action::Measure`](crate::interact::Action::Measure), and draws it as two balls, a line and a plate.
 //!
 //! In: the ray of the stylus to which keys refer. Out: the ends of a [`Ruler`]. Nothing is done in a frame without one.
 

@@ -1,4 +1,4 @@
-//! All that moves in one frame: bodies at their places, hands, the graph of fields that joins them.
+//! A world: bodies at their places, hands, and the graph of fields that joins them. It moves in steps of one frame.
 //!
 //! In: a [`Scene`](crate::scene::Scene), its .green file ([`prepare`](crate::prepare) finds or makes it), a stage, and an [`Input`] per
 //! frame. Out: a [`World`] that [`World::step`] moves on by one frame, and the [`Frame`] that it shows. It knows no window and no device.

@@ -1,4 +1,4 @@
-//! Where the bodies of a scene stand on a stage, by the keys of their `place` and, for what those leave out, in sight.
+//! Places the bodies of a scene on a stage, by the keys of their `place` and, for what those leave out, in sight.
 //!
 //! In: bodies with the points of their meshes. Out: room_from_mesh of each; and in words, what of one is not in sight, with a
 //! place that is.
@@ -24,7 +24,7 @@ fn fitted(points: &[Point3<f64>], given: &GivenPlace, stage: &Stage) -> Similari
     stage.room_from_mesh(points, given).unwrap_or_else(Similarity3::identity)
 }
 
-/// How a body is turned, where that is not to be chosen: weight pulls it down its mesh's own y axis, on every stage.
+/// The turn of a body, where that is not to be chosen: weight pulls it down its mesh's own y axis, on every stage.
 fn rotation(body: &Body) -> Option<UnitQuaternion<f64>> {
     let given = body.place.and_then(|place| place.rotation);
     let given = given.map(|turn| UnitQuaternion::from_scaled_axis(Vector3::from(turn)));
@@ -36,7 +36,7 @@ fn given(body: &Body, place: &Place) -> GivenPlace {
     GivenPlace { position, rotation: rotation(body), scale: place.scale }
 }
 
-/// What is wrong with a body that stands so, with the numbers, and a line that mends it.
+/// Names what is wrong with the place of a body, with the numbers, and a line that mends it.
 pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &Stage) -> Option<String> {
     let placed: Vec<Point3<f64>> = points.iter().map(|x| room_from_mesh * x).collect();
     let standing = stage.standing(&placed)?;
@@ -94,7 +94,7 @@ mod tests {
         (0..8).map(|k| Point3::from(corner(k))).collect()
     }
 
-    /// What the message says to paste is in sight.
+    /// The message suggests a place that is in sight.
     #[test]
     fn the_line_to_paste_mends_the_place() {
         let (stage, points) = (Stage::find("workbench").unwrap(), rod());

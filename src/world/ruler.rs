@@ -1,4 +1,4 @@
-//! A ruler between two points of surfaces: it follows the material, and tells their distance now and at rest.
+//! A ruler between two points of surfaces: it follows the material, and measures their distance now and at rest.
 //!
 //! In: places on surfaces. Out: their distance, in words. [`measure`](super::measure) lays and draws it.
 
@@ -25,7 +25,7 @@ pub struct SurfacePoint {
     pub weights: [f64; 3],
 }
 
-/// What a ruler tells.
+/// The lengths that a ruler measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// m: of the body itself between points of one body, in the room between two bodies.
@@ -45,7 +45,7 @@ impl SurfacePoint {
         Some(SurfacePoint { body: b, corners, weights })
     }
 
-    /// Where the point is now and was at rest, in the body's frame.
+    /// Places of the point now and at rest, in the body's frame.
     pub(super) fn places(&self, body: &PlacedBody) -> [Point3<f64>; 2] {
         let (mut now, mut rest) = (Vector3::zeros(), Vector3::zeros());
         for (node, weight) in self.corners.iter().zip(self.weights) {

@@ -2,10 +2,13 @@
 //!
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
-//! | [`input`](RunningEffect::input) | what trackers, mouse or script say; not in a replay | other poses of styli |
-//! | [`solve`](RunningEffect::solve) | hands and poses of this frame, bodies as they were shaped last | coefficients, energy, slopes, curvatures, other triangles |
+//! | [`input`](RunningEffect::input) | the state of trackers, mouse or script; not in a replay | other poses of styli |
+//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, energy, slopes, curvatures, other triangles |
 //! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, and what is known of forces |
 //! | [`show`](RunningEffect::show) | the whole frame | what is drawn and written, warnings |
+//!
+//! In `solve`, the new pose of control element `c` of body `b` is `world.graph.get(world.fields.bodies[b].poses[c])`; the body's
+//! `deformer` is still that of the last frame.
 
 use super::assets::Assets;
 use super::edit_state::EditState;
@@ -26,7 +29,7 @@ use std::sync::Arc;
 /// An effect's part of the state, as JSON.
 pub type Memory = Box<RawValue>;
 
-/// Writes a memory. The error of what cannot be written is left to whoever reads it: plain data always can.
+/// Writes a memory. `None` if it cannot be serialised, which does not happen with plain data.
 pub fn written(memory: &impl Serialize) -> Option<Memory> {
     serde_json::value::to_raw_value(memory).ok()
 }
@@ -36,48 +39,48 @@ pub fn read<T: DeserializeOwned>(memory: &Memory) -> Result<T, String> {
     serde_json::from_str(memory.get()).map_err(|error| error.to_string())
 }
 
-/// What was loaded, all that changes ([`State`](super::State)), and what follows from both. [`World::step`] moves it on.
+/// The loaded assets, all that changes ([`State`](super::State)), and what follows from both. [`World::step`] moves it on.
 pub struct World {
-    /// What the effects of the scene's bodies do in a frame. First, so that it is dropped first: no device pushes while others are
-    /// waited for.
+    /// The effects of the scene's bodies. Dropped first, so that force devices stop before anything else is waited for.
     pub effects: Vec<Box<dyn RunningEffect>>,
-    /// What was loaded.
+    /// The loaded data.
     pub assets: Arc<Assets>,
     pub bodies: Bodies,
     pub room_from_head: Isometry3<f64>,
-    /// What the last frame shows.
+    /// The content of the last frame.
     pub frame: Frame,
-    /// Each picture is kept, and waits for what is computed in the background.
+    /// Whether each picture is kept, and waits for what is computed in the background.
     pub is_for_pictures: bool,
-    /// How often somebody asked for another field; only the picture changes.
+    /// Number of times that the field shown in colours was switched; only the picture changes.
     pub field_changes: usize,
-    /// Warnings, each told once, with the time since the start at which it was told, s.
+    /// Warnings, each given once, with its time since the start, s.
     pub warnings: Vec<(f64, String)>,
     /// Time since the start of the session, s; a script's own time begins anew with every round.
     pub(super) clock_s: f64,
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub edit: EditState,
-    /// The reasons for black screens that were told already.
+    /// Keys of the black screens, by screen, eye and reason, of which a warning was given already.
     pub(super) told: BTreeSet<String>,
 }
 
 /// An effect of a world, until it is dropped; a thread that it has started ends with it.
 pub trait RunningEffect {
-    /// As scenes name it.
+    /// The effect's name in scenes.
     fn name(&self) -> &'static str;
 
-    /// Changes what trackers, script or mouse say, before the world goes through a frame. A replay, whose recording holds what came
-    /// of it, does not ask.
+    /// Changes the state of trackers, script or mouse before the world goes through a frame. Not called in a replay: the
+    /// recording already contains the changed styli.
     fn input(&mut self, _state: &mut TrackerState) {}
 
-    /// Whether it acts on bodies ([`RunningEffect::solve`]).
+    /// Return true if [`RunningEffect::solve`] does anything. Unless an effect of the scene returns true, `solve` is never
+    /// called.
     fn acts(&self) -> bool {
         false
     }
 
-    /// Adds to what the bodies' shapes, energies and forces are made of in this frame, whose hands and poses are known. The bodies
-    /// are as they were shaped in the frame before. Effects act one after the other, in the order of the program's table of effects.
+    /// Adds coefficients, energies and forces to the bodies in this frame, whose hands and poses are known. The bodies still have
+    /// the shape of the frame before. Effects act one after the other, in the order of [`EFFECTS`](crate::effect::EFFECTS).
     fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
 
     /// Sees the bodies in the shape of this frame; colours them, and adds what it knows of their forces.
@@ -89,12 +92,13 @@ pub trait RunningEffect {
     /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what is drawn of it.
     fn before_picture(&mut self, _world: &World, _frame: &mut Frame) {}
 
-    /// What it keeps from one frame to the next; `None` where all that it shows follows from the frame.
+    /// The memory of the effect: all that it keeps from one frame to the next; `None` if all that it shows follows from the
+    /// frame.
     fn memory(&self) -> Option<Memory> {
         None
     }
 
-    /// Goes on from what an effect of the same scene kept. The error says why it cannot.
+    /// Goes on from the memory of an effect of the same scene. The error says why it cannot.
     fn set_memory(&mut self, _memory: &Memory) -> Result<(), String> {
         Ok(())
     }
@@ -102,12 +106,12 @@ pub trait RunningEffect {
     /// Forgets what was drawn of the past, such as a curve.
     fn clear(&mut self) {}
 
-    /// What it has recorded, as a CSV table of this kind.
+    /// The table that it has recorded, as CSV.
     fn table(&self) -> Option<(&'static Kind, String)> {
         None
     }
 
-    /// What the effect's device of this name measures, as a tracker's source; once.
+    /// Hands over the device of this name as a tracker's source; returns it only the first time.
     fn source(&mut self, _tracker: &str) -> Option<Box<dyn Source>> {
         None
     }
@@ -117,7 +121,7 @@ pub trait RunningEffect {
         Vec::new()
     }
 
-    /// How it went, in lines for the end of a session.
+    /// Lines about the effect for the end of a session.
     fn summary(&mut self) -> String {
         String::new()
     }

@@ -16,23 +16,28 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// All that changes from frame to frame.
+///
+/// Not here, because it follows from the state: positions, normals, factors, the [`Frame`]. Not here, because it comes in as
+/// [`Input`](super::Input): trackers, script, devices. Background work under way is forgotten.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
     /// Time since the start of the session, s.
     #[serde(with = "crate::field::numbers")]
     pub clock_s: f64,
-    /// How many styli have fields.
+    /// Number of styli that have fields.
     pub styli: usize,
     /// Head, styli, hands, poses, loads, places, coefficients, and what they were in the frame before.
     pub fields: Vec<FieldState>,
     pub edit: EditState,
     pub bodies: Vec<BodyMemory>,
+    /// Number of times that the field shown in colours was switched.
     pub field_changes: usize,
-    /// Warnings and reasons for black screens that were given already.
+    /// Warnings that were given already, with their times, s.
     pub warnings: Vec<(f64, String)>,
+    /// Keys of the black screens of which a warning was given already.
     pub told: BTreeSet<String>,
-    /// What each effect keeps, by its name.
+    /// The memory of each effect, by its name.
     pub effects: BTreeMap<String, Memory>,
 }
 
@@ -54,7 +59,8 @@ impl World {
         })
     }
 
-    /// Goes on from the state of a world of the same scene and stage. The error says what does not fit; the world is then not to be used.
+    /// Goes on from the state of a world of the same scene and stage. The error names what does not fit; the world is then not to
+    /// be used.
     pub fn set_state(&mut self, state: &State) -> Result<(), String> {
         let (found, expected) = (state.bodies.len(), self.bodies.len());
         if found != expected {

@@ -1,4 +1,5 @@
-//! One step of a world, from what comes from outside to what is shown: hands, control poses, deformed bodies, eyes.
+//! One step of a world, from what comes from outside to what is shown: hands, control poses, deformed bodies, and where the eyes
+//! are.
 //!
 //! In: a scene, its .green file, a stage, and an [`Input`] per frame. Out: a [`Frame`], the deformed bodies at their places, and one
 //! view per screen and eye. [`World::step`] is the only way in which anything moves; what it moves are the fields of one graph
@@ -31,7 +32,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What is nearer to the eye than this is not drawn, m.
+/// Distance of the near plane, m.
 const NEAR_M: f64 = 0.05;
 
 impl World {
@@ -45,7 +46,7 @@ impl World {
         World::of_bodies(scene, file, World::deformers(scene, models, file)?, stage)
     }
 
-    /// What takes time of [`World::new`], for another thread.
+    /// The slow part of [`World::new`]; it may run on another thread.
     pub fn deformers(
         scene: &Scene,
         models: &[&'static ModelEntry],
@@ -99,8 +100,8 @@ impl World {
         world
     }
 
-    /// The ball that bodies without a place of their own fill as they were put: the stage's workspace, or higher and smaller where
-    /// they would not be seen whole.
+    /// The ball into which bodies without a `place` were fitted: the workspace, or a higher or smaller ball where they would
+    /// otherwise be cut off.
     pub fn filled(&self) -> Workspace {
         let fitted = self.bodies.iter().filter(|body| body.assets.is_fitted);
         let places = fitted.flat_map(|body| {
@@ -114,7 +115,7 @@ impl World {
         })
     }
 
-    /// The bodies whose state has come from the background since the last frame; what is told here goes into the next [`Input`].
+    /// The bodies for which the background has a new state. Pass them on in the next [`Input`].
     pub fn arrivals(&mut self) -> Vec<usize> {
         let bodies = self.bodies.iter_mut().zip(&self.fields.bodies).enumerate();
         bodies
@@ -124,7 +125,7 @@ impl World {
             .collect()
     }
 
-    /// From now on every frame shows the state of its own poses, however long it takes: for pictures and recordings.
+    /// Makes each frame from now on wait until the background has solved exactly its poses: for pictures and recordings.
     pub fn wait_for_background(&mut self) {
         self.bodies.iter_mut().for_each(|body| body.deformer.be_patient(Duration::MAX));
     }
@@ -133,7 +134,7 @@ impl World {
         self.fields.styli.len()
     }
 
-    /// Makes fields for so many styli.
+    /// Makes sure that there are fields for at least `count` styli, up to the limit.
     pub fn have_styli(&mut self, count: usize) {
         while self.fields.styli.len() < count.min(MOST_STYLI) {
             if let Err(error) = self.fields.add_stylus(&mut self.graph) {
@@ -179,7 +180,7 @@ impl World {
         self.with_frame(|effect, world, frame| effect.before_picture(world, frame));
     }
 
-    /// Asks the effects what they add to the bodies, where one acts.
+    /// Asks all effects what they add to the bodies, if any of them acts.
     fn gather_contributions(&mut self) {
         let Some(field) = self.fields.contributions else { return };
         let poses: Vec<Vec<Field<ControlPose>>> =
@@ -202,7 +203,7 @@ impl World {
         self.graph.evaluate(&mut self.bodies);
     }
 
-    /// Takes further effects, before the first frame.
+    /// Adds effects to the world. Call it before the first frame.
     pub fn join(&mut self, effects: Vec<Box<dyn RunningEffect>>) -> Result<(), Failure> {
         if self.fields.contributions.is_none() && effects.iter().any(|effect| effect.acts()) {
             self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
@@ -225,7 +226,7 @@ impl World {
         self.frame.bodies = bodies;
     }
 
-    /// The last two phases of an effect that the world has not joined.
+    /// Runs `surface` and `show` of an effect that has not joined this world (tests only).
     #[cfg(test)]
     pub fn show_by(&mut self, effect: &mut dyn RunningEffect) {
         let mut frame = std::mem::take(&mut self.frame);
@@ -235,7 +236,7 @@ impl World {
         self.frame = frame;
     }
 
-    /// Lets the effects add to the frame, each of which sees what is there already.
+    /// Lets the effects add to the frame one after the other; each sees what the earlier ones added.
     fn with_frame(&mut self, take_part: impl Fn(&mut dyn RunningEffect, &World, &mut Frame)) {
         let mut frame = std::mem::take(&mut self.frame);
         self.with_effects(|effect, world| take_part(effect, world, &mut frame));
@@ -250,7 +251,7 @@ impl World {
         }
     }
 
-    /// Evaluates the graph, and takes over what pictures show of it.
+    /// Evaluates the graph and copies the results into the frame.
     pub(super) fn evaluate(&mut self) {
         for body in &mut self.bodies {
             body.times = StepTimes::default();
@@ -274,7 +275,7 @@ impl World {
         self.show_hands();
     }
 
-    /// Tells a warning once, on standard error and in the overlay.
+    /// Gives a warning once, on standard error and in the overlay.
     pub fn warn(&mut self, warning: String) {
         if self.warnings.iter().all(|(_, told)| *told != warning) {
             notice!("note: {warning}");
@@ -282,14 +283,14 @@ impl World {
         }
     }
 
-    /// Styli as they are drawn, what they feel, and the colours of what they point at.
+    /// Fills the frame with styli, the forces on what they hold, and highlights.
     fn show_hands(&mut self) {
         let (graph, workspace) = (&self.graph, &self.assets.stage.workspace);
         let hands = &graph.get(self.fields.hands).hands;
         let mut touched: Vec<((usize, usize), Highlight)> = Vec::new();
         let (mut forces, mut drawables): (Vec<HeldForce>, Vec<Drawable>) = (Vec::new(), Vec::new());
         for (i, fields) in self.fields.styli.iter().enumerate() {
-            // One that is lost is not drawn where it was.
+            // A lost stylus is not drawn.
             let seen = graph.get(fields.stylus).as_ref().filter(|s| !matches!(s.signal, Signal::Lost { .. }));
             let (Some(stylus), Some(pose)) = (seen, hands.room_from_stylus(i)) else {
                 continue;
@@ -312,6 +313,7 @@ impl World {
             let touched_point = self.touched(i).map(|(touch, place)| (touch.place_in_stylus, place));
             let as_grip = touched_point.map(|(place_in_stylus, place)| {
                 let place_in_element = Point3::origin();
+                // No control element: only the place is drawn.
                 (Grip { target: usize::MAX, place_in_stylus, place_in_element, is_near: false }, place)
             });
             let held = held.or(as_grip.as_ref().map(|(grip, place)| HeldPlace { grip, place: *place }));
@@ -327,14 +329,14 @@ impl World {
         (self.frame.forces, self.frame.drawables) = (forces, drawables);
     }
 
-    /// Distance from the first stylus to what it points at, for the mouse to grab there.
+    /// Distance from the centre eye to the point that the first drawn stylus hits, m. The mouse grabs at this distance.
     pub fn hit_distance_m(&self) -> Option<f64> {
         let stylus = self.frame.all(Drawable::stylus).next()?;
         let hit: Point3<f64> = stylus.hit?.cast();
         Some((hit - self.eye(Eye::Centre)).norm())
     }
 
-    /// What `eye` sees on one screen; `None` where it stays black, of which a warning tells ([`World::step`]).
+    /// The view of `eye` through one screen; `None` if the screen stays black for this eye, of which [`World::step`] then warns.
     pub fn view(&self, screen: usize, eye: Eye) -> Option<View> {
         let view = self.assets.stage.screens.get(screen)?.view(&self.eye(eye), NEAR_M).ok()?;
         Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
@@ -344,7 +346,7 @@ impl World {
         self.assets.stage.viewer.eye_in_room(&self.room_from_head, eye)
     }
 
-    /// Warns of each screen that stays black to an eye to which the stage shows it, once for each reason.
+    /// Warns once for each screen, eye and reason for which a screen that should be seen stays black.
     fn warn_of_black_screens(&mut self) {
         let mut unseen = Vec::new();
         for (number, screen) in self.assets.stage.screens.iter().enumerate() {

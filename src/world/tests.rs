@@ -55,7 +55,7 @@ fn state(world: &World, from: [f64; 3], to: [f64; 3], pressed: bool) -> TrackerS
     TrackerState { head: None, styli: vec![stylus], time_s: 0.0 }
 }
 
-/// Counts how often it is asked what it adds.
+/// An effect that counts its calls of `solve`.
 struct Counter(Arc<AtomicUsize>);
 
 impl RunningEffect for Counter {
@@ -72,7 +72,7 @@ impl RunningEffect for Counter {
     }
 }
 
-/// In a frame that began at rest the graph was evaluated twice, and effects with it.
+/// The graph was evaluated twice in a frame that began at rest, and effects with it.
 #[test]
 fn effects_are_asked_once_a_frame() {
     let mut world = world("asked");
@@ -87,7 +87,7 @@ fn effects_are_asked_once_a_frame() {
     assert_eq!([step(vec![]), step(vec![Action::Reset]), step(vec![Action::LetGo, Action::Undo])], [1; 3]);
 }
 
-/// A block is drawn with six flat sides: each vertex has the normal of its own, on nodes that are counted once.
+/// A block is drawn with six flat sides: each vertex has the normal of its side, while a node is counted once.
 #[test]
 fn a_block_keeps_its_sharp_edges() {
     let mut world = world("edges");

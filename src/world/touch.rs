@@ -27,7 +27,7 @@ pub struct Touches(Vec<Finger>);
 struct Finger {
     was_pressed: bool,
     touch: Option<Touch>,
-    /// What it will touch once the point's columns are there.
+    /// The point that it will touch once the point's columns are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     coming: Option<Coming>,
 }
@@ -37,7 +37,7 @@ struct Finger {
 #[serde(deny_unknown_fields)]
 struct Coming {
     touch: Touch,
-    /// How long it has been: every frame looks again.
+    /// Number of frames that it has waited: each looks again.
     frames: u64,
 }
 
@@ -48,10 +48,10 @@ pub struct Touch {
     pub body: usize,
     nodes: [u32; 3],
     weights: [f64; 3],
-    /// It is carried by the hand.
+    /// The point in the hand's frame, by which the hand carries it.
     #[serde(with = "crate::field::numbers")]
     pub place_in_stylus: Point3<f64>,
-    /// Where the hand has it now.
+    /// The place to which the hand has carried the point.
     #[serde(with = "crate::field::numbers")]
     pub place_in_room: Point3<f64>,
     /// N/m in the body's own metres; without one the point is where the hand is.
@@ -66,13 +66,13 @@ value_types! {
     LoadValues => "loads",
 }
 
-/// What the loads of a body come to, for each of their columns; gravity in the room's axes.
+/// Values of the loads of a body, one for each of their columns; gravity in the room's axes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct LoadValues(pub Vec<f64>);
 
 impl Touches {
-    /// What stylus `i` touches.
+    /// The touch of stylus `i`.
     pub fn of(&self, i: usize) -> Option<&Touch> {
         self.0.get(i)?.touch.as_ref()
     }
@@ -82,7 +82,7 @@ impl Touches {
         self.0.iter().filter_map(|finger| finger.coming.as_ref()).map(|coming| &coming.touch)
     }
 
-    /// All of them, stylus after stylus.
+    /// All touches, stylus after stylus.
     pub fn all(&self) -> impl Iterator<Item = &Touch> {
         self.0.iter().filter_map(|finger| finger.touch.as_ref())
     }

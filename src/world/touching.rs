@@ -19,17 +19,17 @@ const LONGEST: f64 = 0.6;
 const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
 impl World {
-    /// What hands take, where a body can be touched.
+    /// The kind of thing that hands take, if a body can be touched.
     pub fn taking(&self) -> Option<Taking> {
         self.fields.touch.as_ref().map(|touch| *self.graph.get(touch.taking))
     }
 
-    /// For an overlay: what hands take beside control elements.
+    /// Words for an overlay about what hands take beside control elements.
     pub fn taking_words(&self) -> &'static str {
         self.taking().map_or("", Taking::words)
     }
 
-    /// What stylus `i` touches, and where that point is now.
+    /// The touch of stylus `i`, and where its point is now.
     pub fn touched(&self, i: usize) -> Option<(&Touch, Point3<f64>)> {
         let touches = self.graph.get(self.fields.touch.as_ref()?.touches);
         let touch = touches.of(i)?;
@@ -92,7 +92,7 @@ impl World {
         self.bodies.iter().enumerate().find_map(of_body)
     }
 
-    /// What a column of the loads of body `b` comes to.
+    /// The value of a column of the loads of body `b`.
     pub fn load(&self, b: usize, column: usize) -> Option<f64> {
         self.graph.get(self.fields.bodies.get(b)?.loads?).0.get(column).copied()
     }

@@ -1,10 +1,10 @@
-//! How far a body is bent, against the turn up to which its model is good.
+//! The turn of a bent body, against the turn up to which its model is good.
 
 use super::body::PlacedBody;
 use crate::deform::{Deformer, ModelEntry, local_turn};
 use std::f64::consts::PI;
 
-/// So many triangles of a body are sampled for their turns.
+/// Number of triangles of a body that are sampled for their turns.
 const PIECES: usize = 256;
 
 /// Up to which turn a model is good, and up to which it is fair, rad.
@@ -12,12 +12,13 @@ const PIECES: usize = 256;
 pub struct TurnLimits {
     pub good: f64,
     pub fair: f64,
-    /// For this very body, by the plan of its accuracy, between two control elements ([`crate::deform::Deformer::largest_turn`]). Else
-    /// of any piece of the surface ([`local_turn`]), by the table of [`TurnLimits::of_model`].
+    /// Whether the limits were measured for this very body, by the plan of its accuracy, between two control elements
+    /// ([`crate::deform::Deformer::largest_turn`]). Otherwise they hold for any piece of the surface ([`local_turn`]), by the
+    /// table of [`TurnLimits::of_model`].
     pub is_measured: bool,
 }
 
-/// What to think of a turn.
+/// A judgement of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     Good,
@@ -26,7 +27,7 @@ pub enum Verdict {
     Poor,
     /// … or than was measured on the body.
     NotMeasured,
-    /// By more than half a turn between two control elements, for which no model is made: the matrices of the poses are those of
+    /// More than half a turn between two control elements, for which no model is made: the matrices of the poses are those of
     /// smaller turns.
     Beyond,
 }
@@ -39,8 +40,8 @@ impl TurnLimits {
         Self { good, fair, is_measured: false }
     }
 
-    /// The turn of a body, and its limits. Where control elements are more than half a turn apart, which no piece of the
-    /// surface tells, and of a model that moves parts, it is theirs.
+    /// The turn of a body, and its limits. It is the turn between control elements where these are more than half a turn apart,
+    /// which no piece of the surface shows, and for a model that moves parts.
     pub fn of_body(body: &PlacedBody) -> (f64, Self) {
         match body.assets.range {
             Some(range) => {
@@ -50,7 +51,7 @@ impl TurnLimits {
         }
     }
 
-    /// The same of a body for which nothing was measured.
+    /// The turn and the limits of a body for which nothing was measured.
     pub fn of_deformer(deformer: &Deformer) -> (f64, Self) {
         let apart = deformer.largest_turn();
         let is_apart = apart > PI || deformer.moves_in_parts();
@@ -86,12 +87,12 @@ impl Verdict {
     }
 }
 
-/// What a body that is bent further than its model holds says of itself; `None` of one that is not.
+/// A warning if the body is bent beyond the model's range, else `None`.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
     words(TurnLimits::of_body(body), body.assets.model)
 }
 
-/// The same of a body that is in no world.
+/// [`out_of_range`] for a body that is in no world.
 pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
     words(TurnLimits::of_deformer(deformer), deformer.entry)
 }

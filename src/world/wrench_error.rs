@@ -1,4 +1,4 @@
-//! By how much the forces and torques of a body may be wrong, in newtons, as its errors were measured.
+//! Estimates by how much the forces and torques of a body may be wrong, in N and N·m, from its measured errors.
 //!
 //! In: a body with its [`ExpectedErrors`] and its pose. Out: [`WrenchError`], or why it is unknown.
 
@@ -7,7 +7,7 @@ use super::frame::BodyFrame;
 use crate::deform::{ControlPose, Deformer, ExpectedErrors, Freedom, Moved, Wrench, reach};
 use nalgebra::Vector3;
 
-/// What may be wrong with every force and torque of a body.
+/// The possible error of every force and torque of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrenchError {
     /// N.
@@ -27,8 +27,8 @@ pub fn wrench_error(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -
     wrench_error_of(shown.expected.as_ref()?, &body.deformer, wrenches, &[])
 }
 
-/// The same of a body that is in no world, whose control elements have this freedom: none of them where it is empty. Of an end that
-/// is free but for one shift, or pushed by a force, and found, the errors are those of such ends.
+/// [`wrench_error`] for a body that is in no world, whose control elements have this freedom; an empty list frees none. If an end
+/// is free except for one shift, or is pushed by a force, and its pose was found, the errors are those measured for such ends.
 pub fn wrench_error_of(
     expected: &ExpectedErrors,
     deformer: &Deformer,

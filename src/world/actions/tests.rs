@@ -1,4 +1,4 @@
-//! What each command and each button does to poses and places, on a block both ends of which can be taken.
+//! Effects of each command and each button on poses and places, on a block both ends of which can be taken.
 
 use super::*;
 use crate::effect::{self, EFFECTS};
@@ -58,7 +58,7 @@ fn stylus(from: [f64; 3], direction: [f64; 3], turn: [f64; 3]) -> StylusState {
     StylusState { room_from_stylus, ..Default::default() }
 }
 
-/// Beside the right end, pointing at it.
+/// A stylus beside the right end that points at it, moved by `by` and turned by `turn`.
 fn right(by: [f64; 3], turn: [f64; 3]) -> StylusState {
     stylus([1.5 + by[0], by[1], 0.1 + by[2]], [-1.0, 0.0, 0.0], turn)
 }

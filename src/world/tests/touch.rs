@@ -131,7 +131,7 @@ fn gravity_stays_in_the_room() {
     assert!((gravity[1] + now[1]).abs() < 1e-9, "{gravity:?} {now:?}");
 }
 
-/// What a scene does not list is in no field, tensor or frame.
+/// A feature that a scene does not list is in no field, tensor or frame.
 #[test]
 fn a_scene_without_loads_has_nothing_of_them() {
     let world = world("unloaded");

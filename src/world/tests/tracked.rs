@@ -20,7 +20,7 @@ sensor = "wand"
 grab = { tracker = "t", button = 0 }
 "#;
 
-/// From here on the button is pressed.
+/// The frame from which on the button is pressed.
 const PRESS: usize = 30;
 const FRAMES: usize = 330;
 
@@ -70,7 +70,7 @@ fn play(
     frames
 }
 
-/// What holds in every frame, whatever the tracker says.
+/// Checks what holds in every frame, whatever the tracker reports.
 fn check(world: &World, last: Option<&Frame>) -> Frame {
     let body = &world.bodies[0];
     assert!(
@@ -87,7 +87,7 @@ fn check(world: &World, last: Option<&Frame>) -> Frame {
     Frame { pose, held: world.frame.bodies[0].highlights[1] == Highlight::Held }
 }
 
-/// By the trace, as nothing here scales: exact at half a turn too.
+/// The turn between two poses, from the trace, as nothing here scales: exact at half a turn too.
 fn turn_between(a: &ControlPose, b: &ControlPose) -> f64 {
     let cosine = ((a.matrix.transpose() * b.matrix).trace() - 1.0) / 2.0;
     cosine.clamp(-1.0, 1.0).acos()
