@@ -13,12 +13,12 @@ use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// A scene with every name of a model or an effect turned into its entry, and the settings of effects parsed. It is read as
-/// the scene; a scene that has changed is resolved anew.
+/// A scene with every name of a model or an effect turned into its entry, and the settings of effects parsed. Dereferences to the
+/// scene. If the scene changes, make a new one.
 #[derive(Clone, Debug)]
 pub struct Resolved {
     pub(super) scene: Scene,
-    /// By name, in the order of the scene.
+    /// Bodies by name, in the order of the scene.
     pub bodies: IndexMap<String, ResolvedBody>,
 }
 
@@ -30,7 +30,7 @@ impl Deref for Resolved {
     }
 }
 
-/// What a body of a scene names.
+/// The entries that a body of a scene names.
 #[derive(Clone, Debug)]
 pub struct ResolvedBody {
     pub model: &'static ModelEntry,
@@ -41,37 +41,39 @@ pub struct ResolvedBody {
 #[derive(Clone, Debug)]
 pub struct ListedEffect {
     pub entry: &'static EffectEntry,
-    /// `None` of an effect without settings.
+    /// `None` if the effect has no settings.
     pub settings: Option<Settings>,
 }
 
-/// Settings of an effect, of a type that the effect alone knows.
+/// Settings of an effect; only the effect knows the type.
 pub type Settings = Arc<dyn Any + Send + Sync>;
 
-/// Parses `[body.NAME.effect.EFFECT]` of a scene; without a table come the effect's defaults. The error names a key that does
-/// not exist, or a value that it cannot have.
+/// Parses `[body.NAME.effect.EFFECT]` of a scene; `None` gives the defaults. The error names a key that does not exist, or a
+/// value that it cannot have.
 pub type ReadSettings = fn(Option<&toml::Table>) -> Result<Settings, String>;
 
 /// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
 pub type Precompute =
     fn(&Resolved, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
 
-/// A scene in which some bodies list an effect.
+/// The arguments of `Attach` and `Start`: the scene, its file, and the bodies that list the effect.
 pub struct Listed<'a> {
     pub scene: &'a Resolved,
     pub file: &'a GreenFile,
-    /// The bodies that list it: number in the scene and in the world, and name.
+    /// The bodies that list it, by index and name.
     pub bodies: Vec<(usize, &'a str)>,
 }
 
-/// The error of a body's section that cannot be used.
+/// Checks the effect's section of the body of this name.
 pub type CheckSection = fn(&GreenFile, &str) -> Result<(), GreenError>;
 
-/// The tensors of a body's section, each with its name.
+/// Makes the section again after something in the body of this name was released or changed.
 pub type SectionAfterChange = fn(&Resolved, &str) -> Vec<(String, Tensor)>;
 
+/// Makes the effect's part of a new world; `None` if it has none there.
 pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
+/// Makes the part of the effect that only a live session has, such as devices and threads; `None` if it has none here.
 pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 /// One entry of the list of effects.
@@ -83,31 +85,30 @@ pub struct EffectEntry {
     pub requirements: &'static [Family],
     /// Whether it asks for the strain energy of the body's model ([`crate::deform::ModelEntry::energy`]).
     pub needs_energy: bool,
-    /// Whether it needs the body's inside, which boundary elements do not have.
+    /// Whether it needs the inside of the body; boundary elements have none.
     pub needs_inside: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
     pub shows_stress: bool,
-    /// Whether it measures the errors of force and shape to expect of a body.
+    /// Whether it measures how large the errors of force and shape may be.
     pub measures_errors: bool,
-    /// The table of what it has recorded, which `--curve` writes ([`RunningEffect::table`]).
+    /// The kind of the table that it records ([`RunningEffect::table`]); `--curve` writes the first that an effect has.
     pub table: Option<&'static output::Kind>,
-    /// `None` of an effect without settings ([`read`](super::settings::read)).
+    /// `None` if it has no settings ([`read`](super::settings::read)).
     pub settings: Option<ReadSettings>,
-    /// Of an effect that has tensors of its own: the section `EFFECT/TENSOR` of the .green file, which
-    /// [`crate::green::GreenFile::section`] reads.
+    /// Makes the effect's own tensors, stored as `EFFECT/TENSOR` and read by [`crate::green::GreenFile::section`].
     pub precompute: Option<Precompute>,
-    /// Errors where the section of a body, by its name, does not hold what `precompute` makes.
+    /// Fails if the section is not what `precompute` makes.
     pub check_section: Option<CheckSection>,
-    /// The section of a body, by its name, of which something was released or changed since; `None` where it stays as it is.
+    /// Replaces the section when the body was changed; `None` if the old one still holds.
     pub section_after_change: Option<SectionAfterChange>,
-    /// Joins a new world: in windows, in pictures and where a session is checked.
+    /// Makes the effect's part of a new world. Called for windows, pictures and checks.
     pub attach: Option<Attach>,
-    /// Starts what a live session alone has: devices, and nothing where the stage has none.
+    /// Starts devices and threads, in a live session only. An effect that acts on bodies must come from `attach` instead.
     pub start: Option<Start>,
 }
 
 impl EffectEntry {
-    /// An effect that does nothing and needs nothing: what an entry leaves out.
+    /// Defaults for an entry: `..EffectEntry::NOTHING`.
     pub const NOTHING: EffectEntry = EffectEntry {
         name: "",
         summary: "",
@@ -125,14 +126,14 @@ impl EffectEntry {
         start: None,
     };
 
-    /// Its families, and its own section where it has one.
+    /// The families and the section that must be precomputed for it.
     pub fn requirements(&self) -> Requirements {
         let families = Requirements::of(self.requirements);
         if self.precompute.is_some() { families.with_section(self.name) } else { families }
     }
 
-    /// Bytes that it adds to a body of this model and so many control elements, in the file and in memory, beside columns and
-    /// its own section.
+    /// Bytes that it adds to a body of this model with `control_elements`, in the file and in memory, beside columns and its own
+    /// section.
     pub fn bytes(&self, model: &ModelEntry, control_elements: usize) -> usize {
         let energy = model.energy.filter(|_| self.needs_energy).unwrap_or_default();
         let is_of = |families: &[Family], family: &Family| families.iter().any(|own| own.name == family.name);

@@ -42,14 +42,14 @@ const HEADING: &str = "body,control,time,displacement,turn,force,torque,force_er
 const TABLE: Kind =
     Kind { name: "a table by `--curve`", recognizes: |head| head.starts_with(HEADING.as_bytes()) };
 
-/// Beyond so many samples every second one is left out.
+/// Largest number of samples; when it is passed, every second one is left out.
 const MOST: usize = 4096;
-/// Below this part of the body's radius, and below so many rad, what an element has moved has no direction.
+/// Smallest displacement that has a direction, as a part of the body's radius, and smallest turn, rad.
 const LEAST: f64 = 1e-5;
 
 struct ForceCurve {
     bodies: Vec<usize>,
-    /// How many control elements each body of the world has.
+    /// Number of control elements of each body of the world.
     controls: Vec<usize>,
     trace: Option<Trace>,
 }
@@ -76,7 +76,7 @@ struct Trace {
     along: [Option<Direction>; 2],
 }
 
-/// Of length 1.
+/// A vector of length 1.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(transparent)]
 struct Direction(#[serde(with = "crate::field::numbers")] Vector3<f64>);
@@ -85,7 +85,7 @@ struct Direction(#[serde(with = "crate::field::numbers")] Vector3<f64>);
 #[serde(deny_unknown_fields)]
 struct Sample {
     time_s: f64,
-    /// From rest, m and rad.
+    /// Displacement and turn from rest, m and rad.
     displacement: f64,
     turn: f64,
     wrench: Wrench,
@@ -95,7 +95,7 @@ struct Sample {
     torque: Option<f64>,
     /// Errors to expect of both, N and N·m.
     errors: Option<[f64; 2]>,
-    /// Nothing joins it with the sample before.
+    /// Whether the curve begins anew here, not joined with the sample before.
     is_first: bool,
 }
 
@@ -237,7 +237,7 @@ impl Trace {
         }
     }
 
-    /// Force and torque of the samples that had no direction so far.
+    /// Computes force and torque of the samples that had no direction so far.
     fn project(&mut self) {
         let [shift, axis] = self.along;
         for sample in self.samples.iter_mut().rev() {
@@ -249,7 +249,7 @@ impl Trace {
         }
     }
 
-    /// Whether the turn tells more than the displacement.
+    /// Whether the turn is a better abscissa than the displacement: more work was done by it.
     fn is_by_turn(&self) -> bool {
         self.work[1] > self.work[0]
     }
@@ -343,7 +343,7 @@ impl Trace {
     }
 }
 
-/// The axis of a turn from rest of so many rad, along which the angle grows; none at rest.
+/// The axis of a turn by `angle` rad from rest, along which the angle grows; `None` at rest.
 fn axis(turn: &FollowedTurn, angle: f64) -> Option<Vector3<f64>> {
     let axis = turn.quaternion.imag().try_normalize(0.5 * LEAST)?;
     // Between one turn and two, four … the quaternion has the opposite sign.
@@ -359,7 +359,7 @@ fn radius(places: &[[f32; 3]]) -> f64 {
     0.5 * Vector3::from([0, 1, 2].map(bounds)).norm().max(0.0)
 }
 
-/// What errors to expect of force and torque in the pose as it is: those of model and mesh together.
+/// The errors of force and torque to expect in the current pose: those of model and mesh together.
 fn errors(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Result<[f64; 2], Cow<'static, str>> {
     let error = wrench_error(body, shown, wrenches).ok_or_else(|| Cow::from(why_unknown(body, shown)))?;
     Ok([error.force, error.moment])
@@ -491,7 +491,7 @@ mod tests {
         assert!((1.0..1.6).contains(&(y / thin)), "{y} N·m, {thin} N·m of a long bar");
     }
 
-    /// Where errors were measured, a band is drawn as wide as they are, and none beyond them.
+    /// The band is as wide as the measured errors, and there is none beyond the range in which they were measured.
     #[test]
     fn the_band_is_as_wide_as_the_measured_error() {
         use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors};

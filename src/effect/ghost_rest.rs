@@ -28,7 +28,8 @@ pub(super) struct Outlined {
     edges: Vec<[u32; 2]>,
 }
 
-/// Edges are sharp where the normals of their triangles differ by more than 40°; beyond so many, they would hide what they show.
+/// Largest cosine between the normals of two triangles at a sharp edge: they differ by more than 40°.
+/// Largest number of edges that are drawn: more would hide what they show.
 const SHARP: f64 = 0.766;
 const MOST_EDGES: usize = 4000;
 
@@ -65,7 +66,7 @@ impl Outlined {
         Outlined { shape: Arc::new(shape(deformer, moved)), edges }
     }
 
-    /// Its sharp edges in the room; `over` everything, or hidden by what is nearer.
+    /// Lines of the sharp edges in the room; with `over` they lie over everything, else nearer things hide them.
     pub fn lines(
         &self,
         room_from_shape: &Matrix4<f32>,

@@ -1,11 +1,10 @@
-//! Opt-in effects: what a scene does not list costs nothing, neither precomputation, file, memory, pipeline nor
-//! time in the frame.
+//! Opt-in effects: one that no scene lists costs nothing, neither precomputation, file, memory, pipeline nor time in the frame.
 //!
-//! Each effect is one entry of [`EFFECTS`] in a file or folder of its own; a body lists those it wants, whose entries and
-//! settings [`Resolved`] holds. What they require is precomputed ([`requirements`]), with
-//! tensors of their own in the .green file ([`add_sections`]). They join a world when it is made ([`attach`]), and a live session
-//! starts their devices and threads ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve,
-//! surface and show, in the order of the table ([`in_order`]), and keeps from frame to frame what its `memory` says.
+//! Each effect is one entry of [`EFFECTS`] in a separate file or folder; a body lists those it wants, whose entries and settings
+//! [`Resolved`] holds. What they require is precomputed ([`requirements`]), with tensors of their own in the .green file
+//! ([`add_sections`]). They join a world when it is made ([`attach`]), and a live session starts their devices and threads
+//! ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
+//! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
 mod effects;
 mod entry;
@@ -45,14 +44,14 @@ pub fn add_sections(
     Ok(())
 }
 
-/// Errors where the section of an effect of a body does not hold what the effect makes.
+/// Fails if the section of an effect of a body is not what the effect makes.
 pub fn check_sections(scene: &Resolved, file: &GreenFile, body: &str) -> Result<(), GreenError> {
     let checks = scene.bodies[body].entries().filter_map(|effect| effect.check_section);
     checks.into_iter().try_for_each(|check| check(file, body))
 }
 
-/// The sections of a body of which something was released or changed since: what was measured of it holds no more, the
-/// others stay.
+/// The sections of a body after something in it was released or changed: those that an effect measured no longer hold and are
+/// replaced, the others stay.
 pub fn sections_after_change(scene: &Resolved, file: &GreenFile, body: &str) -> Vec<(String, Tensor)> {
     let sections = scene.bodies[body].entries().filter(|effect| effect.precompute.is_some());
     let tensors = |effect: &EffectEntry| match effect.section_after_change {
@@ -137,7 +136,7 @@ mod tests {
         ..EffectEntry::NOTHING
     };
 
-    /// With effects that stand in no list.
+    /// A scene with these effects, which may include those above that stand in no list.
     fn scene(effects: &str) -> Resolved {
         let text = "\n\
                     generate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }\n\

@@ -1,4 +1,4 @@
-//! What the names of a scene stand for, found once.
+//! Resolves the names of a scene, once.
 //!
 //! In: a scene, whose bodies name a model and effects with settings. Out: [`Resolved`], with their entries and with the
 //! settings parsed, or every name that there is not, with the nearest that there is; and what must be precomputed for each
@@ -22,7 +22,7 @@ impl Resolved {
         Resolved::among(scene, EFFECTS)
     }
 
-    /// The same with other effects than those of the program.
+    /// Resolves a scene with other effects than those of the program.
     pub fn among(scene: Scene, effects: &'static [EffectEntry]) -> Result<Resolved, Failure> {
         let (mut bodies, mut unknown) = (indexmap::IndexMap::new(), Vec::new());
         for name in scene.body.keys() {
@@ -61,12 +61,12 @@ impl Resolved {
         self.bodies[name].law(self, name, &self.body[name])
     }
 
-    /// What must be precomputed for a body ([`ResolvedBody::requirements`]).
+    /// Families and sections that must be precomputed for a body ([`ResolvedBody::requirements`]).
     pub fn requirements(&self, name: &str) -> Result<Requirements, Failure> {
         self.bodies[name].requirements(self, name, &self.body[name])
     }
 
-    /// The same of a body that is measured: refuses the models that others are measured against.
+    /// [`Resolved::requirements`] for a body that is measured: refuses the models that others are measured against.
     pub fn measured_requirements(&self, name: &str) -> Result<Requirements, Failure> {
         let (scene, body) = (&self.scene, &self.body[name]);
         match self.law(name)? {
@@ -91,13 +91,13 @@ impl Resolved {
         Resolved { scene: self.scene.as_prepared(), bodies: self.bodies.clone() }
     }
 
-    /// The same on another stage.
+    /// A copy on another stage.
     #[must_use]
     pub fn with_stage(&self, stage: String) -> Resolved {
         Resolved { scene: Scene { stage, ..self.scene.clone() }, bodies: self.bodies.clone() }
     }
 
-    /// Those of its bodies that are of interest.
+    /// A copy with some of the bodies only.
     #[must_use]
     pub fn with_bodies(&self, is_meant: impl Fn(&str) -> bool) -> Resolved {
         let mut part = self.clone();
@@ -106,7 +106,7 @@ impl Resolved {
         part
     }
 
-    /// The same with another model of a body.
+    /// A copy with another model of a body.
     #[must_use]
     pub fn with_model(&self, body: &str, model: &'static ModelEntry) -> Resolved {
         let mut other = self.clone();
@@ -115,7 +115,7 @@ impl Resolved {
         other
     }
 
-    /// The same with some of a body's effects alone.
+    /// A copy with some of a body's effects only.
     #[must_use]
     pub fn with_effects(&self, body: &str, is_meant: impl Fn(&EffectEntry) -> bool) -> Resolved {
         let mut other = self.clone();
@@ -127,8 +127,8 @@ impl Resolved {
 }
 
 impl ResolvedBody {
-    /// What a body of a scene names, of these effects; or all that it names and that there is not, and settings that its effects
-    /// do not have.
+    /// Finds the entries that a body of a scene names, among these effects. The errors are all names that do not exist, and
+    /// settings that its effects do not have.
     pub fn of(
         scene: &Scene,
         name: &str,
@@ -209,8 +209,8 @@ impl ResolvedBody {
         }
     }
 
-    /// What must be precomputed for the model and the effects of the body of this name and these settings. Errors name what it cannot
-    /// have.
+    /// Families and sections that must be precomputed for the model and the effects of the body of this name and these settings.
+    /// Errors name what it cannot have.
     pub fn requirements(&self, scene: &Scene, name: &str, body: &Body) -> Result<Requirements, Failure> {
         if let Some(law) = self.law(scene, name, body)? {
             Statics::suits(scene, name, law).map_err(Failure::request)?;
@@ -280,7 +280,7 @@ impl ResolvedBody {
     }
 }
 
-/// What must be precomputed for a body of this model with these effects.
+/// Families and sections that must be precomputed for a body of this model with these effects.
 pub fn requirements<'a>(
     model: &ModelEntry,
     effects: impl IntoIterator<Item = &'a EffectEntry>,

@@ -1,4 +1,4 @@
-//! How far a body's model is from static equilibrium where one end is pushed aside and free in all else.
+//! Measures how far a body's model is from static equilibrium where one end is pushed aside and free in all else.
 //!
 //! In: a body in its equilibria and as its model has it. Out: [`Hung`] of one control element. A held end that is moved stretches
 //! a slender body, which resists that some (L/t)² times more than bending, so that errors of held poses say nothing of an end
@@ -16,10 +16,10 @@ use nalgebra::Vector3;
 /// Turns to which the end comes, about, °: of a cantilever of length L it turns by 3 w/2 L.
 const ANGLES: [f64; 3] = [5.0, 15.0, 30.0];
 
-/// Errors of forces are told to a tenth of a per cent.
+/// Tolerance of the searches, which is enough for errors of forces to a tenth of a per cent.
 const ENOUGH: f64 = 1e-4;
 
-/// What one of both came to.
+/// The result of the model, or of the body.
 struct Found {
     /// About the places of the control elements.
     wrenches: Vec<Wrench>,
@@ -103,7 +103,7 @@ fn placed(wrenches: &[Wrench], poses: &ControlPoses) -> Vec<Wrench> {
     wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
 }
 
-/// As [`Deviation`] has it, each in its own pose.
+/// The [`Deviation`] between both, each in its own pose.
 fn deviation(model: &Found, body: &Found, length: f64) -> Deviation {
     let sizes = body.wrenches.iter().map(|w| w.force.norm().max(w.moment.norm() / length));
     let size = sizes.fold(f64::MIN_POSITIVE, f64::max);

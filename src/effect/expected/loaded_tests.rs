@@ -1,4 +1,4 @@
-//! What is measured of bodies under loads, against answers from elsewhere.
+//! Measured errors of bodies under loads, against answers from elsewhere.
 
 use super::tests::{beam, deformer_of};
 use super::*;
@@ -44,9 +44,9 @@ fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
 }
 
 /// A warm bar between walls, ν = 0: linear theory has E A ε; a bar whose shape without stress is s = 1 + ε times as large, of St.
-/// Venant and Kirchhoff's law, E A (s² - 1)/2s (its strain (1/s² - 1)/2, its energy for the volume s³): linear theory has ε/(2 + ε)
-/// too much. Near its ends, whose sections the walls keep from growing, the bar has a little less than that. A body that loads alone
-/// deform is told this error, not those of bends.
+/// Venant and Kirchhoff's law, E A (s² - 1)/2s (its strain (1/s² - 1)/2, its energy for the volume s³): linear theory has ε/(2 +
+/// ε) too much. Near its ends, whose sections the walls keep from growing, the bar has a little less than that. A body that loads
+/// alone deform gets this error, not those of bends.
 #[test]
 fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
     let warm = 0.002;

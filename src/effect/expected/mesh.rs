@@ -1,13 +1,13 @@
-//! What the mesh itself adds to the errors of a body, by a better solution of the same linear body.
+//! Measures what the mesh itself adds to the errors of a body, by a better solution of the same linear body.
 //!
 //! In: a body of a scene and its solution. Out: [`MeshErrors`] of the small rigid motions of one control element, all others
-//! resting, in the motion where it is most, and the stiffnesses by which it is known of each. With K the 6 × 6 stiffness against these motions and K' that of the better
-//! solution, K x = λ K' x: λ - 1 is the relative difference of every component of the wrench of the motion x, whatever the unit
-//! of length. Linear elements are compared with quadratic ones on the same mesh, of which they are a part, and which do not
-//! lock; to refine the mesh instead would not tell of locking (in a beam at ν = 0.4999 by 3 % of an error of 60 %). Quadratic
-//! ones are compared with themselves in tetrahedra of half the size, and their error is taken to be of the order 1.5 in it,
-//! for stresses are singular at the edges of held parts. What the loads of the scene do to the resting body is compared too, and
-//! the larger of the differences is told.
+//! resting: the worst motion, and the stiffness of each motion. With K the 6 × 6 stiffness against these motions and K' that of
+//! the better solution, K x = λ K' x: λ - 1 is the relative difference of every component of the wrench of the motion x, whatever
+//! the unit of length. Linear elements are compared with quadratic ones on the same mesh, of which they are a part, and which do
+//! not lock; a refined mesh of linear elements would not show locking (in a beam at ν = 0.4999 3 % of an error of 60 %).
+//! Quadratic ones are compared with themselves in tetrahedra of half the size, and their error is taken to be of the order 1.5 in
+//! it, because stresses are singular at the edges of held parts. The resting body under the loads of the scene is compared too,
+//! and the larger of the differences is reported.
 
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{MeshErrors, Moved, RigidStiffness, wrench_size};
@@ -28,7 +28,7 @@ pub struct BetterBody {
     solution: Solution,
     /// Whether its tetrahedra are of half the size.
     is_cut: bool,
-    /// What each column of the body's loads comes to.
+    /// The coefficient of each column of the body's loads.
     loads: Vec<f64>,
 }
 
@@ -96,8 +96,8 @@ impl BetterBody {
         Ok(BetterBody { solution, is_cut, loads })
     }
 
-    /// What the mesh of `solution` adds to control element `e`; `None` where its rigid motions meet no resistance, or where the
-    /// two solutions are too far apart to tell.
+    /// The errors that the mesh of `solution` adds to control element `e`; `None` where its rigid motions meet no resistance, or
+    /// where the two solutions are too far apart for an estimate.
     pub fn share(&self, solution: &Solution, e: usize) -> Option<MeshErrors> {
         let about = solution.controls[e].origin;
         let [k, better] = [solution, &self.solution].map(|solution| rigid_stiffness(solution, e, &about));
@@ -115,8 +115,8 @@ impl BetterBody {
         Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness, loads })
     }
 
-    /// By how much the wrench on control element `e` is wrong for a unit of each of the scene's loads, in N, while all elements rest;
-    /// nothing of a body without loads, and of an element that stands in the middle of the others, which has no length.
+    /// The error of the wrench on control element `e` for a unit of each of the scene's loads, in N, while all elements rest;
+    /// empty for a body without loads, and for an element that stands in the middle of the others, which has no length.
     fn of_loads(&self, solution: &Solution, e: usize) -> Vec<f64> {
         let origins: Vec<Vector3<f64>> = solution.controls.iter().map(|control| control.origin).collect();
         let wrenches = |of: &Solution| {
@@ -145,7 +145,8 @@ impl BetterBody {
         }
     }
 
-    /// The same of the force with which control element `e` is pushed along each axis while it is free in all else: 1/(K⁻¹)ₖₖ.
+    /// The relative error of the force with which control element `e` is pushed along each axis while it is free in all else:
+    /// 1/(K⁻¹)ₖₖ.
     pub fn pushed(&self, solution: &Solution, e: usize) -> Option<[f64; 3]> {
         let about = solution.controls[e].origin;
         let [yields, better] =
@@ -159,7 +160,7 @@ impl BetterBody {
         Some(of_axes)
     }
 
-    /// By how much the two solutions differ in what the scene's loads do while all control elements rest: in the wrench on
+    /// The relative differences of the two solutions under the scene's loads while all control elements rest: in the wrench on
     /// control element `e`, weighed by what it would move, and in the shape. `None` without loads.
     fn loads_apart(&self, solution: &Solution, e: usize, nodes: &[usize]) -> Option<[f64; 2]> {
         let about = solution.controls[e].origin;
@@ -187,7 +188,7 @@ impl BetterBody {
         Some([of_wrench, of_shape].map(|part| if part.is_finite() { part } else { 0.0 }))
     }
 
-    /// The same of a motion of which K = (1 + d) K'.
+    /// The error of a motion for which K = (1 + d) K', with d the `difference`.
     fn error(&self, difference: f64) -> Option<f64> {
         let beyond = difference / (ORDER.exp2() - 1.0);
         match self.is_cut {
@@ -197,11 +198,11 @@ impl BetterBody {
     }
 }
 
-/// In which the error of quadratic elements falls with their size.
+/// The order in which the error of quadratic elements falls with their size.
 const ORDER: f64 = 1.5;
 /// A smaller part of a load's wrench is rounding.
 const NOISE: f64 = 1e-9;
-/// A cut that changes a body by more tells nothing of the limit.
+/// Largest relative change of a body by a cut that still allows an estimate of the limit.
 const MOST: f64 = 1.0;
 
 /// The 12 × 6 matrix of the coefficients of control element `e` for the small rigid motions about a point: shifts, then turns.
@@ -260,7 +261,7 @@ fn largest_ratio(a: Matrix6<f64>, b: Matrix6<f64>) -> Option<f64> {
     Some(ratio.amax()).filter(|ratio| most > 0.0 && ratio.is_finite())
 }
 
-/// Those of these nodes that stand under the same number in the other mesh: all corners.
+/// The `nodes` that have the same number in the other mesh: all corners.
 fn same_nodes(mesh: &TetMesh, other: &TetMesh, nodes: &[u32]) -> Vec<usize> {
     let is_same = |&node: &usize| other.nodes.get(node).is_some_and(|x| *x == mesh.nodes[node]);
     nodes.iter().map(|&node| node as usize).filter(is_same).collect()

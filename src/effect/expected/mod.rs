@@ -1,4 +1,4 @@
-//! What errors of force and shape to expect of a body, measured on it while it is precomputed.
+//! Errors of force and shape to expect of a body, measured on it while it is precomputed.
 //!
 //! In: a body of a scene and its solution. Out: a section of the .green file with [`ExpectedErrors`]: of the model against static
 //! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). Only this effect measures. `check`, `precompute`, `inspect`,
@@ -23,7 +23,7 @@ use mesh::BetterBody;
 use model::{Measured, ModelErrors, motions};
 use std::sync::Arc;
 
-/// So many control elements are moved, the first ones that a hand can grab.
+/// Largest number of control elements that are moved: the first ones that a hand can grab.
 pub const MOST_MOVED: usize = 2;
 
 pub const NAME: &str = "expected_errors";
@@ -73,12 +73,12 @@ fn written(errors: &ExpectedErrors) -> Tensor {
     Tensor::new(&[text.len()], text)
 }
 
-/// What was measured of a body that is not written yet.
+/// The errors measured of a body that is not written yet.
 pub fn of_precomputed(body: &Precomputed) -> Option<ExpectedErrors> {
     serde_json::from_slice(&body.sections.get(&name_in_section())?.bytes).ok()
 }
 
-/// What was measured of a body, where the file holds it. Errors where that is not what [`measure`] writes.
+/// The errors measured of a body, if the file holds them. Fails if that is not what [`measure`] writes.
 pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, GreenError> {
     let Some(meta) = file.meta.bodies.get(body) else { return Ok(None) };
     if !meta.requirements.sections().any(|section| section == NAME) {
@@ -98,7 +98,7 @@ pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, Gree
     Ok(Some(errors))
 }
 
-/// Tells in each frame what was measured of the bodies for their models.
+/// Adds the measured errors of the bodies to each frame.
 struct Told(Vec<(usize, Arc<ExpectedErrors>)>);
 
 fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
@@ -170,7 +170,7 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     errors
 }
 
-/// Of each moved control element; and what the mesh adds to its force where it is pushed along each axis, free in all else.
+/// The mesh errors of each moved control element, and those of its force where it is pushed along each axis, free in all else.
 fn mesh_errors(
     scene: &Scene,
     body: &Precomputed,
@@ -204,8 +204,8 @@ fn mesh_errors(
     }
 }
 
-/// Of each moved control element, bent and shifted, and into `errors` what its loads do where all rest; nothing of a model that is
-/// static equilibrium itself.
+/// The model errors of each moved control element, bent and shifted; into `errors` go those of the loads where all elements rest.
+/// Empty for a model that is static equilibrium itself.
 fn model_errors(
     scene: &Resolved,
     body: &mut Precomputed,

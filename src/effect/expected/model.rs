@@ -1,8 +1,8 @@
-//! How far a body's model is from static equilibrium, measured on the body itself.
+//! Measures how far a body's model is from static equilibrium, on the body itself.
 //!
 //! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of `LEVELS`, all others
-//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads that
-//! the scene has. It is bent in the plane in which that is easiest, where hands bend it.
+//! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads of
+//! the scene. It is bent in the plane in which that is easiest, as hands bend it.
 
 use super::super::entry::Resolved;
 use super::hung::hung;
@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use crate::solve::{Progress, Silent, Solver};
 use std::sync::Arc;
 
-/// How far a control element is moved: its bend, its twist and both at once, °, and shifts that stretch the body.
+/// The motions of a control element at one level: bend, twist and both at once, °, and shifts that stretch the body.
 struct Level {
     angle: f64,
     shifts: &'static [Motion],
@@ -56,7 +56,7 @@ pub fn motions() -> usize {
     LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
 }
 
-/// What was measured of a control element.
+/// The measured errors of a control element.
 #[derive(Default)]
 pub struct ModelErrors {
     pub bent: Vec<ErrorsAt>,
@@ -178,7 +178,7 @@ impl Measured {
     }
 }
 
-/// Of each level whose motions were all found, as far as those of all smaller ones were: the largest errors and reach up to it.
+/// The largest errors and reach up to each level, as long as all motions up to it were found.
 fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
     let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
     let mut levels: Vec<ErrorsAt> = Vec::new();
@@ -192,7 +192,7 @@ fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) ->
     levels
 }
 
-/// Of each pull that was found, as far as all smaller ones were: the largest errors and reach up to it.
+/// The largest errors and reach up to each pull, as long as all smaller ones were found.
 fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
     let at = |along: &f64| {
         found.iter().find(|(motion, _)| *motion == Motion::Shift([*along, 0.0])).map(|(_, at)| *at)

@@ -1,4 +1,4 @@
-//! What is measured of small bodies, against answers from elsewhere; and what of a file is refused.
+//! Measured errors of small bodies, against answers from elsewhere; and sections of a file that are refused.
 
 use super::*;
 use crate::deform::{ControlPose, Deformer, Wrench, find_model, reach};
@@ -7,7 +7,7 @@ use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
-/// A beam of 4 × 1 × 1 m with so many cells through its thickness.
+/// A beam of 4 × 1 × 1 m with `cells` cells through its thickness.
 pub(super) fn beam(cells: usize, settings: &str, low: &str, high: &str) -> Resolved {
     let text = format!(
         "[body.beam]\ngenerate = {{ block = {{ size = [4.0, 1.0, 1.0], cells = [{}, {cells}, {cells}] }} }}\n{settings}\n\
@@ -25,7 +25,7 @@ fn solved(scene: &Resolved) -> Precomputed {
     green::precompute(scene, "beam", &required, &Silent).unwrap()
 }
 
-/// What a session makes of a body, whose file is gone afterwards.
+/// The deformer of a body as a session makes it, from a file that is removed afterwards.
 pub(super) fn deformer_of(body: &Precomputed, model: &str) -> Deformer {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("body.green");
@@ -49,8 +49,8 @@ fn near_one_half_the_error_of_the_mesh_is_told_of_every_element() {
     }
 }
 
-/// At ν = 0.3 by 30°, of this beam: `linear` has many times the right force, `rotation` some per cent too much (chapter `method`,
-/// Forces and torques at large angles, has 30 % on a beam that is more slender).
+/// Errors of this beam at ν = 0.3 and 30°: `linear` has many times the right force, `rotation` some per cent too much (chapter
+/// `method`, Forces and torques at large angles, has 30 % on a beam that is more slender).
 #[test]
 fn models_are_measured_on_the_body_itself() {
     let measured = |model: &str| {

@@ -26,7 +26,7 @@ use solving::{Answer, Held, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
-/// As scenes name it.
+/// The effect's name in scenes.
 pub const NAME: &str = "ghost_equilibrium";
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
@@ -40,9 +40,9 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 
 /// Linear, and the opacity of the outline of a ghost of the pose as it is.
 const COLOR: [f32; 4] = [1.0, 0.35, 0.62, 0.9];
-/// The same as sRGB, for the plate.
+/// The ghost's colour as sRGB, for the plate.
 const INK: [u8; 3] = [255, 161, 206];
-/// How much of it shows through the body.
+/// Part of the ghost's opacity that is left where the body covers it.
 const THROUGH: f32 = 0.4;
 /// A ghost of a pose that has been left is fainter by this.
 const OLD: f32 = 0.4;
@@ -57,7 +57,7 @@ struct EquilibriumGhosts {
     bodies: Vec<Watched>,
 }
 
-/// As scenes set it.
+/// The settings in scenes.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
@@ -69,11 +69,11 @@ struct Settings {
 struct Watched {
     b: usize,
     law: &'static Law,
-    /// What the thread is started with, once something is asked.
+    /// The subject with which the thread is started at the first question.
     subject: Option<Subject>,
     solving: Option<Solving>,
     found: Option<Found>,
-    /// In what the hand has rested, and since when.
+    /// The pose and loads in which the hand has rested, and since when.
     resting: (Held, Instant),
 }
 
@@ -273,7 +273,7 @@ fn told(head: Tone) -> Tone {
     if head == Tone::Quiet { Tone::Quiet } else { Tone::Plain }
 }
 
-/// In what the body is held now.
+/// The poses and loads of the body now.
 fn held(body: &PlacedBody) -> Held {
     Held { poses: body.deformer.poses.clone(), loads: body.deformer.acting() }
 }
@@ -313,7 +313,7 @@ fn is_loaded_otherwise(body: &PlacedBody, then: &AppliedLoads) -> bool {
         || now.points.iter().zip(&then.points).any(is_elsewhere)
 }
 
-/// By how much a control element's surface nodes have moved at most since these poses, m.
+/// Largest displacement of a control element's surface nodes since these poses, m.
 fn moved(body: &PlacedBody, since: &ControlPoses) -> f64 {
     let deformer = &body.deformer;
     let of = |e: usize| {

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
-/// Which body is solved, and how.
+/// The body that is solved, and its law.
 pub struct Subject {
     pub scene: Scene,
     pub body: String,
@@ -26,7 +26,7 @@ pub struct Subject {
     pub tags: Vec<u64>,
 }
 
-/// In what a body is held, and what acts on it beside.
+/// Poses and loads of a body.
 #[derive(Clone)]
 pub struct Held {
     pub poses: ControlPoses,
@@ -38,7 +38,7 @@ pub struct Held {
 #[derive(Clone)]
 pub struct Question {
     pub held: Held,
-    /// By how much each control element has turned, up to 360°.
+    /// Turn of each control element, up to 360°.
     pub turns: Vec<UnitQuaternion<f64>>,
     /// Displacements of the surface nodes as they are shown, m.
     pub shown: Vec<Vector3<f64>>,
@@ -55,7 +55,7 @@ pub struct Answer {
 pub struct Solved {
     /// Displacements of the surface nodes, m.
     pub displacement: Vec<[f64; 3]>,
-    /// How far the surface nodes are from where they were shown: the largest, and the root mean square, m.
+    /// Distance of the surface nodes from where they were shown: the largest, and the root mean square, m.
     pub largest_m: f64,
     pub rms_m: f64,
 }
@@ -69,7 +69,7 @@ pub struct Solving {
     pub asked: Option<Instant>,
 }
 
-/// How far the thread is with its equilibrium: advanced, and of how much.
+/// Progress of the thread with its equilibrium: units done, and their number.
 struct Share([AtomicU64; 2]);
 
 impl Progress for Share {
@@ -165,7 +165,7 @@ fn of(subject: &Subject) -> Result<Statics, String> {
     Statics::new(&scene, &subject.body, subject.law, &crate::solve::Silent).map_err(|error| error.to_string())
 }
 
-/// In short, for a plate.
+/// A short reason, for a plate.
 fn reason(error: &StaticsError) -> String {
     match error {
         StaticsError::Stopped { share, critical, .. } => {

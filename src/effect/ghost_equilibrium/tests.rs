@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Length and side of [`bar`], m.
 pub(in crate::effect) const BAR: [f64; 2] = [4.0, 1.0];
-/// Its Young's modulus, Pa.
+/// Young's modulus of [`bar`], Pa.
 pub(in crate::effect) const YOUNG: f64 = 1.0e3;
 
 /// A bar along x, held at both end faces, with these effects; its scene, its file and a world.
@@ -58,7 +58,7 @@ fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Resolved, World) {
     (scene, world)
 }
 
-/// How far the ghost is from the body: the largest over the surface, m.
+/// Largest distance of the ghost from the body over the surface, m.
 fn apart(world: &World) -> f64 {
     let ghosts: Vec<_> = world.frame.all(Drawable::ghost).collect();
     let [ghost] = ghosts[..] else { panic!("{} ghosts", ghosts.len()) };
@@ -170,7 +170,7 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
     assert!(largest > 0.01, "{largest} m: the models differ");
 }
 
-/// What is shown live: never a number without the pose to which it belongs.
+/// A live picture never shows a number without the pose to which it belongs.
 #[test]
 fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
     let (scene, file, mut world) = bar("ghost-live", "rotation", &["ghost_equilibrium"]);

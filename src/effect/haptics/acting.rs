@@ -6,7 +6,7 @@
 use super::device::Push;
 use std::collections::VecDeque;
 
-/// How long pushes are remembered, s: the longest silence during a force, and the greatest age of a pose.
+/// Time for which pushes are remembered, s: the longest silence during a force, and the greatest age of a pose.
 const KEPT_S: f64 = 0.2;
 
 pub struct Acting {
@@ -18,7 +18,7 @@ pub struct Acting {
 pub struct Given {
     pub at_s: f64,
     pub push: Push,
-    /// From 0, no force, to 1, all of it.
+    /// Share of the push that acts: from 0, no force, to 1, all of it.
     pub gain: f64,
 }
 

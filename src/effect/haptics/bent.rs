@@ -1,8 +1,9 @@
 //! The closed loop on a body that is bent far: a beam whose end the handle of a simulated device holds, turned by up to 90°, and
 //! then lets go.
 //!
-//! In: a model, Young's modulus, how the device reports, the hand. Out: what [`super::settling`] tells of every release: whether
-//! the handle comes to rest, and the energy that the loop gave beyond what the body and the coupling held.
+//! In: a model, Young's modulus, how the device reports, the hand. Out: the [`SettlingResult`](super::settling::SettlingResult)
+//! of every release: whether the handle comes to rest, and the energy that the loop gave beyond what the body and the coupling
+//! held.
 
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, HoldConstraint};
@@ -22,12 +23,12 @@ use std::sync::Arc;
 /// Length of the beam, m.
 const LENGTH_M: f64 = 0.3;
 
-/// Its section, m, and cells: a tenth as wide as it is long; for the model of thin bodies, which refuses that, a leaf that is
-/// bent out of its plane.
+/// Section, m, and cells of the beam: a tenth as wide as it is long; for the model of thin bodies, which refuses that, a leaf
+/// that is bent out of its plane.
 const BEAM: ([f64; 2], [u32; 3]) = ([0.03, 0.03], [2, 2, 12]);
 const LEAF: ([f64; 2], [u32; 3]) = ([0.006, 0.06], [1, 6, 30]);
 
-/// By how much its end is bent, °.
+/// Bends of the end, °.
 pub const BENDS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 
 /// The beam as a session has it, of Young's modulus `young`, Pa.

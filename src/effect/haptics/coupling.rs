@@ -13,9 +13,11 @@
 use crate::deform::se3;
 use nalgebra::{Const, Isometry3, Matrix6, SymmetricEigen, Translation3, UnitQuaternion, Vector6};
 
-/// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces
-/// every λ greater than k, the stiffness that friction bears, to k. Where K changes, Γ only grows: the least U over the
-/// hold then falls, so that no change of the coupling generates energy.
+/// The compliance Γ of the coupling and its parameters.
+///
+/// With D = diag(b, b, b, b_r, b_r, b_r) and D⁻½ K D⁻½ = Q Λ Qᵀ, Γ = D⁻½ Q diag(max(0, 1/k - 1/λ)) Qᵀ D⁻½ reduces every λ greater
+/// than k, the stiffness that friction bears, to k. Where K changes, Γ only grows: the least U over the hold then falls, so that
+/// no change of the coupling generates energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
     /// K with the magnitudes of its eigenvalues, 6 × 6 in N/m, N and N·m, corrected by what was felt since; without
@@ -48,7 +50,7 @@ pub struct CouplingState {
     pub push: Vector6<f64>,
     /// U - V: the energy of the springs, and of the hold's last step, J.
     pub energy: f64,
-    /// How far the hold has slipped under the limit, J.
+    /// The slip of the hold under the limit, J.
     slip: f64,
     /// The hold's last step, and the longest step that it may take, m; rotations are multiplied by [`ARM_M`].
     moved: Vector6<f64>,
@@ -59,7 +61,7 @@ pub struct CouplingState {
     pub is_limited: bool,
 }
 
-/// Beside the handle, with no push yet.
+/// A hold at the handle, without a push.
 impl Default for CouplingState {
     fn default() -> CouplingState {
         let none = Vector6::zeros();
@@ -133,7 +135,8 @@ fn inside(eigen: &SymmetricEigen<f64, Const<6>>, of: impl Fn(f64) -> f64) -> Mat
 }
 
 impl Coupling {
-    /// Rigid so far. `damping` is b and b_r; `limits` are those of the device, N and N·m; 0 N·m for one without torque.
+    /// A coupling that is still rigid. `damping` is b and b_r; `limits` are those of the device, N and N·m; 0 N·m for one without
+    /// torque.
     pub fn new(damping: [f64; 2], has_torque: bool, limits: Option<[f64; 2]>) -> Coupling {
         let per = |limit: f64| if limit > 0.0 { 1.0 / limit } else { 0.0 };
         let [force, torque] = limits.map_or([0.0; 2], |limits| limits.map(per));
@@ -229,7 +232,7 @@ impl Coupling {
         CouplingState { offset, push: push_now, energy, slip, moved, radius, is_on_the_way, is_limited }
     }
 
-    /// Where the hold comes to be when the handle has moved by this, as far as K tells.
+    /// Predicts the hold when the handle has moved by `moved`, to first order with K.
     pub fn follow(&self, moved: &Vector6<f64>, last: &CouplingState) -> CouplingState {
         let (place, turn) = se3::halves(moved);
         let angle = last.offset.fixed_rows::<3>(3).into_owned();
@@ -351,7 +354,8 @@ mod tests {
         assert!(least < 0.5 && (most - 1.0).abs() < 1e-9, "{least} {most}");
     }
 
-    /// Stiff in one direction and then in another: it stays soft in both, and is told to be softer than needed.
+    /// A body that is stiff in one direction and then in another stays softened in both; the coupling then reports that it is
+    /// softer than needed.
     #[test]
     fn the_coupling_only_softens() {
         let along =

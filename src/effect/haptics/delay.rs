@@ -30,14 +30,14 @@ pub struct Delay {
     clock: Clock,
 }
 
-/// When a pose arrived, and when it would have arrived with the shortest travel time so far; seconds of this program's clock.
+/// Times of a pose, s of this program's clock: its arrival, and what that would have been with the shortest travel time so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
     arrived_s: f64,
     sampled_s: f64,
 }
 
-/// What the stamps tell about the device's clock.
+/// State of the device's clock, as its stamps show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Clock {
     Unheard,
@@ -151,8 +151,8 @@ mod tests {
         assert!((delay.age_s(0.0) - 1.6e-3).abs() < 1e-5, "{delay:?}");
     }
 
-    /// Without stamps jitter shows in the longest silence, with them in the stamps too; both find at least what there was, and
-    /// not much more than the wait for a tick beside it.
+    /// Jitter shows in the longest silence if there are no stamps, and also in the stamps if there are; both estimates are at
+    /// least the true jitter, and exceed it by not much more than the wait for a tick.
     #[test]
     fn jitter_is_found_with_stamps_and_without() {
         for stamped in [false, true] {
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// It grows with the first report that is late, and shrinks by a third in two seconds.
+    /// The age grows with the first report that is late, and shrinks by a third in two seconds.
     #[test]
     fn an_age_that_grows_counts_at_once_and_one_that_shrinks_slowly() {
         let mut delay = Delay::new(1e-3);

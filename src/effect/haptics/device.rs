@@ -101,6 +101,6 @@ pub trait Device: Send {
         0
     }
 
-    /// Tells a simulated device where the user's hand is, in the device's frame.
+    /// Gives a simulated device the pose of the user's hand, in the device's frame.
     fn hand(&mut self, _device_from_hand: &Isometry3<f64>) {}
 }

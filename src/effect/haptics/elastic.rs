@@ -1,7 +1,7 @@
 //! The elastic body in the haptic loop: poses of its control elements in, strain energy and its exact gradient out.
 //!
 //! The energy is that of the body's model, [`DeformationModel::respond`], the same from which the picture shows forces and
-//! `greenstage deform` writes them. The loop has a model of its own, which follows the hand from tick to tick. Nothing is
+//! `greenstage deform` writes them. The loop has its own model, which follows the hand from tick to tick. Nothing is
 //! allocated after [`Elastic::new`].
 
 use crate::deform::{
@@ -20,9 +20,9 @@ pub struct Elastic {
     poses: Vec<ControlPose>,
     slopes: Vec<PoseSlope>,
     held: usize,
-    /// Where [`Elastic::mark`] found the poses.
+    /// Poses at the last [`Elastic::mark`].
     marked: Vec<ControlPose>,
-    /// What other effects add to the held element's energy, as the last frame found it.
+    /// Energy that other effects add to that of the held element, as of the last frame.
     added: Option<ElementPotential>,
     /// Whether the stiffness of that has changed since [`Elastic::mark`].
     is_stiffened: bool,
@@ -62,7 +62,7 @@ impl Elastic {
         })
     }
 
-    /// The body of a deformer, with a model of its own.
+    /// The body of a deformer, with its own instance of the model.
     pub fn of(deformer: &Deformer) -> Result<Elastic, String> {
         Elastic::new(deformer.another_model()?, &deformer.controls)
     }
@@ -117,7 +117,7 @@ impl Elastic {
         self.with_added(response, pose)
     }
 
-    /// The same a little beside the held element's pose, which stays.
+    /// [`Elastic::respond`] for a pose of the held element near its own, which stays; to first order, where the model can.
     pub fn respond_beside(&mut self, pose: &ControlPose) -> ElasticResponse {
         let own = std::mem::replace(&mut self.poses[self.held], *pose);
         let beside = self.model.respond_beside(&self.poses, &mut self.slopes);
@@ -168,8 +168,8 @@ impl Elastic {
         self.is_stiffened = false;
     }
 
-    /// How far an element has moved at most since [`Elastic::mark`]: the change of its matrix, and that of its place as a
-    /// part of the distance between the elements; infinite where the stiffness of what effects add has changed.
+    /// Largest motion of an element since [`Elastic::mark`]: the change of its matrix, and that of its place as a part of the
+    /// distance between the elements; infinite if the stiffness that effects add has changed.
     pub fn moved(&self) -> f64 {
         if self.is_stiffened {
             return f64::INFINITY;

@@ -1,4 +1,4 @@
-//! What a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
+//! The data that a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
 
 use super::device::Push;
 use super::elastic::ElasticResponse;
@@ -16,7 +16,7 @@ pub struct Grasp {
     pub poses: Vec<ControlPose>,
     /// And the turns by which they came there.
     pub turns: Vec<UnitQuaternion<f64>>,
-    /// What other effects add to the energy of the held element.
+    /// Energy that other effects add to that of the held element.
     pub added: Option<ElementPotential>,
     /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
@@ -34,7 +34,7 @@ pub struct Held {
     pub constraint: HoldConstraint,
 }
 
-/// How the held element's motion depends on the handle's.
+/// Dependence of the held element's motion on the handle's.
 #[allow(clippy::large_enum_variant, reason = "both are copied through a triple buffer, without a heap")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldConstraint {
@@ -69,9 +69,9 @@ pub struct Reach {
     pub room_from_handle: Isometry3<f64>,
     /// The element's origin at rest, in the body's frame.
     pub origin: Vector3<f64>,
-    /// Its pose in the body.
+    /// The element's pose in the body.
     pub pose: ControlPose,
-    /// From the handle's origin to the element's, in the room, m.
+    /// The vector from the handle's origin to the element's, in the room, m.
     pub arm: Vector3<f64>,
 }
 

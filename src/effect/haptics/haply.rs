@@ -36,19 +36,19 @@ const NO_ARM: &str =
     "the service is up, but has no Inverse3 that says where it is; it is asked again until one is plugged in";
 /// The most different warnings per connection.
 const MOST_TOLD: usize = 16;
-/// How often a thread that hears nothing looks around: often enough to tell the guard that the program lives.
+/// Longest sleep of a thread that hears nothing: short enough for the guard to see that the program lives.
 const WAKE: Duration = Duration::from_millis(5);
 /// The assumed time until an answer before the first one has come, s.
 const UNHEARD_S: f64 = 2e-3;
 
-/// How long this side waits for what, s.
+/// Waiting times of this side, s.
 #[derive(Clone, Copy, Debug)]
 pub struct HaplyTiming {
     /// Silence for this long ends the connection.
     pub silent_s: f64,
     /// Between two attempts to connect.
     pub retry_s: f64,
-    /// How often a service without an arm is asked whether there is one, since it sends nothing by itself.
+    /// Time between two questions to a service without an arm, which sends nothing by itself.
     pub ask_s: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What Haply's Inverse Service and its clients say to each other, as JSON.
+//! Messages between Haply's Inverse Service and its clients, as JSON.
 //!
 //! In: a state message, strictly read. Out: where the arm is and what is pressed, or the command for a force. After the
 //! service's public documentation (docs.haply.co/inverseSDK, versions 3.5 and 3.1).
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 pub struct State {
     /// Name of the first arm.
     pub id: Option<String>,
-    /// Where such a service reads its force.
+    /// The key at which this version of the service reads its force.
     pub key: ForceKey,
     /// `None`: there is no arm, or it does not say where it is.
     pub reading: Option<Reading>,
@@ -73,7 +73,7 @@ struct Grip {
 #[derive(serde::Deserialize)]
 struct GripState {
     orientation: Option<Xyzw>,
-    /// Of a wireless grip, by their names.
+    /// Buttons of a wireless grip, by their names.
     #[serde(default)]
     buttons: BTreeMap<String, bool>,
     /// The one of a grip on a wire.
@@ -168,8 +168,8 @@ mod tests {
         parse(text, 0.0, buttons).unwrap().reading.unwrap().buttons
     }
 
-    /// As the documentation of 3.5 has them: an arm with `control_mode`, a grip on a wire with one `button`, and one grip
-    /// in two lists.
+    /// Messages from the documentation of 3.5: an arm with `control_mode`, a grip on a wire with one `button`, and one grip in
+    /// two lists.
     #[test]
     fn messages_of_the_service_3_5_are_read() {
         let wired = r#"{ "session_id": 7, "inverse3": [{ "device_id": "049D", "state": {

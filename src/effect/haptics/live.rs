@@ -1,7 +1,7 @@
 //! The force loops of a session: one for each device of the stage, if a body lists an effect that gives forces.
 //!
 //! A real device is a tracker of the stage, and its force loop is that tracker's source; a simulated device moves its stylus
-//! before a frame. After the frame the loop is told what the stylus holds. If no body asks for forces, or the stage has no
+//! before a frame. After the frame the loop receives what the stylus holds. If no body asks for forces, or the stage has no
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, Listed};
@@ -44,25 +44,25 @@ struct Link {
     bodies: Vec<usize>,
     hold: Option<Hold>,
     grips: u64,
-    /// Where the tracker, or the mouse, has the hand of a simulated device.
+    /// Pose of the hand of a simulated device, by the tracker or the mouse.
     room_from_hand: Option<Isometry3<f64>>,
     told: Told,
 }
 
-/// Which warnings about a device were given, each once, and when it last reported a pose.
+/// Warnings about a device that were given, each once, and the time of its last pose.
 struct Told {
     stiff: bool,
     slow: bool,
-    /// The age of the poses that was told of, s.
+    /// The age of the poses at the last warning, s.
     age_s: f64,
     silent: bool,
     heard: Instant,
 }
 
-/// A warning tells when poses are older than this while their forces act, s; another one when they are twice as old.
+/// Age of the poses above which a warning is given while their forces act, s; another follows at twice the age.
 const LATE_S: f64 = 1.5e-3;
 
-/// A warning tells when a device reports nothing for so long.
+/// Silence of a device after which a warning is given.
 const SILENT: Duration = Duration::from_secs(2);
 
 #[derive(Clone, Copy)]
@@ -171,7 +171,7 @@ impl HapticSession {
         }
     }
 
-    /// Tells the loops what is held after a frame.
+    /// Passes to the loops what is held after a frame.
     fn tell(&mut self, world: &World) {
         for link in &mut self.links {
             let held = link.held(world);
@@ -292,7 +292,7 @@ impl Link {
         }
     }
 
-    /// What this link's stylus holds; `None` too where the element does not go where the hand wants it, beyond the limits
+    /// The hold of this link's stylus; `None` also while the element does not follow the hand, which wants it beyond the limits
     /// of a pose.
     fn held(&mut self, world: &World) -> Option<Held> {
         let now = self.holds_now(world);

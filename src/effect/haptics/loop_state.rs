@@ -1,10 +1,10 @@
-//! What is known of the force loop after a tick, and which of its safety measures are active.
+//! State of the force loop after a tick, with its faults, and the safety measures that are active.
 
 use super::device::Push;
 use super::passivity::Observer;
 use nalgebra::Isometry3;
 
-/// Which safety measures are active. Stages use all; the tables of stability leave some out.
+/// The safety measures that are active. Stages use all; the tables of stability leave some out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measures {
     /// Force and slew limits.
@@ -42,12 +42,12 @@ pub struct LoopFaults {
 /// The loop's state after a tick, which the frame can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoopState {
-    /// In the room; `None` while the device is lost.
+    /// Pose of the handle in the room; `None` while the device is lost.
     pub room_from_handle: Option<Isometry3<f64>>,
     pub buttons: [bool; 2],
-    /// On the hand, in the device's frame.
+    /// Push on the hand, in the device's frame.
     pub push: Push,
-    /// From 0, no force, to 1, all of it.
+    /// Share of the push that acts: from 0, no force, to 1, all of it.
     pub gain: f64,
     /// The body pulls harder than the device can push.
     pub limited: bool,

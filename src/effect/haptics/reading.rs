@@ -1,18 +1,18 @@
-//! What a force device and its loop do now, for the overlay.
+//! The current state of a force device and its loop, for the overlay.
 
 use super::loop_state::LoopState;
 use super::thread::LoopTiming;
 use crate::base::fixed::{FORCE, TIME, clipped, fixed};
 use crate::base::plates::{Tone, Words};
 
-/// What a force device and its loop do now.
+/// The current state of a force device and its loop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticReading {
     pub name: String,
     pub state: LoopState,
     pub timing: LoopTiming,
     pub max_force_n: f64,
-    /// Its stylus holds something that is felt.
+    /// Whether the stylus holds something that is felt.
     pub holds: bool,
 }
 

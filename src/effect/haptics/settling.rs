@@ -16,7 +16,8 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 
 /// Sides of the body, m.
 pub const BLOCK_M: f64 = 0.1;
-/// How long the handle is held, and observed after the release, s.
+/// Time for which the handle is held, s.
+/// Time for which the handle is observed after its release, s.
 const HELD_S: f64 = 1.0;
 const FREE_S: f64 = 10.0;
 /// The time between two frames, s.
@@ -34,7 +35,7 @@ pub const REPORTS: [Reports; 5] = [
     Reports { every_s: 5e-3, delay_s: 0.0, jitter_s: 5e-3 },
 ];
 
-/// How a run ended.
+/// The outcome of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettlingResult {
     /// Largest distance from rest in the last second, m.
@@ -53,7 +54,7 @@ pub struct SettlingResult {
 /// The motion of the hand that holds the handle.
 pub type Gesture = fn(f64) -> Vector3<f64>;
 
-/// At rest in the middle.
+/// A hand at rest in the middle.
 pub fn still(_time_s: f64) -> Vector3<f64> {
     Vector3::zeros()
 }

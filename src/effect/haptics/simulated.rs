@@ -58,12 +58,12 @@ impl Hand {
     };
 }
 
-/// How the device reports its poses. By default it reports the current one whenever it is read.
+/// The manner in which the device reports its poses. By default it reports the current one whenever it is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reports {
     /// Time between two poses, s; 0: the current one.
     pub every_s: f64,
-    /// From a pose's measurement to its arrival, including the force's way to the motors, s.
+    /// Time from a pose's measurement to its arrival, including the force's way to the motors, s.
     pub delay_s: f64,
     /// Each pose is later by a random time of up to this, s, but none overtakes another. The poses have no stamps.
     pub jitter_s: f64,
@@ -242,7 +242,7 @@ impl Device for Simulated {
         self.push = *push;
     }
 
-    /// What an echo would measure, which does not contain the random part.
+    /// The latency that an echo would measure, which does not contain the random part.
     fn latency_s(&self) -> f64 {
         self.reports.delay_s
     }
@@ -291,7 +291,7 @@ mod tests {
         assert!(most_s < 5e-3 && most_s > 4.9e-3, "{most_s}");
     }
 
-    /// The loop has run for a while when the frame first tells where the hand is.
+    /// The loop has run for a while before the first frame gives it the place of the hand.
     #[test]
     fn a_hand_finds_the_handle_where_it_is() {
         let mut device = Simulated::new(&Haptic::simulated("right"), Hand::FINGERS);

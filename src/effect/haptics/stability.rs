@@ -15,9 +15,9 @@ use crate::green::{FIELDS, STIFFNESS};
 use crate::stage::Haptic;
 use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Vector3};
 
-/// Where the handle is released, m.
+/// Distance of the handle from rest at its release, m.
 pub const START_M: f64 = 5e-3;
-/// How long each run lasts, s.
+/// Duration of each run, s.
 const SPAN_S: f64 = 4.0;
 /// The time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;
@@ -29,13 +29,13 @@ const SCAN: [f64; 2] = [50.0, 1e6];
 pub const RATES_HZ: [f64; 5] = [250.0, 500.0, 1000.0, 2000.0, 4000.0];
 pub const STIFFNESSES: [f64; 7] = [20.0, 200.0, 1000.0, 2000.0, 5000.0, 20_000.0, 200_000.0];
 
-/// How a run ended.
+/// The outcome of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// It comes to rest: the last second stays within 2 % of the start, or 5 % below the second before.
+    /// The handle comes to rest: the last second stays within 2 % of the start, or 5 % below the second before.
     Stable,
-    /// It goes on moving, no further than twice the start.
+    /// The handle goes on moving, no further than twice the start.
     Cycle,
     /// The handle leaves the neighbourhood.
     Diverges,

@@ -17,7 +17,7 @@ const DIFFERENCE: f64 = 1e-4;
 pub const TURNED: f64 = 0.1;
 /// or after a control element has turned by this angle, or moved by this part of the body.
 const MOVED: f64 = 0.02;
-/// A column waits for a tick in which the body's response does not take long, over at most so many.
+/// Largest number of ticks over which a column waits for one in which the body's response is fast.
 const MOST_WAITED: usize = 4;
 
 /// The stiffness of one hold.
@@ -48,9 +48,9 @@ impl Stiffness {
         body.mark();
     }
 
-    /// Goes on with a search by one column, or by a part of what comes before: with the hold at `at` in the device's frame, the body's push is `push`. A device
-    /// without torque does not feel the columns of turns. True when the search is over; `None` if the hold or the push
-    /// beside it is not defined.
+    /// Goes on with a search by one column, or by a part of what comes before. The hold is at `at` in the device's frame, and
+    /// `push` is the body's push there. A device without torque does not feel the columns of turns. True when the search is over;
+    /// `None` if the hold or the push near it is not defined.
     pub fn search(
         &mut self,
         haptic: &Haptic,
@@ -127,7 +127,8 @@ mod tests {
         }
     }
 
-    /// How often each of so many ticks evaluates the body, and whether there is a force; and how much stiffer the coupling is.
+    /// Number of evaluations of the body in each of `ticks` ticks, and whether there is a force; and how much stiffer the
+    /// coupling is.
     fn ticked(ticks: u32, is_long: bool) -> (Vec<(usize, bool)>, f64) {
         let count = Arc::new(AtomicUsize::new(0));
         let rest = ControlRest { name: "springs".into(), origin: Vector3::zeros(), nodes: 1 };

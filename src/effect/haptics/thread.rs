@@ -54,12 +54,12 @@ pub struct LoopTiming {
     pub work_p50_s: f64,
     pub work_p99_s: f64,
     pub work_most_s: f64,
-    /// How late a tick began, s.
+    /// Delay of a tick's beginning, s.
     pub late_p50_s: f64,
     pub late_p99_s: f64,
 }
 
-/// What the frame reads.
+/// The state of the loop, as the frame reads it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     pub state: LoopState,

@@ -56,7 +56,7 @@ pub struct Control {
     coupled_s: Option<f64>,
     /// The state of the coupling, with the push before the gain.
     give: CouplingState,
-    /// Where the hold was in the device's frame, and the body's push there.
+    /// The last hold in the device's frame, and the body's push there.
     felt: Option<(Isometry3<f64>, Vector6<f64>)>,
     /// Stored energy at the last reading; `None` if the next one belongs to another potential.
     stored: Option<f64>,

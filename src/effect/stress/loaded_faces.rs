@@ -1,4 +1,4 @@
-//! What loads do to the triangles of a body's surface: a load's traction is stress there that no strain shows.
+//! Tractions of loads on the triangles of a body's surface: a load's traction is stress there that no strain shows.
 //!
 //! In: the patterns of a scene's body, on its mesh. Out: the traction of each of their columns at every triangle, Pa for a
 //! coefficient of 1, kept in the section of the .green file; and their sum for the coefficients of a moment.
@@ -9,7 +9,7 @@ use crate::mesh::{Surface, TetMesh};
 use crate::scene::{LoadSource, Scene};
 use nalgebra::Vector3;
 
-/// Which of the body's load columns they are, …
+/// Tensor of the numbers of these columns among the body's load columns, …
 const COLUMNS: &str = "load";
 /// … and their tractions, column by column.
 const TRACTIONS: &str = "traction";
@@ -50,7 +50,7 @@ impl LoadedFaces {
         Ok(LoadedFaces(columns))
     }
 
-    /// For the section of the file; none without patterns.
+    /// Tensors for the section of the file; none without patterns.
     pub fn tensors(&self) -> Vec<(String, Tensor)> {
         let Some(first) = self.0.first() else { return Vec::new() };
         let numbers: Vec<u32> = self.0.iter().map(|column| column.number as u32).collect();
@@ -63,7 +63,7 @@ impl LoadedFaces {
         ]
     }
 
-    /// Of a file of this scene, from its section of this name. The error names a tensor that does not suit the body.
+    /// Reads the section of this name in a file of this scene. The error names a tensor that does not suit the body.
     pub fn of_file(
         scene: &Scene,
         file: &GreenFile,
@@ -98,7 +98,7 @@ impl LoadedFaces {
         Ok(LoadedFaces(numbers.iter().zip(values.chunks_exact(3 * triangles)).map(column).collect()))
     }
 
-    /// For the coefficients of all load columns of the body.
+    /// The tractions for the coefficients of all load columns of the body.
     pub fn at(&self, coefficients: &[f64]) -> FaceLoads {
         let mut loads = FaceLoads::default();
         for column in &self.0 {

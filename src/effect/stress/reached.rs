@@ -1,4 +1,4 @@
-//! What a body has reached: its largest stress and strain, and how much of its surface has passed a limit.
+//! The largest stress and strain that a body has reached, and the part of its surface where a limit is passed.
 
 use super::stressed_body::StressedBody;
 use crate::base::quantity::quantity;
@@ -7,19 +7,19 @@ use crate::scene::{Limit, Quantity};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// From this part of the largest stress on, what is reached elsewhere is not told beside it.
+/// If the largest stress elsewhere is more than this part of the peak at an edge, it is not reported separately.
 const ALIKE: f64 = 0.9;
 
-/// What acts on a surface beside control elements.
+/// The loads on a surface beside control elements.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SurfaceLoads<'a> {
-    /// Of all load columns of the body, in the frame of its displacements.
+    /// Coefficients of all load columns of the body, in the frame of its displacements.
     pub coefficients: &'a [f64],
     /// Nodes of the surface that bear forces of their own.
     pub points: &'a [u32],
 }
 
-/// Of one body in one shape.
+/// Peaks of one body in one shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reached {
@@ -30,21 +30,21 @@ pub struct Reached {
     pub limit: Option<(f64, Limit)>,
     /// Part of the surface, control elements left out, in which a limit is passed.
     pub passed: f64,
-    /// The same as the first and the third, of what is no edge of a control element ([`StressedBody::is_edge`]).
+    /// `von_mises` and `limit` away from the edges of control elements ([`StressedBody::is_edge`]).
     pub inside: Inside,
 }
 
-/// What a body has reached away from the edges of control elements, where stress is a peak of the mesh.
+/// Peaks away from the edges of control elements, where stress is a peak of the mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Inside {
     /// Pa.
     pub von_mises: f64,
-    /// As of the whole body.
+    /// The largest part of a limit, with that limit; `None` without limits.
     pub limit: Option<(f64, Limit)>,
 }
 
-/// Of its limit, by the limits of all materials.
+/// The part of its limit that a node has reached, by the limits of all materials.
 fn part(at: &NodeStress, limits: &[Option<Limit>]) -> Option<(f64, Limit)> {
     let limit = limits.get(usize::from(at.material)).copied().flatten()?;
     let value = match limit {
@@ -54,14 +54,14 @@ fn part(at: &NodeStress, limits: &[Option<Limit>]) -> Option<(f64, Limit)> {
     Some((value / limit.value(), limit))
 }
 
-/// How much of its limit a node has reached; 0 without one.
+/// The part of its limit that a node has reached; 0 without one.
 pub fn share(at: &NodeStress, limits: &[Option<Limit>]) -> f64 {
     part(at, limits).map_or(0.0, |(part, _)| part)
 }
 
 impl StressedBody {
-    /// At every node of the surface, of its displacements where warmth lengthens what is free by `stretch`, under loads; `None` inside
-    /// control elements, and at nodes that bear a force of their own, whose stress has no bound.
+    /// Stress at every node of the surface, for its displacements `u` where warmth lengthens what is free by `stretch`, under
+    /// loads; `None` inside control elements, and at nodes that bear a force of their own, whose stress has no bound.
     pub fn at_nodes(
         &self,
         u: &[Vector3<f64>],
@@ -79,7 +79,7 @@ impl StressedBody {
         found
     }
 
-    /// At every node of the surface of a deformed body.
+    /// Stress at every node of the surface of a deformed body.
     pub fn of(&self, body: &Deformer) -> Vec<Option<NodeStress>> {
         let u: Vec<Vector3<f64>> = (0..body.node_count()).map(|i| body.straining_part(i)).collect();
         let of = match self.is_of_small_strain && body.part_weights().is_none() {
@@ -147,7 +147,7 @@ impl Reached {
         }
     }
 
-    /// Where the largest stress is a peak at the edge of a control element, what is reached elsewhere.
+    /// Words about the peak elsewhere, if the largest stress is at the edge of a control element.
     fn peak(&self) -> String {
         if self.inside.von_mises >= ALIKE * self.von_mises.0 {
             return String::new();
@@ -168,7 +168,7 @@ impl Reached {
         [quantity(value, limit.quantity().unit()), passed]
     }
 
-    /// For a legend: `412 MPa, limit 250 MPa PASSED in 3 % of the surface`.
+    /// Short words for a legend: `412 MPa, limit 250 MPa PASSED in 3 % of the surface`.
     pub fn brief(&self, limit: Limit) -> String {
         let [value, passed] = self.value_and_passed(limit);
         format!("{value}, limit {} PASSED in {passed} of the surface", written(limit))

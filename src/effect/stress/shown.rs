@@ -46,7 +46,7 @@ pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn R
 enum Top {
     Asked(f64),
     Limit(f64),
-    /// It grows with what is seen.
+    /// The largest value so far.
     Seen(f64),
 }
 
@@ -66,7 +66,7 @@ impl Top {
     }
 }
 
-/// Where nothing is asked for, colours begin with a strain of so much, and move with it.
+/// Strain with which the scale of colours begins, and with which it moves, where nothing is asked for.
 const FIRST_STRAIN: f64 = 1e-3;
 
 fn tops(listed: &Listed<'_>, settings: &LegendSettings, bodies: &[ShownBody], world: &World) -> [Top; 3] {
@@ -95,14 +95,14 @@ fn limits_of(body: &StressedBody, quantity: Quantity) -> impl Iterator<Item = f6
 
 /// A body in colours.
 struct ShownBody {
-    /// In the world.
+    /// Index in the world.
     index: usize,
     name: String,
     stressed: StressedBody,
-    /// For which the rest was computed.
+    /// The number of deformations for which the members below were computed.
     deformations: Option<u64>,
     nodes: Vec<Option<NodeStress>>,
-    /// How far each node is from where it rested, m.
+    /// Displacement of each node from rest, m.
     displacement: Vec<f64>,
     now: Reached,
     /// Bent beyond its model: its values are shown, but count for nothing.
@@ -114,7 +114,7 @@ struct ShownBody {
     codes: Arc<Vec<[u8; 4]>>,
 }
 
-/// What lasts from one frame to the next: the ends of the colours, and the most that each body has reached.
+/// The memory from one frame to the next: the ends of the colours, and the most that each body has reached.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Seen {
@@ -125,11 +125,11 @@ struct Seen {
 
 struct Shown {
     settings: LegendSettings,
-    /// With which a session begins.
+    /// The ends with which a session begins.
     first_tops: [Top; 3],
     tops: [Top; 3],
     bodies: Vec<ShownBody>,
-    /// For which the codes were made.
+    /// Quantity and end for which the codes were made.
     coded: Option<(Quantity, f64)>,
 }
 
@@ -231,7 +231,7 @@ impl Shown {
         }
     }
 
-    /// What it says of a point at which a ray points.
+    /// Words for the point at which a ray points.
     fn probe(&self, quantity: Quantity, point: &SurfacePoint) -> Option<String> {
         Some(match self.bodies.iter().find(|body| body.index == point.body)?.probed(point, quantity) {
             Some(value) => format!("under the ray: {}", written_value(value, quantity)),

@@ -9,7 +9,7 @@ use crate::mesh::{Surface, TetMesh};
 use crate::scene::{Body, Limit, Material, Scene};
 use crate::solve::Progress;
 
-/// As a scene lists it.
+/// The effect's name in scenes.
 pub const NAME: &str = "stress";
 
 /// A tensor of the section: of each triangle its material, as [`Body::materials`] counts them; empty where there is one.
@@ -46,19 +46,19 @@ fn of_triangles(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<Vec<u8>, Gr
 /// A body's surface with its materials and what they bear.
 pub struct StressedBody {
     pub surface: SurfaceStress,
-    /// By material.
+    /// The limit of each material.
     pub limits: Vec<Option<Limit>>,
-    /// Of each node, whether it is held or within an element of one that is. There the body is held by a sharp edge, at which the
+    /// Whether each node is held, or within an element of one that is. There the body is held by a sharp edge, at which the
     /// stress of an elastic body has no bound, so that it grows with a finer mesh.
     pub is_edge: Vec<bool>,
-    /// Its model moves the surface as the theory of small strain does.
+    /// Whether its model moves the surface as the theory of small strain does.
     pub is_of_small_strain: bool,
-    /// What its loads do to its surface.
+    /// The tractions of its loads on its surface.
     pub loads: LoadedFaces,
 }
 
 impl StressedBody {
-    /// Of a body in a .green file, whose model moves the surface. Errors where the section is damaged.
+    /// Reads a body from a .green file; its model moves the surface. Fails if the section is damaged.
     pub fn of_file(scene: &Resolved, file: &GreenFile, name: &str) -> Result<StressedBody, GreenError> {
         let (body, model) = (&scene.body[name], scene.bodies[name].model);
         let (_, material) = file.section::<u8>(name, NAME, TENSOR)?;
@@ -75,7 +75,7 @@ impl StressedBody {
         Ok(StressedBody::new((body, model), file.rest(name), triangles, material, &held, loads))
     }
 
-    /// Of a mesh that is solved anew; its surface is [`Surface::of`] it, `held` are nodes of the mesh.
+    /// The surface and stress of a mesh that is solved anew; `held` are nodes of the mesh.
     pub fn of_mesh(
         scene: &Resolved,
         name: &str,
@@ -116,7 +116,7 @@ impl StressedBody {
     }
 }
 
-/// The nodes that are held, and those so many triangles away: elements have as many along an edge.
+/// Marks the nodes that are held, and those up to `rings` triangles away: elements have as many along an edge.
 fn edges(nodes: usize, triangles: &[[u32; 3]], held: &[Vec<u32>], rings: u32) -> Vec<bool> {
     let mut is_edge = vec![false; nodes];
     held.iter().flatten().for_each(|&node| is_edge[node as usize] = true);

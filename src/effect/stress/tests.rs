@@ -117,7 +117,7 @@ fn a_pressed_tube_that_was_solved_has_the_stress_of_lame() {
     }
 }
 
-/// Of the deformed body under these loads, at every node of the surface that `is_meant`: the largest and least von Mises stress.
+/// Largest and least von Mises stress of the deformed body under these loads, over the nodes of the surface that `is_meant`.
 fn extremes(
     scene: &Resolved,
     coefficients: &[f64],

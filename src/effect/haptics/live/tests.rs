@@ -196,7 +196,7 @@ impl RunningEffect for Shared {
     }
 }
 
-/// What a device that has just come up says of its buttons is its greeting, not a press.
+/// Time for which the buttons that a new device reports are its greeting, not a press.
 const GREETED: Duration = Duration::from_millis(400);
 
 /// A service that says where its arm is, and whether button a is down: `[pressed, has_ended]`. Gives the forces it was
@@ -239,7 +239,7 @@ fn converse(socket: &mut WebSocket<TcpStream>, pressed: &AtomicBool, forces: &mu
     }
 }
 
-/// Where no body asks for forces there is no loop, yet the device is a stylus, and is sent none.
+/// No loop runs if no body asks for forces, yet the device is a stylus, and gets no forces.
 #[test]
 fn a_haply_device_is_a_stylus_without_a_loop() {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
@@ -284,7 +284,7 @@ fn a_haply_device_is_a_stylus_without_a_loop() {
     assert!(!forces.is_empty() && forces.iter().all(|force| *force == 0.0), "{forces:?}");
 }
 
-/// What the hands do in one case: the mode, whether a second hand holds the other edge, whether the first one scales.
+/// Actions of the hands in one case: the mode, whether a second hand holds the other edge, whether the first one scales.
 struct Case {
     name: &'static str,
     mode: Mode,
