@@ -18,7 +18,7 @@ use crate::session::{Making, Session, SessionProgress};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What the windows show.
+/// Contents of the windows.
 pub enum Shows {
     Screens(Box<ScreenWindows>),
     Model(Box<ModelWindow>),
@@ -47,18 +47,18 @@ impl Shows {
     }
 }
 
-/// How the windows draw, and for how long.
+/// Options of the windows' drawing, and their time limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     pub samples: Samples,
     /// Wait for the display's refresh.
     pub vsync: bool,
-    /// The windows close after so many seconds.
+    /// Time after which the windows close, s.
     pub limit_s: Option<f64>,
     pub device: device::Args,
 }
 
-/// How it went.
+/// The session after its windows were closed, with its frames and duration.
 pub struct Finished {
     pub session: Session,
     pub frames: u32,
@@ -117,12 +117,12 @@ struct Application<'a> {
     shows: Shows,
     options: Options,
     bodies: Option<GpuBodies>,
-    /// Where a scene is shown.
+    /// Present if a scene is shown.
     desk: Option<Desk>,
     started: Instant,
     last: Instant,
     frames: u32,
-    /// Where the cursor was last seen, for a session that is opened meanwhile.
+    /// The last place of the cursor, for a session that is opened meanwhile.
     cursor: Option<Input>,
     /// The error that ended it early.
     failure: Option<Failure>,

@@ -15,26 +15,27 @@ const HATCH_LINES: f64 = 12.0;
 /// The buffers of all bodies of a world.
 pub struct GpuBodies {
     buffers: Vec<BodyBuffers>,
-    /// Where each body deforms.
+    /// The place where each body deforms: CPU or graphics device.
     pub choices: Vec<Choice>,
     watches: Vec<Watch>,
-    /// What each body's buffers hold.
+    /// State of each body in its buffers.
     uploaded: Vec<Uploaded>,
     /// Whether each frame is looked at for bodies that are bent too far: in pictures, which are far apart.
     pub looks_at_each: bool,
 }
 
-/// What was uploaded of a body.
+/// The state of a body in its buffers.
 #[derive(Default)]
 struct Uploaded {
-    /// Of the surface's triangles ([`crate::deform::Deformer::topology`]), and of where they are ([`crate::deform::Deformer::version`]).
+    /// Version of the surface's triangles ([`crate::deform::Deformer::topology`]).
     topology: u64,
+    /// Version of its positions ([`crate::deform::Deformer::version`]).
     version: Option<u64>,
     colours: Option<BodyFrame>,
 }
 
 impl GpuBodies {
-    /// Each body deforms where it is asked to, or is faster; which is told.
+    /// Makes the buffers of all bodies. Each body deforms where it is asked to, or is faster, which a note reports.
     pub fn new(gpu: &Gpu, world: &mut World, asked: device::Args) -> Result<GpuBodies, RenderError> {
         let mut bodies = GpuBodies {
             buffers: Vec::new(),
@@ -53,7 +54,7 @@ impl GpuBodies {
         Ok(bodies)
     }
 
-    /// Where the bodies deform, for the overlay.
+    /// Words for the overlay about where the bodies deform.
     pub fn deformation(&self) -> String {
         device::brief(&self.choices)
     }
@@ -92,7 +93,7 @@ impl GpuBodies {
         Ok(started.elapsed().as_secs_f64())
     }
 
-    /// What is written over the pictures: what the world says, and bodies that are bent further than their models hold.
+    /// Plates over the pictures: those of the world, and warnings about bodies that are bent beyond their models' range.
     pub fn plates(&self, world: &World) -> Vec<Plate> {
         let beyond = self.watches.iter().zip(&world.bodies).filter_map(|(watch, body)| watch.plate(body));
         world.frame.all(Drawable::plate).cloned().chain(beyond).collect()
@@ -109,7 +110,7 @@ impl GpuBodies {
     }
 }
 
-/// What is drawn in this frame.
+/// Contents of this frame.
 pub fn contents<'a>(world: &'a World, instances: &'a [BodyInstance<'a>]) -> FrameContents<'a> {
     FrameContents {
         bodies: instances,

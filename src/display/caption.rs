@@ -10,28 +10,28 @@ use egui::{Align, Align2, Color32, FontId, Painter, Pos2, Rect, TextFormat, pos2
 /// The colour of what is measured, and of where a story stands.
 const ACCENT: Color32 = Color32::from_rgb(255, 190, 92);
 
-/// What is written over a window.
+/// Words over a window.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
     pub title: String,
     /// One or two sentences.
     pub text: String,
-    /// What was measured in this frame; an empty line is left out.
+    /// Values measured in this frame; an empty line is left out.
     pub numbers: String,
-    /// Of how many chapters which one, counted from 0.
+    /// Number of this chapter, counted from 0, and the number of chapters.
     pub chapter: (usize, usize),
-    /// How far this one, or what it waits for, has come, 0 to 1.
+    /// Progress of this chapter, or of what it waits for, 0 to 1.
     pub share: f64,
-    /// A word on the state, such as "paused".
+    /// Name of the state, such as "paused".
     pub state: String,
     /// Keys and what they do.
     pub keys: Vec<(String, String)>,
-    /// How clearly the keys are shown, 0 to 1.
+    /// Opacity of the keys, 0 to 1.
     pub keys_shown: f32,
 }
 
 impl Caption {
-    /// What a caption of three lines takes of a picture's height.
+    /// Part of a picture's height that a caption of three lines takes.
     pub const MOST_HEIGHT: f32 = 0.17;
 
     /// Paints it over a picture of this rectangle.
@@ -123,7 +123,7 @@ fn line(painter: &Painter, text: &str, size: f32, ink: Color32, width: f32) -> s
     painter.layout_job(job)
 }
 
-/// Where a caption is painted in a window: over its whole picture, when the last tile is painted.
+/// The rectangle in which a caption is painted in a window: its whole picture, when the last tile is painted.
 pub fn whole(texture_size: [u32; 2]) -> Rect {
     let [width, height] = texture_size.map(|side| side as f32);
     Rect::from_min_size(Pos2::ZERO, vec2(width, height))

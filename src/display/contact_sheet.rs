@@ -30,7 +30,7 @@ impl SheetFrame {
         SheetFrame { number, pictures: pictures.iter().map(small).collect() }
     }
 
-    /// How much it looks different from another frame: the mean difference of a colour's byte.
+    /// The visible difference from another frame: the mean difference of a colour's byte.
     pub fn difference(&self, other: &SheetFrame) -> f64 {
         let bytes =
             |frame: &SheetFrame| frame.pictures.iter().map(|(_, picture)| picture.len()).sum::<usize>();
@@ -41,8 +41,8 @@ impl SheetFrame {
     }
 }
 
-/// The frames of a session that tell it best, chosen as they come: the first, the one between that looks most different from it, and
-/// the last. Where that is the last itself, the middle one stands between them; where all look alike, the first stands alone.
+/// The frames that represent a session best, chosen as they come: the first, the one between that looks most different from it,
+/// and the last. Where that is the last itself, the middle one stands between them; where all look alike, the first stands alone.
 pub struct Chosen {
     first: Option<SheetFrame>,
     middle: Option<SheetFrame>,
@@ -52,7 +52,7 @@ pub struct Chosen {
 }
 
 impl Chosen {
-    /// Of so many frames.
+    /// A choice among `count` frames.
     pub fn new(count: usize) -> Chosen {
         Chosen { first: None, middle: None, farthest: None, last: None, count }
     }

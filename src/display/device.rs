@@ -62,14 +62,14 @@ pub enum Multiview {
 }
 
 impl Args {
-    /// Tells the renderer how both eyes and shadows are drawn; an error where the device cannot.
+    /// Sets the renderer up for both eyes and shadows; an error if the device cannot draw them so.
     pub fn apply(&self, gpu: &Gpu, renderer: &mut Renderer) -> Result<(), RenderError> {
         renderer.shadows = self.shadows.on(gpu);
         self.multiview.apply(gpu, renderer)
     }
 
-    /// What a session that is recorded or replayed can have: the state that is compared frame by frame holds every
-    /// vertex, so its bodies deform on the CPU.
+    /// The options of a session that is recorded or replayed: the state that is compared frame by frame holds every vertex, so
+    /// its bodies deform on the CPU.
     pub fn for_session(mut self, is_recorded: bool) -> Result<Args, Failure> {
         if is_recorded && self.deform == DeformOn::Gpu {
             return Err(Failure::wrong(
@@ -99,7 +99,7 @@ impl Multiview {
     }
 }
 
-/// What draws, for the first lines of a session; with how often pixels are sampled where that was not asked for.
+/// Describes the graphics device, for the first lines of a session, with the samples of a pixel if these were not asked for.
 pub fn describe(gpu: &Gpu, samples: Samples) -> String {
     let few = match samples {
         Samples::Auto if gpu.is_software => {
@@ -110,7 +110,7 @@ pub fn describe(gpu: &Gpu, samples: Samples) -> String {
     format!("{}{few}", gpu.describe())
 }
 
-/// Where a body deforms, and why.
+/// The place where a body deforms, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     pub on_device: bool,
@@ -126,7 +126,7 @@ pub enum Why {
     TooLarge,
     /// The model computes displacements that are no sum of columns.
     Model,
-    /// It shows a field, which the CPU computes of the deformed surface.
+    /// A field is shown, which the CPU computes from the deformed surface.
     Field,
     /// Time of one deformation on the CPU, its upload included, and on the device, s.
     Measured {
@@ -141,7 +141,7 @@ impl Choice {
         Choice { on_device: device_s < cpu_s, why: Why::Measured { cpu_s, device_s } }
     }
 
-    /// For logs and tables.
+    /// Words for logs and tables.
     pub fn describe(&self) -> String {
         let place = if self.on_device { "on the graphics device" } else { "on the CPU" };
         match self.why {
@@ -158,7 +158,7 @@ impl Choice {
         }
     }
 
-    /// In the 40 letters that the overlay has for it; the chosen place first.
+    /// Words of at most 40 letters for the overlay; the chosen place first.
     pub fn brief(&self) -> String {
         let ms = |s: f64| match 1e3 * s {
             ms if ms < 9.995 => format!("{ms:.2}"),
@@ -194,7 +194,7 @@ impl Choice {
     }
 }
 
-/// Where the bodies of a scene deform, in the overlay's 40 letters.
+/// Words of at most 40 letters for the overlay about where the bodies of a scene deform.
 pub fn brief(choices: &[Choice]) -> String {
     match choices {
         [] => String::new(),

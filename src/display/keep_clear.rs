@@ -1,4 +1,5 @@
-//! What plates are not to stand over: the control elements that are held, their arrows and what is pointed at, as screens show it.
+//! Finds the rectangles that plates must not cover: the control elements that are held, their arrows and what is pointed at, as
+//! screens show it.
 
 use crate::render::Drawable;
 use crate::scene::Grab;
@@ -6,9 +7,9 @@ use crate::stage::Screen;
 use crate::world::{Highlight, PlacedBody, World};
 use nalgebra::{Matrix4, Point3, Vector3};
 
-/// At most so many nodes of an element or of a body are looked at.
+/// Largest number of nodes of an element or of a body that are looked at.
 const NODES: usize = 64;
-/// What is nearer to the eye is not drawn, m.
+/// Distance of the near plane, m.
 const NEAR_M: f64 = 0.05;
 
 /// Rectangles on one screen, of both eyes: left, right, bottom, top in normalised device coordinates of the whole screen.
@@ -22,7 +23,7 @@ pub struct KeepClear {
     pub bodies: Vec<[f64; 4]>,
 }
 
-/// For each screen.
+/// The rectangles of each screen.
 pub fn keep_clear(world: &World) -> Vec<KeepClear> {
     let things = [held(world), elements(world, Highlight::Idle), bodies(world)];
     let of = |screen: &Screen| {
@@ -53,7 +54,7 @@ fn held(world: &World) -> Vec<Vec<Point3<f64>>> {
     things
 }
 
-/// Those of each control element that can be taken and is shown so.
+/// Points in the room of each control element that can be taken and has this highlight.
 fn elements(world: &World, highlight: Highlight) -> Vec<Vec<Point3<f64>>> {
     let mut things = Vec::new();
     for (body, shown) in world.bodies.iter().zip(&world.frame.bodies) {

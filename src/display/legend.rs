@@ -6,11 +6,11 @@ use crate::base::quantity;
 use crate::render::{beyond_color, map_color};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rangef, Rect, Shape, Stroke, Vec2, pos2, vec2};
 
-/// Of lines that say that a limit is passed.
+/// Colour of lines that say that a limit is passed.
 const WARNS: Color32 = Color32::from_rgb(255, 120, 200);
 /// Lines below the bar, at most.
 const LINES: usize = 4;
-/// Of the letters' height, in lines that are too long for it.
+/// Smallest height of letters, against the usual, in lines that are too long for it.
 const LEAST: f32 = 0.7;
 
 fn line_height(letter: f32) -> f32 {
@@ -21,7 +21,7 @@ fn bar_height(letter: f32) -> f32 {
     (1.1 * letter).round()
 }
 
-/// The room that a legend takes, at most so much.
+/// The size that a legend takes, at most `room`.
 pub fn size(letter: f32, room: Vec2, legend: &Legend) -> Vec2 {
     let width = (0.45 * room.x).max(34.0 * letter).min(room.x - 1.2 * letter).round();
     let lines = legend.lines.len().min(LINES) as f32;
@@ -77,7 +77,7 @@ impl Paint<'_> {
         self.words((pos2(inside.max.x, inside.min.y), Align2::RIGHT_TOP), &range, size, QUIET);
     }
 
-    /// What the numbers at the bar are multiples of.
+    /// The unit of the numbers at the bar.
     fn unit(&self) -> (f64, &'static str) {
         if self.legend.unit.is_empty() { (0.01, "") } else { quantity::scale_of(self.legend.to) }
     }
@@ -126,8 +126,8 @@ impl Paint<'_> {
     }
 }
 
-/// What stands beside the title in so many letters: where the range is from, and what the patch at the bar's end means, which matters
-/// more.
+/// Words beside the title, of at most `letters` letters: where the range is from, and what the patch at the bar's end means,
+/// which matters more.
 fn beside_the_title(legend: &Legend, letters: usize) -> String {
     let range = format!("range: {}", legend.range);
     let words = match legend.has_limit {
@@ -137,7 +137,7 @@ fn beside_the_title(legend: &Legend, letters: usize) -> String {
     words.into_iter().find(|words| words.chars().count() <= letters).unwrap_or_default()
 }
 
-/// Of the patch at the bar's end.
+/// Words for the patch at the bar's end.
 const BEYOND: &str = "beyond a limit:";
 
 fn clipped(text: &str, letters: usize) -> String {
@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// A legend of displacements had a magenta patch without a word.
+    /// A legend of displacements had a magenta patch without an explanation.
     #[test]
     fn the_patch_beyond_a_limit_has_its_caption_before_the_range_has() {
         let legend = Legend {

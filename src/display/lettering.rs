@@ -6,7 +6,8 @@ use std::sync::Arc;
 pub const INK: Color32 = Color32::from_rgb(222, 228, 236);
 pub const QUIET: Color32 = Color32::from_rgb(158, 170, 184);
 pub const DARK: Color32 = Color32::from_rgb(13, 16, 21);
-/// Of the left and the right eye, as of red-cyan glasses.
+/// Colour of the left eye, both as of red-cyan glasses.
+/// Colour of the right eye.
 pub const LEFT: Color32 = Color32::from_rgb(236, 58, 48);
 pub const RIGHT: Color32 = Color32::from_rgb(38, 208, 228);
 

@@ -1,4 +1,4 @@
-//! Shows the stage as a model in a window of its own, or in a picture; dragging turns it, the wheel zooms.
+//! Shows the stage as a model in a separate window, or in a picture; dragging turns it, the wheel zooms.
 
 use super::bodies::{GpuBodies, contents};
 use super::device;

@@ -21,18 +21,18 @@ use std::collections::BTreeSet;
 pub struct Targets {
     pub images: Images,
     screens: Screens,
-    /// Of the pictures, as their files are called.
+    /// Names of the pictures' files.
     names: Vec<String>,
     pub bodies: GpuBodies,
     /// Made with the first thing that is written over a picture.
     overlay: Option<Overlay>,
     /// The overlay is shown on the screen that the viewer looks at, where it is asked for.
     panel: Option<(History, Seats)>,
-    /// Where plates stand.
+    /// Seats of the plates.
     seats: PlateSeats,
 }
 
-/// Which pictures are made.
+/// The kind of pictures to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pictures {
     /// One per screen and eye.
@@ -104,7 +104,7 @@ impl Targets {
         })
     }
 
-    /// With the overlay on the screen that the viewer looks at.
+    /// Adds the overlay on the screen that the viewer looks at.
     pub fn with_overlay(self) -> Targets {
         Targets { panel: Some((History::default(), Seats::default())), ..self }
     }
@@ -114,7 +114,7 @@ impl Targets {
         self.images.count()
     }
 
-    /// How many shapes the last frame drew and left out.
+    /// Numbers of shapes that the last frame drew and left out.
     pub fn draw_counts(&self) -> DrawCounts {
         self.images.renderer.counts
     }
@@ -165,7 +165,7 @@ impl Targets {
     }
 }
 
-/// What is written over the pictures of a world.
+/// Plates and overlay over the pictures of a world.
 struct Over<'a> {
     world: &'a World,
     plates: &'a [Plate],

@@ -6,15 +6,15 @@ use crate::base::plates::{Anchor, Plate, Tone};
 use crate::world::{PlacedBody, out_of_range};
 use nalgebra::{Point3, Vector3};
 
-/// Of a moving body, every so many frames are looked at in windows.
+/// A moving body is looked at in one of this number of frames, in windows.
 const EVERY: u8 = 4;
 
-/// What is known of one body.
+/// The state of one body's warning.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     /// Frames in which it moved since it was looked at.
     unseen: u8,
-    /// What it says of itself.
+    /// The warning.
     pub text: Option<String>,
 }
 

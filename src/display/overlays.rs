@@ -1,4 +1,4 @@
-//! What a lab engineer calls up over the pictures of a stage: overlay (F1), room from outside (F2), test pattern (F3).
+//! Overlays that a lab engineer calls up over the pictures of a stage: overlay (F1), room from outside (F2), test pattern (F3).
 //!
 //! In: keys, and the frame as it would be drawn. Out: the frame with the overlays in it. An overlay has no depth: it is the
 //! same for both eyes, and is drawn before they are joined, so that it can be read in every kind of stereo. An overlay that
@@ -32,7 +32,7 @@ pub struct Overlays {
     pub history: History,
     /// Per screen, where its plates stand.
     seats: Box<[ScreenSeats]>,
-    /// Per window, the first of those that show a screen of its own: both eyes' windows look at the same.
+    /// The first window, for each window, of those that show a screen alone: both eyes' windows look at the same.
     leader: Box<[usize]>,
     /// Per leader: where the room is looked at from, instead of its screens.
     outside: Box<[Option<Orbit>]>,
@@ -41,7 +41,7 @@ pub struct Overlays {
     overlay: Option<Overlay>,
 }
 
-/// Where the plates of a screen stand: the overlay's, and the world's.
+/// Seats of the plates of a screen: the overlay's, and the world's.
 #[derive(Clone, Debug, Default)]
 struct ScreenSeats {
     panel: Seats,
@@ -58,15 +58,15 @@ pub struct StageFrame<'a> {
     pub sizes: &'a [[u32; 2]],
     pub swapped: bool,
     pub room_from_head: Isometry3<f64>,
-    /// What the trackers say, where somebody wants to see it.
+    /// Reports of the trackers, if somebody wants to see them.
     pub reports: &'a [TrackerReport],
-    /// What the world writes over its pictures.
+    /// Plates that the world writes over its pictures.
     pub plates: &'a [Plate],
     /// Per screen, what plates are not to stand over.
     pub clear: &'a [KeepClear],
     /// The window with the panel, and its pixels that panel and messages take.
     pub covered: (usize, &'a [Rect]),
-    /// Of the trackers, s.
+    /// Time of the trackers, s.
     pub time_s: f64,
 }
 
@@ -79,7 +79,7 @@ impl StageFrame<'_> {
     }
 }
 
-/// What stands in a picture below the overlay: the names of the room from outside, the test pattern, or the world's plates.
+/// The layer of a picture below the overlay: the names of the room from outside, the test pattern, or the world's plates.
 struct Below<'a> {
     frame: &'a StageFrame<'a>,
     part: &'a Part,

@@ -15,7 +15,7 @@ const STRONG: Color32 = Color32::from_rgb(92, 106, 124);
 
 /// Steps of rulers and grids, m.
 const STEPS: [f64; 13] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
-/// A tick of a ruler every so many pixels, at least.
+/// Least distance between two ticks of a ruler, pixels.
 const TICK_PIXELS: f64 = 5.0;
 /// Chords of a circle: of a radius of 1000 pixels they stay within 0.1 pixel of it.
 const CIRCLE: u16 = 256;
@@ -390,8 +390,8 @@ mod tests {
     use super::*;
     use crate::stage::Stage;
 
-    /// A table of 1.7 m × 1.36 m whose tile hides 12 of 1024 rows is 1.344 m high where it is seen, 2.167 m from corner to corner:
-    /// the pattern told the whole screen's 2.177 m.
+    /// A table of 1.7 m × 1.36 m whose tile hides 12 of 1024 rows is 1.344 m high where it is seen, 2.167 m from corner to
+    /// corner: the pattern showed the whole screen's 2.177 m.
     #[test]
     fn the_sizes_are_those_that_a_tape_measures() {
         let mut screen = Stage::find("desktop").unwrap().screens.remove(0);

@@ -19,7 +19,7 @@ const SHEET: &str = "contact-sheet.png";
 
 pub const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
 
-/// What is drawn of a session.
+/// The pictures to draw of a session.
 #[derive(Clone, Debug)]
 pub struct PictureRequest {
     /// Folder for the pictures.
@@ -30,7 +30,7 @@ pub struct PictureRequest {
     pub samples: Samples,
     /// Size against the screens' own pixels.
     pub scale: f64,
-    /// With the overlay on the screen that the viewer looks at.
+    /// Whether the overlay is drawn on the screen that the viewer looks at.
     pub overlay: bool,
     pub device: device::Args,
 }
@@ -45,8 +45,8 @@ impl PictureRequest {
         Ok(pictures.try_for_each(|path| output::may_replace(&path, &PNG, inputs))?)
     }
 
-    /// Draws all frames into the folder, with a contact sheet of three that differ; tells what was written and how long it took. A
-    /// session in which nothing moves has one frame.
+    /// Draws all frames into the folder, with a contact sheet of three that differ; returns words about the files and the time it
+    /// took. A session in which nothing moves has one frame.
     pub fn draw(&self, session: &mut Session) -> Result<String, Failure> {
         let folder = &self.folder;
         output::make_folder(folder)?;
@@ -134,7 +134,7 @@ fn is_frame(path: &Path, frames: usize) -> bool {
     number.is_some_and(|number| number < frames)
 }
 
-/// What a frame of so many screens consists of: both eyes of a screen are a pair.
+/// Words for the pictures of a frame of `screens` screens: both eyes of a screen are a pair.
 pub fn pictures_of_frame(stage: &Stage, screens: usize) -> String {
     let what = if stage.stereo == Stereo::Mono { "picture" } else { "stereo pair" };
     format!("{screens} {what}{}", if screens == 1 { "" } else { "s" })

@@ -1,4 +1,4 @@
-//! Where the plates of a world stand: apart from each other and from the overlay, never over what a hand holds, and steadily.
+//! Seats of the plates of a world: apart from each other and from the overlay, never over what a hand holds, and steady.
 //!
 //! In: the sizes that each plate may have, the most important plate first, and what is in the picture ([`Room`]). Out: a
 //! [`Seat`] for each plate, or none where there is no room even for the smallest. A plate stands in its own corner, above
@@ -18,22 +18,22 @@ pub(super) enum Side {
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
     pub side: Side,
-    /// From the full size to the least.
+    /// Sizes, from the full one to the least.
     pub sizes: Vec<Vec2>,
 }
 
-/// What is in the picture.
+/// The rectangles in the picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Room<'a> {
-    /// Within which plates stand.
+    /// The rectangle within which plates stand.
     pub inside: Rect,
     /// Between two plates.
     pub gap: f32,
     /// Overlay, panel and messages, which do not give way.
     pub taken: &'a [Rect],
-    /// What is held, and its arrow: nothing stands there.
+    /// Held elements and their arrows: nothing stands there.
     pub held: &'a [Rect],
-    /// What can be taken: plates go elsewhere if they can.
+    /// Elements that can be taken: plates go elsewhere if they can.
     pub loose: &'a [Rect],
     /// Better not covered.
     pub bodies: &'a [Rect],
@@ -47,7 +47,7 @@ pub(super) struct Seat {
     pub size: usize,
 }
 
-/// Where plates stand from frame to frame.
+/// Seats of the plates from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub struct PlateSeats {
     inside: Option<Rect>,
@@ -65,10 +65,10 @@ struct Kept {
     free_since_s: Option<f64>,
 }
 
-/// After so long a plate goes back to its own place, s.
+/// Time after which a plate goes back to its own place, s.
 const BACK_S: f64 = 1.0;
-/// What makes a place worse, beside its distance as a part of the picture's diagonal: each smaller size, and the part of the plate that
-/// is over what can be taken and over a body.
+/// Penalties of a place, beside its distance as a part of the picture's diagonal: each smaller size, and the part of the plate
+/// that is over what can be taken and over a body.
 const SMALLER: f32 = 0.5;
 const OVER_LOOSE: f32 = 8.0;
 const OVER_BODY: f32 = 1.5;

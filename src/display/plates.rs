@@ -41,13 +41,13 @@ pub struct Plates<'a> {
     pub lift: f32,
     /// Rectangles of the picture that are taken: the overlay's plates, the panel, messages.
     pub taken: &'a [Rect],
-    /// Of the screen that the viewer looks at.
+    /// Rectangles to keep clear on the screen that the viewer looks at.
     pub clear: &'a KeepClear,
-    /// Of the trackers, s.
+    /// Time of the trackers, s.
     pub time_s: f64,
 }
 
-/// Of the full size of plates, where there is less and less room.
+/// Sizes of plates against the full one, where there is less and less room.
 const SCALES: [f32; 3] = [1.0, 0.8, 0.65];
 
 /// A plate as it is laid out.
@@ -134,7 +134,7 @@ impl Plates<'_> {
         seated.collect()
     }
 
-    /// Where a place in the room is seen; `None` where it is not.
+    /// The pixel of a place in the room; `None` where it is not seen.
     fn pixel(&self, part: &Part, place: [f64; 3]) -> Option<Pos2> {
         let view = view_of(self.stage, self.room_from_head, part)?;
         let clip = view.clip_from_room * Point3::from(place).cast::<f32>().to_homogeneous();

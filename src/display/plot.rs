@@ -9,7 +9,7 @@ const CURVE: Color32 = Color32::from_rgb(97, 175, 239);
 const NOW: Color32 = Color32::from_rgb(170, 214, 84);
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 
-/// Size of a plot with its axes where there is so much room.
+/// Size of a plot with its axes where `room` is free.
 pub(super) fn size(letter: f32, room: Vec2) -> Vec2 {
     vec2((25.0 * letter).min(0.42 * room.x), (12.5 * letter).min(0.4 * room.y))
 }
@@ -19,7 +19,7 @@ struct Scale {
     low: f64,
     high: f64,
     step: f64,
-    /// Values are told in these units.
+    /// The unit of the values.
     unit: f64,
     title: String,
 }

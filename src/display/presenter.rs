@@ -1,8 +1,9 @@
-//! Whoever shows finished pictures: the windows of a desktop, images in memory, and whatever else takes them.
+//! Shows finished pictures: in the stage's windows, in memory, or elsewhere.
 //!
-//! In: for each picture the tiles that it shows ([`ViewSource`](super::view_source::ViewSource)) and what is drawn into them. Out: pictures
-//! that are on their way to the eye, presented together. A headset's compositor or a render node's link is one more `impl`; it brings no
-//! loop of its own, because [`Session::advance`](crate::session::Session::advance) moves the world and knows no presenter.
+//! In: for each picture the tiles that it shows ([`ViewSource`](super::view_source::ViewSource)) and what is drawn into them.
+//! Out: pictures handed to the display, presented together. A headset's compositor or a render node's link is one more `impl`. A
+//! presenter has no loop: whoever uses it calls [`Session::advance`](crate::session::Session::advance) and then
+//! [`show`](super::view_source::show), once a frame.
 
 use crate::render::window::{Monitor, PresentTimes, Windows};
 use crate::render::{
@@ -16,18 +17,19 @@ use std::time::Duration;
 pub trait Presenter {
     fn gpu(&self) -> &Gpu;
 
-    /// Width and height of each picture, pixels; zero where it cannot be seen now.
+    /// Width and height of each picture, pixels; zero for one that is hidden.
     fn sizes(&self) -> Vec<[u32; 2]>;
 
-    /// How long this frame has waited for the display.
+    /// Time that the presenter has waited for the display in this frame.
     fn waited(&self) -> Duration {
         Duration::ZERO
     }
 
-    /// Draws all pictures, one entry of `tiles` and `contents` for each, and presents them together; `paint` draws over the eyes' parts.
+    /// Draws all pictures, one entry of `tiles` and `contents` for each, and presents them together; `paint` may draw over each
+    /// eye's picture before the two are joined.
     ///
     /// # Errors
-    /// Where the counts differ, a tile lies outside of its picture, or the device failed.
+    /// If the counts differ, a tile lies outside of its picture, or the device failed.
     fn present(
         &mut self,
         tiles: &[Vec<Tile>],
@@ -59,19 +61,21 @@ impl Presenter for Windows {
     }
 }
 
-/// Images in memory, each of a size of its own.
+/// Images in memory, each with its own size.
 pub struct Images {
     pub gpu: Gpu,
     pub renderer: Renderer,
     painter: TilePainter,
     images: Vec<(Readable, Canvas)>,
-    /// The top left pixel of each on the desktop, and the monitors there: interlaced eyes take turns by them.
+    /// The top left pixel of each image on the desktop. Interlaced stereo depends on it: it decides which eye a pixel line
+    /// belongs to.
     pub places: Vec<[i32; 2]>,
+    /// Monitors of the desktop, on which interlaced stereo depends as well.
     pub monitors: Vec<Monitor>,
 }
 
 impl Images {
-    /// No images yet, on a device without a display.
+    /// Opens a device without a display; add images with [`Images::add`].
     pub fn new(samples: Samples) -> Result<Images, RenderError> {
         let gpu = Gpu::headless()?;
         Ok(Images {
@@ -84,7 +88,7 @@ impl Images {
         })
     }
 
-    /// One more image, where it would lie on the desktop.
+    /// Adds an image; `place` is its top left pixel on an imagined desktop.
     pub fn add(&mut self, size: [u32; 2], place: [i32; 2]) -> Result<(), RenderError> {
         self.images.push((Readable::new(&self.gpu, size)?, Canvas::default()));
         self.places.push(place);

@@ -1,4 +1,4 @@
-//! Who says from where the world is seen: the screens of a stage, a camera outside of it, and whatever else has eyes.
+//! Chooses the views: which tiles each picture has, and from where each is seen.
 //!
 //! In: a world after a frame, and the sizes of the pictures. Out: what each picture shows of it, as [`Tile`]s with off-axis views. A
 //! headset or a render node is one more `impl`: it asks for its own views of the same frame.
@@ -12,7 +12,7 @@ use crate::render::{RenderError, Show, Tile, Viewport};
 use crate::stage::{Stage, Window};
 use crate::world::World;
 
-/// Says what pictures show.
+/// Chooses which tiles each picture has, and from where each is seen.
 pub trait ViewSource {
     /// The tiles of each picture, now of these sizes in pixels.
     fn tiles(&self, world: &World, sizes: &[[u32; 2]]) -> Vec<Vec<Tile>>;

@@ -15,8 +15,8 @@ pub struct WindowFrame<'a> {
     pub edited: Option<BodyInstance<'a>>,
     /// The window with the panel, and its pixels that panel and messages take.
     pub covered: (usize, Vec<Rect>),
-    /// From the frame before to this one, s.
+    /// Time from the frame before to this one, s.
     pub step_s: f64,
-    /// What reading trackers took, s.
+    /// Time that reading trackers took, s.
     pub track_s: f64,
 }

@@ -7,10 +7,10 @@ use crate::world::World;
 use egui::{Pos2, Rect, pos2, vec2};
 use nalgebra::Isometry3;
 
-/// Of the views by which places in the room are found on a picture, m.
+/// Distance of the near plane of the views by which places in the room are found on a picture, m.
 const NEAR_M: f64 = 0.05;
 
-/// How both eyes' pictures of a tile are joined; None where it shows one eye.
+/// The composite that joins both eyes' pictures of a tile; `None` where it shows one eye.
 pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {
     Some(match stereo {
         Stereo::SideBySide | Stereo::SideBySideHalf => Composite::side_by_side(size),
@@ -54,13 +54,13 @@ pub fn scaled(size: [u32; 2], scale: f64) -> [u32; 2] {
     size.map(|pixels| ((f64::from(pixels) * scale).round() as u32).max(1))
 }
 
-/// What a window of `size` pixels shows; with `swapped` each eye gets what the other should. Tiles and eyes for which
-/// the window has become too small are left out.
+/// The tiles of a window of `size` pixels; with `swapped` each eye gets the other's picture. Tiles and eyes for which the window
+/// has become too small are left out.
 pub fn tiles(world: &World, window: &Window, size: [u32; 2], swapped: bool) -> Vec<Tile> {
     shown(window, size, &mut |tile, eye_size, eye| viewport(world, tile, eye_size, seen(tile, eye, swapped)))
 }
 
-/// The same for a window that shows both eyes one picture: `view` makes it for a ratio of width to height, or nothing.
+/// The tiles of a window that shows both eyes one picture: `view` makes it for a ratio of width to height, or nothing.
 pub fn flat_tiles(
     stage: &Stage,
     window: &Window,
@@ -126,7 +126,7 @@ impl Part {
     }
 }
 
-/// What a picture of `window`, now of `size` pixels, shows.
+/// The part of the room that a picture of `window`, now of `size` pixels, shows.
 pub fn part(
     stage: &Stage,
     window: &Window,
@@ -143,7 +143,7 @@ pub fn part(
     Some(Part { screen: tile.screen, eye: seen(tile, eye, swapped), rect, visible })
 }
 
-/// What a part of a picture shows of the room; `None` where the eye sees nothing of its screen.
+/// The view of the room in a part of a picture; `None` where the eye sees nothing of its screen.
 pub fn view_of(stage: &Stage, room_from_head: &Isometry3<f64>, part: &Part) -> Option<View> {
     let eye = stage.viewer.eye_in_room(room_from_head, part.eye);
     let view = stage.screens[part.screen].view(&eye, NEAR_M).ok()?;

@@ -19,21 +19,21 @@ use std::sync::Arc;
 
 /// A world, and all that moves or records it.
 pub struct Session {
-    /// First, so that its effects are dropped first: no device pushes while trackers are waited for.
+    /// Dropped first, so that force devices stop before we wait for trackers.
     pub world: World,
     pub input: InputSource,
     pub recorder: Option<Recorder>,
     /// The scene's .green file; a stage alone has none.
     pub file: Option<Arc<GreenFile>>,
-    /// What is shown, on the stage on which it is shown, as it was opened or was last changed; a stage alone has none.
+    /// The scene that is shown now, with its stage; `None` for a stage alone.
     pub scene: Option<Resolved>,
-    /// Whether a file, or the program, holds the bodies that are shown.
+    /// Whether the bodies shown are those of a saved or built-in scene.
     pub is_saved: bool,
     /// Commands and warnings for the next frame.
     actions: Vec<Action>,
     warnings: Vec<String>,
     pub(super) presses: ScriptPresses,
-    /// Where the curves go that effects have recorded.
+    /// The file for the recorded curve.
     pub(super) curve: Option<PathBuf>,
     /// Whether a curve was cleared by its key.
     is_cleared: bool,
@@ -68,12 +68,12 @@ impl Session {
         }
     }
 
-    /// Lets mouse and keyboard move what nothing else moves.
+    /// Lets mouse and keyboard move whatever neither tracker nor script moves.
     pub fn attach_mouse(&mut self) {
         self.input.mouse = Some(Mouse::new(self.world.assets.stage.clone()));
     }
 
-    /// Starts what the effects of the scene's bodies run beside the frames, as the loops of force devices.
+    /// Starts what the effects of the scene's bodies run beside the frames, such as the loops of force devices.
     pub fn start_effects(&mut self, scene: &Resolved) -> Result<(), Failure> {
         if let Some(file) = &self.file {
             let started = effect::start(scene, file, &self.world)?;
@@ -82,7 +82,7 @@ impl Session {
         Ok(())
     }
 
-    /// Starts the trackers of a stage: that of the world, maybe with other addresses.
+    /// Starts the trackers; `stage` is the world's own stage, perhaps with redirected addresses.
     pub fn start_trackers(&mut self, stage: &Stage) -> Result<(), Failure> {
         self.input.trackers = super::trackers::start(stage, &mut self.world.effects)?;
         Ok(())
@@ -115,7 +115,7 @@ impl Session {
         Ok(SessionProgress::Running)
     }
 
-    /// Sets the loads that the script moves, by commands, so that recordings hold them.
+    /// Turns the script's loads into commands, so that recordings contain them.
     fn set_loads(&mut self, time_s: f64) {
         for (name, value) in self.input.loads(time_s) {
             match self.world.load_named(&name) {
@@ -128,7 +128,7 @@ impl Session {
         }
     }
 
-    /// Records the session from here on, whatever is held, until [`Session::stop_recording`].
+    /// Records the session from here on, even while something is held, until [`Session::stop_recording`].
     ///
     /// # Errors
     /// Where nothing could replay it, or the file cannot be written.
@@ -138,27 +138,27 @@ impl Session {
             return refused("there is no scene yet");
         };
         if self.input.replay.is_some() {
-            return refused("this session is a replay; its recording is there already");
+            return refused("a replay cannot be recorded");
         }
         if self.recorder.is_some() {
             return refused("this session is being recorded already");
         }
         if !self.is_saved {
-            return refused("the bodies are others than in the scene's file; save the scene first (Tab)");
+            return refused("the bodies differ from the scene's file; save the scene first (Tab)");
         }
         let origin = Origin { scene, file, stage: &scene.stage_from_here() };
         self.recorder = Some(Recorder::create(path, &origin, &mut self.world)?);
         Ok(())
     }
 
-    /// Ends the recording, and tells what was recorded; nothing where there is none. No frame waits for the background any more.
+    /// Ends the recording and returns a sentence about it, or an empty one. Frames then stop waiting for the background.
     pub fn stop_recording(&mut self) -> Result<String, Failure> {
         let Some(recorder) = self.recorder.take() else { return Ok(String::new()) };
         self.world.bodies.iter_mut().for_each(|body| body.deformer.be_patient(PATIENCE));
         recorder.end()
     }
 
-    /// Has a command carried out at the beginning of the next frame.
+    /// Carries out a command at the start of the next frame.
     pub fn act(&mut self, action: Action) {
         self.actions.push(action);
     }
@@ -205,7 +205,7 @@ impl Session {
     /// Takes a key that is pressed or released. Any but function and modifier keys takes over from a script.
     pub fn key(&mut self, key: Key, pressed: bool) {
         if key == keys::NEXT_FIELD {
-            // Of the picture alone: whoever leads goes on.
+            // This changes the picture only, so the script keeps leading.
             if pressed {
                 self.act(Action::NextField);
             }
@@ -236,7 +236,7 @@ impl Session {
         }
     }
 
-    /// Writes what the effects have recorded, where that is asked for.
+    /// Writes the table of the first effect that has one, if a file for it was asked for.
     fn write_curve(&mut self) -> Result<String, Failure> {
         let Some(path) = self.curve.take() else { return Ok(String::new()) };
         let Some((kind, table)) = self.world.effects.iter().find_map(|effect| effect.table()) else {
@@ -250,12 +250,12 @@ impl Session {
         Ok(format!("force curve {}\n", path.display()))
     }
 
-    /// How it went with its effects, in lines.
+    /// The closing lines of all effects.
     pub fn summary(&mut self) -> String {
         self.world.effects.iter_mut().map(|effect| effect.summary()).collect()
     }
 
-    /// Reports on the replay and the recording. A replay that came to other states than were recorded is a failure.
+    /// Reports on the replay and the recording. Fails if the replay's states differ from the recorded ones.
     pub fn report(&mut self) -> Result<String, Failure> {
         let recorded = self.stop_recording()?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;

@@ -24,7 +24,7 @@ pub struct Change {
     thread: JoinHandle<Result<Changed, Failure>>,
 }
 
-/// What a change came to.
+/// The result of a change.
 pub struct Changed {
     pub scene: Resolved,
     pub file: Arc<GreenFile>,
@@ -34,7 +34,7 @@ pub struct Changed {
     pub is_other_stage: bool,
 }
 
-/// How far the computation of a change is.
+/// Progress of the computation of a change.
 #[derive(Debug, Default)]
 pub struct Steps(Mutex<Step>);
 
@@ -69,7 +69,7 @@ impl Change {
     /// Begins to compute `scene` on `stage`. A new .green file goes to `path`; `known` are those that may hold some of it.
     ///
     /// # Errors
-    /// While a session is recorded or replayed, of which the change could not be told.
+    /// Fails while a session is recorded or replayed, because a recording cannot contain the change.
     pub fn begin(
         session: &Session,
         scene: Resolved,
@@ -96,7 +96,7 @@ impl Change {
         self.thread.is_finished()
     }
 
-    /// What it came to; waits for it.
+    /// Waits for the result.
     pub fn finish(self) -> Result<Changed, Failure> {
         let panicked = || {
             Failure::Work(anyhow::anyhow!(
@@ -108,7 +108,7 @@ impl Change {
 }
 
 impl Session {
-    /// Refuses a change that a recording could not tell of.
+    /// Refuses a change that a recording cannot contain.
     pub fn may_change(&self) -> Result<(), Failure> {
         let why = match (&self.recorder, &self.input.replay) {
             (Some(_), _) => {

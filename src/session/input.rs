@@ -1,8 +1,9 @@
 //! Decides who moves head and styli: a recording, a script, trackers, or mouse and keyboard.
 //!
-//! In: a stage's trackers, a script, and what a person does with mouse and keyboard. Out: one [`TrackerState`] a frame.
-//! A recording leads alone. A script leads until a tracker has been seen or a person presses a button or key; the script
-//! is then removed for good. After that trackers lead, and mouse and keyboard move what they do not.
+//! In: a stage's trackers, a script, and what a person does with mouse and keyboard. Out: one [`TrackerState`] a frame. A
+//! recording leads alone. A script leads until a tracker has been seen, or a person presses a button or a key other than function
+//! and modifier keys and the key for the next field; the script is then removed for good. After that trackers lead, and mouse and
+//! keyboard move what they do not.
 
 use super::recording::Replay;
 use super::trackers;
@@ -13,7 +14,7 @@ use crate::track::doubts::{DoubtKind, doubts};
 use crate::track::tracker_set::TrackerReport;
 use crate::track::{Mouse, Script, TrackerSet, TrackerState};
 
-/// All that may move a world; [`InputSource::leader`] tells which of it does.
+/// All that may move a world; [`InputSource::leader`] names the part that does.
 #[derive(Default)]
 pub struct InputSource {
     pub replay: Option<Replay>,
@@ -21,21 +22,22 @@ pub struct InputSource {
     pub trackers: Option<TrackerSet>,
     pub script: Option<Script>,
     pub mouse: Option<Mouse>,
-    /// How often the script has begun anew.
+    /// Number of the script's round.
     round: u32,
     /// When the last state was made, s.
     last_s: f64,
-    /// Sensors that were told to be far away, and when they are looked at next.
+    /// Sensors about which it was warned that they are far away.
     told_far: Vec<String>,
+    /// Time of the next check of the sensors, s.
     next_look_s: f64,
 }
 
-/// Who moves head and styli now.
+/// The source that moves head and styli now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leader {
     Recording,
     Script,
-    /// Trackers, and whatever they do not move by mouse and keyboard.
+    /// Trackers; mouse and keyboard move the rest.
     Trackers,
     Mouse,
     Nobody,
@@ -44,10 +46,10 @@ pub enum Leader {
 /// Pause between two rounds of a script, each of which starts at rest, s.
 const PAUSE_S: f64 = 1.0;
 
-/// How often it is looked whether sensors are where anyone can be, s.
+/// Time between two checks whether sensors are where anyone can be, s.
 const LOOK_S: f64 = 1.0;
 
-/// What a script's end or new round asks of the world before the frame's state is applied.
+/// Change of the world at a script's end or new round, before the frame's state is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScriptChange {
     /// The script is over: the hands let go of what it held.
@@ -67,7 +69,7 @@ impl InputSource {
         }
     }
 
-    /// Who moves head and styli, in words.
+    /// Words for the source that moves head and styli.
     pub fn describe(&self) -> &'static str {
         match self.leader() {
             Leader::Recording => "moved by a recording",
@@ -80,7 +82,7 @@ impl InputSource {
         }
     }
 
-    /// A person takes over from the script, where one leads.
+    /// Lets a person take over from the script, if it leads.
     pub fn take_over(&mut self) -> Option<ScriptChange> {
         if self.leader() != Leader::Script {
             return None;
@@ -88,8 +90,9 @@ impl InputSource {
         self.script.take().map(|_| ScriptChange::LetGo)
     }
 
-    /// Head and styli at `time_s` since the start, and what has to be done with the world before they are applied.
-    /// Trackers give the sensors that they see; the script, or else mouse and keyboard, gives the rest.
+    /// Head and styli at `time_s` since the start, and what has to be done with the world before they are applied. Until a
+    /// tracker speaks, the script or else the mouse moves everything. Afterwards trackers move what they see and the mouse the
+    /// rest.
     pub fn state(&mut self, stage: &Stage, time_s: f64) -> (TrackerState, Vec<ScriptChange>) {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);
@@ -134,7 +137,7 @@ impl InputSource {
         (state, changes)
     }
 
-    /// What the script has loads come to at `time_s` since the start, while it leads.
+    /// The loads that the script sets at `time_s`, while it leads.
     pub fn loads(&self, time_s: f64) -> Vec<(String, f64)> {
         let leads = self.leader() == Leader::Script;
         let Some(script) = self.script.as_ref().filter(|_| leads) else { return Vec::new() };
@@ -142,7 +145,7 @@ impl InputSource {
         loads.map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
-    /// What the trackers say of all their sensors.
+    /// The reports of the trackers about all their sensors.
     pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
         self.trackers.as_mut().map(|trackers| trackers.report(now_s())).unwrap_or_default()
     }

@@ -10,7 +10,7 @@ pub const CLEAR: Key = Key::Char('c');
 
 /// One line of the wheel scales the scene by this factor.
 const SCALE_PER_LINE: f64 = 1.1;
-/// The wheel counts at most so many lines at once; a device that reports more is faulty.
+/// Largest number of lines of the wheel that count at once; a device that reports more is faulty.
 const MOST_LINES: f64 = 20.0;
 
 /// Shows another field in colours.
@@ -40,13 +40,13 @@ pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     })
 }
 
-/// The command of so many lines of the wheel, with Ctrl and nothing in the hand.
+/// The command of this many `lines` of the wheel, with Ctrl and nothing in the hand.
 pub fn scale(lines: f64) -> Action {
     let lines = if lines.is_finite() { lines.clamp(-MOST_LINES, MOST_LINES) } else { 0.0 };
     Action::ScaleScene(SCALE_PER_LINE.powf(lines))
 }
 
-/// What mouse and keys do, for `--help` and the start of a session.
+/// The list of mouse buttons and keys and what they do, for `--help` and the start of a session.
 pub fn bindings() -> String {
     let rows: Vec<String> = BINDINGS.iter().map(|(input, what)| format!("  {input:<36} {what}")).collect();
     format!("Mouse and keyboard:\n{}", rows.join("\n"))

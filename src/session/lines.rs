@@ -1,4 +1,4 @@
-//! Writes lines on a thread of its own, so that the frame that makes them does not wait for a disk.
+//! Writes lines on a separate thread, so that the frame that makes them does not wait for a disk.
 //!
 //! In: lines, as bytes. Out: each is handed to the system at once, in their order. When the queue is full, the caller
 //! waits, so that no line is left out.
@@ -8,7 +8,7 @@ use std::io::{Error, Result, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
-/// So many lines may wait: four seconds of frames.
+/// Largest number of lines that wait: four seconds of frames.
 const QUEUE: usize = 256;
 
 pub struct Lines {
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
-    /// A disk that does nothing until it is told to.
+    /// A disk that does nothing until it gets a signal.
     struct Disk(Option<Receiver<()>>, Sender<Vec<u8>>);
 
     impl Write for Disk {

@@ -17,7 +17,7 @@ pub struct Making {
     thread: JoinHandle<Result<Arc<GreenFile>, Failure>>,
 }
 
-/// Tells the window what it tells standard error.
+/// Shows progress in the window as on standard error.
 struct Both {
     body: String,
     bars: Bars,

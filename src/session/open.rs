@@ -33,7 +33,7 @@ pub struct Request<'a> {
 }
 
 impl<'a> Request<'a> {
-    /// With everything as the scene has it.
+    /// A session with everything as the scene has it.
     pub fn of(scene: &'a Resolved) -> Request<'a> {
         Request { scene, stage: None, script: None, green: None, replay: None, record: None, curve: None }
     }
@@ -57,7 +57,7 @@ impl Session {
         Session::open_with(request, || prepare::green_file(request.scene, request.green))
     }
 
-    /// The same with a .green file that is asked for once all else is found right.
+    /// Opens a session, with a .green file that is asked for once all else is found right.
     pub fn open_with(
         request: &Request<'_>,
         file: impl FnOnce() -> Result<Arc<GreenFile>, Failure>,

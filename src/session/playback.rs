@@ -18,12 +18,12 @@ pub struct Playback {
 
 #[derive(Clone, Copy)]
 enum Source {
-    /// Nothing moves the session.
+    /// No motion.
     Rest,
     Script {
         duration_s: f64,
     },
-    /// A recording of so many frames.
+    /// A recording of `length` frames.
     Recording {
         length: u64,
     },
@@ -43,7 +43,7 @@ impl Source {
 }
 
 impl Playback {
-    /// Of `frames` pictures over the session's recording, or its script.
+    /// Plays the session's recording, or its script, in `frames` pictures.
     pub fn new(session: &Session, frames: usize) -> Result<Playback, Failure> {
         Ok(Playback { source: Source::of(session)?, frames: frames.max(1), done: 0 })
     }

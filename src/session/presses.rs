@@ -1,10 +1,10 @@
-//! A script's press that grabs nothing is told, once for each stylus: when, and by how far the ray missed.
+//! Warns of a script's press that grabs nothing, once for each stylus: when, and by how far the ray missed.
 
 use crate::interact::PickRay;
 use crate::track::TrackerState;
 use crate::world::World;
 
-/// Which styli were pressed in the frame before, and of which it was told.
+/// Whether each stylus was pressed in the frame before, and whether it was warned of it.
 #[derive(Debug, Default)]
 pub struct ScriptPresses {
     pressed: Vec<bool>,

@@ -252,7 +252,7 @@ impl Replay {
         world.set_state(&state).map_err(wrong)
     }
 
-    /// How many whole frames there are from here to the end; a note tells if the last one was cut off.
+    /// Number of whole frames from here to the end; a note warns if the last one was cut off.
     pub fn length(&self) -> Result<u64, Failure> {
         let (frames, is_cut) = self.left()?;
         if is_cut {
@@ -261,7 +261,7 @@ impl Replay {
         Ok(frames)
     }
 
-    /// How many whole frames follow, and whether one that was cut off comes after them.
+    /// Number of whole frames that follow, and whether one that was cut off comes after them.
     fn left(&self) -> Result<(u64, bool), Failure> {
         let refused = |error: std::io::Error| self.wrong(&error.to_string());
         let mut file = BufReader::new(input::open(&self.path).map_err(refused)?);
@@ -284,7 +284,7 @@ impl Replay {
         );
     }
 
-    /// The next frame; `None` at the end. A frame that was cut off in the middle is the end, and a note tells so.
+    /// The next frame; `None` at the end. A frame that was cut off in the middle is the end, and a note warns of it.
     fn next_frame(&mut self) -> Result<Option<Frame>, Failure> {
         self.line += 1;
         let text = match read_line(&mut self.input, self.line, LONGEST_LINE) {

@@ -19,19 +19,19 @@ const PANEL_SHARE: f64 = 0.27;
 const BODY: [u8; 4] = [96, 142, 186, 0];
 const BRUSH: [u8; 4] = [236, 240, 245, 255];
 const FIXED: [u8; 3] = [150, 152, 158];
-/// Of elements that can be grabbed, one after the other.
+/// Colours of elements that can be grabbed, one after the other.
 const GRABBED: [[u8; 3]; 5] =
     [[224, 138, 52], [120, 180, 80], [196, 110, 190], [214, 190, 60], [90, 190, 180]];
 
 /// A body on which control elements are made.
 pub struct Editor {
-    /// Its name in the scene.
+    /// The body's name in the scene.
     pub body: String,
     pub canvas: Canvas,
     pub sketch: Sketch,
     touch: Option<Touch>,
     buffers: Option<BodyBuffers>,
-    /// For what the colours on the device were made.
+    /// State for which the colours on the device were made.
     drawn: Option<(u64, Option<Touch>, usize)>,
 }
 
@@ -93,7 +93,8 @@ impl Editor {
         }
     }
 
-    /// Where it stands: as the scene's body, smaller and to the left of where that is, so that the panel covers nothing of it.
+    /// The transform by which it is shown: smaller than the scene's body and to the left of it, so that the panel covers nothing
+    /// of it.
     fn room_from_mesh(&self, world: &World) -> Similarity3<f64> {
         let (stage, whole) = (&world.assets.stage, self.room_from_shown(world));
         let screen = &stage.screens[stage.faced_screen()];
@@ -105,7 +106,7 @@ impl Editor {
         about_centre * whole
     }
 
-    /// Where the scene's body is, or else where that would be put.
+    /// The transform of the scene's body, or else of the place where it would be put.
     fn room_from_shown(&self, world: &World) -> Similarity3<f64> {
         if let Some(body) = world.bodies.iter().find(|body| body.deformer.body == self.body) {
             return body.room_from_body * Translation3::from(-body.deformer.centre);
@@ -162,7 +163,7 @@ impl Editor {
     }
 }
 
-/// In which an element of a sketch is shown: grey where it is fixed.
+/// The colour in which an element of a sketch is shown: grey where it is fixed.
 pub fn colour(sketch: &Sketch, number: usize) -> [u8; 3] {
     match sketch.elements.get(number).map(|element| element.grab) {
         Some(Grab::Dragger) => {

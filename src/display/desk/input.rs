@@ -6,18 +6,20 @@
 use crate::render::window::{Button, Input, Key};
 use egui::{Event, Modifiers, PointerButton, Pos2, Rect, pos2, vec2};
 
-/// What came for the panel since it was last laid out.
+/// Input for the panel since its last layout.
 #[derive(Default)]
 pub struct PanelInput {
     pub events: Vec<Event>,
     pub modifiers: Modifiers,
-    /// In pixels of the window.
+    /// The pointer in pixels of the window.
     pub pointer: Pos2,
-    /// Where the panel was when it was last laid out, whether the pointer was over it or over a list that it had opened, and
-    /// whether a text was being written.
+    /// The panel's rectangle at its last layout.
     pub rect: Option<Rect>,
+    /// Whether it had opened a list.
     pub has_list: bool,
+    /// Whether the pointer was over the panel or over such a list.
     pub was_over: bool,
+    /// Whether a text was being written.
     pub is_writing: bool,
     /// Buttons that were pressed over the panel and are still down.
     pressed: u32,

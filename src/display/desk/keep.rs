@@ -1,8 +1,8 @@
-//! What a person takes home from a window: a picture of it, a video, the deformed bodies as a file for other programs, a
-//! recording of the session.
+//! Saves results from a window: a picture of it, a video, the deformed bodies as a file for other programs, a recording of the
+//! session.
 //!
-//! Files stand in the folder in which the program was started, a recording with the name of its scene, the others with date and time. The surfaces are those
-//! that [`crate::export`] writes of a list of poses, in the coordinates of the bodies' meshes, m.
+//! Files stand in the folder in which the program was started, a recording with the name of its scene, the others with date and
+//! time. The surfaces are those that [`crate::export`] writes for a list of poses, in the coordinates of the bodies' meshes, m.
 
 use super::video::Video;
 use crate::base::failure::Failure;
@@ -37,7 +37,7 @@ impl Keeper {
         self.is_video_wanted || self.video.is_some()
     }
 
-    /// Begins a video with the next picture, or ends the one that is being recorded; what there is to tell then.
+    /// Begins a video with the next picture, or ends the one that is being recorded; returns a message about it.
     pub fn toggle_video(&mut self) -> Option<Result<String, String>> {
         if self.video.is_none() {
             self.is_video_wanted = !self.is_video_wanted;
@@ -66,7 +66,7 @@ impl Keeper {
         }
     }
 
-    /// Takes the picture that was asked for; what there is to tell of it.
+    /// Takes the picture that was asked for; returns a message about it.
     pub fn take(&mut self, windows: &mut Windows, time_s: f64) -> Option<Result<String, String>> {
         let picture = match windows.taken.take()? {
             Ok(picture) => picture,
@@ -96,8 +96,8 @@ fn save(picture: &RgbaImage) -> Result<String, Failure> {
     Ok(format!("Picture: {}", path.display()))
 }
 
-/// Begins a recording of the session, `SCENE-1.jsonl` or with the next number that is free, or ends the one that goes on; what there
-/// is to tell then.
+/// Begins a recording of the session, `SCENE-1.jsonl` or with the next number that is free, or ends the one that goes on; returns
+/// a message about it.
 pub fn toggle_recording(session: &mut Session) -> Result<String, Failure> {
     let scene = session.scene.as_ref().map(|scene| scene.path.clone()).unwrap_or_default();
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -116,7 +116,7 @@ pub fn toggle_recording(session: &mut Session) -> Result<String, Failure> {
     Ok(format!("{recorded}Replay: greenstage view {scene} --replay {recording}"))
 }
 
-/// Saves the scene of a session whose bodies are others than in its file, because a replay opens a file; what there is to tell then.
+/// Saves the scene of a session whose bodies differ from its file, because a replay opens a file; returns a message about it.
 fn save_changed(session: &mut Session, path: &Path) -> Result<String, Failure> {
     let Some(scene) = session.scene.as_ref().filter(|_| !session.is_saved) else { return Ok(String::new()) };
     let saved = save_scene(scene, &Comments::default(), session.file.as_deref(), path)?;
@@ -151,7 +151,7 @@ pub fn now(world: &World) -> ResultSet {
     set
 }
 
-/// An error as a window tells it.
+/// An error in the words of a window.
 pub fn said(failure: &Failure) -> String {
     failure.to_string()
 }

@@ -1,4 +1,4 @@
-//! What is told in the window for a few seconds, and how far a computation is.
+//! Messages that the window shows for a few seconds, and the progress of a computation.
 
 use super::style::{GOOD, WRONG};
 use crate::base::notice::notice;
@@ -7,7 +7,8 @@ use crate::session::change::Step;
 use egui::{Align2, Area, Context, Frame, Id, ProgressBar, Rect, RichText, Ui, vec2};
 use std::time::{Duration, Instant};
 
-/// How long a message is shown, and how long an error is.
+/// Time for which a message is shown.
+/// Time for which an error is shown.
 const SHOWN: Duration = Duration::from_secs(5);
 const WRONG_SHOWN: Duration = Duration::from_secs(15);
 /// Messages at once.
@@ -62,7 +63,7 @@ impl Messages {
         self.0.is_empty()
     }
 
-    /// At the lower edge; returns where.
+    /// Shows the messages at the lower edge; returns their rectangles.
     pub fn show(&self, context: &Context, is_recording: bool) -> Vec<Rect> {
         let mut shown = Vec::new();
         if is_recording {

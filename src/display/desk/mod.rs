@@ -1,9 +1,9 @@
-//! The desk: what a person does to a scene with the mouse while it is shown, and what is taken home from it.
+//! The desk: lets a person change a scene with the mouse while it is shown, and save results of it.
 //!
 //! In: keys, and mouse and keyboard over a panel in one window. Out: a [`Session`] whose bodies have another model, material or
 //! effects, or that is on another stage (computed in the background, while the old bodies stay usable), pictures, videos and
-//! files for other programs. Messages are told in the window for a few seconds. As long as the panel is hidden and nothing is
-//! told, nothing is laid out or drawn.
+//! files for other programs. Messages stay in the window for a few seconds. As long as the panel is hidden and there is no
+//! message, nothing is laid out or drawn.
 
 mod editor;
 mod editor_panel;
@@ -61,20 +61,20 @@ pub struct Desk {
     keeper: Keeper,
     draft: Option<Draft>,
     change: Option<Change>,
-    /// How far the scene is, before it is shown.
+    /// Progress of the scene, before it is shown.
     pub making: Option<Arc<Steps>>,
-    /// What is told when the change is shown; else what it changed.
+    /// The message when the change is shown; `None`: a list of what it changed.
     told: Option<String>,
     sketches: Sketches,
     /// The files of earlier changes, so that the way back costs nothing, and where they are.
     known: Vec<Arc<GreenFile>>,
     folder: Option<tempfile::TempDir>,
-    /// How many files were begun there.
+    /// Number of files that were begun there.
     begun: usize,
     orders: Vec<Order>,
-    /// Where panel and messages are in the window.
+    /// Rectangles of panel and messages in the window.
     covered: Vec<egui::Rect>,
-    /// Whether the loss of what was not saved was told.
+    /// Whether it was warned that unsaved work would be lost.
     is_warned: bool,
     started: Instant,
 }
@@ -365,7 +365,7 @@ impl Desk {
         editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
     }
 
-    /// Whether something was made that no file holds; told once, so that a second Escape quits.
+    /// Warns of work that no file holds, once, so that a second Escape quits; returns whether it did.
     pub fn keeps_open(&mut self) -> bool {
         let warning = self.sketches.warning().filter(|_| !self.is_warned);
         self.is_warned |= warning.is_some();
@@ -373,7 +373,7 @@ impl Desk {
         warning.is_some()
     }
 
-    /// Where the next .green file goes: beside nothing of the user's, until a scene is saved.
+    /// The path of the next .green file: beside nothing of the user's, until a scene is saved.
     fn path(&mut self) -> Result<PathBuf, Failure> {
         let folder = match self.folder.take() {
             Some(folder) => folder,
@@ -435,7 +435,7 @@ impl Desk {
         windows.glass = Some(Glass { window: self.window, overlay, mesh });
     }
 
-    /// What is being computed.
+    /// The step that is being computed.
     fn step_now(&self) -> Option<Step> {
         let change = self.change.as_ref().map(|change| &change.steps);
         let steps = change.or(self.making.as_ref()).map(|steps| steps.now());

@@ -1,8 +1,8 @@
-//! What a person asks for at the desk, by the panel or by a key.
+//! Orders of a person at the desk, by the panel or by a key.
 
 use std::path::PathBuf;
 
-/// What a person asks for in the panel.
+/// An order of a person in the panel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
     /// Show what the panel says.
@@ -26,12 +26,12 @@ pub enum Order {
     Save(PathBuf),
 }
 
-/// What windows have to do after a change.
+/// Changes that windows have to follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum After {
     Nothing,
     /// The bodies are others.
     NewBodies,
-    /// So is the stage, and the windows have to be opened anew.
+    /// The bodies and the stage are others, and the windows have to be opened anew.
     NewWindows,
 }

@@ -1,7 +1,7 @@
 //! The panel by which a shown scene is changed: model, material and effects of each body, the stage.
 //!
 //! In: the [`Draft`] of a scene. Out: the draft as a person changed it, and [`Order`]s. Nothing is checked here that the scene
-//! checks itself: what cannot be is told when it is tried, and the old state stays.
+//! checks itself: a message rejects what cannot be when it is tried, and the old state stays.
 
 use super::editor::Editor;
 use super::editor_panel;
@@ -28,7 +28,7 @@ use std::path::Path;
 /// A scene as the panel says it.
 pub struct Draft {
     pub scene: Scene,
-    /// As it was when the panel was opened.
+    /// The scene when the panel was opened.
     shown: Scene,
     /// The name of the stage, or its file's path from the scene's folder.
     stage: String,
@@ -39,7 +39,7 @@ pub struct Draft {
     pub file: String,
 }
 
-/// What goes on while the panel is shown.
+/// State of the program while the panel is shown.
 pub struct Now<'a> {
     pub session: &'a Session,
     pub step: Option<&'a Step>,
@@ -119,7 +119,7 @@ impl Draft {
     }
 }
 
-/// Of the panel, pixels.
+/// Width of the panel, pixels.
 pub const WIDTH: f32 = 352.0;
 /// Height of the buttons below the settings, about, pixels.
 const FOOT: f32 = 200.0;
@@ -210,7 +210,7 @@ fn bodies(ui: &mut Ui, draft: &mut Draft) {
     settings(ui, draft);
 }
 
-/// Of the chosen body.
+/// Settings of the chosen body.
 fn settings(ui: &mut Ui, draft: &mut Draft) {
     let Some((_, body)) = draft.scene.body.get_index_mut(draft.body) else { return };
     model(ui, body);
@@ -246,7 +246,7 @@ fn model(ui: &mut Ui, body: &mut Body) {
     }
 }
 
-/// What a model is, without the paper's number of its method.
+/// The description of a model, without the paper's number of its method.
 fn in_words(summary: &str) -> &str {
     let words = summary.split_once(": ").filter(|(number, _)| number.starts_with("method "));
     words.map_or(summary, |(_, words)| words)

@@ -46,7 +46,7 @@ impl Sketches {
         Some(told)
     }
 
-    /// What is being read.
+    /// The step that is under way: reading a surface.
     pub fn step(&self) -> Option<Step> {
         self.loading.as_ref().map(|_| Step { name: "the surface".into(), ..Step::default() })
     }
@@ -69,7 +69,7 @@ impl Sketches {
         all.filter(|editor| editor.sketch.is_changed()).map(|editor| editor.body.as_str()).collect()
     }
 
-    /// What would be lost by quitting.
+    /// Warning about the work that would be lost by quitting.
     pub fn warning(&self) -> Option<String> {
         let unsaved = self.unsaved().join(", ");
         (!unsaved.is_empty()).then(|| {

@@ -1,4 +1,4 @@
-//! How the panel looks: the colours of the overlays, letters that are read from an arm's length.
+//! Style of the panel: the colours of the overlays, letters that are read from an arm's length.
 
 use crate::display::lettering::{DARK, INK};
 use egui::{Color32, Context, FontFamily, FontId, TextStyle, Ui, Visuals, vec2};
@@ -38,7 +38,7 @@ pub fn number(ui: &mut Ui, value: egui::DragValue<'_>) {
     ui.add_sized(vec2(78.0, ui.spacing().interact_size.y), value);
 }
 
-/// A line with its name in a column of its own.
+/// A line with its name in the first column.
 pub fn row<R>(ui: &mut Ui, name: &str, content: impl FnOnce(&mut Ui) -> R) -> egui::Response {
     ui.horizontal(|ui| {
         let size = vec2(74.0, ui.spacing().interact_size.y);

@@ -1,11 +1,11 @@
-//! What a change of a scene came to, and why one was refused, in the words of the panel.
+//! Messages about the result of a change of a scene, or why it was refused.
 
 use crate::base::failure::Failure;
 use crate::deform::load_refusal;
 use crate::prepare::Resolved;
 use crate::scene::Scene;
 
-/// What is other than before: `tube: model rod, effects stress; stage workbench.`
+/// Lists the differences: `tube: model rod, effects stress; stage workbench.`
 pub fn changes(before: &Scene, after: &Scene) -> String {
     let mut told: Vec<String> = Vec::new();
     for (name, body) in &after.body {

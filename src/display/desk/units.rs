@@ -19,7 +19,7 @@ pub fn shown(value: f64, units: Units) -> String {
     format!("{number:.decimals$} {unit}")
 }
 
-/// The same as a person types it, in letters of any case; a number alone is in the unit of size 1.
+/// Parses a quantity as a person types it, in letters of any case; a number alone is in the unit of size 1.
 pub fn read(text: &str, units: Units) -> Option<f64> {
     let text = text.trim().to_lowercase().replace(',', ".");
     let of_unit = |(size, unit): &(f64, &str)| {

@@ -16,9 +16,9 @@ use std::thread::JoinHandle;
 const WAITING: usize = 4;
 /// Pictures a second of an MP4 file; those of a PNG have times of their own.
 const RATE: u32 = 30;
-/// At most so many pictures a second are written into a PNG, which is larger.
+/// Largest rate at which pictures are written into a PNG, which is larger, pictures a second.
 const PNG_RATE: f64 = 12.0;
-/// The last picture is shown so long, s.
+/// Time for which the last picture is shown, s.
 const LAST_S: f64 = 0.5;
 
 /// A recording that goes on.
@@ -32,7 +32,7 @@ pub struct Video {
     rate: f64,
 }
 
-/// What became of a recording.
+/// A finished recording.
 pub struct Recorded {
     pub path: PathBuf,
     pub pictures: u32,
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(image::open(path).unwrap().to_rgb8().dimensions(), (4, 2));
     }
 
-    /// In the place of ffmpeg a program that keeps what it is given: each picture as often as it is due at a constant rate.
+    /// A program that stands in for ffmpeg and keeps its input: each picture as often as it is due at a constant rate.
     #[test]
     fn ffmpeg_is_given_pictures_at_a_constant_rate() {
         let folder = tempfile::tempdir().unwrap();

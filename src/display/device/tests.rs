@@ -1,4 +1,4 @@
-//! Where bodies deform: the choice by measured times, and that measuring leaves a body as it was.
+//! Places where bodies deform: the choice by measured times, and that measuring leaves a body as it was.
 
 use super::*;
 use crate::display::bodies::GpuBodies;
@@ -39,7 +39,7 @@ fn every_choice_fits_into_the_overlay() {
     assert_eq!((brief(&[cpu; 3]), brief(&[])), ("3 bodies deform on CPU".into(), String::new()));
 }
 
-/// On a software device too, told that it is none: both ways are timed, and the body is at rest wherever it deforms.
+/// A software device that passes for another works too: both ways are timed, and the body is at rest wherever it deforms.
 #[test]
 fn auto_measures_chooses_by_what_it_measured_and_leaves_the_body_at_rest() {
     let mut gpu = match Gpu::headless() {

@@ -11,16 +11,17 @@ use image::RgbImage;
 use std::io::{Error, Result, Seek, SeekFrom, Write};
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
-/// Where the chunks begin that are filled in at the end: behind the signature and the header.
+/// Offset of the chunks that are filled in at the end: behind the signature and the header.
 const FILLED_IN_AT: u64 = 8 + 25;
 /// Steps of 255 in a channel by which a pixel that was shown before may differ from what it should be.
 const UNSEEN: u8 = 3;
 /// A colour that is further than this from all that there are is worth a new one.
 const MISSED: u8 = 10;
-/// So many colours are kept for what comes later; each picture takes at most this part of those that are left.
+/// Number of colours that are kept for later pictures.
 const KEPT: usize = 64;
+/// Divisor of the colours that are left: each picture takes at most this part.
 const PART: usize = 6;
-/// A new colour stands for so many pixels at least.
+/// Least number of pixels for which a new colour stands.
 const PIXELS: u32 = 24;
 
 /// A film on its way into a file.
@@ -35,7 +36,7 @@ pub struct Apng<W: Write + Seek> {
     seen: Vec<u8>,
 }
 
-/// What of a picture is written: a rectangle by its corner and size, and its pixels in rows; those that stay are 0.
+/// The part of a picture that is written: a rectangle by its corner and size, and its pixels in rows; those that stay are 0.
 struct Part {
     corner: [u32; 2],
     size: [u32; 2],
@@ -118,7 +119,7 @@ impl<W: Write + Seek> Apng<W> {
         self.palette.colours.get(usize::from(number).wrapping_sub(1)).copied().unwrap_or_default()
     }
 
-    /// What of the picture is new.
+    /// The part of the picture that is new.
     fn part(&mut self, picture: &RgbImage) -> Part {
         let width = self.size[0];
         let mut changed = vec![0; self.seen.len()];
@@ -195,7 +196,7 @@ mod tests {
         film.finish().unwrap().into_inner()
     }
 
-    /// As the decoder of another project shows them, with their times in ms.
+    /// Pictures and their times, ms, from the decoder of another project.
     fn shown(film: &[u8]) -> Vec<(RgbImage, u32)> {
         let decoder = PngDecoder::new(Cursor::new(film)).unwrap().apng().unwrap();
         let frames = decoder.into_frames().collect_frames().unwrap();

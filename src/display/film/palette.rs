@@ -24,13 +24,13 @@ pub struct Palette {
 pub type Histogram = BTreeMap<Colour, u32>;
 
 impl Palette {
-    /// Of at most `most` colours, 256 at most.
+    /// A palette of at most `most` colours, 256 at most.
     pub fn new(most: usize) -> Palette {
         let cells = 1 << (3 * BITS);
         Palette { colours: Vec::new(), most: most.min(256), nearest: vec![None; cells].into() }
     }
 
-    /// How many colours it may still take.
+    /// Number of colours that it may still take.
     pub fn room(&self) -> usize {
         self.most - self.colours.len()
     }
@@ -111,7 +111,8 @@ impl Cube {
     }
 }
 
-/// At most `most` colours that stand for all; rare ones count for more than their share, because few pixels can be all of a thing.
+/// Chooses at most `most` colours that stand for all; rare ones count for more than their share, because few pixels can be all of
+/// a thing.
 fn chosen(histogram: &Histogram, most: usize) -> Vec<Colour> {
     let weighed = histogram.iter().map(|(colour, count)| (*colour, f64::from(*count).sqrt())).collect();
     let mut cubes: Vec<(f64, Cube)> = Vec::new();

@@ -33,7 +33,7 @@ pub(super) fn body_rows(body: &BodyReading) -> Vec<Ranked> {
     rows
 }
 
-/// How old an equilibrium is that was found in the background.
+/// Age of an equilibrium that was found in the background.
 fn age_row(age: StateAge) -> Row {
     match age {
         StateAge::Current => words("equilibrium of these poses".to_owned(), QUIET),
@@ -42,7 +42,7 @@ fn age_row(age: StateAge) -> Row {
     }
 }
 
-/// What errors to expect, as they were measured on this body; or why they are unknown.
+/// Errors to expect, as they were measured on this body; or why they are unknown.
 pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
     let part = |name: &str, part: String| [(format!("{part:<7}"), INK), (name.to_owned(), QUIET)];
     let of_model = |at: &ErrorsAt| {
@@ -59,17 +59,17 @@ pub(super) fn error_rows(errors: &ErrorReading) -> Vec<Row> {
     model.chain(mesh).chain(errors.unknown.iter().map(unknown)).map(Row::Words).collect()
 }
 
-/// Above this part of the largest force an error of the forces is told beside the verdict on the shape.
+/// Part of the largest force above which an error of the forces is shown beside the verdict on the shape.
 const DOUBTFUL: f64 = 0.1;
 
-/// What is expected to be wrong with the forces, where it is much; shapes may be good all the same.
+/// The error to expect of the forces, if it is large; shapes may be good all the same.
 fn doubtful_force(body: &BodyReading) -> Option<f64> {
     let errors = body.errors?;
     let part = errors.model?.wrench()? + errors.mesh.unwrap_or(0.0);
     (part > DOUBTFUL).then_some(part)
 }
 
-/// How far the body is bent, compared with the turn up to which its model is good; beyond half a turn in turns.
+/// The turn of the body, compared with that up to which its model is good; beyond half a turn in turns.
 pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     let (turn, limits) = (body.turn, body.limits);
     let verdict = limits.verdict(turn);

@@ -27,7 +27,7 @@ pub struct Panel<'a> {
     pub history: &'a History,
     /// Pixels over which no plate stands: what is held.
     pub clear: &'a [Rect],
-    /// Those that something else takes: panel and messages.
+    /// Pixels that panel and messages take.
     pub taken: &'a [Rect],
 }
 
@@ -68,7 +68,7 @@ impl Panel<'_> {
         painted
     }
 
-    /// Where the warnings stand: at the bottom, beside a panel and above messages.
+    /// The rectangle of the warnings: at the bottom, beside a panel and above messages.
     fn strip(&self, inside: Rect, line: f32, letter: f32, pad: f32, margin: f32) -> Rect {
         let mut strip = inside;
         for panel in self.taken.iter().filter(|taken| taken.height() > 0.5 * inside.height()) {

@@ -14,22 +14,22 @@ use crate::world::{
 pub struct Readings {
     pub stage: String,
     pub device: String,
-    /// Where bodies are deformed.
+    /// Words about where bodies are deformed.
     pub deformation: String,
     /// The input that moves head and styli where no tracker does.
     pub source: String,
     pub sensors: Vec<SensorReading>,
-    /// Of each device of an effect: its rows.
+    /// The rows of each device of an effect.
     pub devices: Vec<Vec<Words>>,
-    /// How held elements move.
+    /// The mode of the hands: how held elements move.
     pub mode: String,
     pub hands: Vec<HandReading>,
-    /// How many changes can be undone, and how many redone.
+    /// Numbers of changes that can be undone, and redone.
     pub undo: [usize; 2],
     pub bodies: Vec<BodyReading>,
     /// Warnings with the time since the start, s; newest last.
     pub warnings: Vec<(f64, String)>,
-    /// Of the trackers, s.
+    /// Time of the trackers, s.
     pub time_s: f64,
 }
 
@@ -65,21 +65,21 @@ pub struct BodyReading {
     pub model: String,
     pub effects: Vec<String>,
     pub controls: Vec<ControlReading>,
-    /// As its limits have it, rad.
+    /// The turn that its limits refer to, rad.
     pub turn: f64,
     pub limits: TurnLimits,
-    /// How old its state is, of a model that computes in the background.
+    /// The age of its state, if its model computes in the background.
     pub age: Option<StateAge>,
     /// Strain energy, J, where the scene asks for forces.
     pub energy: Option<f64>,
-    /// What errors to expect here, of a body that shows forces or was measured.
+    /// Errors to expect here, of a body that shows forces or was measured.
     pub errors: Option<ErrorReading>,
 }
 
-/// What errors to expect of a body in its pose.
+/// Errors to expect of a body in its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorReading {
-    /// Those of the model in the body's pose; `None` of a model that is static equilibrium itself.
+    /// Errors of the model in the body's pose; `None` if the model is static equilibrium itself.
     pub model: Option<ErrorsAt>,
     /// The part of forces that the mesh adds.
     pub mesh: Option<f64>,
@@ -92,14 +92,14 @@ pub struct ControlReading {
     pub name: String,
     pub pose: ControlPose,
     pub held: bool,
-    /// Where the scene asks for forces.
+    /// Present if the scene asks for forces.
     pub force: Option<ForceReading>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceReading {
     pub wrench: Wrench,
-    /// What it may be wrong by, where that is known.
+    /// The possible error, if it is known.
     pub error: Option<WrenchError>,
 }
 

@@ -24,14 +24,14 @@ pub(super) enum Row {
     Gap,
 }
 
-/// Which rows are left out first where there is no room for all.
+/// Importance of a row: if there is no room for all, rows of the last rank go first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
-    /// What one opens the overlay for.
+    /// The reason to open the overlay.
     First,
     Second,
     Third,
-    /// For whoever looks for a fault.
+    /// Details for the search of a fault.
     Detail,
     Space,
 }
@@ -65,7 +65,7 @@ pub(super) fn height(rows: &[Ranked]) -> f32 {
     rows.iter().map(|(_, row)| row.lines()).sum()
 }
 
-/// The rows that fit into so many lines, without the least of them: of one rank the last go first. A last row counts those that
+/// The rows that fit into `lines` lines, without the least of them: of one rank the last go first. A last row counts those that
 /// are left out. Nothing where not even one of them and that row fit.
 pub(super) fn fitting(mut rows: Vec<Ranked>, lines: f32, quiet: Color32) -> Vec<Ranked> {
     if height(&rows) <= lines {

@@ -1,4 +1,4 @@
-//! Where the plates of an overlay stand: never over what is held, and steadily.
+//! Seats of the plates of an overlay: never over what is held, and steady.
 //!
 //! In: the sizes that two plates would like, and rectangles to keep clear. Out: a [`Seat`] for each, in a column at the left or
 //! right edge. A plate stays where it is until something comes under it, and goes back to its own side when that has been
@@ -6,13 +6,13 @@
 
 use egui::{Rect, pos2, vec2};
 
-/// Where a plate stands: its corner, its width, and how high it may be at most; not at all where that is less than it needs.
+/// The seat of a plate: its corner, its width, and its largest height; none where that is less than it needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seat {
     pub rect: Rect,
 }
 
-/// Where the plates stand from frame to frame.
+/// Seats of the plates from frame to frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seats {
     chosen: Option<Chosen>,
@@ -22,19 +22,19 @@ pub struct Seats {
 
 #[derive(Clone, Debug, PartialEq)]
 struct Chosen {
-    /// In which the plates were seated, and how large they were: another window is another choice.
+    /// The rectangle in which the plates were seated: another window is another choice.
     inside: Rect,
     seats: [Option<Seat>; 2],
     is_own: bool,
 }
 
-/// What is to be seated.
+/// The plates that are to be seated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
-    /// Within which the plates stand.
+    /// The rectangle within which the plates stand.
     pub inside: Rect,
     pub width: f32,
-    /// Of the left and the right plate, with all their rows; the right one may be empty.
+    /// Heights of the left and the right plate, with all their rows; the right one may be empty.
     pub heights: [f32; 2],
     /// Between plates, and to what is kept clear.
     pub margin: f32,
@@ -44,7 +44,7 @@ pub(super) struct Wanted {
     pub is_wide: bool,
 }
 
-/// After so long plates go back to their own sides, s.
+/// Time after which plates go back to their own sides, s.
 const BACK_S: f64 = 1.0;
 
 impl Seats {
@@ -83,7 +83,7 @@ impl Seats {
 }
 
 impl Wanted {
-    /// Of all arrangements the first that shows most of the plates, with a margin about what is kept clear.
+    /// The first of all arrangements that shows most of the plates, with a margin about what is kept clear.
     fn best(&self, clear: &[Rect]) -> [Option<Seat>; 2] {
         let clear: Vec<Rect> = clear.iter().map(|held| held.expand(2.0 * self.margin)).collect();
         let mut best = ([None; 2], -1.0);
@@ -98,7 +98,7 @@ impl Wanted {
         best.0
     }
 
-    /// Beside each other, each on its own side or on the other's, or both on one side.
+    /// The seats of an arrangement: beside each other, each on its own side or on the other's, or both on one side.
     fn arranged(&self, arrangement: usize, clear: &[Rect]) -> [Option<Seat>; 2] {
         let sides =
             if self.is_wide { [[0, 1], [1, 1], [0, 0], [1, 0]] } else { [[0, 0], [1, 1], [0, 0], [1, 1]] };

@@ -149,7 +149,7 @@ fn gpu() -> Option<Gpu> {
     }
 }
 
-/// Nothing is drawn over what is held; in small windows the least rows are left out, and letters are as large as ever.
+/// A held thing is never covered; in small windows the least rows are left out, and letters are as large as ever.
 #[test]
 fn no_pixel_is_over_what_is_held_in_windows_of_any_size() {
     let Some(gpu) = gpu() else { return };
@@ -260,7 +260,8 @@ fn forces_stand_with_their_error_or_without_one() {
     assert_eq!(unknown[7], "torque    3.01 N·m  error unknown");
 }
 
-/// As in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture: bent further.
+/// Golden picture, as in tests/pictures/golden.rs; `GREENSTAGE_BLESS=1` writes tests/golden/overlay.png anew. The wrong picture:
+/// bent further.
 #[test]
 fn the_overlay_matches_its_golden_picture_and_leaves_the_middle_free() {
     let Some(gpu) = gpu() else { return };
@@ -292,7 +293,7 @@ fn the_history_keeps_the_last_120_frames() {
     assert_eq!(History::default().mean(|frame| frame.whole_s), 0.0);
 }
 
-/// Numbers between those that were measured, none beyond, and not a word of a body of which nothing was.
+/// Numbers between those that were measured, none beyond, and no row for a body of which nothing was.
 #[test]
 fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     use crate::deform::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors};

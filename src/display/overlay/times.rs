@@ -32,9 +32,9 @@ pub struct History {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameSteps {
-    /// As [`STEPS`], s.
+    /// Times of the [`STEPS`], s.
     pub steps: [f64; 8],
-    /// From this frame to the next, with the time that no step accounts for, s.
+    /// Time from this frame to the next, with the part that no step accounts for, s.
     pub whole_s: f64,
 }
 

@@ -23,13 +23,13 @@ const OPENING: f64 = 40.0 * TAU / 360.0;
 const MARGIN: f64 = 0.93;
 const NARROWEST: f64 = 4.0 / 3.0;
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
-/// From above this elevation, a place is overhead, rad.
+/// Elevation above which a place is overhead, rad.
 const OVERHEAD: f64 = 75.0 * TAU / 360.0;
-/// How far the first view is to the right of the viewer's, rad.
+/// Angle by which the first view is to the right of the viewer's, rad.
 const ASIDE: f64 = 0.8;
 
 impl Camera {
-    /// From the viewer's side, above and to the right, so far away that everything is in the picture.
+    /// A camera at the viewer's side, above and to the right, at the distance at which everything is in the picture.
     pub fn of(stage: &Stage) -> Self {
         let points = outline(stage);
         let viewer = stage.viewer.room_from_head.translation.vector - stage.workspace.centre.coords;
@@ -125,7 +125,7 @@ impl Camera {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     pub camera: Camera,
-    /// Where the cursor was last, as a share of the window.
+    /// The last place of the cursor, as a share of the window.
     cursor: Option<[f32; 2]>,
     dragging: bool,
 }

@@ -22,7 +22,7 @@ const BACK: Colour = [0.20, 0.14, 0.10, 0.42];
 const FAINT: Colour = [0.42, 0.50, 0.60, 0.28];
 const GLASSES: Colour = [0.75, 0.78, 0.82, 1.0];
 const AXES: [Colour; 3] = [[0.85, 0.10, 0.07, 1.0], [0.12, 0.60, 0.10, 1.0], [0.08, 0.25, 0.95, 1.0]];
-/// Without transparency, since the pieces of a circle overlap.
+/// Colour of balls, without transparency, since the pieces of a circle overlap.
 const BALL: Colour = [0.20, 0.25, 0.31, 1.0];
 /// Length of a sensor's axes, m.
 const SENSOR_M: f64 = 0.08;
@@ -37,7 +37,7 @@ pub struct StageModel {
     pub drawables: Vec<Drawable>,
     pub labels: Vec<Label>,
     pub floor: Option<Grid>,
-    /// For the picture's corner.
+    /// Words for the picture's corner.
     pub note: String,
 }
 
@@ -83,7 +83,7 @@ impl StageModel {
         room
     }
 
-    /// Adds what a tape measure tells of each screen: sides, tilt and heights.
+    /// Adds the dimensions of each screen: sides, tilt and heights.
     pub fn add_measures(&mut self, stage: &Stage) {
         for screen in &stage.screens {
             let sides = format!("{:.3} × {:.3} m\n{}", screen.width_m(), screen.height_m(), screen.posture());
@@ -119,7 +119,7 @@ impl StageModel {
         }
     }
 
-    /// What is drawn, with what `contents` has; its floor becomes the room's.
+    /// The drawables, with those of `contents`; its floor becomes the room's.
     pub fn contents<'a>(&'a self, contents: FrameContents<'a>) -> FrameContents<'a> {
         let [frame, _] = contents.drawables;
         FrameContents { drawables: [frame, &self.drawables], grid: self.floor, ..contents }
@@ -200,7 +200,7 @@ impl StageModel {
         }
     }
 
-    /// From each eye to the corners of each screen that it sees.
+    /// Adds lines from each eye to the corners of each screen that it sees.
     fn add_sights(&mut self, stage: &Stage, room_from_head: &Isometry3<f64>) {
         for &eye in stage.stereo.eyes() {
             let place = stage.viewer.eye_in_room(room_from_head, eye);
@@ -296,8 +296,8 @@ pub fn write_names(painter: &Painter, rect: Rect, view: &View, room: &StageModel
     }
 }
 
-/// By how much a plate moves so that it stands within the picture and over no other: the least such way of those tried,
-/// none where all fail.
+/// The offset by which a plate moves so that it stands within the picture and over no other: the least of those tried, none where
+/// all fail.
 fn aside(plate: Rect, picture: Rect, written: &[Rect]) -> Vec2 {
     let step = vec2(plate.width().min(4.0 * plate.height()), plate.height()) * 0.5;
     let steps = -6_i32..=6;
