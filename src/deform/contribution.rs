@@ -1,7 +1,7 @@
-//! What effects add to a body in one frame, beside its model.
+//! Contributions of effects to a body in one frame, beside its model.
 //!
-//! x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too, and
-//! V(P) + V'(P), of which V' and its derivatives by the poses P of the control elements come from effects.
+//! The shape is x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too. The energy is
+//! V(P) + V'(P) with the poses P of the control elements; effects supply V' and its derivatives.
 
 use super::frames::PoseSlope;
 use super::pose::ControlPose;
@@ -9,10 +9,10 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
 
-/// Derivatives by the twelve numbers of a pose: T, then M row by row.
+/// Derivatives with respect to the twelve numbers of a pose: T, then M row by row.
 pub type PoseCurvature = SMatrix<f64, 12, 12>;
 
-/// All effects' part of one body in one frame; effects add to it one after the other.
+/// The contribution of all effects to one body in one frame; effects add to it one after the other.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contribution {
@@ -22,13 +22,13 @@ pub struct Contribution {
     /// V', J.
     #[serde(with = "crate::field::numbers")]
     pub energy: f64,
-    /// ∂V'/∂P of each control element.
+    /// ∂V'/∂P of each control element: the force that the hand must apply; what the hand feels is its negative.
     pub slopes: Vec<PoseSlope>,
-    /// ∂²V'/∂P² of each control element, the others held: what a force loop follows between two frames.
+    /// ∂²V'/∂P² of each control element, the others held: the stiffness with which a force loop extrapolates between two frames.
     #[serde(with = "crate::field::numbers::list")]
     pub curvatures: Vec<PoseCurvature>,
-    /// The triangles of the surface, where an effect has others than those of the .green file: nodes of the surface,
-    /// counter-clockwise seen from outside.
+    /// The triangles of the surface, if an effect replaces those of the .green file: nodes of the surface, counter-clockwise seen
+    /// from outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub triangles: Option<Topology>,
 }
@@ -50,7 +50,7 @@ impl<'de> Deserialize<'de> for Topology {
 }
 
 impl Contribution {
-    /// Nothing, of a body with so many columns of effects and control elements.
+    /// No contribution, with `columns` columns of effects and `controls` control elements.
     pub fn none(columns: usize, controls: usize) -> Contribution {
         Contribution {
             coefficients: vec![0.0; columns],
@@ -68,19 +68,20 @@ impl Contribution {
             && self.coefficients.iter().chain(slopes).chain(curvatures).all(|x| x.is_finite())
     }
 
-    /// Whether effects change the forces on control elements; a shape that they change without an energy does not.
+    /// Whether effects change the forces on control elements. Changing the shape alone, without energy, exerts none. Curvatures
+    /// are ignored here, unlike in [`Contribution::of_element`].
     pub fn exerts_forces(&self) -> bool {
         self.slopes.iter().any(|slope| *slope != PoseSlope::default())
     }
 
-    /// Whether it has the shape of a body's with so many columns of effects, control elements and surface nodes.
+    /// Whether the lengths of its lists fit the body.
     pub(super) fn suits(&self, columns: usize, controls: usize, nodes: usize) -> bool {
         let mut corners = self.triangles.iter().flat_map(|triangles| triangles.0.as_flattened());
         (self.coefficients.len(), self.slopes.len(), self.curvatures.len()) == (columns, controls, controls)
             && corners.all(|node| (*node as usize) < nodes)
     }
 
-    /// Of control element `e` alone, about its pose `at`.
+    /// The part of control element `e` alone, about its pose `at`; `None` if there is none.
     pub fn of_element(&self, e: usize, at: &ControlPose) -> Option<ElementPotential> {
         let (slope, curvature) = (self.slopes.get(e)?, self.curvatures.get(e)?);
         let is_none = *slope == PoseSlope::default() && *curvature == PoseCurvature::zeros();

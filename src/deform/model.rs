@@ -1,4 +1,4 @@
-//! What a deformation model is: control poses in, the state of a body out.
+//! The interface of deformation models: from control poses to the state of a body.
 
 use super::frames::PoseSlope;
 use super::loads::applied::SharedLoads;
@@ -13,89 +13,89 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How a body's control poses become its state. Exactly one per body.
+/// Turns the control poses of a body into its [`BodyState`]. Each body has one.
 pub trait DeformationModel: Send {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState;
 
-    /// The strain energy V of the poses, and its derivatives by the pose of each control element: every force that the
-    /// program shows, writes or lets a hand feel. `None` where the .green file lacks the numbers for it. Allocates
+    /// The strain energy V of the poses, and its derivatives with respect to the pose of each control element. From these come
+    /// all forces of the model; the deformer adds those of effects. `None` if the .green file lacks the numbers for it. Allocates
     /// nothing, for the force loop.
     fn respond(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
         None
     }
 
-    /// Does a part of what [`DeformationModel::respond_beside`] needs, beginning anew where `anew`: the second derivatives of V at
-    /// the last response. True when nothing is left to do; until then each tick of the force loop has time for one part.
+    /// Computes the second derivatives of V at the last response, which [`DeformationModel::respond_beside`] needs, in parts, one
+    /// a call, so that each fits into a tick of the force loop; `anew` starts over. Returns true when done.
     fn prepare_beside(&mut self, _anew: bool) -> bool {
         true
     }
 
-    /// [`DeformationModel::respond`] a little beside the poses that were asked last, to first order of the way there, for
-    /// stiffnesses: the equilibrium stays, and a call costs much less than a response. `None` of a model that has no such way,
-    /// and where it is not prepared or has no equilibrium.
+    /// First-order estimate of [`DeformationModel::respond`] at poses near the last ones; no equilibrium is solved. It is much
+    /// cheaper and serves to find stiffnesses. `None` if the model has no such estimate, is not prepared for it, or has no
+    /// equilibrium.
     fn respond_beside(&mut self, _poses: &[ControlPose], _slopes: &mut [PoseSlope]) -> Option<Response> {
         None
     }
 
-    /// Whether the last response took so long that the force loop should ask for no other in the same tick.
+    /// Whether the last response was slow, so that the force loop should ask for no second one in this tick.
     fn was_long(&self) -> bool {
         false
     }
 
-    /// What the model keeps from one frame to the next.
+    /// The memory of the model: all that it keeps from one frame to the next.
     fn memory(&self) -> ModelMemory {
         ModelMemory::default()
     }
 
-    /// Goes on from what a model of the same body kept. The error says why it cannot, and the model is as it was.
+    /// Goes on from the memory of a model of the same body. The error says why it cannot, and the model is as it was.
     fn set_memory(&mut self, _memory: &ModelMemory) -> Result<(), String> {
         Ok(())
     }
 
-    /// Displacements of all surface nodes that are no sum of columns, m, before parts move; they are added to the sum.
-    /// A model that has them has them from its making on.
+    /// Displacements that cannot be written as sums of columns, one for each surface node, m. They are added before the parts
+    /// move. A model returns `Some` always or never.
     fn field(&self) -> Option<&[[f32; 3]]> {
         None
     }
 
-    /// What the forces at single points came to in the last state.
+    /// Places and forces at the loaded points in the last state.
     fn point_results(&self) -> &[PointResult] {
         &[]
     }
 
-    /// Whether the state has changed though no pose has: what is computed in the background has arrived.
+    /// Whether the background has a new state although no pose changed.
     fn has_news(&mut self) -> bool {
         false
     }
 
-    /// How old the state is, of a model that computes in the background.
+    /// The age of the state, if the model computes in the background.
     fn age(&self) -> Option<StateAge> {
         None
     }
 
-    /// From now on a state waits at most so long for what is computed in the background. With [`Duration::MAX`] every state is
-    /// that of its own poses: for pictures and recordings.
+    /// Limits the time that a state waits for the background to `patience`. With [`Duration::MAX`] every state is that of its own
+    /// poses: for pictures and recordings.
     fn be_patient(&mut self, _patience: Duration) {}
 
-    /// A second model of the same body for a force loop, where it shares what is computed in the background; `None` of a
-    /// model that can be made twice.
+    /// A second model of the same body for a force loop, which shares the computation in the background; `None` if the caller can
+    /// simply make the model again.
     fn for_force_loop(&self) -> Option<Box<dyn DeformationModel>> {
         None
     }
 
-    /// How much each part moves each node of the rest surface, of a model that has several; `None` of one part, whose
-    /// motion is that of the whole body. Asked once.
+    /// The weight with which each part moves each node of the rest surface; `None` for one part, whose motion is that of the
+    /// whole body. Called once, when the deformer is made.
     fn part_weights(&self, _rest: &[[f32; 3]]) -> Option<PartWeights> {
         None
     }
 
-    /// Forces are shown from now on.
+    /// Asks for forces from now on: a background model must compute them.
     fn feel(&mut self) {}
 
     /// Forgets the poses seen so far: the next one stands alone, as in a batch.
     fn forget(&mut self) {}
 
-    /// The next pose of `e` continues this turn, whose sign tells 200° from -160°, in a model that follows turns.
+    /// Sets the turn from which the next pose of `e` is followed. The sign of its quaternion distinguishes 200° from -160°.
     fn set_turn(&mut self, _e: usize, _turn: UnitQuaternion<f64>) {}
 }
 
@@ -106,28 +106,30 @@ pub struct ModelEntry {
     pub summary: &'static str,
     /// Column families that must be precomputed for it.
     pub requirements: &'static [Family],
+    /// The frame of its displacements.
     pub frame: Frame,
     /// Families that its strain energy needs beside those; `None`: it has no energy and cannot be felt.
     pub energy: Option<&'static [Family]>,
-    /// Largest turns of a piece of the surface, or of control elements against each other where the model moves parts, in
-    /// degrees, up to which it is good and up to which it is fair: off by about 0.2 % and 2 % of the body's length.
+    /// Two limits in degrees: up to the first the model is good (off by about 0.2 % of the body's length), up to the second fair
+    /// (2 %). The angle is that of a piece of the surface, or, where the model moves parts, between control elements.
     pub turn_limits_deg: [f64; 2],
+    /// The way in which it is evaluated: online or in the background.
     pub kind: Kind,
+    /// The way in which it bears loads.
     pub loads: Bearing,
-    /// Whether a body's shape is one for it, where that can be told without solving.
+    /// Checks, without solving, whether the body's shape suits the model.
     pub fits: Option<Fits>,
 }
 
 impl ModelEntry {
-    /// Whether the columns of control elements are summed as in the theory of small strain, in a frame that may turn along; a model
-    /// without them has a shape of its own.
+    /// Whether the columns of control elements are summed as in the theory of small strain, in a frame that may turn along; a
+    /// model without these columns computes its shape in another way.
     pub fn is_of_small_strain(&self) -> bool {
         let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
         self.law().is_none() && has_columns && !self.is_quartic()
     }
 
-    /// The law whose static equilibrium it is, found anew for every pose; `None` of a model that is computed in every frame from
-    /// what the .green file holds.
+    /// The material law, if the model is solved in the background for every pose.
     pub fn law(&self) -> Option<&'static Law> {
         match self.kind {
             Kind::Background(law) => Some(law),
@@ -135,7 +137,7 @@ impl ModelEntry {
         }
     }
 
-    /// Whether it is linear in the matrices of the poses, and takes them as they are, not as turns.
+    /// Whether it uses the matrices of the poses linearly, without extracting rotations.
     pub fn is_linear(&self) -> bool {
         self.frame == Frame::Rest
     }
@@ -155,8 +157,8 @@ impl ModelEntry {
         self.requirements.iter().any(|family| family.name == REDUCED.name)
     }
 
-    /// What the model's own law makes of the stretches in a free face: St. Venant–Kirchhoff's where its energy is quartic, that
-    /// of a background model, else Hooke's law of small strain in the frame that turns along.
+    /// The law for stresses in a free face: that of a background model; St. Venant–Kirchhoff's if the energy is quartic;
+    /// otherwise Hooke's, in the frame that turns along.
     pub fn free_face(&self) -> fn([f64; 2], Lame) -> FreeFace {
         match self.kind {
             Kind::Background(law) => law.free_face,
@@ -166,7 +168,7 @@ impl ModelEntry {
     }
 }
 
-/// Its name.
+/// The model's name.
 impl fmt::Display for ModelEntry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
@@ -187,7 +189,7 @@ impl PartialEq for ModelEntry {
 
 impl Eq for ModelEntry {}
 
-/// In the order of their names.
+/// Orders models by their names.
 impl Ord for ModelEntry {
     fn cmp(&self, other: &ModelEntry) -> Ordering {
         self.name.cmp(other.name)
@@ -200,27 +202,28 @@ impl PartialOrd for ModelEntry {
     }
 }
 
-/// How a model bears loads and forces at points.
+/// The way in which a model bears loads and forces at points.
 #[derive(Clone, Copy)]
 pub enum Bearing {
-    /// By columns of the theory of small strain in its frame, and those of a compliance of its surface.
+    /// Columns of the theory of small strain in the model's frame, and columns of the surface's compliance.
     Columns,
-    /// As forces in its own equilibrium; a body with loads needs these families beside the model's own.
+    /// Forces in the model's own equilibrium; a body with loads needs these families beside the model's own.
     Forces(&'static [Family]),
 }
 
-/// In which frame a model's displacements stand.
+/// The coordinates of a model's displacements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// In that of the body at rest.
+    /// The frame of the body at rest.
     Rest,
-    /// In one that follows the mean motion of the control elements.
+    /// A frame that follows the mean motion of the control elements.
     MeanMotion,
-    /// In that of the body at rest, solved for large rotations.
+    /// The frame of the body at rest. It differs from [`Frame::Rest`] only in how the displacements are found: solved for large
+    /// rotations.
     Solved,
 }
 
-/// A strain energy, by [`DeformationModel::respond`].
+/// The energy that [`DeformationModel::respond`] found.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Response {
@@ -231,7 +234,7 @@ pub struct Response {
     pub is_defined: bool,
 }
 
-/// What a model is made from. Lengths are about the body's centre, m.
+/// The data from which a model is made. Places are relative to the body's centre, m.
 pub struct ModelInput<'a> {
     pub controls: &'a [ControlRest],
     /// Surface nodes and triangles at rest.
@@ -242,11 +245,11 @@ pub struct ModelInput<'a> {
     /// A table of the body by its name, such as `stiffness`, where it was precomputed; `affine` are the columns of all control
     /// elements, a row for each axis of each surface node.
     pub table: &'a dyn Fn(&str) -> Option<DMatrix<f64>>,
-    /// `None` of a body on which nothing may act.
+    /// `None` if nothing may act on the body.
     pub loads: Option<LoadInput<'a>>,
 }
 
-/// What acts on a body beside its control elements, for a model that has it as forces in its equilibrium.
+/// The loads on a body beside its control elements, for a model that bears them as forces in its equilibrium.
 #[derive(Clone, Copy)]
 pub struct LoadInput<'a> {
     /// The loads that the body's file has, and what is applied as frames set it.
@@ -255,38 +258,38 @@ pub struct LoadInput<'a> {
     pub surface: &'a ColumnsAt,
 }
 
-/// Where a node of the surface is at rest, and the displacements of all columns of the file there.
+/// Place of a node of the surface at rest, and the displacements of all columns of the file there.
 pub type ColumnsAt = Arc<dyn Fn(u32) -> (Vector3<f64>, Vec<Vector3<f64>>) + Send + Sync>;
 
 /// Makes a model; the error says why this body cannot have it.
 pub type MakeModel = fn(&ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String>;
 
-/// How a model is evaluated.
+/// The way in which a model is evaluated.
 #[derive(Clone, Copy)]
 pub enum Kind {
-    /// In every frame, from what the .green file holds.
+    /// Evaluation in every frame, from the .green file.
     Online(MakeModel),
-    /// As static equilibrium under a law, found in the background; by [`super::Statics`] in a batch.
+    /// Static equilibrium under a law, found in the background; by [`super::Statics`] in a batch.
     Background(&'static Law),
 }
 
-/// What a force at a single point came to, in the body's frame.
+/// Place and force at a loaded point, as the model found them, in the body's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointResult {
-    /// Where the point is, m about the body's centre.
+    /// The place of the point relative to the body's centre, m.
     pub place: Vector3<f64>,
-    /// On the body, N.
+    /// The force on the body, N.
     pub force: Vector3<f64>,
 }
 
-/// How old a state is that was computed in the background.
+/// The age of a state that was computed in the background.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StateAge {
-    /// It is that of the newest poses.
+    /// The state is that of the newest poses.
     Current,
-    /// It is that of poses that were asked for so long ago.
+    /// The state is that of poses that were asked for `seconds` ago.
     Old { seconds: f64 },
-    /// There is no state beyond it on the way to the newest poses.
+    /// No equilibrium was found on the way to the newest poses.
     Lost,
 }
 
@@ -300,21 +303,21 @@ pub struct ControlRest {
     pub nodes: usize,
 }
 
-/// All that a body's surface is computed from: x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p).
+/// The state from which a body's surface is computed: x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p).
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyState {
-    /// R_p and t_p of each rigid part. That of a single part is what the model took out of the poses: the identity for
-    /// `linear`.
+    /// R_p and t_p of each rigid part. For a single part it is the motion that the model extracted from the poses: the identity
+    /// for `linear`.
     #[serde(with = "crate::field::numbers::list")]
     pub parts: Vec<Isometry3<f64>>,
-    /// c_k, group after group as the body's columns stand; a model may leave out those behind its own, which are then 0.
+    /// c_k in the order of the body's columns. Trailing ones that a model leaves out count as 0.
     #[serde(with = "crate::field::numbers::flat")]
     pub coefficients: Vec<f64>,
-    /// The mean rotation is not defined for these poses: an earlier one was kept, the picture is not to be trusted.
+    /// The mean rotation is undefined for these poses; the previous one was kept, so do not trust the picture.
     pub rotation_undefined: bool,
-    /// Counts the changes of a field of the model's own ([`DeformationModel::field`]), and of the surface's triangles, which are no
-    /// change of the above.
+    /// Counts changes that the other members do not show: of the model's [`field`](DeformationModel::field), and of the
+    /// triangles.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub field_version: u64,
 }
@@ -324,7 +327,7 @@ fn is_zero(version: &u64) -> bool {
 }
 
 impl BodyState {
-    /// One part where it was made, and so many columns without a coefficient.
+    /// One part in its original place, and `columns` coefficients that are all zero.
     pub fn at_rest(columns: usize) -> BodyState {
         BodyState {
             parts: vec![Isometry3::identity()],
@@ -334,7 +337,7 @@ impl BodyState {
         }
     }
 
-    /// The motion of the first part: of the whole body, where it has one part alone.
+    /// The motion of the first part: that of the whole body, if it is the only one.
     pub fn body_from_surface(&self) -> Isometry3<f64> {
         self.parts.first().copied().unwrap_or_else(Isometry3::identity)
     }

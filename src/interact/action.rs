@@ -3,11 +3,11 @@
 use super::mode::Mode;
 use serde::{Deserialize, Serialize};
 
-/// What a hand takes where it points at no control element.
+/// The grip of a hand that points at no control element.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Taking {
-    /// Nothing.
+    /// No grip: hands take control elements only.
     #[default]
     Elements,
     /// The point of the surface, by a spring.
@@ -26,7 +26,7 @@ impl Taking {
         }
     }
 
-    /// For an overlay.
+    /// Words for an overlay.
     pub fn words(self) -> &'static str {
         match self {
             Taking::Elements => "",
@@ -52,7 +52,7 @@ pub enum Action {
     /// The scene and all bodies that were set aside return to their places.
     ResetNavigation,
     SetMode(Mode),
-    /// What a hand takes that points at a body with `surface_compliance`.
+    /// Sets the grip of a hand that points at a body with `surface_compliance`.
     SetTaking(Taking),
     /// Sets one column of the loads of a body, by their numbers.
     SetLoad {
@@ -62,7 +62,7 @@ pub enum Action {
     },
     /// Sets the body of this number aside, or brings it back.
     SetAside(usize),
-    /// Scales the scene about the workspace's centre by this factor.
+    /// Toggles whether the body of this number is set aside.
     ScaleScene(f64),
     /// Sets the next end of the ruler where the ray hits a surface; takes a whole ruler away.
     Measure,

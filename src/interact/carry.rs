@@ -29,7 +29,7 @@ impl HandMotion {
         self.rigid() * self.held_then
     }
 
-    /// How far the hand has moved along the ray that it had at the grab, m.
+    /// Distance by which the hand has moved along the ray that it had at the grab, m.
     pub fn push(&self) -> f64 {
         let way = self.room_from_hand_now.translation.vector - self.room_from_hand_then.translation.vector;
         way.dot(&(self.room_from_hand_then.rotation * -Vector3::z()))
@@ -65,7 +65,7 @@ pub fn carry(hands: &[HandMotion], last: Option<Vector3<f64>>) -> Option<Similar
     Some(Similarity3::from_parts(Translation3::from(shift), rotation, scale))
 }
 
-/// From what the first hand holds to what the second holds, now, or `last` where the two have met.
+/// The vector from the place that the first hand holds to that of the second, now; `last` if the two have met.
 pub fn held_line(hands: &[HandMotion], last: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
     let [first, second, ..] = hands else { return None };
     Some(second.held_now() - first.held_now()).filter(|line| line.norm() > APART_M).or(last)

@@ -19,7 +19,7 @@ pub struct Carrying {
     pub axis: Option<Unit<Vector3<f64>>>,
     /// The [`held_line`] of the frame before.
     pub line: Option<Vector3<f64>>,
-    /// With one hand, both entries are the same.
+    /// Motions of both hands; a single hand's stands twice.
     pub motions: [HandMotion; 2],
     /// 1 or 2.
     pub hands: usize,

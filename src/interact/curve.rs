@@ -22,7 +22,7 @@ pub fn bend(tip: &Point3<f64>, carried: &Point3<f64>, held: &Point3<f64>) -> Opt
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceArrow {
     pub from: Point3<f64>,
-    /// Its length in the room, m.
+    /// The vector of its length and direction in the room, m.
     pub along: Vector3<f64>,
     /// 0 to 1: the colour goes from green by yellow to red.
     pub strength: f64,

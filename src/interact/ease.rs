@@ -13,7 +13,7 @@ pub struct Ease {
     start_s: f64,
 }
 
-/// How long a motion takes, s.
+/// Duration of a motion, s.
 pub const EASE_S: f64 = 0.4;
 
 impl Ease {
@@ -29,8 +29,8 @@ impl Ease {
     }
 }
 
-/// A control pose T, M at `share` of its way back to rest: M = R S, T (1 - share), R by slerp along the turn that
-/// `turn` tells (its sign tells a turn by 200° from one by -160°), S on a straight line to I. Exactly rest at 1.
+/// A control pose T, M at `share` of its way back to rest: M = R S, T (1 - share), R by slerp along `turn` (whose sign
+/// distinguishes a turn by 200° from one by -160°), S on a straight line to I. Exactly rest at 1.
 pub fn towards_rest(
     translation: &Vector3<f64>,
     matrix: &Matrix3<f64>,

@@ -47,7 +47,7 @@ pub struct Drag {
     pub room_from_element: Matrix4<f64>,
 }
 
-/// What one hand holds, and where.
+/// The target that one hand holds, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grip {
@@ -55,18 +55,18 @@ pub struct Grip {
     /// The grabbed point, rigidly carried by the hand.
     #[serde(with = "crate::field::numbers")]
     pub place_in_stylus: Point3<f64>,
-    /// The same point of the element itself.
+    /// The grabbed point in the element's own frame.
     #[serde(with = "crate::field::numbers")]
     pub place_in_element: Point3<f64>,
-    /// It was grabbed with the tip, not with the ray.
+    /// Whether it was grabbed with the tip, not with the ray.
     pub is_near: bool,
 }
 
-/// What the hands do in one frame.
+/// The requests of the hands in one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Asked {
-    /// In the order of the targets.
+    /// Drags in the order of the targets.
     pub drags: Vec<Drag>,
     /// Hands that move the scene: their second button was pressed while they held nothing.
     pub navigating: Vec<MovingHand>,
@@ -85,7 +85,7 @@ struct Hand {
     last_press_s: Option<f64>,
 }
 
-/// What the second button does until it is released.
+/// The use of the second button until it is released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Second {
@@ -95,7 +95,7 @@ enum Second {
         since_s: f64,
     },
     Navigates,
-    /// Its effect has ended, and it waits for its release.
+    /// The effect has ended, and the button waits for its release.
     Spent,
 }
 
@@ -107,7 +107,7 @@ struct Hold {
     scaled_by: Option<usize>,
     #[serde(with = "crate::field::numbers")]
     room_from_element: Matrix4<f64>,
-    /// Of length 1.
+    /// A unit vector.
     #[serde(with = "crate::field::numbers::option")]
     axis: Option<Vector3<f64>>,
     /// See [`held_line`](super::held_line).
@@ -184,7 +184,7 @@ impl Hands {
         self.hands.iter().filter_map(|hand| hand.grip).map(|grip| grip.target).collect()
     }
 
-    /// What hand `i` holds.
+    /// The grip of hand `i`.
     pub fn grip(&self, i: usize) -> Option<&Grip> {
         self.hands.get(i)?.grip.as_ref()
     }
@@ -206,7 +206,7 @@ impl Hands {
         }
     }
 
-    /// Tells that held elements have moved, as after navigation: holds continue from there.
+    /// Makes holds continue from the elements' present places, as after navigation.
     pub fn rebase(&mut self) {
         self.holds.clear();
     }
@@ -307,7 +307,7 @@ impl Hands {
         Some(Drag { target, room_from_element: carrying.now()? })
     }
 
-    /// How hand `i` carries what it holds, with the other hand of the hold where it is now.
+    /// The carrying of what hand `i` holds, with the other hand of the hold where it is now.
     pub fn carrying(&self, i: usize) -> Option<Carrying> {
         let hold = self.holds.get(&self.grip(i)?.target)?;
         let mine = hold.then.iter().position(|then| then.hand == i)?;

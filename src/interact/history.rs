@@ -46,7 +46,7 @@ impl<T: Clone> History<T> {
         Some(entry)
     }
 
-    /// The same history of other entries; those of which nothing is left are dropped.
+    /// A history of other entries, made from these; those that become `None` are dropped.
     pub fn filter_map<U>(&self, mut entry: impl FnMut(&T) -> Option<U>) -> History<U> {
         History {
             done: self.done.iter().filter_map(&mut entry).collect(),
@@ -59,7 +59,7 @@ impl<T: Clone> History<T> {
         self.done.iter().chain(&self.undone)
     }
 
-    /// How many entries can be undone, and how many redone.
+    /// Numbers of entries that can be undone, and redone.
     pub fn depth(&self) -> [usize; 2] {
         [self.done.len(), self.undone.len()]
     }

@@ -1,4 +1,4 @@
-//! From styli to poses of control elements: pick ray and reach, hands, modes, history, navigation.
+//! Turns styli into poses of control elements: pick ray and reach, hands, modes, history, navigation.
 //!
 //! In: [`StylusState`](crate::track::StylusState)s, and the deformed surface of each control element. Out: what each
 //! hand points at, the matrix of every element that is held, as translation T and linear part M about its rest

@@ -65,7 +65,7 @@ impl Mode {
         }
     }
 
-    /// For an overlay: `free`, `translate along the body's x`.
+    /// Words for an overlay: `free`, `translate along the body's x`.
     pub fn name(self) -> String {
         let what = match (self.freedom, self.axis) {
             (Freedom::Free, None) => "free",

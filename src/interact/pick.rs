@@ -46,7 +46,7 @@ pub struct Hit {
     pub target: usize,
     #[serde(with = "crate::field::numbers")]
     pub point_in_room: Point3<f32>,
-    /// From the ray's origin, metres in the room.
+    /// Distance from the ray's origin, m in the room.
     pub distance_m: f32,
     /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
     #[serde(with = "crate::field::numbers")]
@@ -67,7 +67,8 @@ impl PickRay {
 }
 
 impl PickTarget<'_> {
-    /// How far the ray passes from the nearest of `shape.points`, and within how far it would hit one, m in the room.
+    /// Distance by which the ray passes the nearest of `shape.points`, and the distance within which it would hit one, m in the
+    /// room.
     pub fn missed_by(&self, ray: &PickRay) -> Option<(f64, f64)> {
         let (origin, way) = (ray.origin_in_room.cast::<f64>(), ray.direction_in_room.cast::<f64>());
         let missed = |vertex: &u32| {
@@ -82,8 +83,8 @@ impl PickTarget<'_> {
 }
 
 impl PickShape {
-    /// What of a control element is on the surface; `element_nodes` are nodes of the mesh. Empty if none is: such
-    /// an element cannot be picked.
+    /// The part of a control element that is on the surface; `element_nodes` are nodes of the mesh. Empty if none is: such an
+    /// element cannot be picked.
     pub fn new(surface: &Surface, element_nodes: &[u32]) -> Self {
         let nodes: BTreeSet<u32> = element_nodes.iter().copied().collect();
         let is_of_element =

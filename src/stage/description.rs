@@ -1,4 +1,4 @@
-//! What a stage consists of: its screens, windows, viewer, workspace, trackers and force-feedback devices.
+//! The parts of a stage: its screens, windows, viewer, workspace, trackers and force-feedback devices.
 
 use super::haptic::Haptic;
 use super::screen::Screen;
@@ -20,13 +20,13 @@ pub struct Stage {
     pub viewer: Viewer,
     pub workspace: Workspace,
     pub grid: Option<Grid>,
-    /// At least one; names are unique.
+    /// One screen or more; names are unique.
     pub screens: Vec<Screen>,
     /// If empty, those of [`Stage::usual_layout`].
     pub windows: Vec<Window>,
     /// The desktop's monitors by the file, for checks without a display.
     pub monitors: Vec<Monitor>,
-    /// What tracks head and hands, including force-feedback devices; empty if nothing does.
+    /// Trackers of head and hands, including force-feedback devices; empty if there are none.
     pub tracking: Tracking,
     /// Force-feedback devices; most stages have none.
     pub haptics: Vec<Haptic>,

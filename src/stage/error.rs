@@ -19,7 +19,7 @@ pub enum StageError {
     Unknown { name: String, nearest: Option<&'static str>, known: String },
 }
 
-/// What is wrong with a stage, and what to do about it.
+/// A fault of a stage, with what to do about it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StageFault {
     #[error(
@@ -70,7 +70,7 @@ pub enum StageFault {
     )]
     Corners {
         screen: String,
-        /// Which corners stand for which.
+        /// Words for the corners that are exchanged.
         what: &'static str,
         /// Lower left, lower right and upper left as they should be.
         corners: Box<[Point3<f64>; 3]>,
@@ -83,7 +83,7 @@ pub enum StageFault {
         screen: String,
         viewer: Box<Point3<f64>>,
         distance_m: f64,
-        /// What the screen's front is known by.
+        /// Words for what shows the side of the screen's front.
         front: Box<str>,
         remedy: Box<str>,
     },
@@ -146,7 +146,7 @@ pub const MAX_PIXELS: u32 = 16384;
 pub const PLACES: std::ops::RangeInclusive<i32> = -32768..=32767;
 pub const MIN_SIDE_M: f64 = 0.01;
 pub const MAX_SIDE_M: f64 = 100.0;
-/// A corner that is off a rectangle by so much is a slip of the tape, m, which is straightened …
+/// Largest deviation of a corner from a rectangle that counts as a slip of the tape, m, which is straightened …
 pub const STRAIGHTENED_M: f64 = 5e-3;
 /// … unless the screen is so small that its edges meet at an angle with a greater cosine: 0.57°.
 pub const MAX_SKEW: f64 = 1e-2;
@@ -207,7 +207,7 @@ fn length(position: &[f64; 3]) -> f64 {
     position.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The same numbers as metres, where they look like centimetres or millimetres.
+/// Suggests the same numbers as metres, if they look like centimetres or millimetres.
 fn in_metres(position: &[f64; 3]) -> String {
     let read = |(unit, scale): &(&str, f64)| {
         let metres = position.map(|x| (x * scale * 1e6).round() / 1e6 + 0.0);
@@ -224,7 +224,7 @@ pub fn place(point: &Point3<f64>) -> String {
     format!("[{x:.4}, {y:.4}, {z:.4}]")
 }
 
-/// What is wrong with a tracker, a sensor, a stylus or the viewer's head.
+/// A fault of a tracker, a sensor, a stylus or the viewer's head.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TrackingFault {
     #[error("{what} is {value}: it must be a number{unit} between {min} and {max}")]

@@ -32,7 +32,7 @@ pub struct Haptic {
     /// instead.
     pub latency_s: f64,
     pub room_from_device: Isometry3<f64>,
-    /// From the handle that the device measures to the stylus, whose ray is its -z axis.
+    /// The transform from the handle that the device measures to the stylus, whose ray is its -z axis.
     pub sensor_from_body: Isometry3<f64>,
     /// The buttons of a Haply grip that grab and act as the second button.
     pub buttons: [GripButton; 2],
@@ -105,7 +105,7 @@ impl Haptic {
         }
     }
 
-    /// Its name among the trackers and the sensors.
+    /// The name among the trackers and the sensors.
     pub fn tracker(&self) -> String {
         format!("haptic.{}", self.name)
     }

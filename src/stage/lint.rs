@@ -63,7 +63,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     found
 }
 
-/// What is wrong with a stage whatever it is shown on.
+/// The errors of a stage whatever it is shown on.
 pub fn errors(stage: &Stage) -> impl Iterator<Item = Diagnostic> {
     lint(stage, &[]).into_iter().filter(|finding| finding.severity == Severity::Error)
 }
@@ -165,7 +165,7 @@ fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     Diagnostic::new(severity, format!("seam.{}-{}", names[0], names[1]), format!("{a} and {b} {what}{along}"))
 }
 
-/// How far the second edge's ends are beyond the first's, or short of them, mm.
+/// Words for the distance of the second edge's ends from the first's, mm.
 fn ends(along_mm: [f64; 2]) -> String {
     let of = |mm: f64| match mm {
         0.0 => "level with the first".to_owned(),

@@ -1,4 +1,4 @@
-//! Where pictures are shown: screens in a room, the viewer's eyes, and the off-axis projection between them.
+//! The place of pictures: screens in a room, the viewer's eyes, and the off-axis projection between them.
 //!
 //! In: a stage file (strict TOML, or one that is built in). Out: a checked [`Stage`], whose screens give an
 //! [`EyeView`] for any eye. Lengths in metres in the room's frame: x right, y up, right-handed; f64 until the

@@ -5,12 +5,12 @@
 use super::screen::Screen;
 use nalgebra::Point3;
 
-/// What two screens of one plane both cover.
+/// The part of a plane that two screens both cover.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlap {
     /// The lower index first.
     pub screens: [usize; 2],
-    /// Its width and height along the first screen's sides, m.
+    /// Width and height along the first screen's sides, m.
     pub size_m: [f64; 2],
     /// The corners of both are the same, but perhaps in another order.
     pub is_same: bool,

@@ -1,10 +1,10 @@
-//! How a screen stands: its tilt and the direction that it faces, as an inclinometer and a compass tell them.
+//! Posture of a screen: its tilt and the direction that it faces, as an inclinometer and a compass measure them.
 //!
 //! In: a [`Screen`]. Out: angles in degrees, and words for people who measured the same with a tape.
 
 use super::screen::Screen;
 
-/// Smaller angles are not told, degrees.
+/// Smallest angle that is mentioned, degrees.
 const STRAIGHT: f64 = 0.05;
 /// Between lying and standing, degrees.
 const HALF: f64 = 45.0;
@@ -19,13 +19,13 @@ impl Screen {
         up.y.atan2(normal.y).to_degrees()
     }
 
-    /// Where a standing picture faces, degrees about the vertical: 0 to +z, 90 to +x, -90 to -x.
+    /// The direction that a standing picture faces, degrees about the vertical: 0 to +z, 90 to +x, -90 to -x.
     pub fn facing_degrees(&self) -> f64 {
         let [right, ..] = self.axes();
         (-right.z).atan2(right.x).to_degrees()
     }
 
-    /// How far upper_left is from where a rectangle on the same lower edge has it, along that edge, m.
+    /// Distance of upper_left from where a rectangle on the same lower edge has it, along that edge, m.
     pub fn off_rectangle_m(&self) -> f64 {
         let across = self.lower_right - self.lower_left;
         (across.dot(&(self.upper_left - self.lower_left)) / across.norm()).abs()

@@ -35,7 +35,7 @@ pub struct Frustum {
     pub near: f64,
 }
 
-/// What the renderer needs to draw one eye's picture on one screen.
+/// The projection of one eye's picture on one screen, for the renderer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EyeView {
     /// Room to clip space: x right, y up, both -w..w over the screen; depth z/w = near/distance along the

@@ -1,4 +1,4 @@
-//! How screens meet: pairs of edges that run beside each other, and the gap or overlap between them.
+//! Seams between screens: pairs of edges that run beside each other, and the gap or overlap between them.
 //!
 //! In: a [`Stage`]. Out: its [`Seam`]s, each with the gap or overlap across the edges, and how far their ends are off along
 //! them.
@@ -27,7 +27,7 @@ pub struct Seam {
     pub gap_m: [f64; 2],
     /// One edge lies within the other screen's picture, so that both show the same place. Otherwise there is a gap.
     pub is_overlap: bool,
-    /// How far the second edge's ends lie beyond the first's, m, along the first; negative: short of them.
+    /// Distances by which the second edge's ends lie beyond the first's, m, along the first; negative: short of them.
     pub along_m: [f64; 2],
 }
 

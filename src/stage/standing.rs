@@ -1,8 +1,8 @@
-//! Where a body stands on a stage: fitted into what both eyes see, above table and floor; and what of it is not there.
+//! Places a body on a stage: fitted into what both eyes see, above table and floor; and finds what of it is not there.
 //!
-//! In: points of a body in its mesh's frame, and the keys of its place that are given. Out: room_from_mesh; or, of points in
-//! the room, [`Standing`], which tells how many are on no screen, and how far they reach below table or floor. All for the
-//! viewer where the stage file has it.
+//! In: points of a body in its mesh's frame, and the keys of its place that are given. Out: room_from_mesh; or, for points in the
+//! room, [`Standing`]: how many are on no screen, and how far they reach below table or floor. All for the viewer where the stage
+//! file has it.
 
 use super::description::Stage;
 use super::screen::Screen;
@@ -14,49 +14,49 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The keys of a place that are given; the others are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GivenPlace {
-    /// Of the mesh's origin in the room, m.
+    /// Position of the mesh's origin in the room, m.
     pub position: Option<Vector3<f64>>,
     pub rotation: Option<UnitQuaternion<f64>>,
     pub scale: Option<f64>,
 }
 
-/// What of a body a viewer does not see where it should be.
+/// The part of a body that a viewer does not see where it should be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
     /// The part of the points that are on no screen for one of the eyes, or nearer to it than is drawn.
     pub unseen: f64,
     /// The table, or the floor below the grid, into which it reaches farthest, and how far, m.
     pub sunk: Option<(String, f64)>,
-    /// Its longest side along the room's axes, m.
+    /// The body's longest side along the room's axes, m.
     pub size_m: f64,
     pub middle: Point3<f64>,
 }
 
-/// A body of which one side is so many times the next is a rod …
+/// Ratio of one side to the next from which a body is a rod …
 const ROD: f64 = 3.0;
-/// … and one of which two sides are so many times the third a plate.
+/// … and of two sides to the third from which it is a plate.
 const PLATE: f64 = 3.0;
 /// Deeper than wide by more than this, a body is turned about the vertical.
 const DEEP: f64 = 1.25;
-/// What is fitted is visible with this to spare.
+/// Factor by which the visible space exceeds a fitted body.
 const SPARE: f64 = 1.03;
 /// Points up to here, in half widths and heights of a screen, may lie behind a bezel.
 const ABOUT_SHOWN: f64 = 1.02;
-/// What is nearer to an eye than this is not drawn, m; as the world has it.
+/// Distance of the near plane, m; as the world has it.
 const NEAR_M: f64 = 0.05;
 /// A screen whose normal points up by more than this is a table or a floor.
 const LEVEL: f64 = 0.5;
-/// Sinking by less than this is not told, m.
+/// Smallest depth of sinking that is reported, m.
 const SUNK_M: f64 = 1e-3;
 /// Halvings between the smallest and the largest scale: to a thousandth.
 const HALVINGS: usize = 14;
 const LEAST: f64 = 0.01;
 
-/// How far a point is below a table or a floor, m.
+/// Depth of a point below a table or a floor, m.
 type Depth<'a> = Box<dyn Fn(&Point3<f64>) -> f64 + 'a>;
 
 impl Standing {
-    /// Whether there is nothing to tell: all but some points at the border is seen, and nothing is sunk.
+    /// Whether nothing is wrong: all but some points at the border are seen, and nothing is sunk.
     pub fn is_right(&self, stage: &Stage) -> bool {
         self.unseen <= 0.005 && self.sunk.is_none() && self.size_m <= 2.0 * SPARE * stage.workspace.radius_m
     }
@@ -114,7 +114,7 @@ impl Stage {
         Some(at(small))
     }
 
-    /// How a body stands whose points these are, in the room. `None` of no points, or of one that is not finite.
+    /// The standing of a body whose points these are, in the room. `None` without points, or if one is not finite.
     pub fn standing(&self, points: &[Point3<f64>]) -> Option<Standing> {
         let (low, high) = bounds(points)?;
         let sight = Sight::of(self);
@@ -159,7 +159,7 @@ fn is_level(screen: &Screen) -> bool {
     screen.axes()[2].y > LEVEL
 }
 
-/// What both eyes see, and what is above all tables and floors.
+/// The space that both eyes see, and that is above all tables and floors.
 struct Sight {
     /// Per eye, per screen: clip_from_room, and the near distance, m.
     eyes: Vec<Vec<(Matrix4<f64>, f64)>>,
@@ -196,7 +196,7 @@ impl Sight {
         })
     }
 
-    /// How much higher these points must be to be above all tables and floors, m.
+    /// Height by which these points must be lifted to be above all tables and floors, m.
     fn lift(&self, points: impl Iterator<Item = Point3<f64>>) -> f64 {
         let needed = |place: &Point3<f64>| {
             let of = |(corner, normal): &(Point3<f64>, Vector3<f64>)| (corner - place).dot(normal) / normal.y;
@@ -221,7 +221,7 @@ fn outermost(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     found.into_iter().map(|i| points[i]).collect()
 }
 
-/// How a body of this box is turned; the least of the turns that will do.
+/// The turn of a body of this box; the least of the turns that will do.
 fn turned(sides: &Vector3<f64>) -> UnitQuaternion<f64> {
     let mut sorted: [f64; 3] = (*sides).into();
     sorted.sort_by(f64::total_cmp);

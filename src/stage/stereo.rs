@@ -3,7 +3,7 @@
 use super::viewer::Eye;
 use crate::config;
 
-/// How the two eyes' pictures of a screen reach its display.
+/// The way in which the two eyes' pictures of a screen reach its display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(try_from = "String")]
 pub enum Stereo {
@@ -11,11 +11,11 @@ pub enum Stereo {
     Separate,
     /// The left eye's picture in the left half of a window twice as wide as the screen's pixels.
     SideBySide,
-    /// The same in a window as wide as the screen: half the columns for each eye.
+    /// Side by side in a window as wide as the screen: half the columns for each eye.
     SideBySideHalf,
     /// The left eye's picture in the upper half of a window twice as high.
     TopBottom,
-    /// The same in a window as high as the screen: half the rows for each eye.
+    /// One above the other in a window as high as the screen: half the rows for each eye.
     TopBottomHalf,
     /// HDMI 1.4: 1920 × 2205 with a gap of 45 rows, or 1280 × 1470 with 30, the left eye above.
     FramePacking,

@@ -147,7 +147,7 @@ fn numbers(vector: &Vector3<f64>, digits: usize) -> String {
     format!("({})", text.collect::<Vec<_>>().join(", "))
 }
 
-/// Where the axes of a frame point, as a file has them: `axes point x (1.00, 0.00, 0.00), y …`.
+/// Words for the directions of a frame's axes, as a file has them: `axes point x (1.00, 0.00, 0.00), y …`.
 fn axes(rotation: &UnitQuaternion<f64>, what: &str) -> String {
     let axes = [("x", Vector3::x()), ("y", Vector3::y()), ("z", Vector3::z())];
     let told = axes.map(|(name, axis)| format!("{name} {}", numbers(&(rotation * axis), 2)));

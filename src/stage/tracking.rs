@@ -37,7 +37,7 @@ pub struct Tracker {
     pub frame: TrackerFrame,
 }
 
-/// Where a tracker's poses come from.
+/// The source of a tracker's poses.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrackerSource {
     Table(SourceTable),
@@ -58,7 +58,7 @@ pub struct SourceTable {
 pub struct TrackerFrame {
     /// The axis that is reversed first if the tracker's system is left-handed.
     pub mirror: Option<Axis>,
-    /// Its scaling turns the tracker's unit into metres.
+    /// The transform whose scaling turns the tracker's unit into metres.
     pub room_from_tracker: Similarity3<f64>,
 }
 
@@ -78,7 +78,7 @@ pub struct Sensor {
     /// The body is a head (origin midway between the eyes, -z to where it looks) or a stylus (ray along -z).
     pub sensor_from_body: Isometry3<f64>,
     pub filter: Option<OneEuro>,
-    /// How far ahead the pose is predicted, s; 0: it is used as it came.
+    /// Time by which the pose is predicted, s; 0: it is used as it came.
     pub predict_s: f64,
     pub lost: LostPolicy,
 }
@@ -94,12 +94,12 @@ pub struct OneEuro {
     pub speed_cutoff: f64,
 }
 
-/// What happens to a sensor that is not tracked any more.
+/// Treatment of a sensor that is not tracked any more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LostPolicy {
-    /// From this age on the last pose counts as held, s.
+    /// Age from which on the last pose counts as held, s.
     pub after_s: f64,
-    /// From this age on it counts as lost, s: a notice is given, and a stylus lets go.
+    /// Age from which on it counts as lost, s: a notice is given, and a stylus lets go.
     pub warn_s: f64,
 }
 
@@ -119,7 +119,7 @@ pub struct ButtonId {
 }
 
 impl Axis {
-    /// As a stage file has it.
+    /// The name in a stage file.
     pub fn name(self) -> &'static str {
         match self {
             Axis::X => "x",

@@ -31,7 +31,7 @@ impl Eye {
         }
     }
 
-    /// For file names and messages.
+    /// The name for files and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Left => "left",

@@ -19,7 +19,7 @@ pub struct Window {
     /// The window is opened in the size of its monitor, whatever `size` is.
     pub fills: bool,
     pub border: Border,
-    /// At least one; they do not overlap.
+    /// One tile or more; they do not overlap.
     pub tiles: Vec<Tile>,
 }
 
@@ -32,7 +32,7 @@ pub enum Border {
     None,
     /// A title bar and edges, where a window manager draws them.
     Decorated,
-    /// No frame; the window manager is told to cover the whole monitor.
+    /// No frame; the window manager is asked to cover the whole monitor.
     FullScreen,
     /// No frame and no window manager (X11's override-redirect): the place is exact, but a click does not give the window
     /// the keyboard.
@@ -66,7 +66,7 @@ pub struct Tile {
     pub stereo: Stereo,
     /// This display has the eyes the other way round than the other displays.
     pub swap_eyes: bool,
-    /// Which part of the screen's picture fills the tile: x, y from its top left, width, height, in the screen's pixels.
+    /// The part of the screen's picture that fills the tile: x, y from its top left, width, height, in the screen's pixels.
     pub crop: [u32; 4],
     /// Pixels of the screen that its display hides at the left, right, top and bottom; they stay black.
     pub overscan: [u32; 4],

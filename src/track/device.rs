@@ -1,7 +1,7 @@
 //! The raw readings of one source: poses, buttons and valuators in the device's own frame, with time and quality.
 //!
-//! In: what a tracker's packets contain; each kind of source has a file of its own. Out: a [`DeviceState`], of which the
-//! newest is handed over without a lock. Calibration, filter and prediction come later.
+//! In: the contents of a tracker's packets; each kind of source has a separate file. Out: a [`DeviceState`], of which the newest
+//! is handed over without a lock. Calibration, filter and prediction come later.
 
 use super::flow::Flow;
 use super::state::normalised;
@@ -38,7 +38,7 @@ pub struct Reading<T> {
     pub measured_s: Option<f64>,
     /// 1 tracked, 0 not tracked (the value is then the last one that was).
     pub quality: f32,
-    /// The number of readings of this channel so far.
+    /// Number of readings of this channel since the start.
     pub count: u64,
     pub flow: Flow,
 }
@@ -50,7 +50,7 @@ impl<T: Copy> Reading<T> {
     }
 }
 
-/// What has been received since the start.
+/// Counts of received data since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     pub packets: u64,
@@ -59,7 +59,7 @@ pub struct Counters {
     pub malformed: u64,
     /// Well-formed, but dropped: too many at once, on too many channels, or of no use here.
     pub dropped: u64,
-    /// How often a flood was made to wait; the operating system dropped what came meanwhile.
+    /// Number of times that a flood was made to wait; the operating system dropped what came meanwhile.
     pub throttled: u64,
     pub reconnects: u64,
 }
@@ -67,7 +67,7 @@ pub struct Counters {
 /// Whether the source is there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Link {
-    /// Nothing heard yet.
+    /// Not heard from yet.
     #[default]
     Waiting,
     Up,
@@ -115,7 +115,7 @@ impl DeviceState {
         self.take_pose_at(Stamp::now(measured_s), sensor, pose, quality);
     }
 
-    /// The same with a given time of arrival, for recordings.
+    /// Takes a pose with a given time of arrival, for recordings.
     pub fn take_pose_at(&mut self, stamp: Stamp, sensor: i32, pose: Isometry3<f64>, quality: f32) {
         let is_finite =
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite());

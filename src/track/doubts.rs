@@ -1,6 +1,6 @@
-//! What is doubtful about where a tracker says that head and styli are: another unit, or a head that is turned.
+//! Finds doubtful places of head and styli: another unit, or a head that is turned.
 //!
-//! In: a stage and what its trackers report. Out: sentences with numbers and the keys to change. A wrong unit is no error in
+//! In: a stage and the reports of its trackers. Out: sentences with numbers and the keys to change. A wrong unit is no error in
 //! the file, and a picture only goes black by it.
 
 use super::tracker_set::{SensorReport, TrackerReport};
@@ -30,17 +30,17 @@ pub enum DoubtKind {
 
 /// Nobody is farther from the nearest screen than this, m, or than three times the distance of the stage's viewer.
 const FAR_M: f64 = 5.0;
-/// A place so near to where head or hand is expected proves a unit, m.
+/// Distance from the expected place of head or hand below which a unit counts as confirmed, m.
 const EXPECTED_M: f64 = 1.5;
-/// A head is turned if its top is so far from the vertical, degrees: who looks at a table bends by less.
+/// Angle of a head's top from the vertical above which it counts as turned, degrees: who looks at a table bends by less.
 const TURNED: f64 = 65.0;
-/// Right behind a screen is who is behind its picture, or beside it by less than this, m …
+/// Largest distance beside a screen's picture at which a head still counts as right behind it, m …
 const BESIDE_M: f64 = 0.3;
 /// … and farther behind it than calibration is off, m.
 const BEHIND_M: f64 = 0.1;
 /// The most numbers that are listed.
 const MOST_NAMED: usize = 12;
-/// A sensor's axes are named if they are so near to the room's, as a cosine: 40°, since heads are bent.
+/// Smallest cosine between an axis of a sensor and one of the room for which it is named: 40°, since heads are bent.
 const ALONG: f64 = 0.766;
 /// Units of trackers, m.
 const UNITS: [(f64, &str); 5] =
@@ -127,7 +127,7 @@ fn of_sensor(stage: &Stage, report: &SensorReport) -> Option<Vec<Doubt>> {
     Some(behind.into_iter().chain(turned).collect())
 }
 
-/// Where a body is whose sensor reports a place that no room has, as in millimetres: it is never shown.
+/// Pose of a body whose sensor reports a place that no room has, as in millimetres: it is never shown.
 fn beyond_room(stage: &Stage, name: &str, report: &SensorReport) -> Option<Isometry3<f64>> {
     let sensor = stage.tracking.sensors.get(name)?;
     let frame = stage.tracking.trackers.get(&sensor.tracker)?.frame;
@@ -135,7 +135,7 @@ fn beyond_room(stage: &Stage, name: &str, report: &SensorReport) -> Option<Isome
     Some(frame.room_from_sensor(&raw) * sensor.sensor_from_body)
 }
 
-/// Behind which screens a head is, where nobody stands who sees the others.
+/// Words for the screens behind which a head is, where nobody stands who sees the others.
 fn behind(stage: &Stage, place: &Point3<f64>) -> Option<String> {
     let before = stage.screens.iter().map(|screen| (screen.distance_m(place), screen));
     let (farthest_m, farthest) = before.clone().max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -162,7 +162,7 @@ fn nearest_m(stage: &Stage, place: &Point3<f64>) -> f64 {
     stage.screens.iter().map(|screen| screen.away_m(place)).fold(f64::INFINITY, f64::min)
 }
 
-/// Which unit would bring the sensor to where it is expected, and what to write then.
+/// Words for the unit that would bring the sensor to where it is expected, and the key to write then.
 fn unit(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>, expected: Point3<f64>) -> String {
     let sensor = stage.tracking.sensors.get(name);
     let tracker = sensor.and_then(|sensor| stage.tracking.trackers.get_key_value(&sensor.tracker));

@@ -26,7 +26,7 @@ const MOST_BUTTONS: usize = 32;
 const MOST_AXES: usize = 16;
 /// A frame whose number is below the last one's by at most this is late; by more, the controller has restarted.
 const LATE: i64 = 16;
-/// It has also restarted if this many late frames arrive in order, or with the same number.
+/// Number of late frames in order, or with the same number, after which the controller has restarted as well.
 const IN_ORDER: u32 = 3;
 /// The largest entry of RᵀR - I that rounding to six digits can cause.
 const MOST_SKEW: f64 = 0.01;

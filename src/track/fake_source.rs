@@ -1,4 +1,4 @@
-//! For tests: a source that reports what the test sets.
+//! A source for tests that reports what the test sets.
 
 use super::device::{DeviceState, Source};
 use std::sync::{Arc, Mutex, PoisonError};

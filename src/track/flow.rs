@@ -1,4 +1,4 @@
-//! How steadily a tracker's channel reports: its rate, the jitter of the arrivals, the noise of the positions.
+//! Measures how steadily a tracker's channel reports: its rate, the jitter of the arrivals, the noise of the positions.
 //!
 //! In: the time of every reading, and for a sensor its position. Out: means over about the last 64 readings.
 
@@ -13,7 +13,7 @@ const MEMORY: f64 = 64.0;
 pub struct Flow {
     /// Mean time between two readings, s; 0 before the second one.
     pub interval_s: f64,
-    /// How often it was untracked for longer than `after_s` of [`LostPolicy::default`] and then came back.
+    /// Number of times that it was untracked for longer than `after_s` of [`LostPolicy::default`] and then came back.
     pub gaps: u64,
     /// Mean square deviation of that time, s².
     interval_variance: f64,

@@ -1,4 +1,4 @@
-//! Where a source listens for datagrams, and whether a read found none in time.
+//! The place at which a source listens for datagrams, and whether a read found none in time.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};

@@ -1,4 +1,4 @@
-//! Where poses come from: each kind of source has a file here; together they give a [`TrackerState`] for any time.
+//! Sources of poses: each kind has a file here; together they give a [`TrackerState`] for any time.
 //!
 //! In: mouse and keys, a script of key frames, or a tracker's packets. Out: head and styli in the room's frame (metres,
 //! y up, right-handed), in f32. A stylus' ray is its -z axis.

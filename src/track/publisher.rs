@@ -1,4 +1,4 @@
-//! How the thread of a source hands its newest state to the frame: without a lock, and not more often than is of use.
+//! Hands the newest state of a source's thread to the frame: without a lock, and not more often than is of use.
 
 use super::device::{DeviceState, Link, now_s};
 use super::rate_limiter::{PUBLISH_S, RateLimiter};

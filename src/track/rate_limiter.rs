@@ -6,13 +6,14 @@
 /// A slot of time, and how long a source works in each at most, s.
 const SLOT_S: f64 = 0.01;
 const WORK_S: f64 = 0.0025;
-/// What a packet costs the system besides, s, and the most that one packet counts: a busy machine may have stopped in between.
+/// Time that a packet costs the system besides, s.
 const RECEIVE_S: f64 = 5e-6;
+/// Longest time that one packet counts, s: a busy machine may have stopped in between.
 const LONGEST_S: f64 = 1e-3;
 /// A changed state is published no more often than this, s.
 pub const PUBLISH_S: f64 = 1e-3;
 
-/// How long a source has worked in the current slot.
+/// Time that a source has worked in the current slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RateLimiter {
     slot_s: f64,

@@ -16,7 +16,7 @@
 //!
 //! | key | meaning |
 //! |---|---|
-//! | `frame` | `workspace`: the room's axes, origin at the middle of the ball that the bodies fill, unit its radius, so that one script serves all stages. It is the stage's workspace; where bodies had to be put higher or made smaller to be seen, the ball is so too |
+//! | `frame` | `workspace`: the room's axes, origin at the middle of the ball that the bodies fill, unit its radius, so that one script serves all stages. It is the stage's workspace; where bodies had to be put higher or made smaller to be seen, the ball is moved and scaled with them |
 //! | `position` | place, in the frame |
 //! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
 //! | `roll` | with target or direction: radians about the -z axis |
@@ -46,13 +46,13 @@ pub struct Script {
     times_s: Vec<f64>,
     /// Empty if the script does not move the head.
     head: Vec<HeadKey>,
-    /// What loads come to, by `BODY.LOAD`.
+    /// Values of the loads at the key times, by `BODY.LOAD`.
     loads: BTreeMap<String, Vec<f64>>,
-    /// By name, sorted.
+    /// Styli by name, sorted.
     styli: BTreeMap<String, Vec<StylusKey>>,
 }
 
-/// What a script's positions refer to.
+/// The frame of a script's positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
@@ -95,7 +95,7 @@ pub enum ScriptError {
     Invalid { path: PathBuf, line: usize, key: usize, fault: KeyFrameFault },
 }
 
-/// What is wrong with a key frame, and what to do about it.
+/// A fault of a key frame, with what to do about it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KeyFrameFault {
     #[error("time is {time_s}: give seconds between 0 and {LONGEST_S}")]
@@ -240,7 +240,7 @@ impl Script {
         styli
     }
 
-    /// What loads come to at `time_s`, by their names.
+    /// The values of the loads at `time_s`, by their names.
     pub fn loads(&self, time_s: f64) -> impl Iterator<Item = (&str, f64)> {
         let at = locate(&self.times_s, time_s);
         self.loads.iter().map(move |(name, values)| {

@@ -19,7 +19,7 @@ pub struct SourceEntry {
 
 /// A checked table, from which its source can be opened.
 pub struct SourceSettings {
-    /// What no second tracker can use at the same time.
+    /// The port or device that no second tracker can use at the same time.
     pub exclusive_use: Option<ExclusiveUse>,
     /// Starts the source of the tracker of this name.
     pub open: OpenSource,

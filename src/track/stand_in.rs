@@ -16,7 +16,7 @@ use nalgebra::Isometry3;
 /// Plays a script repeatedly, from the first call of [`StandIn::take_due`] on.
 pub struct StandIn {
     pub devices: Vec<Device>,
-    /// What the stage has no sensor for.
+    /// Heads and styli of the script for which the stage has no sensor.
     pub left_out: Vec<String>,
     script: Script,
     stage: Stage,
@@ -35,7 +35,7 @@ pub struct Device {
     pub state: DeviceState,
 }
 
-/// The sensor that tells of a head or a stylus.
+/// The sensor of a head or a stylus.
 struct Seat {
     device: usize,
     id: i32,
@@ -78,7 +78,7 @@ impl StandIn {
         made
     }
 
-    /// What each number means: `Tracker0: sensor 0 is the head`, and so on.
+    /// The meaning of each number: `Tracker0: sensor 0 is the head`, and so on.
     pub fn legend(&self) -> Vec<String> {
         let device = |index: usize| &self.devices[index].name;
         let of = |seat: &Seat| format!("{}: sensor {} is ", device(seat.device), seat.id);
@@ -254,7 +254,7 @@ grab = { tracker = "pad", button = 7 }
         Stage::parse(&format!("{text}{keys}"), Path::new("bench.toml")).unwrap()
     }
 
-    /// What the stand-in serves comes out of the bench's own calibration as the script has it.
+    /// The readings that the stand-in serves come out of the bench's own calibration as the script has them.
     #[test]
     fn the_calibration_is_undone() {
         let stage = bench(KEYS);

@@ -31,7 +31,7 @@ pub struct StylusState {
     pub from_eye: bool,
 }
 
-/// How well a sensor is tracked now.
+/// The quality with which a sensor is tracked now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Signal {
@@ -39,7 +39,7 @@ pub enum Signal {
     Live,
     /// Not tracked for `age_s` seconds: its last pose is held.
     Held { age_s: f64 },
-    /// Not tracked for so long that its policy gives it up: it neither grabs nor holds.
+    /// A sensor that is untracked for longer than its policy allows: it neither grabs nor holds.
     Lost { age_s: f64 },
 }
 

@@ -33,7 +33,7 @@ pub fn settings(kind: &'static str, place: Listen, parser: impl Parser) -> Sourc
 /// A tracker is quiet, and then gone, after these times without a datagram that could be read, s.
 const SILENCE_S: [f64; 2] = [2.0, 10.0];
 
-/// Listens on an address (port 0: any free one, which [`Source::describe`](super::Source::describe) tells), or joins a
+/// Listens on an address (port 0: any free one, which [`Source::describe`](super::Source::describe) contains), or joins a
 /// multicast group and listens to that alone.
 pub fn listen(tracker: &str, kind: &str, place: Listen, parser: impl Parser) -> Result<Worker, OpenError> {
     let at = place.at;
@@ -94,7 +94,7 @@ fn run(socket: &UdpSocket, mut parser: impl Parser, mut publisher: Publisher, si
     }
 }
 
-/// Nothing that could be read has come for `silent_s`.
+/// Changes the link after `silent_s` without a packet that could be read.
 fn judge(publisher: &mut Publisher, silent_s: f64, [quiet_s, gone_s]: [f64; 2]) {
     if silent_s > gone_s {
         publisher.down(format!("no packet that could be read for {gone_s} s"));
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// By the loopback device, whose network is no other's.
+    /// The loopback device is used, whose network is no other's.
     #[test]
     fn what_is_sent_to_a_group_is_heard_once_it_is_joined() {
         let place = Listen { at: "239.255.77.3:0".parse().unwrap(), interface: Some(Ipv4Addr::LOCALHOST) };

@@ -1,7 +1,7 @@
 //! The thread of a source: it receives, keeps a [`DeviceState`], and publishes the newest one without a lock.
 //!
-//! In: a function that runs until it is told to stop. Out: a [`Source`]. Here is what every source needs besides its
-//! protocol: publishing, stopping, and waiting longer after each failure.
+//! In: a function that runs until it is asked to stop. Out: a [`Source`]. Here is what every source needs besides its protocol:
+//! publishing, stopping, and waiting longer after each failure.
 
 use super::device::{DeviceState, Link, Source};
 use super::publisher::StatePublisher;
@@ -22,7 +22,7 @@ pub struct Worker {
 
 /// The thread's side of it.
 pub struct Publisher {
-    /// The state so far; readers see it once it is published.
+    /// The newest state; readers see it once it is published.
     pub state: DeviceState,
     newest: StatePublisher,
     stop: Arc<AtomicBool>,
@@ -31,11 +31,11 @@ pub struct Publisher {
 /// The wait before the next attempt, which is twice as long each time, and the longest one, s.
 const FIRST_WAIT_S: f64 = 0.25;
 const LONGEST_WAIT_S: f64 = 5.0;
-/// How often a waiting thread checks whether it must stop, s.
+/// Time between two checks of a waiting thread whether it must stop, s.
 const SLICE_S: f64 = 0.05;
 
 impl Worker {
-    /// Runs `run` in a thread of its own; it must return soon after [`Publisher::is_stopped`].
+    /// Runs `run` in a separate thread; it must return soon after [`Publisher::is_stopped`].
     pub fn spawn(
         description: String,
         run: impl FnOnce(Publisher) + Send + 'static,

@@ -1,4 +1,4 @@
-//! What is wrong with the shape that a screen's corners span: one fault, with one remedy.
+//! Finds faults in the shape that a screen's corners span: one fault, with one remedy.
 //!
 //! In: a screen, and the viewer's place. Out: corners that were named for each other, or that span no rectangle.
 

@@ -1,6 +1,6 @@
 //! The tables `[haptic.NAME]` of a stage file: each becomes a [`Haptic`] whose numbers lie within their ranges.
 //!
-//! A device that measures its handle is also a tracker, with a sensor and a stylus of its own.
+//! A device that measures its handle is also a tracker, with its own sensor and stylus.
 
 use super::super::error::StageFault;
 use super::super::haptic::{GripButton, Haptic, HapticDevice};

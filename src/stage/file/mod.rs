@@ -102,7 +102,7 @@ impl Stage {
         Ok(text_of(name_or_path)?.0)
     }
 
-    /// The same with all faults instead of the first one only.
+    /// Parses a stage and collects all faults instead of the first one only.
     ///
     /// # Errors
     /// [`StageError::File`] and [`StageError::Unknown`], if there is no stage file that can be read.

@@ -1,4 +1,4 @@
-//! The tables `[[screen]]` of a stage file: three measured corners, or what a tape measure and a spirit level tell.
+//! The tables `[[screen]]` of a stage file: three measured corners, or values from a tape measure and a spirit level.
 //!
 //! With the sides w and h, the tilt t, the facing f, the rotation R about the vertical by f, and e the unit vectors:
 //!
@@ -47,7 +47,7 @@ pub struct Measured {
 #[derive(Clone, Copy, Debug)]
 struct Tape {
     anchor: Point3<f64>,
-    /// How far the lower left corner is from the anchor, in widths and heights.
+    /// Vector from the anchor to the lower left corner, in widths and heights.
     corner: [f64; 2],
     size_m: [f64; 2],
     tilt_degrees: f64,
@@ -138,7 +138,7 @@ fn by_corners(file: &ScreenFile) -> Result<[Point3<f64>; 3], StageFault> {
     ])
 }
 
-/// What was measured by tape; `None` of a screen with measured corners.
+/// The values that were measured by tape; `None` for a screen with measured corners.
 fn by_tape(file: &ScreenFile) -> Result<Option<Tape>, StageFault> {
     let ScreenFile { name, width, height, tilt_degrees, facing_degrees, .. } = file;
     let fault = |message: String| StageFault::Screen { screen: name.clone(), message };
@@ -273,7 +273,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is written by tape is read back from the corners.
+        /// Values by tape are read back from the corners.
         #[test]
         fn sides_tilt_and_facing_come_back(
             width in 0.1..5.0f64, height in 0.1..5.0f64, tilt in -179.0..179.0f64, facing in -179.0..179.0f64,

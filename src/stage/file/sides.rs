@@ -1,8 +1,9 @@
-//! On which side of the screens the viewer stands: each fault once, with the one remedy that the rest of the file speaks for.
+//! Finds the side of each screen on which the viewer stands: each fault once, with the one remedy that the rest of the file
+//! supports.
 //!
 //! In: the screens of a file, the viewer's place, the workspace. Out: a viewer behind a screen, a screen that faces away, or a
-//! file in another system than x right, y up, z towards the viewer. What tells them apart is on which side of a screen the
-//! workspace lies, and the pictures of the other screens.
+//! file in another system than x right, y up, z towards the viewer. They differ in the side of a screen on which the workspace
+//! lies, and in the pictures of the other screens.
 
 use super::screen::{Measured, odd_number};
 use crate::stage::error::{StageFault, place};
@@ -17,7 +18,7 @@ const UNITS: [(&str, f64); 4] =
     [("inches", 0.0254), ("centimetres", 0.01), ("feet", 0.3048), ("millimetres", 0.001)];
 /// A viewer whose y is below this was given in a system whose z points up, m.
 const BELOW_M: f64 = -0.3;
-/// Pictures whose middle is nearer to a screen's plane tell nothing of its sides, m.
+/// Distance of a picture's middle from a screen's plane below which it does not show the screen's sides, m.
 const FLAT_M: f64 = 0.05;
 
 /// The faults of the screens that are rectangles, by index into `screens`.
@@ -61,7 +62,7 @@ struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// The workspace's distance before the screen, m; 0 if the ball is about the glass, which tells nothing.
+    /// The workspace's distance before the screen, m; 0 if the ball is about the glass, which shows neither side.
     fn workspace_m(&self, screen: &Screen) -> f64 {
         self.workspace.map_or(0.0, |workspace| {
             let distance_m = screen.distance_m(&workspace.centre);
@@ -76,7 +77,7 @@ impl Surroundings<'_> {
         others.filter(is_there).map(|other| other.name.as_str()).collect()
     }
 
-    /// By what it is known that a screen faces the right way, though the viewer stands behind it.
+    /// Words for the evidence that a screen faces the right way, though the viewer stands behind it.
     fn front(&self, screen: &Screen) -> Option<String> {
         let workspace_m = self.workspace_m(screen);
         let [before, behind] = [1.0, -1.0].map(|side| self.others(screen, side));
@@ -129,7 +130,7 @@ impl Surroundings<'_> {
         }
     }
 
-    /// A screen whose back is to the viewer, and to all else that tells.
+    /// The fault of a screen whose back is to the viewer, and to all other evidence.
     fn faces_away(&self, index: usize) -> StageFault {
         let measured = self.screens[index];
         let screen = &measured.screen;

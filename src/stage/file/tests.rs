@@ -236,7 +236,7 @@ fn arrays_of_another_length_are_refused_with_their_line() {
     }
 }
 
-/// What is said of a stage's text, each fault once.
+/// The messages about a stage's text, each fault once.
 fn told(text: &str) -> Vec<String> {
     let faults = survey(text, Path::new("s.toml")).unwrap().faults;
     faults.iter().map(|located| located.fault.to_string()).collect()

@@ -82,7 +82,7 @@ struct ButtonFile {
 /// Named tables, each with its position in the text.
 pub type Tables<T> = IndexMap<String, Spanned<T>>;
 
-/// The valid tracking keys of a stage; `tell` gets every fault and its position in the text. Naming a tracker or a sensor
+/// The valid tracking keys of a stage; `tell` receives every fault and its position in the text. Naming a tracker or a sensor
 /// that exists but is at fault is not a second fault.
 pub fn check(
     trackers: Tables<TrackerFile>,

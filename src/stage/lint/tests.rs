@@ -4,7 +4,7 @@ use super::*;
 use crate::stage::BUILT_IN;
 use std::path::Path;
 
-/// What is found about the text of a stage on these monitors; `error: entity: text`.
+/// The findings about the text of a stage on these monitors; `error: entity: text`.
 fn found_on(monitors: &[Monitor], text: &str) -> Vec<String> {
     let stage = Stage::parse(text, Path::new("bench.toml")).unwrap();
     let line =
@@ -22,14 +22,14 @@ fn found(name: &str) -> Vec<String> {
     found_on(&[], &with(name, ""))
 }
 
-/// What is found about the workbench with a piece of its text replaced.
+/// The findings about the workbench with a piece of its text replaced.
 fn changed(from: &str, to: &str) -> Vec<String> {
     let text = with("workbench", "");
     assert!(text.contains(from), "`{from}` is not in the file");
     found_on(&[], &text.replacen(from, to, 1))
 }
 
-/// What is found about the workbench with more at its end.
+/// The findings about the workbench with more at its end.
 fn more(monitors: &[Monitor], more: &str) -> Vec<String> {
     found_on(monitors, &with("workbench", more))
 }

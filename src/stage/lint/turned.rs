@@ -29,9 +29,9 @@ const EDGES: [&str; 4] = ["upper", "right", "lower", "left"];
 
 /// The way in which a picture's upper edge should lie, and how that is known.
 struct Wanted {
-    /// In the room, not along the screen's normal.
+    /// Direction in the room, not along the screen's normal.
     way: Vector3<f64>,
-    /// `screen `wall`, the wall at the front,`, or nothing where the viewer's place tells.
+    /// `screen `wall`, the wall at the front,`; `None` if the viewer's place shows the way.
     wall: Option<String>,
 }
 
@@ -54,7 +54,7 @@ fn is_level(screen: &Screen) -> bool {
     screen.axes()[2].y.abs() > LEVEL
 }
 
-/// How far `way` is turned from the picture's up, towards its right, degrees.
+/// Angle by which `way` is turned from the picture's up, towards its right, degrees.
 fn turn_degrees(screen: &Screen, way: &Vector3<f64>) -> f64 {
     let [right, up, _] = screen.axes();
     right.dot(way).atan2(up.dot(way)).to_degrees()
@@ -75,7 +75,7 @@ fn faces_away(stage: &Stage, screen: &Screen) -> Option<String> {
     })
 }
 
-/// The same rectangle facing the other way.
+/// The rectangle of `screen`, facing the other way.
 fn face_up(screen: &Screen) -> Screen {
     let mut other = screen.clone();
     (other.lower_left, other.lower_right) = (screen.lower_right, screen.lower_left);
@@ -83,7 +83,7 @@ fn face_up(screen: &Screen) -> Screen {
     other
 }
 
-/// What is said of a picture that is turned in its plane.
+/// The finding about a picture that is turned in its plane.
 pub fn turned(stage: &Stage, screen: &Screen) -> Option<(Severity, String)> {
     let (wanted, limit) = match is_level(screen) {
         false => (Wanted { way: Vector3::y(), wall: None }, WALL_TURN),
@@ -133,7 +133,7 @@ fn is_square(screen: &Screen) -> bool {
     (width_m / height_m - 1.0).abs() < SQUARE
 }
 
-/// Where the upper edge of a screen that lies or hangs belongs, if that is certain.
+/// The way of the upper edge of a screen that lies or hangs, if that is certain.
 fn at_front(stage: &Stage, screen: &Screen) -> Option<Wanted> {
     // A ceiling's lower edge is at the front.
     let sign = screen.axes()[2].y.signum();
@@ -199,7 +199,7 @@ fn from_viewer(screen: &Screen, viewer: &Point3<f64>) -> Option<Vector3<f64>> {
     }
 }
 
-/// The same picture, its corners named anew so that what lies `quarters` right angles from up towards the right is up.
+/// The screen with its corners named anew so that what lies `quarters` right angles from up towards the right is up.
 fn rotated(screen: &Screen, quarters: usize) -> Screen {
     let around = [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left];
     let corner = |k: usize| around[(4 - quarters + k) % 4];

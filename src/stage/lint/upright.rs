@@ -69,7 +69,7 @@ mod tests {
         assert!(said.ends_with("of wall as [-0.8000, 0.9000, 0.0000]"), "{said}");
     }
 
-    /// Beside the cause, each wall was told to be on its side.
+    /// Each wall was reported to be on its side, in addition to the cause.
     #[test]
     fn walls_with_z_up_are_not_said_to_be_turned() {
         let stage = with_z_up("cave3");

@@ -20,7 +20,7 @@ fn a_whole_tile_shows_the_whole_screen() {
     }
 }
 
-/// The same place of the room lands on the same pixel of the display, whatever is hidden about it.
+/// A place of the room lands on the same pixel of the display, whatever is hidden about it.
 #[test]
 fn overscan_hides_pixels_and_moves_none() {
     let (tile, screen) = tile([0, 0, 1280, 1024], [16, 32, 8, 24]);
@@ -125,7 +125,7 @@ fn tiles_grow_with_their_window_and_leave_no_gap() {
     assert_eq!((a, b), ([0, 0, 8, 70], [8, 0, 17, 70]));
 }
 
-/// The workbench with windows of its own after its screens.
+/// The workbench with separate windows after its screens.
 fn with_windows(windows: &str) -> Result<Stage, String> {
     let text = format!("{}\n{windows}", super::super::BUILT_IN[0].1);
     Stage::parse(&text, std::path::Path::new("bench.toml")).map_err(|error| error.to_string())

@@ -27,7 +27,7 @@ fn grabbing(distance_m: f64) -> (Mouse, Isometry3<f64>, Point3<f64>) {
     (mouse, before, before * Point3::new(0.0, 0.0, -distance_m))
 }
 
-/// Where the thing that was grabbed at `point` is carried by a stylus that moved from `before` to now.
+/// The place to which a stylus that moved from `before` to now carries the thing that was grabbed at `point`.
 fn carried(mouse: &Mouse, before: &Isometry3<f64>, point: &Point3<f64>) -> Point3<f64> {
     stylus(mouse) * (before.inverse() * point)
 }

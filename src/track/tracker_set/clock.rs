@@ -4,9 +4,9 @@
 //! on our clock. The offset is the least difference between arrival and measurement of the last seconds, since no packet
 //! arrives before it was measured. Stamps that go back, or lie ahead or far behind, are counted and replaced by the arrival.
 
-/// How far a stamp may lie ahead of the offset before it is refused, s.
+/// Largest lead of a stamp before the offset; beyond it the stamp is refused, s.
 const AHEAD_S: f64 = 0.05;
-/// How far it may lie behind, s: no tracker's packet is under way for longer.
+/// Largest lag of a stamp behind the offset, s: no tracker's packet is under way for longer.
 const BEHIND_S: f64 = 0.5;
 /// After this many refused stamps in a row the device's clock has been set, and the offset is determined again.
 const MOST_REFUSED: u32 = 20;

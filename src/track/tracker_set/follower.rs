@@ -53,11 +53,11 @@ pub struct SensorFaults {
     pub jumps: u64,
     /// Stamps of the device's clock that were refused.
     pub clock: u64,
-    /// How often it was untracked for longer than its policy's `after`.
+    /// Number of times that it was untracked for longer than its policy's `after`.
     pub drop_outs: u64,
 }
 
-/// An event of a sensor that the user is told once.
+/// An event of a sensor that the user is notified of once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     Lost { age_s: f64 },
@@ -214,7 +214,7 @@ impl Follower {
         self.follow(now);
     }
 
-    /// How well it is tracked at `now_s`.
+    /// Updates how well it is tracked at `now_s`.
     fn age(&mut self, now_s: f64) -> Option<Event> {
         let before = self.signal;
         let seen = self.raw.map(|raw| raw.arrived_s);

@@ -147,7 +147,7 @@ fn prediction_looks_ahead_of_now_by_what_was_asked() {
     assert!((x - 0.5 * 0.525).abs() < 1e-12, "{x}");
 }
 
-/// What a follower shows that looks `fps` times a second at a device of `rate` readings a second, against the newest one.
+/// The poses of a follower that looks `fps` times a second at a device of `rate` readings a second, each with the newest reading.
 fn seldom(fps: f64, rate: f64, hand: impl Fn(f64) -> Isometry3<f64>) -> (Follower, Vec<[Isometry3<f64>; 2]>) {
     let (mut follower, mut device) = (follower(0.0), Device::default());
     let (mut said, mut shown) = (0_u32, Vec::new());

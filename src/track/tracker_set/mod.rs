@@ -84,7 +84,7 @@ impl TrackerSet {
         Ok(Some(TrackerSet::with_sources(tracking, sources, now_s())))
     }
 
-    /// The same with running sources, one for each of `tracking.trackers` in their order.
+    /// A set with running sources, one for each of `tracking.trackers` in their order.
     pub fn with_sources(tracking: &Tracking, sources: Vec<Box<dyn Source>>, now_s: f64) -> TrackerSet {
         // In a checked `Tracking` all names are known.
         let tracker_of = |name: &str| tracking.trackers.get_index_of(name);

@@ -83,7 +83,7 @@ mod tests {
         Isometry3::rotation(Vector3::new(0.0, angle, 0.0))
     }
 
-    /// At a steady speed v the exponential mean lags by v Δt (1 - α) / α = v / (2π f), f = min_cutoff + beta |v|.
+    /// The exponential mean lags by v Δt (1 - α) / α = v / (2π f) at a steady speed v, with f = min_cutoff + beta |v|.
     #[test]
     fn the_lag_of_a_steady_motion_is_that_of_the_formula() {
         for (speed, beta) in [(0.1, 0.0), (0.1, 1.0), (1.0, 1.0), (1.0, 5.0)] {

@@ -26,11 +26,11 @@ pub struct SensorReport {
     /// The stage's name for it; `None` if the stage has none.
     pub name: Option<String>,
     pub id: i32,
-    /// As the tracker last reported it; `None` if it never tracked the sensor.
+    /// The pose that the tracker reported last; `None` if it never tracked the sensor.
     pub raw: Option<Isometry3<f64>>,
-    /// In the room: the body's pose, filtered and predicted, if the stage names the sensor; else the sensor's own.
+    /// The pose in the room: the body's, filtered and predicted, if the stage names the sensor; else the sensor's own.
     pub in_room: Option<Isometry3<f64>>,
-    /// By the stage's policy for it; by the default one if the stage does not name it.
+    /// The signal by the stage's policy for the sensor, or by the default one if the stage does not name it.
     pub signal: Signal,
     pub quality: f32,
     pub count: u64,

@@ -29,7 +29,7 @@ fn tracking() -> Tracking {
     Stage::parse(&format!("{text}{KEYS}"), Path::new("a.toml")).unwrap().tracking
 }
 
-/// What a test makes a fake source report.
+/// Reports that a test has a fake source make.
 impl FakeSource {
     fn pose(&self, id: i32, arrived_s: f64, x: f64) {
         let stamp = Stamp { arrived_s, measured_s: None };

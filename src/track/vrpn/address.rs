@@ -1,4 +1,4 @@
-//! How users name a VRPN device: `Tracker0@host`, `Tracker0@host:port`, `Tracker0@tcp://host`, `tcp://host:port/Tracker0`.
+//! Names of VRPN devices: `Tracker0@host`, `Tracker0@host:port`, `Tracker0@tcp://host`, `tcp://host:port/Tracker0`.
 //!
 //! As in VRPN itself, `tcp:` means that everything goes over one TCP connection and nothing by UDP. Also here: the
 //! datagram by which a client asks a server to connect back.
@@ -102,11 +102,11 @@ fn is_host(host: &str) -> bool {
     !name.is_empty() && name.len() <= LONGEST_HOST && name.chars().all(is_fit)
 }
 
-/// How a client reaches its server.
+/// The transport between a client and its server.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Transport {
-    /// By TCP, directly.
+    /// TCP, directly.
     #[default]
     Tcp,
     /// A UDP datagram asks the server to connect back.

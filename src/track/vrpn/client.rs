@@ -50,7 +50,7 @@ fn read(tracker: &str, table: &toml::Table) -> Result<SourceSettings, String> {
 /// The times after which things happen, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// How long a server may take to accept the connection, and then to send its cookie.
+    /// Longest time until a server accepts the connection, and then until it sends its cookie, s.
     pub connect_s: f64,
     pub ping_s: f64,
     /// Silence for this long gives a warning, or ends the connection. A device that answers no ping within `quiet_s` does
@@ -89,7 +89,7 @@ pub struct Client {
 const MOST_BYTES: usize = 16 << 10;
 /// The pause between two checks where no blocking call is possible.
 const PAUSE: Duration = Duration::from_millis(5);
-/// How often a thread that receives nothing checks whether it must end.
+/// Time between two checks of a thread that receives nothing whether it must end.
 const WAKE: Duration = Duration::from_millis(50);
 
 impl Client {
@@ -141,7 +141,7 @@ impl Drop for Client {
     }
 }
 
-/// What the reading thread needs.
+/// Everything that the reading thread needs.
 struct Connection {
     address: Address,
     transport: Transport,
@@ -396,7 +396,7 @@ fn receive(stream: &mut TcpStream, framer: &mut Framer) -> Result<usize, String>
     }
 }
 
-/// How long to wait for data: not long if a changed state still waits to be published.
+/// Time to wait for data: not long if a changed state still waits to be published.
 fn wake(is_waiting: bool) -> Duration {
     if is_waiting { Duration::from_secs_f64(PUBLISH_S) } else { WAKE }
 }

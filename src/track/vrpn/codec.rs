@@ -211,7 +211,7 @@ pub struct Framer {
 }
 
 impl Framer {
-    /// Where to write the next bytes; never empty after [`message`](Framer::message) returned `None`.
+    /// The buffer for the next bytes; never empty after [`message`](Framer::message) returned `None`.
     pub fn space(&mut self) -> &mut [u8] {
         if self.buffer.is_empty() {
             self.buffer = vec![0; 2 * (HEADER_BYTES + MOST_PAYLOAD)].into();
@@ -224,7 +224,7 @@ impl Framer {
         &mut self.buffer[self.end..]
     }
 
-    /// Tells how many bytes were written.
+    /// Takes note that `bytes` bytes were written into [`space`](Framer::space).
     pub fn wrote(&mut self, bytes: usize) {
         self.end = (self.end + bytes).min(self.buffer.len());
     }

@@ -1,4 +1,4 @@
-//! What a VRPN client's threads share: the connection to write to, and the state that the reading threads fill.
+//! The data that a VRPN client's threads share: the connection to write to, and the state that the reading threads fill.
 
 use super::codec::{self, Header};
 use super::listener::Listener;
@@ -14,7 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use triple_buffer::Output;
 
-/// What the client and its threads share.
+/// The data that the client and its threads share.
 pub struct Control {
     pub stop: AtomicBool,
     /// The connection, for whoever writes.
@@ -22,14 +22,14 @@ pub struct Control {
     hearing: Mutex<Hearing>,
 }
 
-/// What both reading threads work on: the meaning of messages, and how the state that follows from them is published.
+/// The data of both reading threads: the meaning of messages, and how the state that follows from them is published.
 pub struct Hearing {
     pub listener: Listener,
     publisher: StatePublisher,
 }
 
 struct Writer {
-    /// Of a device that has been sent a force.
+    /// Present for a device that has been sent a force.
     guard: Option<Guard>,
     stream: TcpStream,
 }

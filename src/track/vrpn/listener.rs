@@ -275,7 +275,7 @@ mod tests {
         assert_eq!(x_after(7.04 + 2.0 * JUST_NOW_S, 989.9, 6.0), (6.0, 1));
     }
 
-    /// The longest of late counts; a pong that nothing asked for tells nothing, and while one is awaited no other is sent.
+    /// The longest of late round trips counts; a pong without a ping is ignored, and while one is awaited no other ping is sent.
     #[test]
     fn a_round_trip_is_from_a_ping_to_its_pong() {
         let mut listener = listener();

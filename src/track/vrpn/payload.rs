@@ -1,4 +1,4 @@
-//! What the messages of VRPN's devices carry: tracker, button, analog, force device, and the ping of all of them.
+//! Payloads of the messages of VRPN's devices: tracker, button, analog, force device, and the ping of all of them.
 //!
 //! All numbers are big-endian; metres, newtons, quaternions x, y, z, w.
 //!
@@ -10,7 +10,7 @@
 //! | `vrpn_Button States` | i32 n, n × i32 | recorded bytes |
 //! | `vrpn_Analog Channel` | f64 n, n × f64 | the protocol's description |
 //! | `vrpn_Base ping_message`, `… pong_message` | none | the protocol's description |
-//! | `vrpn_ForceDevice Force` | 3 × f64: what the device pushes with | the protocol's description |
+//! | `vrpn_ForceDevice Force` | 3 × f64: the push of the device | the protocol's description |
 //! | `vrpn_ForceDevice SCP` | 3 × f64, 4 × f64: the point of contact on a surface | the protocol's description |
 //! | `vrpn_ForceDevice Force_Error` | i32 | the protocol's description |
 //! | `vrpn_ForceDevice Force_Field` | 3 × f32 origin, 3 × f32 force, 9 × f32 Jacobian row by row, f32 radius | the protocol's description |

@@ -14,7 +14,7 @@ use std::net::{IpAddr, TcpStream, UdpSocket};
 pub const MOST_WAITING: usize = 256 << 10;
 /// The most bytes that are read from one client at once.
 const MOST_BYTES: usize = 16 << 10;
-/// How long a client may take to send its cookie, s.
+/// Longest time until a client sends its cookie, s.
 const COOKIE_S: f64 = 3.0;
 /// An idle client is sent a sign of life this often, s, so that one that is gone is noticed.
 const ALIVE_S: f64 = 5.0;
@@ -40,14 +40,14 @@ pub enum Gone {
 
 /// The protocol with one client: bytes in, bytes out.
 pub struct Protocol {
-    /// What is to be sent to the client.
+    /// Bytes that are to be sent to the client.
     pub waiting: Vec<u8>,
     /// The port at which it takes poses by UDP.
     pub udp_port: Option<u16>,
     framer: Framer,
     version: Option<codec::Version>,
     kinds: PeerKinds,
-    /// Its numbers for our devices.
+    /// The client's numbers for our devices.
     senders: Vec<Option<i32>>,
     sequence: u32,
 }
@@ -96,7 +96,7 @@ impl Protocol {
         self.tell(device, now_s, &Payload::Pong, &mut Vec::new());
     }
 
-    /// Where to write the client's next bytes; then call [`hear`](Protocol::hear) with their number.
+    /// The buffer for the client's next bytes; then call [`hear`](Protocol::hear) with their number.
     pub fn space(&mut self) -> &mut [u8] {
         let space = self.framer.space();
         let most = space.len().min(MOST_BYTES);

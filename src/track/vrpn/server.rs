@@ -29,12 +29,12 @@ const OTHER_CLOCK_S: f64 = 86_400.0;
 /// The number of analog channels that VRPN's own clients can hold.
 const MOST_ANALOGS: usize = 128;
 
-/// What has happened to clients since the start.
+/// Counts of clients since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ServerCounters {
     pub clients: usize,
     pub accepted: u64,
-    /// Beyond [`MOST_CLIENTS`].
+    /// Clients beyond [`MOST_CLIENTS`].
     pub refused: u64,
     pub slow: u64,
     /// Dropped because they did not speak VRPN 07 or sent no valid message.
@@ -55,7 +55,7 @@ pub struct Server {
     pub names: Vec<String>,
     listener: TcpListener,
     lobs: UdpSocket,
-    /// What was last sent of each device.
+    /// The state of each device that was sent last.
     sent: Vec<DeviceState>,
     peers: Vec<Peer>,
     lobbed: (mpsc::SyncSender<Lobbed>, mpsc::Receiver<Lobbed>),
@@ -188,7 +188,7 @@ impl Server {
         }
     }
 
-    /// Connects to a client that asked for it, on a thread of its own.
+    /// Connects to a client that asked for it, on a separate thread.
     fn connect(&mut self, place: SocketAddr) {
         let done = self.lobbed.0.clone();
         let connect = move || {
@@ -201,7 +201,7 @@ impl Server {
     }
 }
 
-/// A server that runs on a thread of its own until it is dropped.
+/// A server that runs on a separate thread until it is dropped.
 pub struct Serving {
     pub place: SocketAddr,
     counters: Arc<Mutex<ServerCounters>>,
@@ -245,7 +245,7 @@ fn device_name(name: &str) -> String {
     if is_device_name(&name) { name } else { "Tracker0".to_owned() }
 }
 
-/// Tells a new client the state of buttons and valuators; poses follow anyway.
+/// Sends a new client the state of buttons and valuators; poses follow anyway.
 fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
     if version != VERSION {
         tracing::warn!("vrpn: {} speaks {:02}.{:02}, this side 07.38", peer.ip, version.major, version.minor);
@@ -264,7 +264,7 @@ fn greet(peer: &mut Peer, version: Version, sent: &[DeviceState]) {
     }
 }
 
-/// What has changed from `old` to `new`, with the times.
+/// The changes from `old` to `new`, with their times.
 fn news(old: &DeviceState, new: &DeviceState) -> Vec<(f64, Payload)> {
     let mut news = Vec::new();
     for (&sensor, reading) in &new.sensors {
