@@ -1,12 +1,12 @@
-//! Where files go that can be made anew: what is computed for scenes without a folder of their own.
+//! The folder of files that can be made anew: computed for scenes that have no folder.
 
 use super::notice::notice;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A folder that this user can write to, made where it is missing: `greenstage` in `$XDG_CACHE_HOME`, else in `~/.cache`, else
-/// of this user's own below the folder for temporary files, which is told.
+/// A folder that this user can write to, made where it is missing: `greenstage` in `$XDG_CACHE_HOME`, else in `~/.cache`, else,
+/// with a note, a folder of this user's below that for temporary files.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {

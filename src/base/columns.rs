@@ -7,7 +7,7 @@ use half::f16;
 use serde::{Deserialize, Serialize};
 use std::ops::{Range, RangeInclusive};
 
-/// What the name of a storage within an error opens with.
+/// Prefix of the name of a storage within an error.
 const WITHIN: &str = "error ";
 
 /// Numbers of the precomputed displacements in the .green file and in memory.
@@ -21,14 +21,14 @@ pub enum Storage {
     F16,
     /// 16-bit integers, scaled per column: half the bytes, an error of 2e-5.
     Int16,
-    /// The same with steps as coarse as this error allows, which pack the smaller: a part of each column's largest
+    /// 16-bit integers with steps as coarse as this error allows, which pack the smaller: a part of each column's largest
     /// displacement.
     #[serde(rename = "error")]
     Within(f64),
 }
 
 impl Storage {
-    /// Those that need no number.
+    /// The storages that need no number.
     pub const ALL: [Storage; 3] = [Storage::F32, Storage::F16, Storage::Int16];
     /// The errors that can be asked for: the least is that of the 16 bits.
     pub const ERRORS: RangeInclusive<f64> = 1.6e-5..=1e-2;
@@ -104,7 +104,7 @@ impl ColumnGroup<'_> {
         }
     }
 
-    /// How many columns of `nodes` nodes it holds; `None` where they are not whole or lack a scale.
+    /// Number of columns of `nodes` nodes in it; `None` where they are not whole or lack a scale.
     pub fn columns(&self, nodes: usize) -> Option<usize> {
         let per_column = 3 * nodes;
         let columns = self.numbers().checked_div(per_column)?;

@@ -8,7 +8,7 @@ use super::disjoint::DisjointSets;
 /// Nodes that are drawn more than once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Creases {
-    /// In the order of the surface's, over nodes and copies.
+    /// Triangles in the order of the surface's, over nodes and copies.
     pub triangles: Vec<[u32; 3]>,
     /// The node of each vertex after the last node.
     pub copies: Vec<u32>,
@@ -62,7 +62,7 @@ impl Creases {
         (!copies.is_empty()).then_some(Creases { triangles: drawn, copies })
     }
 
-    /// What belongs to the nodes, and the same for their copies.
+    /// Appends the copies' values: each is that of its node.
     pub fn extend<T: Copy>(&self, nodes: &mut Vec<T>) {
         for &node in &self.copies {
             nodes.push(nodes[node as usize]);
@@ -70,7 +70,7 @@ impl Creases {
     }
 }
 
-/// Of unit length; zero where the triangle vanishes, which is then sharp on all sides and shown by nobody.
+/// The unit normal; zero where the triangle vanishes, which is then sharp on all sides and never shown.
 fn normal(triangle: &[u32; 3], rest: &[[f32; 3]]) -> [f64; 3] {
     let [a, b, c] = triangle.map(|node| rest[node as usize].map(f64::from));
     let [u, v] = [b, c].map(|end| [0, 1, 2].map(|axis| end[axis] - a[axis]));

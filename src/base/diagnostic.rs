@@ -8,7 +8,7 @@ use super::table::count;
 pub enum Severity {
     /// The body is refused.
     Error,
-    /// It is solved, but the answer may not be what was meant.
+    /// The scene is solved, but the answer may not be what was meant.
     Warning,
     /// Something was repaired, or is worth knowing.
     Note,
@@ -24,14 +24,14 @@ impl std::fmt::Display for Severity {
     }
 }
 
-/// What is wrong, how severe it is, and where it is.
+/// A finding: its severity, place and message.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Diagnostic {
     pub severity: Severity,
     /// A key of the scene or the stage, or a file and a line; empty where the message says it all.
     #[serde(rename = "entity", skip_serializing_if = "String::is_empty")]
     pub place: String,
-    /// What is wrong, with the numbers, and what to do about it.
+    /// The finding, with the numbers, and what to do about it.
     pub message: String,
 }
 

@@ -6,7 +6,7 @@ pub struct DisjointSets {
 }
 
 impl DisjointSets {
-    /// Every number in a set of its own.
+    /// Puts every number into a separate set.
     pub fn new(count: usize) -> DisjointSets {
         DisjointSets { parent: (0..count as u32).collect() }
     }

@@ -1,8 +1,8 @@
 //! Faults of memory (SIGSEGV, SIGBUS), and the same signals as another process sends them.
 //!
-//! Rust's own handler tells an overflown stack, and returns from any other fault so that the instruction faults again
-//! without a handler. Of a signal that a watchdog sent, nothing faults again: the program would go on. This handler sends it
-//! once more, to its usual end, and leaves faults to Rust's.
+//! Rust's own handler reports an overflown stack, and returns from any other fault so that the instruction faults again without a
+//! handler. After a signal that a watchdog sent, nothing faults again: the program would go on. This handler sends it once more,
+//! to its usual end, and leaves faults to Rust's.
 
 use libc::{SIGBUS, SIGSEGV, c_int, c_void, siginfo_t};
 use std::ptr::null_mut;

@@ -1,7 +1,7 @@
 //! Numbers in a fixed width with fixed digits, so that nothing jumps or collides while they change.
 //!
-//! In: any number, also infinite or none. Out: text of so many letters as were asked for, never more; a quantity begins with
-//! a blank and has its prefix and unit in a column of their own: `  12.34 mN `.
+//! In: any number, also infinite or none. Out: text of exactly the asked number of letters; a quantity begins with a blank and
+//! has its prefix and unit in a column of their own: `  12.34 mN `.
 
 /// A kind of quantity: its unit, and the powers of a thousand for which it has prefixes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +85,7 @@ impl Scale {
     }
 }
 
-/// A number in so many letters, at least 6; where it does not fit, as a power of ten. A zero has no minus sign.
+/// Writes a number in `letters` letters, at least 6; where it does not fit, as a power of ten. A zero has no minus sign.
 pub fn fixed(value: f64, letters: usize, digits: usize) -> String {
     let text = format!("{value:>letters$.digits$}");
     let is_zero = text.chars().all(|c| matches!(c, ' ' | '-' | '0' | '.'));
@@ -163,7 +163,7 @@ mod tests {
     }
 
     proptest! {
-        /// Of every number that there is: as wide as ever, a blank before it, the point where it always is, and its value.
+        /// Every number that there is has the same width, a blank before it, the point at the same place, and its value.
         #[test]
         fn every_number_keeps_to_its_columns(bits in any::<u64>(), plain in -1e7..1e7f64, k in 0_usize..5) {
             let unit = [FORCE, TORQUE, LENGTH, ENERGY, TIME][k];

@@ -1,5 +1,5 @@
-//! A guard for a connection to a device that pushes: a small process of its own that takes the force back, however this
-//! program ends.
+//! A guard for a connection to a device that pushes: a small separate process that takes the force back, however this program
+//! ends.
 //!
 //! In: a connection, and the message that means no force, as bytes. Out: nothing, until this program's end of a socket
 //! between the two closes, or it does not beat while a force acts. Then the guard sends the message. The
@@ -22,12 +22,12 @@ use std::time::{Duration, Instant};
 pub const ARGUMENT: &str = "guard-of-a-force-device";
 /// The name of the process for `ps`; a tool that ends programs by name, such as `killall`, does not find it by ours.
 const NAME: &str = "force-guard";
-/// A program that pushes and is silent for so long has stopped: the force is taken back.
+/// Silence after which a program that pushes counts as stopped: the force is taken back.
 const SILENT: Duration = Duration::from_millis(24);
 /// Beats are no more frequent than this.
 const BEAT: Duration = Duration::from_millis(4);
-/// How long the guard goes on reading what the device says: a connection that is closed with bytes unread is reset, and a
-/// reset may overtake the last message.
+/// Time for which the guard goes on reading from the device: a connection that is closed with bytes unread is reset, and a reset
+/// may overtake the last message.
 const LINGER: Duration = Duration::from_secs(1);
 
 // What the program says, a byte each. Behind SENDS stand the length of the message, a little-endian u16, and the message.
@@ -110,7 +110,7 @@ impl Guard {
         Ok(())
     }
 
-    /// Tells the guard that this program is alive, if a force acts that was sent before.
+    /// Signals the guard that this program is alive, if a force acts that was sent before.
     pub fn beat(&mut self) -> Result<()> {
         if self.beaten.is_some() { self.pushes() } else { Ok(()) }
     }

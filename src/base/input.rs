@@ -26,7 +26,7 @@ pub fn open(path: &Path) -> io::Result<Take<File>> {
     open_any(path)
 }
 
-/// The same of a path that may lead to a pipe, such as standard input, which is read to its end.
+/// Opens a path that may lead to a pipe, such as standard input, which is read to its end.
 pub fn open_any(path: &Path) -> io::Result<Take<File>> {
     let file = File::open(path)?;
     let found = file.metadata()?;

@@ -1,4 +1,4 @@
-//! What colours mean, as a picture tells it.
+//! The legend of colours in a picture.
 
 /// The legend of a field, in SI units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -9,13 +9,13 @@ pub struct Legend {
     pub unit: String,
     /// The value at the end of the colours; they begin at 0.
     pub to: f64,
-    /// What the end is: `the limit`, `as the scene has it`, `grows with the session`.
+    /// The origin of the end: `the limit`, `as the scene has it`, `grows with the session`.
     pub range: String,
-    /// Where limits lie that are limits of this field.
+    /// Limits of this field.
     pub limits: Vec<f64>,
-    /// Whether anything has a limit, of whatever field: beyond it is a colour of its own.
+    /// Whether anything has a limit, of whatever field: a separate colour marks what is beyond it.
     pub has_limit: bool,
-    /// What else is to be said, the first most important.
+    /// Further lines, the most important first.
     pub lines: Vec<LegendLine>,
 }
 
@@ -26,7 +26,7 @@ pub struct LegendLine {
     pub warns: bool,
 }
 
-/// Where numbers stand along a legend that ends at `to`: 3 to 6 round values, 0 first.
+/// Numbers along a legend that ends at `to`: 3 to 6 round values, 0 first.
 pub fn ticks(to: f64) -> Vec<f64> {
     if !(to > 0.0 && to.is_finite()) {
         return vec![0.0];

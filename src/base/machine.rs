@@ -22,7 +22,7 @@ const ADDRESSES: &str = "Max address space";
 #[error("{text}")]
 pub struct TooLarge {
     text: Box<str>,
-    /// What is left, in parts of what is needed.
+    /// The memory that is left, in parts of what is needed.
     pub share: f64,
 }
 
@@ -33,13 +33,13 @@ impl TooLarge {
     }
 }
 
-/// In GB or MB, without digits that nobody knows.
+/// Writes a size in GB or MB, without digits that nobody knows.
 pub fn size(bytes: f64) -> String {
     if bytes < 1e9 { format!("{:.0} MB", bytes / 1e6) } else { format!("{:.1} GB", bytes / 1e9) }
 }
 
-/// Returns an error if the process cannot get `need` more bytes, with a tenth of them and 16 MB to spare, as far as the
-/// system tells; else they are planned ([`plan`]).
+/// Returns an error if the process cannot get `need` more bytes, with a tenth of them and 16 MB to spare, as far as the system
+/// reports; else they are planned ([`plan`]).
 pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
     fits(what, need, 0.0)?;
     plan(need);
@@ -49,13 +49,13 @@ pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
 /// The most memory that was planned, bytes: what was in use when a step began, and what it was to need.
 static PLANNED: AtomicU64 = AtomicU64::new(0);
 
-/// A step begins that needs so many bytes more at most.
+/// Plans a step that needs at most `need` bytes more.
 pub fn plan(need: f64) {
     let used = std::fs::read_to_string(STATUS).ok().and_then(|status| kilobytes(&status, "VmRSS:"));
     PLANNED.fetch_max((used.unwrap_or(0.0) + need) as u64, Relaxed);
 }
 
-/// What [`peak_memory`] was expected to be, bytes; 0 where no step was planned.
+/// The expected [`peak_memory`], bytes; 0 where no step was planned.
 pub fn planned_memory() -> f64 {
     PLANNED.load(Relaxed) as f64
 }
@@ -76,7 +76,7 @@ pub fn fits(what: impl Into<String>, need: f64, mapped: f64) -> Result<(), TooLa
     Err(TooLarge::new(&what, need, left, bound.name))
 }
 
-/// The error if the system refused `need` bytes although so many seemed to be left.
+/// The error if the system refused `need` bytes although that many seemed to be left.
 pub fn refused(what: impl Into<String>, need: f64) -> TooLarge {
     let least = bounds().into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
     let (left, bound) = least.map_or((0.0, "the system"), |(left, bound)| (left, bound.name));
@@ -117,7 +117,7 @@ pub fn addresses_are_limited() -> bool {
     std::fs::read_to_string(LIMITS).is_ok_and(|limits| limit(&limits, ADDRESSES).is_some())
 }
 
-/// Largest resident memory of this process so far, bytes, where the system tells.
+/// Largest resident memory of this process since its start, bytes, if the system reports it.
 pub fn peak_memory() -> Option<f64> {
     kilobytes(&std::fs::read_to_string(STATUS).ok()?, "VmHWM:")
 }
@@ -235,9 +235,10 @@ pub fn start_threads() -> Result<(), ThreadsError> {
     }
 }
 
-/// Lets this thread share its work with threads of its own, as many as [`start_threads`] started with this one, and work along.
-/// A thread outside a pool sleeps until the pool's threads have woken and are done, and stands in line behind what is solved in
-/// the background: on two threads a superposition of 10,000 nodes and 24 columns takes 0.8 to 0.9 of the time. Where no more threads can be started, or this one is in a pool already, nothing changes.
+/// Lets this thread share its work with a separate pool of threads, as many as [`start_threads`] started with this one, and work
+/// along. A thread outside a pool sleeps until the pool's threads have woken and are done, and stands in line behind what is
+/// solved in the background: on two threads a superposition of 10,000 nodes and 24 columns takes 0.8 to 0.9 of the time. Where no
+/// more threads can be started, or this one is in a pool already, nothing changes.
 pub fn work_along() {
     let threads = rayon::current_num_threads();
     if let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build() {
@@ -246,7 +247,7 @@ pub fn work_along() {
     }
 }
 
-/// The processor's name, or its instruction set if the system does not tell the name.
+/// The processor's name, or its instruction set if the system does not report the name.
 pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));

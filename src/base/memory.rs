@@ -1,7 +1,7 @@
 //! Ends the program with one sentence and status 1 when an allocation fails.
 //!
-//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can tell
-//! this abort from any other and say why. An allocation that may fail (`try_reserve`) returns its error as ever.
+//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can distinguish
+//! this abort from any other and give the reason. An allocation that may fail (`try_reserve`) returns its error as ever.
 
 use libc::{SIGABRT, c_int};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -46,8 +46,8 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// From this call on, an allocation that fails ends the program with a sentence and status 1, if [`Watched`] is its
-/// allocator. If addresses are limited, all threads share one arena, because each further one would reserve 64 MB of them.
+/// Makes every allocation that fails from now on end the program with a sentence and status 1, if [`Watched`] is its allocator.
+/// If addresses are limited, all threads share one arena, because each further one would reserve 64 MB of them.
 pub fn end_in_order() {
     #[cfg(target_env = "gnu")]
     if super::machine::addresses_are_limited() {

@@ -41,12 +41,12 @@ impl PartMotion {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartWeights {
     parts: usize,
-    /// Where the row of each node starts in `shares`; one more for the end.
+    /// Index at which the row of each node starts in `shares`; one more for the end.
     starts: Vec<u32>,
     shares: Vec<PartShare>,
 }
 
-/// Weights of a node may be off from 1 by so much; they are then scaled to it.
+/// Largest deviation from 1 of the sum of a node's weights; they are then scaled to 1.
 const OFF: f64 = 1e-6;
 
 impl PartWeights {
@@ -83,7 +83,7 @@ impl PartWeights {
         self.starts.len() - 1
     }
 
-    /// Where the row of each node starts in [`PartWeights::shares`]; one more for the end.
+    /// Indices at which the row of each node starts in [`PartWeights::shares`]; one more for the end.
     pub fn starts(&self) -> &[u32] {
         &self.starts
     }

@@ -1,4 +1,4 @@
-//! What is written over the pictures of a world, beside the overlay: lines of words, plots and legends. Plain data, which the display
+//! Plates over the pictures of a world, beside the overlay: lines of words, plots and legends. Plain data, which the display
 //! paints.
 
 use super::legend::Legend;
@@ -10,24 +10,24 @@ pub struct Plate {
     /// Words in their tones, line by line.
     pub lines: Vec<Words>,
     pub plot: Option<Plot>,
-    /// What colours mean, in place of lines.
+    /// A legend of colours, in place of lines.
     pub legend: Option<Legend>,
 }
 
-/// Where a plate stands.
+/// The place of a plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Anchor {
-    /// In a corner of the screen that the viewer looks at; several stand above each other.
+    /// A corner of the screen that the viewer looks at; several plates stand above each other.
     LowerLeft,
     LowerRight,
-    /// Beside a place in the room, on every screen that shows it, m.
+    /// A place in the room, m: the plate stands near it on every screen that shows it.
     Place([f64; 3]),
 }
 
 /// A line of words in their tones.
 pub type Words = Vec<(String, Tone)>;
 
-/// What a word or a curve says by its colour.
+/// The meaning of a colour, of words or of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tone {
     Plain,
@@ -48,7 +48,7 @@ pub struct Plot {
     pub curves: Vec<Vec<[f64; 2]>>,
     /// Between which values y may truly lie: x, lower, upper.
     pub band: Vec<Vec<[f64; 3]>>,
-    /// Where the curve is now.
+    /// The point of the curve for now.
     pub now: Option<[f64; 2]>,
 }
 
@@ -56,7 +56,7 @@ pub struct Plot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Axis {
     pub name: &'static str,
-    /// Of SI, to take a prefix; or `°`, which takes none.
+    /// A unit of SI, to take a prefix; or `°`, which takes none.
     pub unit: &'static str,
 }
 

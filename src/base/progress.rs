@@ -2,7 +2,7 @@
 
 /// Receives the progress of long work: the command line draws bars, tests ignore it.
 pub trait Progress: Sync {
-    /// A step begins with so many units of work; 0 if the number is not known.
+    /// Begins a step of `units` units of work; 0 if the number is not known.
     fn begin(&self, step: &str, units: u64);
     fn advance(&self, units: u64);
     fn end(&self);

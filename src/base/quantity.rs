@@ -12,7 +12,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
     format!("{} {}{unit}", digits(value / 1000f64.powi(power)), prefix(power))
 }
 
-/// The power of a thousand in which a quantity of this size is told: `12.3 mm` is told in 1000⁻¹.
+/// The power of a thousand in which a quantity of this size is written: `12.3 mm` is in 1000⁻¹.
 pub fn power_of(value: f64) -> i32 {
     if !(value.is_finite() && value != 0.0) {
         return 0;
@@ -27,7 +27,7 @@ pub fn prefix(power: i32) -> &'static str {
     PREFIXES[(power.clamp(-3, 3) + 3) as usize]
 }
 
-/// What numbers up to `largest` are divided by, and the prefix that stands for it.
+/// The divisor for numbers up to `largest`, and the prefix that stands for it.
 pub fn scale_of(largest: f64) -> (f64, &'static str) {
     let power = power_of(largest);
     (1000f64.powi(power), prefix(power))

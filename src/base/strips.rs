@@ -7,7 +7,7 @@ pub struct StripKind {
     /// WGSL with the entry points `vertex` and `fragment`; `shaders/common/view.wgsl` stands before it. A strip has four
     /// vertices: lower left, lower right, upper left, upper right.
     pub shader: &'static str,
-    /// How many numbers (1 to 4) each attribute of an instance has, by its location.
+    /// Number of components (1 to 4) of each attribute of an instance, by its location.
     pub attributes: &'static [usize],
 }
 

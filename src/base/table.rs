@@ -39,7 +39,7 @@ impl Table {
         text
     }
 
-    /// The same as a Markdown table.
+    /// Formats the table as Markdown.
     pub fn markdown(&self) -> String {
         let mut text = String::new();
         for (i, row) in self.rows.iter().enumerate() {

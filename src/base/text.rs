@@ -1,5 +1,5 @@
-//! Makes text from files, devices and other machines safe to show: it cannot move a terminal's cursor, change its colours,
-//! or reverse the words beside it.
+//! Makes text from files, devices and other machines safe to show: it cannot move a terminal's cursor, change its colours, or
+//! reverse the words near it.
 //!
 //! In: any text. Out: the same with control characters and marks of direction written as JSON writes them (`\u001b`), so
 //! that JSON stays JSON; what is left may also stand in XML 1.0.
@@ -34,7 +34,7 @@ pub fn one_line(text: impl Display) -> String {
     shown
 }
 
-/// A word as a shell takes it.
+/// Quotes an argument for a shell.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {

@@ -14,7 +14,7 @@ pub struct Canvas {
     pub nodes: Vec<u32>,
     /// m, as the mesh has them.
     pub places: Vec<Vector3<f64>>,
-    /// The same, for drawing and picking.
+    /// The places in f32, for drawing and picking.
     pub positions: Vec<[f32; 3]>,
     pub shape: PickShape,
     pub roads: Roads,
@@ -22,10 +22,10 @@ pub struct Canvas {
     pub bounds: [Vector3<f64>; 2],
 }
 
-/// Where a ray touches the surface.
+/// The point where a ray touches the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// In the mesh, m.
+    /// The point in the mesh's frame, m.
     pub point: Vector3<f64>,
     /// The nearest vertex.
     pub vertex: u32,
@@ -47,7 +47,7 @@ impl Canvas {
         }
     }
 
-    /// Its longest extent, m.
+    /// The longest extent, m.
     pub fn extent(&self) -> f64 {
         (self.bounds[1] - self.bounds[0]).amax()
     }

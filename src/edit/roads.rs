@@ -9,9 +9,9 @@ use std::collections::{BTreeSet, BinaryHeap};
 
 /// The edges of a surface, vertex by vertex.
 pub struct Roads {
-    /// Where each vertex' edges begin in `ends`.
+    /// Index at which each vertex' edges begin in `ends`.
     starts: Vec<u32>,
-    /// The other end of an edge, and the edge's length, m.
+    /// Far end of each edge, and its length, m.
     ends: Vec<(u32, f64)>,
     /// Memory of a search: the length to each vertex, infinite between searches.
     lengths: Vec<f64>,

@@ -12,7 +12,7 @@ use crate::scene::write::{self, Comments};
 use crate::scene::{Nodes, Scene};
 use std::path::{Path, PathBuf};
 
-/// A painted element of more nodes than this has a file of its own.
+/// Number of nodes of a painted element above which it gets a separate file.
 const LONG: usize = 400;
 
 const SCENE: Kind =

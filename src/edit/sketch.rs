@@ -8,16 +8,16 @@ use indexmap::IndexMap;
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
-/// What a button does while it is down.
+/// The tool that a button uses while it is down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tool {
     Paint,
     Erase,
-    /// From its centre to its radius.
+    /// A ball, dragged from its centre to its radius.
     Ball,
-    /// From corner to corner, and the brush's radius around them.
+    /// A box, dragged from corner to corner, with the brush's radius around them.
     Box,
-    /// As a ball, by distance through the body's material.
+    /// A ball by distance through the body's material.
     Grow,
 }
 
@@ -55,7 +55,7 @@ const KEPT: usize = 100;
 pub struct Element {
     pub name: String,
     pub grab: Grab,
-    /// How it is written.
+    /// The nodes as they are written.
     pub nodes: Option<Nodes>,
     /// The nodes of the mesh that it holds.
     pub held: BTreeSet<u32>,
@@ -67,18 +67,18 @@ struct Stroke {
     to: Touch,
 }
 
-/// All of a body.
+/// All elements of a body.
 pub struct Sketch {
     pub elements: Vec<Element>,
     /// The element that tools change.
     pub chosen: usize,
     pub tool: Tool,
-    /// Of the brush, m.
+    /// Radius of the brush, m.
     pub radius: f64,
     stroke: Option<Stroke>,
     /// The elements before each change, and which was chosen.
     history: Vec<(Vec<Element>, usize)>,
-    /// As they were in the scene, or were saved.
+    /// The elements as they were in the scene, or were saved.
     first: Vec<Element>,
     /// Counts the changes of what is held.
     pub version: u64,
@@ -88,7 +88,7 @@ pub struct Sketch {
 const BRUSH: f64 = 0.04;
 
 impl Sketch {
-    /// Those that the body has; what of it cannot be found in the mesh is left out.
+    /// The elements that the body has; nodes that cannot be found in the mesh are left out.
     pub fn of(body: &Body, canvas: &Canvas) -> Sketch {
         let element = |(name, control): (&String, &Control)| Element {
             name: name.clone(),
@@ -269,7 +269,7 @@ impl Sketch {
         held.filter_map(control).collect()
     }
 
-    /// What keeps the elements from being precomputed, in words.
+    /// The reason why the elements cannot be precomputed, in words.
     pub fn lack(&self) -> Option<String> {
         let held = || self.elements.iter().filter(|element| !element.held.is_empty());
         let empty = self.elements.iter().find(|element| element.held.is_empty());
@@ -333,7 +333,7 @@ impl Sketch {
         others.into_iter().any(|(_, element)| element.held.contains(&node))
     }
 
-    /// What is being drawn, of tools that draw a shape; a press without a drag makes one of the brush's size.
+    /// The shape that is being drawn, for tools that draw one; a press without a drag makes one of the brush's size.
     fn shape(&self, canvas: &Canvas) -> Option<Nodes> {
         let Stroke { from, to } = self.stroke.as_ref()?;
         let extent = canvas.extent();
@@ -359,7 +359,7 @@ fn list(canvas: &Canvas, held: &BTreeSet<u32>) -> Nodes {
     Nodes::List(tags)
 }
 
-/// To a ten-thousandth of `extent` or better, by a power of ten, so that it can be read.
+/// Rounds a value to a ten-thousandth of `extent` or better, by a power of ten, so that it can be read.
 pub fn rounded(value: f64, extent: f64) -> f64 {
     let decimals = (4.0 - extent.max(f64::MIN_POSITIVE).log10().floor()).clamp(0.0, 15.0) as usize;
     format!("{value:.decimals$}").parse().unwrap_or(value)

@@ -21,7 +21,7 @@ impl<C> Default for Graph<C> {
     }
 }
 
-/// What a field is beside its value.
+/// The properties of a field beside its value.
 pub(super) struct Node<C> {
     pub name: String,
     pub type_name: &'static str,
@@ -35,12 +35,12 @@ pub(super) struct Node<C> {
     pub read: fn(&str) -> serde_json::Result<Box<dyn Any>>,
 }
 
-/// Where a field's value comes from.
+/// The source of a field's value.
 pub(super) struct Connection<C> {
     /// Name of the function; empty for a value taken as it is.
     pub function: &'static str,
     pub inputs: Vec<usize>,
-    /// From the last frame.
+    /// Whether the input is that of the last frame.
     pub is_delay: bool,
     run: Box<Function<C>>,
 }
@@ -80,7 +80,7 @@ impl<C: 'static> Graph<C> {
         &self.nodes[field.number].name
     }
 
-    /// How often the field's function ran.
+    /// Number of times that the field's function ran.
     pub fn evaluations<T>(&self, field: Field<T>) -> u64 {
         self.nodes[field.number].evaluations
     }
@@ -247,7 +247,7 @@ impl<C: 'static> Graph<C> {
         }
     }
 
-    /// What `number` is made from in this frame.
+    /// The fields from which `number` is made in this frame.
     pub(super) fn inputs(&self, number: usize) -> &[usize] {
         match &self.nodes[number].from {
             Some(from) if !from.is_delay => &from.inputs,

@@ -1,4 +1,4 @@
-//! What a function of the graph reads: one field, several of different types, or each of a list.
+//! Inputs of a function of the graph: one field, several of different types, or each of a list.
 
 use super::value::{Field, Value, Values};
 

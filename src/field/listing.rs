@@ -6,11 +6,11 @@ use super::graph::Graph;
 pub struct Entry<'a> {
     pub name: &'a str,
     pub type_name: &'a str,
-    /// How many functions stand between it and what is set from outside.
+    /// Number of functions between it and what is set from outside.
     pub depth: usize,
     /// The function that makes it; `None`: it is set from outside. Empty: the value is taken as it is.
     pub function: Option<&'a str>,
-    /// From the last frame.
+    /// Whether the input is that of the last frame.
     pub is_delay: bool,
     pub inputs: Vec<&'a str>,
     pub evaluations: u64,
@@ -86,7 +86,7 @@ impl<C: 'static> Graph<C> {
         entries.iter().map(line).collect()
     }
 
-    /// For `dot -Tsvg`: a box per field, an arrow per connection, dashed from one frame to the next.
+    /// Text for `dot -Tsvg`: a box per field, an arrow per connection, dashed from one frame to the next.
     pub fn dot(&self) -> String {
         let quoted = |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""));
         let mut text =

@@ -1,8 +1,8 @@
 //! The paper's fields: typed values, connected into a data-flow graph that is evaluated once a frame.
 //!
-//! In: values set from outside (what trackers say). Out: values that functions make of them, each at most once a
-//! frame, in the order of their dependencies, and only where an input differs from what it was. The graph plays the part
-//! of Avango's marks of changed fields and of its evaluation loop (the paper, "Avango" and "Implementation in Avango").
+//! In: values set from outside (such as the state of trackers). Out: values that functions make of them, each at most once a
+//! frame, in the order of their dependencies, and only where an input differs from what it was. The graph plays the part of
+//! Avango's marks of changed fields and of its evaluation loop (the paper, "Avango" and "Implementation in Avango").
 //!
 //! ```
 //! use greenstage::field::Graph;
@@ -21,7 +21,7 @@
 //! | [`Graph::field`] | a name that is nobody else's, and a first value |
 //! | [`Graph::connect`], [`Graph::compute`] | from a field of the same type, or from several through a function; a circle is refused, with the names in it |
 //! | [`Graph::set`] | only where nothing is connected |
-//! | [`Graph::previous`] | a field of its own that holds what another was at the end of the last frame: the only way to feed back |
+//! | [`Graph::previous`] | a field that holds what another was at the end of the last frame: the only way to feed back |
 //! | [`Graph::write`], [`Graph::read`] | the state of all fields to a stream and back: the paper's streaming interface |
 //! | [`Graph::restore`] | a new start of any field, from outside a frame |
 //! | context `C` | what functions act on beside fields (deformers), handed to [`Graph::evaluate`] and named in its type |

@@ -10,11 +10,11 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// What is made of a fixed count of numbers.
+/// A value that consists of a fixed count of numbers.
 pub trait Numbers: Sized {
     const COUNT: usize;
     fn list(&self) -> Vec<f64>;
-    /// Of `COUNT` numbers.
+    /// The value made of `COUNT` numbers.
     fn made(numbers: &[f64]) -> Self;
 }
 

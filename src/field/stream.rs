@@ -15,7 +15,7 @@ use serde_json::value::RawValue;
 use std::any::Any;
 use std::io::{self, BufRead, Write};
 
-/// Of the lines below.
+/// Version of the lines below.
 pub const VERSION: u32 = 2;
 
 /// A longer line is refused, bytes.

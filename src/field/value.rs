@@ -1,13 +1,13 @@
-//! What a field can hold, the handle of a field, and the values of all fields of a graph.
+//! The values that a field can hold, the handle of a field, and the values of all fields of a graph.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::any::Any;
 use std::marker::PhantomData;
 
-/// What a field can hold. Two values that are equal count as no change.
+/// A value that a field can hold. Two values that are equal count as no change.
 pub trait Value: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
-    /// As listings and streams call it.
+    /// The type's name in listings and streams.
     const TYPE: &'static str;
 }
 
@@ -23,8 +23,8 @@ pub(crate) use value_types;
 
 value_types!(f64 => "number", u64 => "count", bool => "switch", String => "text");
 
-/// A field of one graph: its number in it. Only that graph may be asked for it; another one panics or answers with
-/// a field of its own.
+/// A field of one graph: its number in it. Only that graph may be asked for it; a different one panics or answers with the wrong
+/// field.
 pub struct Field<T> {
     pub(super) number: usize,
     value: PhantomData<fn() -> T>,

@@ -56,17 +56,18 @@ fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 5] {
     ]
 }
 
-/// What a body's pipeline depends on.
+/// The properties on which a body's pipeline depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Kind {
-    /// With lines or an image fixed to the material.
+    /// Whether lines or an image are fixed to the material.
     pub patterned: bool,
     pub image: bool,
-    /// In the colours of a field.
+    /// Whether the colours of a field are shown.
     pub field: bool,
+    /// Whether it is bent beyond its model.
     /// Bent beyond its model.
     pub hatched: bool,
-    /// With soft shadows.
+    /// Whether it has soft shadows.
     pub shadowed: bool,
 }
 

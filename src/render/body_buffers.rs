@@ -29,7 +29,7 @@ pub struct BodyBuffers {
     pub(super) patches: Vec<Patch>,
     /// None where nothing is fixed to the material.
     pub(super) pattern: Option<PatternBuffers>,
-    /// How the device deforms the body; None where the CPU does.
+    /// The passes by which the device deforms the body; `None` where the CPU does.
     pub(super) deform: Option<DeformPass>,
 }
 
@@ -130,8 +130,8 @@ impl BodyBuffers {
         Ok(body)
     }
 
-    /// What is fixed to the material; `rest` is where each vertex stands at rest.
-    /// Errors: [`RenderError::VertexCount`] unless there is one place per vertex; an image too large for the device.
+    /// Sets the pattern that is fixed to the material; `rest` has the place of each vertex at rest. Errors:
+    /// [`RenderError::VertexCount`] unless there is one place per vertex; an image too large for the device.
     pub fn set_pattern(
         &mut self,
         gpu: &Gpu,

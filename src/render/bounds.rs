@@ -1,4 +1,4 @@
-//! What an eye cannot see is not drawn: boxes around shapes, and whether a view meets them.
+//! Boxes around shapes, and whether a view meets them: shapes that an eye cannot see are not drawn.
 
 use nalgebra::{Matrix4, RowVector4, Vector3};
 

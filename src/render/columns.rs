@@ -10,7 +10,7 @@ use crate::base::columns::{ColumnGroup, Storage, half_to_single};
 use std::ops::Range;
 use wgpu::BufferUsages;
 
-/// Bytes handed to the driver before it is waited for: so much memory the upload needs beside the buffers.
+/// Bytes handed to the driver before it is waited for: the memory that the upload needs beside the buffers.
 const BATCH: u64 = 64 << 20;
 
 /// The parts of the shader that reads a storage.
@@ -22,7 +22,7 @@ pub(super) fn shader(storage: Storage) -> [&'static str; 3] {
     }
 }
 
-/// How many columns of `nodes` nodes a group has.
+/// Number of columns of `nodes` nodes in a group.
 pub(super) fn count(group: &ColumnGroup<'_>, nodes: usize) -> Result<usize, RenderError> {
     let (numbers, per_column) = (group.numbers(), 3 * nodes);
     group.columns(nodes).ok_or(RenderError::ColumnLength { numbers, per_column })

@@ -9,17 +9,17 @@ use super::gpu::Gpu;
 use super::shader;
 use image::{Rgba, RgbaImage};
 
-/// How the first and the second eye's picture lie in a tile.
+/// The places of the first and the second eye's picture in a tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Composite {
     /// Width and height of each eye's picture.
     pub eye_size: [u32; 2],
-    /// Where the second picture begins in the tile, from the top left; the first begins at its corner.
+    /// Origin of the second picture in the tile, from the top left; the first begins at its corner.
     pub second: [u32; 2],
     /// Columns and rows: 1 where the eyes take turns in that direction, the first eye at even pixels. Counted from the
     /// corner of the monitor, not of the window: a panel polarises its own rows, wherever a window stands.
     pub turns: [u32; 2],
-    /// What the first picture adds to red, green and blue, row by row, in linear light; clipped to 0 to 1.
+    /// Matrix by which the first picture adds to red, green and blue, row by row, in linear light; clipped to 0 to 1.
     pub from_first: Matrix,
     pub from_second: Matrix,
 }
@@ -29,7 +29,7 @@ pub type Matrix = [[f32; 3]; 3];
 
 const SAME: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// What red-cyan glasses let through, from the left and the right eye's picture.
+/// Colours that red-cyan glasses let through, from the left and the right eye's picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anaglyph {
     pub from_left: Matrix,

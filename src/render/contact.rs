@@ -19,7 +19,7 @@ pub(super) const SHADER: [&str; 3] =
     [shader::VIEW, shader::CONTACT_FLOOR, include_str!("../../shaders/contact.wgsl")];
 /// Pixels of the map's side.
 const MAP_PX: u32 = 256;
-/// What is hidden, in 256ths.
+/// Format of the hidden part of the lamp, in 256ths.
 const HIDDEN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 /// Tangent of the angle from the zenith to the lamp's rim: sin² is `LAMP` of `shaders/contact_map.wgsl`.
 const LAMP_TANGENT: f32 = 0.655;
@@ -62,7 +62,7 @@ impl ContactFloor {
     }
 }
 
-/// Nothing on the device until there is a shadow to draw.
+/// The pass of contact shadows, with nothing on the device until there is a shadow to draw.
 #[derive(Default)]
 pub(super) struct ContactPass {
     map: Option<ContactMap>,
@@ -79,7 +79,7 @@ struct ContactMap {
     /// Heights to what is hidden.
     pipeline: wgpu::RenderPipeline,
     read_heights: wgpu::BindGroup,
-    /// What is hidden to the picture.
+    /// Layout of the group by which the picture reads what is hidden.
     layout: wgpu::BindGroupLayout,
     read_hidden: wgpu::BindGroup,
 }

@@ -33,17 +33,17 @@ const HEADER: usize = 16;
 /// The compute passes of one body, and what their buffers hold.
 pub(super) struct DeformPass {
     sum: ComputePass,
-    /// Of a body of several parts.
+    /// Present for a body of several parts.
     parts: Option<PartsPass>,
-    /// Of a body with vertices that are copies of nodes.
+    /// Present for a body with vertices that are copies of nodes.
     copies: Option<ComputePass>,
     normals: ComputePass,
     terms: wgpu::Buffer,
-    /// Of each column.
+    /// Scale of each column.
     scales: Vec<f32>,
     /// The coefficients summed last.
     pub(super) last: Vec<f32>,
-    /// Of each patch of the body.
+    /// Reach of each patch of the body.
     pub(super) reaches: Vec<Reach>,
 }
 

@@ -1,4 +1,4 @@
-//! What can go wrong between a frame's data and its picture, with the numbers and the remedy.
+//! Errors between a frame's data and its picture, with the numbers and the remedy.
 
 use crate::base::failure::Failure;
 
@@ -60,7 +60,7 @@ pub enum RenderError {
     Window { window: usize, title: String, reason: String },
     #[error("viewports for {found} windows were handed over, but {expected} are open")]
     WindowCount { found: usize, expected: usize },
-    /// What the application returned from its own part of the frame.
+    /// The error that the application returned from its own part of the frame.
     #[error(transparent)]
     App(Box<dyn std::error::Error + Send + Sync>),
 }

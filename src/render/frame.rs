@@ -22,9 +22,9 @@ pub struct StylusShape {
     pub room_from_stylus: Matrix4<f32>,
     /// Length of the pen in metres; the ray's radius is a hundredth of it, the hit point's radius a twenty-fifth.
     pub size_m: f32,
-    /// Where the ray ends when it hits nothing.
+    /// Length of the ray when it hits nothing, m.
     pub ray_length_m: f32,
-    /// Where the ray hits, in the room; the ray ends there.
+    /// The point that the ray hits, in the room; the ray ends there.
     pub hit: Option<Point3<f32>>,
     /// The middle control point of the ray as a quadratic Bézier curve from the tip to the hit; `None`: straight.
     pub bend: Option<Point3<f32>>,
@@ -104,7 +104,7 @@ impl Line {
 /// The surface of a [`Ghost`]; it is uploaded once, as long as somebody holds it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GhostShape {
-    /// In the shape's frame, m, and unit normals.
+    /// Positions in the shape's frame, m, and unit normals.
     pub positions: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
     /// Counter-clockwise seen from outside.
@@ -129,7 +129,7 @@ pub struct Ghost {
     pub room_from_shape: Matrix4<f32>,
     /// Linear RGB, and the opacity of its outline.
     pub color: [f32; 4],
-    /// How much of it shows where a body hides it, 0 to 1.
+    /// Opacity of the ghost where a body hides it, as a part of the ghost's, 0 to 1.
     pub through: f32,
 }
 
@@ -146,7 +146,7 @@ pub enum Drawable {
     Ghost(Ghost),
     Quad(Quad),
     Lines(Vec<Line>),
-    /// With a shader of their own.
+    /// Strips with their own shader.
     Strips(Strips),
     /// Written over the finished picture, by whoever presents it.
     Plate(Plate),
@@ -156,13 +156,13 @@ pub enum Drawable {
 #[derive(Clone, Copy, Default)]
 pub struct FrameContents<'a> {
     pub bodies: &'a [BodyInstance<'a>],
-    /// What the frame shows, and what its presenter adds.
+    /// Drawables of the frame, and those that its presenter adds.
     pub drawables: [&'a [Drawable]; 2],
     pub grid: Option<Grid>,
     pub lighting: Lighting,
 }
 
-/// What a drawable is, where it is of one kind.
+/// Methods that return a drawable as one kind.
 macro_rules! kinds {
     ($($name:ident: $kind:ident => $of:ty),*) => {
         impl Drawable {

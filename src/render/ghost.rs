@@ -20,7 +20,7 @@ const SHADER: [&str; 2] = [shader::VIEW, include_str!("../../shaders/ghost.wgsl"
 
 #[derive(Default)]
 pub(super) struct GhostPass {
-    /// Of what is seen, and of what is hidden.
+    /// Pipelines for visible and for hidden ghosts.
     pipelines: [EyePipelines; 2],
     /// Two per ghost: as it is seen, and where it is hidden.
     instances: Instances,
@@ -60,7 +60,7 @@ impl Uploaded {
 }
 
 impl GhostPass {
-    /// Where the shape is on the device; `None` of one that has nothing to draw.
+    /// Number of the shape on the device; `None` if it has nothing to draw.
     fn shape(&mut self, gpu: &Gpu, shape: &Arc<GhostShape>) -> Result<Option<usize>, RenderError> {
         if !shape.is_whole() {
             return Ok(None);

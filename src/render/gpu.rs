@@ -25,7 +25,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// Bytes that one storage binding may have; bodies are split to it. A test lowers it.
     pub storage_limit: u64,
-    /// What was made on the device so far.
+    /// The memory made on the device so far.
     pub made: Made,
     clock: Option<Clock>,
     /// The first error the device reported since it was last asked; wgpu would panic if nobody listened.
@@ -41,12 +41,12 @@ pub struct Made {
 }
 
 impl Made {
-    /// Of all buffers.
+    /// Bytes of all buffers.
     pub fn buffer_bytes(&self) -> u64 {
         self.buffer_bytes.load(Ordering::Relaxed)
     }
 
-    /// Of the buffers among them that compute passes read or write.
+    /// Bytes of the buffers that compute passes read or write.
     pub fn storage_bytes(&self) -> u64 {
         self.storage_bytes.load(Ordering::Relaxed)
     }
@@ -60,7 +60,7 @@ impl Made {
     }
 }
 
-/// What is used where a device has it: both eyes in one pass, also multisampled; time on the device.
+/// Features that are used if a device has them: both eyes in one pass, also multisampled; time on the device.
 const OPTIONAL: wgpu::Features =
     wgpu::Features::MULTIVIEW.union(wgpu::Features::MULTISAMPLE_ARRAY).union(wgpu::Features::TIMESTAMP_QUERY);
 
@@ -136,7 +136,7 @@ impl Gpu {
         format!("{} by {:?}{fallback}{software} ({})", self.adapter_name, self.backend, self.driver)
     }
 
-    /// Whether both eyes can be drawn in one pass with so many samples a pixel.
+    /// Whether both eyes can be drawn in one pass with `samples` samples a pixel.
     pub fn can_multiview(&self, samples: u32) -> bool {
         let features = self.device.features();
         features.contains(wgpu::Features::MULTIVIEW)
@@ -220,7 +220,7 @@ impl Gpu {
         self.buffer(what, bytes, usage | BufferUsages::STORAGE)
     }
 
-    /// What `read` makes of the bytes of a readable buffer, once everything submitted so far is done.
+    /// Calls `read` with the bytes of a readable buffer, once everything submitted so far is done.
     pub(super) fn mapped<T>(
         &self,
         buffer: &wgpu::Buffer,
@@ -241,7 +241,7 @@ impl Gpu {
         Ok(value)
     }
 
-    /// From now on every pass tells its time; false where the device has no clock.
+    /// Starts to time every pass; false if the device has no clock.
     pub fn start_clock(&mut self) -> Result<bool, RenderError> {
         if self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             let resolved = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;

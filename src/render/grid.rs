@@ -11,7 +11,7 @@ pub(super) struct Floor {
     center: [f32; 3],
     half_size: [f32; 2],
     spacing: f32,
-    /// In cells.
+    /// Width of the lines, in cells.
     line_width: f32,
     color: [f32; 3],
 }

@@ -76,5 +76,5 @@ pub use target::{Attachments, Picture};
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
 pub use view::{View, Viewport};
 
-/// What is logged unless told otherwise: the libraries used here say too much of themselves.
+/// The default filter of the log: the libraries used here log too much.
 pub const LOGGED: &str = "warn,winit=error,egui_wgpu=error";

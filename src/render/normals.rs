@@ -8,7 +8,7 @@ use super::error::RenderError;
 use super::gpu::Gpu;
 use super::shader;
 
-/// For each vertex its row of `corners`: of every triangle around it, the two others in their order.
+/// The neighbours of each vertex, a row of `corners`: the two others of every triangle around it, in their order.
 struct Adjacency {
     starts: Vec<u32>,
     corners: Vec<[u32; 2]>,

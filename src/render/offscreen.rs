@@ -55,7 +55,7 @@ impl Readable {
         Ok(Self { size, view, texture, readback: Readback::new(gpu, size)? })
     }
 
-    /// The picture as drawn by everything submitted so far, and the time to fetch it. [`Gpu::wait`] first tells the
+    /// The picture as drawn by everything submitted so far, and the time to fetch it. Call [`Gpu::wait`] first to separate the
     /// time of drawing from that of reading.
     pub fn read(&self, gpu: &Gpu) -> Result<(RgbaImage, Duration), RenderError> {
         let start = Instant::now();
@@ -79,7 +79,7 @@ impl Readback {
         Ok(Self { size, bytes_per_row, buffer: gpu.buffer("picture to read back", bytes, usage)? })
     }
 
-    /// One layer of a texture of this size, as drawn by everything submitted so far.
+    /// Reads one layer of a texture of this size, as drawn by everything submitted so far.
     pub(super) fn read(
         &self,
         gpu: &Gpu,

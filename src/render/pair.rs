@@ -21,17 +21,17 @@ pub struct EyePair {
     /// Both as layers of one texture, for one pass; None where they are drawn one after the other.
     both: Option<wgpu::TextureView>,
     attachments: Arc<Attachments>,
-    /// One of two layers, or two: some software drivers resolve samples into the wrong layer of an array when its
-    /// layers are drawn in passes of their own.
+    /// One texture of two layers, or two textures: some software drivers resolve samples into the wrong layer of an array when
+    /// its layers are drawn in separate passes.
     textures: Vec<wgpu::Texture>,
 }
 
 impl EyePair {
-    /// Nothing but being drawn into.
+    /// The usage of a pair that is only drawn into.
     pub const NO_OTHER_USAGE: TextureUsages = TextureUsages::empty();
 
-    /// For `renderer`, in one pass if its `multiview` says so. `usage` is added to that of a target.
-    /// Errors: as [`Attachments::new`].
+    /// Makes a pair for `renderer`, drawn in one pass if its `multiview` says so. `usage` is added to that of a target. Errors:
+    /// as [`Attachments::new`].
     pub fn new(
         gpu: &Gpu,
         renderer: &Renderer,
@@ -73,7 +73,7 @@ impl EyePair {
         self.both.is_some()
     }
 
-    /// What the renderer has to draw: one picture with both eyes, or one for each. Both viewports have one rectangle.
+    /// The pictures to draw: one with both eyes, or one for each. Both viewports have one rectangle.
     pub fn pictures<'a>(&'a self, viewports: &'a [Viewport; 2]) -> Vec<Picture<'a>> {
         let attachments = &*self.attachments;
         match &self.both {
@@ -86,9 +86,8 @@ impl EyePair {
         }
     }
 
-    /// The picture of eye 0 or 1, as drawn by everything submitted so far; of a readable pair.
-    /// Errors: [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its
-    /// limits.
+    /// Reads the picture of eye 0 or 1 of a readable pair, as drawn by everything submitted so far. Errors:
+    /// [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its limits.
     pub fn read(&self, gpu: &Gpu, eye: usize) -> Result<RgbaImage, RenderError> {
         let (texture, layer) = match self.textures.as_slice() {
             [left, right] => ([left, right][eye], 0),

@@ -16,7 +16,7 @@ pub(super) const BOTH_EYES: Option<NonZeroU32> = NonZeroU32::new(0b11);
 
 /// One kind of thing that a frame can hold.
 pub(super) trait DrawPass {
-    /// Its shader's name.
+    /// The shader's name.
     fn name(&self) -> &'static str;
 
     /// The parts of its WGSL source in their order; none where its users bring their own.
@@ -37,12 +37,12 @@ pub(super) trait DrawPass {
     fn is_made(&self) -> bool;
 }
 
-/// Where a pass draws for one view, and what it counts.
+/// The target of a pass for one view, and the counts of its shapes.
 pub(super) struct DrawTo<'a, 'p> {
     pub(super) pass: &'a mut wgpu::RenderPass<'p>,
     pub(super) view_draw: &'a ViewDraw,
     pub(super) counts: &'a mut DrawCounts,
-    /// Of [`Shadows::Soft`].
+    /// Present with [`Shadows::Soft`].
     pub(super) maps: Option<&'a ShadowMaps>,
 }
 
@@ -69,7 +69,7 @@ pub struct DrawCounts {
 /// A viewport that shows something: to one eye, or to one or both of a pair.
 pub(super) struct ViewDraw {
     pub(super) rect: [u32; 4],
-    /// Where its views lie in the uniform buffer.
+    /// Offset of its views in the uniform buffer.
     pub(super) offset: u32,
     pub(super) both_eyes: bool,
     /// Leave out what none of its eyes sees.
@@ -78,7 +78,7 @@ pub(super) struct ViewDraw {
 }
 
 impl ViewDraw {
-    /// For each of its views.
+    /// The transform for each of its views.
     pub(super) fn clip_from_shape(&self, room_from_shape: &Matrix4<f32>) -> [Option<Matrix4<f32>>; 2] {
         self.clip_from_room.map(|clip_from_room| Some(clip_from_room? * room_from_shape))
     }
@@ -123,8 +123,8 @@ pub(super) fn group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-/// How a pass meets the pixels that are there: nearer wins, only where nothing is, blended over what is farther, or blended over
-/// what is nearer. Ghosts are triangles; what is merely translucent comes in strips.
+/// The way in which a pass meets the pixels that are there: nearer wins, only where nothing is, blended over what is farther, or
+/// blended over what is nearer. Ghosts are triangles; what is merely translucent comes in strips.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Blending {
     Opaque,
@@ -150,10 +150,10 @@ impl Blending {
     }
 }
 
-/// What a pipeline is made from.
+/// The description of a pass's pipeline.
 pub(super) struct Recipe<'a> {
     pub(super) label: &'a str,
-    /// Its shader, as `shader` lists it.
+    /// Parts of the shader, as `shader` lists them.
     pub(super) parts: &'a [&'a str],
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
     pub(super) blending: Blending,
@@ -161,17 +161,17 @@ pub(super) struct Recipe<'a> {
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
 }
 
-/// For what pictures a pipeline is made.
+/// The kind of pictures for which a pipeline is made.
 pub(super) struct MadeFor<'a> {
-    /// Of group 0, and of pipelines that have no other.
+    /// Layout of group 0, and of pipelines that have no other.
     pub(super) group_layout: &'a wgpu::BindGroupLayout,
     pub(super) layout: &'a wgpu::PipelineLayout,
     pub(super) shadows: Shadows,
-    /// Of [`Shadows::Soft`].
+    /// Present with [`Shadows::Soft`].
     pub(super) maps: Option<&'a ShadowMaps>,
     pub(super) format: wgpu::TextureFormat,
     pub(super) samples: u32,
-    /// In one pass.
+    /// Whether both eyes are drawn in one pass.
     pub(super) both_eyes: bool,
 }
 

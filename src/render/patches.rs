@@ -23,7 +23,7 @@ const LEAST_TRIANGLES: usize = 128;
 
 /// A part of a body that is drawn or left out as a whole.
 pub(super) struct Patch {
-    /// In the body's index buffer.
+    /// Range in the body's index buffer.
     pub(super) indices: Range<u32>,
     /// Around it as it is now, in the body's frame.
     pub(super) bounds: Bounds,
@@ -64,7 +64,7 @@ fn halved<'a>(piece: &'a mut [u32], middles: &[[f32; 3]]) -> Vec<&'a mut [u32]> 
 /// Least and largest value along each axis.
 type Extent = [Vector3<f32>; 2];
 
-/// How far a patch can go.
+/// The extent to which a patch can move.
 pub(super) struct Reach {
     rest: Extent,
     /// Per column, m per unit of its coefficient.

@@ -1,7 +1,8 @@
-//! What is fixed to a body's material: lines, an image. In: the surface at rest, as it is drawn, and a [`Pattern`]. Out: the
-//! places of the vertices at rest as a vertex buffer, and the image with its smaller copies as a texture.
+//! Patterns that are fixed to a body's material: lines, an image.
 //!
-//! A body without a pattern has none of it, and is drawn by a pipeline that reads none of it.
+//! In: the surface at rest, as it is drawn, and a [`Pattern`]. Out: the places of the vertices at rest as a vertex buffer, and
+//! the image with its smaller copies as a texture. A body without a pattern has none of it, and is drawn by a pipeline that reads
+//! none of it.
 
 use super::error::RenderError;
 use super::gpu::Gpu;
@@ -13,9 +14,9 @@ use wgpu::BufferUsages;
 /// Lines and an image on the surface of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pattern {
-    /// Where the lines of all three directions meet and the image begins, in the frame of the surface at rest.
+    /// The point where the lines of all three directions meet and the image begins, in the frame of the surface at rest.
     pub middle: [f32; 3],
-    /// From line to line; lines are drawn where a plane across an axis cut the surface at rest.
+    /// Distance from line to line; lines are drawn where a plane across an axis cut the surface at rest.
     pub line_spacing_m: Option<f32>,
     /// sRGB, and the width of one repetition, m: projected along the axes on the surface at rest.
     pub image: Option<(Arc<RgbaImage>, f32)>,
@@ -28,7 +29,7 @@ const MOST_PIXELS: u32 = 4096;
 pub(super) struct PatternBuffers {
     pub(super) rest: wgpu::Buffer,
     pub(super) image: Option<wgpu::BindGroup>,
-    /// As [`super::instances::Instance::color`] of a body: lines a metre, repetitions a metre along u and v.
+    /// [`super::instances::Instance::color`] of a body: lines a metre, repetitions a metre along u and v.
     pub(super) scale: [f32; 3],
 }
 
@@ -53,7 +54,7 @@ impl PatternBuffers {
     }
 }
 
-/// Of an image and how it is sampled: bindings 0 and 1.
+/// Layout of an image and its sampler: bindings 0 and 1.
 pub(super) fn image_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,

@@ -25,8 +25,8 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
 
-/// What is drawn, in this order: what is opaque first, so that the background costs only where it shows, and what is
-/// blended last. One file each, beside the shader of the same name.
+/// The passes in their order: opaque things first, so that the background costs only where it shows, and blended things last. One
+/// file each, beside the shader of the same name.
 pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BodyPass>::default(),
     || Box::<SolidPass>::default(),
@@ -51,11 +51,11 @@ pub struct Renderer {
     pub multiview: bool,
     /// Leave out what no eye of a pass can see; from the start, true.
     pub culling: bool,
-    /// From the start, none: they have a price in every frame.
+    /// The kind of shadows; none at the start, because they cost time in every frame.
     pub shadows: Shadows,
     /// Made with the first bodies that have soft shadows.
     maps: Option<ShadowMaps>,
-    /// What the last frame drew.
+    /// Counts of the shapes that the last frame drew.
     pub counts: DrawCounts,
     passes: Vec<Box<dyn DrawPass>>,
     group_layout: wgpu::BindGroupLayout,
@@ -63,7 +63,7 @@ pub struct Renderer {
     uniforms: Uniforms,
     /// Contents of `uniforms.views`, kept to spare their allocation.
     view_bytes: Vec<u8>,
-    /// What is in use of the targets of each size.
+    /// Targets of each size that are in use.
     attachments: Mutex<Vec<Weak<Attachments>>>,
 }
 
@@ -138,9 +138,9 @@ impl Renderer {
         [all.iter().map(of).sum(), all.iter().map(alone).sum()]
     }
 
-    /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device
-    /// draws meanwhile: [`Gpu::wait`] tells how long.
-    /// Errors: a viewport outside its target, a target of another sample count, or a device that failed.
+    /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device draws
+    /// meanwhile: [`Gpu::wait`] returns how long. Errors: a viewport outside its target, a target of another sample count, or a
+    /// device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,

@@ -2,7 +2,7 @@
 
 use super::gpu::Gpu;
 
-/// How often each pixel is sampled.
+/// The number of samples of each pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Samples {
     /// 4 on a graphics device; 1 on a software device, where 4 take about six times as long.

@@ -1,7 +1,7 @@
 //! WGSL sources: each pass is an ordered list of shared parts and its own file, joined as text. A drawing pass lists its
 //! parts in its own file ([`DrawPass::shader`](super::pass::DrawPass::shader)).
 
-/// How the entry points of a drawing pass learn which eye they draw.
+/// The parameter by which the entry points of a drawing pass get the eye that they draw.
 const EYE: &str = "    @builtin(view_index) eye: u32,\n";
 
 /// The source of a drawing pass: for both eyes at once, or for one, which needs no feature of the device.
@@ -13,18 +13,18 @@ pub(super) fn drawing(parts: &[&str], both_eyes: bool) -> String {
 pub(super) const VIEW: &str = include_str!("../../shaders/common/view.wgsl");
 pub(super) const LIGHT: &str = include_str!("../../shaders/common/light.wgsl");
 pub(super) const SURFACE: &str = include_str!("../../shaders/common/surface.wgsl");
-/// What of the lights a point of a body sees: everything, or what the shadow maps say.
+/// Parts by which a point of a body finds the light that reaches it: all of it, or by the shadow maps.
 pub(super) const SEEN: [&str; 2] = [
     include_str!("../../shaders/common/unshadowed.wgsl"),
     include_str!("../../shaders/common/shadowed.wgsl"),
 ];
-/// Of bodies in their own colours, and in those of a field.
+/// Parts for bodies in their own colours, and in those of a field.
 pub(super) const PAINT: [&str; 2] =
     [include_str!("../../shaders/common/plain.wgsl"), include_str!("../../shaders/common/field.wgsl")];
 /// Within a model's range, and beyond it.
 pub(super) const HATCH: [&str; 2] =
     [include_str!("../../shaders/common/hatch_none.wgsl"), include_str!("../../shaders/common/hatch.wgsl")];
-/// Without an image on the body, and with one.
+/// Parts without an image on the body, and with one.
 pub(super) const IMAGE: [&str; 2] = [
     include_str!("../../shaders/common/image_none.wgsl"),
     include_str!("../../shaders/common/image_triplanar.wgsl"),
@@ -72,7 +72,7 @@ mod tests {
         stages
     }
 
-    /// Without a device: the front end and the validator are the ones wgpu itself uses.
+    /// No device is needed: the front end and the validator are the ones wgpu itself uses.
     #[test]
     fn every_shader_is_valid() {
         use naga::ShaderStage::{Compute, Fragment, Vertex};

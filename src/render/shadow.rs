@@ -21,9 +21,9 @@ use wgpu::BufferUsages;
 pub enum Shadows {
     #[default]
     Off,
-    /// Of the bodies, on the floor grid.
+    /// Shadows of the bodies on the floor grid.
     Contact,
-    /// These, and on the bodies the key light's soft shadows and ambient occlusion.
+    /// Contact shadows, and on the bodies the key light's soft shadows and ambient occlusion.
     Soft,
 }
 
@@ -127,7 +127,7 @@ impl DepthPass {
         Ok(DepthPass { pipeline, matrices, group, stride, instances: Instances::default() })
     }
 
-    /// What the lights look at in this frame.
+    /// Uploads what the lights look at in this frame.
     pub(super) fn upload(
         &mut self,
         gpu: &Gpu,
@@ -147,7 +147,7 @@ impl DepthPass {
         self.instances.upload(gpu)
     }
 
-    /// Draws all bodies into the map of a light; its time is told as that of `shadows`.
+    /// Draws all bodies into the map of a light; its time counts as that of `shadows`.
     pub(super) fn draw(
         &self,
         gpu: &Gpu,

@@ -53,7 +53,7 @@ pub(super) struct SolidPass {
     pipelines: EyePipelines,
     meshes: Option<SolidMeshes>,
     instances: Instances,
-    /// So many instances of each surface, one after the other.
+    /// Number of instances of each surface, one after the other.
     counts: [u32; 4],
 }
 
@@ -117,7 +117,7 @@ impl DrawPass for SolidPass {
 struct SolidMeshes {
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
-    /// In the order of [`instances`].
+    /// Ranges in the order of [`instances`].
     ranges: [Range<u32>; 4],
     bounds: [Bounds; 4],
 }

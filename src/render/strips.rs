@@ -1,4 +1,4 @@
-//! What the floor, lines and quads have in common: strips of four corners, one per instance, blended over the picture.
+//! The common part of floor, lines and quads: strips of four corners, one per instance, blended over the picture.
 //!
 //! In comes a list of instances per frame; out goes one draw per view. The pipeline and the buffer are made with the
 //! first instance that is ever drawn, and grow with the longest list.
@@ -11,12 +11,12 @@ use std::marker::PhantomData;
 
 /// An instance as it lies in its buffer.
 pub(super) trait Strip: bytemuck::Pod {
-    /// Its shader's name.
+    /// The shader's name.
     const NAME: &'static str;
     const SHADER: &'static [&'static str];
     const ATTRIBUTES: &'static [wgpu::VertexAttribute];
 
-    /// Those of a frame, in the order in which they are blended.
+    /// The strips of a frame, in the order in which they are blended.
     fn of(contents: &FrameContents<'_>) -> Vec<Self>;
 }
 
@@ -66,7 +66,7 @@ impl<S: Strip> DrawPass for StripPass<S> {
     }
 }
 
-/// What a pipeline of strips is made from.
+/// The description of a pipeline of strips.
 pub(super) struct StripShape<'a> {
     pub(super) name: &'static str,
     pub(super) parts: &'a [&'a str],
@@ -117,7 +117,7 @@ impl StripBuffer {
         }
     }
 
-    /// Nothing to draw in this frame.
+    /// Removes the strips of this frame.
     pub(super) fn clear(&mut self) {
         self.count = 0;
     }

@@ -1,4 +1,4 @@
-//! What a picture is drawn into: the multisampled colour and depth of one size, and the plain texture they resolve to.
+//! Targets of pictures: the multisampled colour and depth of one size, and the plain texture they resolve to.
 
 use super::error::RenderError;
 use super::gpu::Gpu;
@@ -63,7 +63,7 @@ pub struct Picture<'a> {
     /// A plain two-dimensional texture: some software drivers resolve layers of an array into the wrong one. Of
     /// attachments with two layers, an array of two, which one pass resolves right.
     pub texture: &'a wgpu::TextureView,
-    /// Of attachments with two layers, the view of each and the same rectangle for both.
+    /// Viewports of the views; for attachments with two layers, one of each layer, both with the same rectangle.
     pub viewports: &'a [Viewport],
 }
 
@@ -115,7 +115,7 @@ pub(super) fn texture(
     }
 }
 
-/// A texture of so many layers.
+/// Makes a texture of `layers` layers.
 pub(super) fn layered(
     gpu: &Gpu,
     size: [u32; 2],

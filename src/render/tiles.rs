@@ -43,13 +43,13 @@ pub struct EyePicture<'a> {
     pub slot: usize,
     pub texture: &'a wgpu::TextureView,
     pub format: wgpu::TextureFormat,
-    /// Of the whole texture.
+    /// Size of the whole texture.
     pub texture_size: [u32; 2],
     /// The picture's place in it: x, y, width, height.
     pub rect: [u32; 4],
 }
 
-/// Draws over an eye's picture, with submissions of its own.
+/// Draws over an eye's picture, with separate submissions.
 pub type Paint<'a> = &'a mut dyn FnMut(&Gpu, &EyePicture<'_>) -> Result<(), RenderError>;
 
 /// One target of a frame.
@@ -59,18 +59,18 @@ pub struct Target<'a> {
     pub canvas: &'a mut Canvas,
     pub texture: &'a wgpu::TextureView,
     pub size: [u32; 2],
-    /// Its top left pixel on the desktop.
+    /// The top left pixel on the desktop.
     pub desktop: [i32; 2],
-    /// From whose corners interlaced eyes take turns; where none is known, from the desktop's.
+    /// Monitors from whose corners interlaced eyes take turns; where none is known, from the desktop's.
     pub monitors: &'a [Monitor],
     pub tiles: &'a [Tile],
     pub contents: &'a FrameContents<'a>,
 }
 
-/// What a target needs besides its texture; kept from frame to frame, made anew when sizes change.
+/// The data that a target needs besides its texture; kept from frame to frame, made anew when sizes change.
 #[derive(Default)]
 pub struct Canvas {
-    /// Of one-eye tiles; None as long as there are none.
+    /// Attachments of one-eye tiles; `None` as long as there are none.
     attachments: Option<Arc<Attachments>>,
     one_eye: Vec<Viewport>,
     /// Per tile; None for a one-eye tile.
@@ -250,7 +250,7 @@ impl Tile {
     }
 }
 
-/// Where a tile's top left pixel is on the monitor that shows most of it: a panel polarises its own rows.
+/// Place of a tile's top left pixel on the monitor that shows most of it: a panel polarises its own rows.
 fn on_panel(target: &Target<'_>, rect: [u32; 4]) -> [i32; 2] {
     let corner = [0, 1].map(|axis| target.desktop[axis].saturating_add_unsigned(rect[axis]));
     let shown = |monitor: &&Monitor| -> i64 {
@@ -270,7 +270,7 @@ fn within([left, top, ..]: [u32; 4], [x, y, width, height]: [u32; 4]) -> [u32; 4
     [left.saturating_add(x), top.saturating_add(y), width, height]
 }
 
-/// What the renderer has to draw for one target: its one-eye tiles together, and both eyes of the others.
+/// The pictures to draw for one target: its one-eye tiles together, and both eyes of the others.
 fn pictures<'a>(target: &'a Target<'_>) -> Vec<Picture<'a>> {
     let Canvas { attachments, one_eye, pairs } = &*target.canvas;
     let whole = attachments.iter().map(|attachments| Picture {

@@ -61,8 +61,8 @@ impl Scratch {
     }
 }
 
-/// Locks a temporary file. On a file system without locks nothing is removed, because nothing tells a leftover from a file in
-/// use there.
+/// Locks a temporary file. On a file system without locks nothing is removed, because a leftover cannot be distinguished from a
+/// file in use there.
 fn hold(file: &File) {
     if let Err(error) = file.try_lock() {
         tracing::debug!("a temporary file is not locked: {error}");

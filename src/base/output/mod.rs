@@ -28,13 +28,13 @@ use tempfile::NamedTempFile;
 /// A kind of file, by which code decides whether it may overwrite one.
 #[derive(Debug)]
 pub struct Kind {
-    /// With its article: "a .green file".
+    /// The name with its article: "a .green file".
     pub name: &'static str,
     /// Whether these are the first bytes of such a file, at most [`HEAD`]. It is never called for an empty file.
     pub recognizes: fn(&[u8]) -> bool,
 }
 
-/// So many bytes from the start of a file are read to recognise its kind.
+/// Number of bytes from the start of a file that are read to recognise its kind.
 pub const HEAD: u64 = 16 * 1024;
 
 /// Why a file is not written, or could not be.
@@ -125,7 +125,7 @@ fn head(file: File) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Where the bytes for `path` go.
+/// Finds the place for the bytes of `path`.
 fn look(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<Place, OutputError> {
     let closed = |source| OutputError::of_place(path, source);
     let place = Place::find(path).map_err(closed)?;
@@ -164,7 +164,7 @@ fn is_locked(file: &File) -> bool {
 /// A whole file that is not yet in its place; dropping it removes it.
 #[derive(Debug)]
 pub struct Staged {
-    /// As the user names it.
+    /// The path as the user names it.
     path: PathBuf,
     place: Place,
     file: NamedTempFile,

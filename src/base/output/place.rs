@@ -15,7 +15,7 @@ pub enum Place {
     Stream(PathBuf),
 }
 
-/// So many symbolic links are followed, as Linux does.
+/// Number of symbolic links that are followed, as in Linux.
 const LINKS: usize = 40;
 
 impl Place {

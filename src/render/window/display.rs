@@ -1,5 +1,5 @@
-//! Is there a display? Asked of the environment and of the server's socket, without opening a window and without
-//! winit, whose event loop exists once per process.
+//! Finds whether there is a display, from the environment and the server's socket, without opening a window and without winit,
+//! whose event loop exists once per process.
 
 use super::super::error::RenderError;
 

@@ -55,7 +55,7 @@ pub enum Button {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Key {
-    /// What the key types, in lower case.
+    /// A character that the key types, in lower case.
     Char(char),
     Escape,
     Enter,

@@ -34,10 +34,10 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
 use winit::window::{Fullscreen, Window, WindowId};
 
-/// How long to sleep when no window can be drawn: all are minimised or hidden.
+/// Time to sleep when no window can be drawn: all are minimised or hidden.
 const IDLE: Duration = Duration::from_millis(20);
 
-/// How all windows draw and present.
+/// Options by which all windows draw and present.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
     pub samples: Samples,
@@ -52,7 +52,7 @@ pub enum Flow {
     Quit,
 }
 
-/// What an application may return as its own error.
+/// The error that an application may return.
 pub type AppError = Box<dyn std::error::Error + Send + Sync>;
 
 /// The application behind the windows. Closing any window quits without asking it.
@@ -74,7 +74,7 @@ pub trait WindowApp {
     fn frame(&mut self, windows: &mut Windows) -> Result<Flow, AppError>;
 }
 
-/// What lies over the finished picture of a window.
+/// An overlay over the finished picture of a window.
 pub struct Glass {
     pub window: usize,
     pub overlay: Overlay,
@@ -85,9 +85,9 @@ pub struct Glass {
 pub struct Windows {
     pub gpu: Gpu,
     pub renderer: Renderer,
-    /// How long this frame's images were waited for, before it was begun; with vsync this is the display's time.
+    /// Time for which this frame's images were waited for, before it was begun; with vsync this is the display's time.
     pub waited: Duration,
-    /// What lies over the finished picture of one window, both eyes joined.
+    /// The overlay over the finished picture of one window, both eyes joined.
     pub glass: Option<Glass>,
     /// The window whose picture is to be read as it is shown next; what became of it stands in `taken` a frame or two later.
     pub wanted: Option<usize>,
@@ -100,7 +100,7 @@ pub struct Windows {
     surfaces: Vec<WindowSurface>,
 }
 
-/// Where a frame's time went on the CPU; with vsync, waiting for the display may be in `present`, too.
+/// Times of a frame's steps on the CPU; with vsync, waiting for the display may be in `present`, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PresentTimes {
     pub encode: Duration,
@@ -360,7 +360,7 @@ fn create(event_loop: &ActiveEventLoop, specs: &[WindowSpec]) -> Result<Vec<Arc<
     specs.iter().enumerate().map(open).collect()
 }
 
-/// What each window presents its pictures on.
+/// The surfaces on which the windows present their pictures.
 fn present_on(
     instance: &wgpu::Instance,
     opened: &[Arc<Window>],

@@ -1,18 +1,18 @@
-//! What a window is asked to be, and the monitors it may stand on, in the window system's own pixels.
+//! Requested properties of a window, and the monitors it may stand on, in the window system's own pixels.
 
 /// One window, in physical pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WindowSpec {
     pub title: String,
-    /// From whose corner `position` counts; None: from the corner of the desktop that spans all monitors.
+    /// Monitor from whose corner `position` counts; None: from the corner of the desktop that spans all monitors.
     pub monitor: Option<MonitorChoice>,
-    /// Of the top left corner; None is the monitor's corner, or leaves it to the window manager.
+    /// Place of the top left corner; None is the monitor's corner, or leaves it to the window manager.
     pub position: Option<[i32; 2]>,
     pub size: [u32; 2],
-    /// It gets the size of `monitor` instead.
+    /// Whether it gets the size of `monitor` instead.
     pub fills: bool,
     pub decorated: bool,
-    /// The window manager, where there is one, is told to cover the whole monitor that holds the place.
+    /// Whether the window manager, where there is one, is asked to cover the whole monitor that holds the place.
     pub fullscreen: bool,
     /// X11: no window manager is asked (override-redirect). The place is exact, but no click gives it the keyboard.
     pub unmanaged: bool,
@@ -21,13 +21,13 @@ pub struct WindowSpec {
 /// A monitor's place on the desktop, in physical pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Monitor {
-    /// As the window system names it: `DP-1`; on X11, `xrandr` lists the same.
+    /// The name in the window system: `DP-1`; on X11, `xrandr` lists the same.
     pub name: String,
     pub at: [i32; 2],
     pub size: [u32; 2],
 }
 
-/// By number, in the order of [`super::monitors`], or by name.
+/// A monitor by number, in the order of [`super::monitors`], or by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MonitorChoice {
     Number(usize),

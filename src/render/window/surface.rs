@@ -18,14 +18,14 @@ const OLD_PLACE: Duration = Duration::from_millis(50);
 
 pub(super) struct WindowSurface {
     pub(super) size: [u32; 2],
-    /// The window's top left pixel on the desktop; the origin where the window system does not tell.
+    /// The window's top left pixel on the desktop; the origin where the window system does not report it.
     pub(super) place: [i32; 2],
-    /// Those of the desktop; none where the window system does not tell the window's place.
+    /// Monitors of the desktop; none where the window system does not report the window's place.
     pub(super) monitors: Vec<Monitor>,
     asked: Instant,
     pub(super) canvas: Canvas,
-    /// What it will show next, once it is there to be drawn into. Dropped before its surface: a swap chain whose image is
-    /// still held cannot be destroyed, and says so by a panic.
+    /// The image that it will show next, once it is there to be drawn into. Dropped before its surface: a swap chain whose image
+    /// is still held cannot be destroyed, and panics.
     pub(super) frame: Option<SurfaceFrame>,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
