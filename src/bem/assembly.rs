@@ -23,13 +23,13 @@ pub struct Mesh {
     pub triangles: Vec<Triangle>,
     /// The places of their corners in the matrices.
     pub places: Vec<[u32; 3]>,
-    /// How many places there are.
+    /// The number of places.
     pub nodes: usize,
     pub material: Material,
 }
 
 impl Mesh {
-    /// For the triangles `held`: the lower half of V, and below it (½ + K)ᵀ over all places. Column after column.
+    /// The matrix for the triangles `held`: the lower half of V, and below it (½ + K)ᵀ over all places. Column after column.
     pub fn tractions(&self, held: &[u32], progress: &dyn Progress) -> Vec<f64> {
         let rows = 3 * (held.len() + self.nodes);
         let mut all = vec![0.0; 3 * held.len() * rows];
@@ -108,7 +108,7 @@ impl Mesh {
         progress.end();
     }
 
-    /// Of the triangles from `first` on with those that are not before them.
+    /// The contributions of the triangles from `first` on, with those that are not before them.
     fn rows(&self, first: usize) -> Rows {
         let own = first..(first + LANES).min(self.triangles.len());
         let mut places: Vec<u32> = self.places[own.clone()].iter().flatten().copied().collect();
@@ -159,7 +159,7 @@ impl Mesh {
     }
 }
 
-/// What the triangles of a strip add to a matrix and to its transpose: rows of their own places, columns of all.
+/// The contributions of a strip's triangles to a matrix and to its transpose: rows of their own places, columns of all.
 struct Rows {
     /// Ascending.
     places: Vec<u32>,

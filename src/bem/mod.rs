@@ -38,7 +38,7 @@ pub struct Surface<'a> {
     pub triangles: &'a [[u32; 3]],
 }
 
-/// What was solved.
+/// The solution.
 pub struct Solved {
     /// Over all nodes.
     pub fields: NodeFields,
@@ -46,7 +46,7 @@ pub struct Solved {
     pub work: DMatrix<f64>,
     /// max |W - Wᵀ| over max |W| as it was solved.
     pub asymmetry: f64,
-    /// The same as the tractions' work on the prescribed fields: far from it where triangles are large, for tractions are constant
+    /// W as the tractions' work on the prescribed fields: far from it where triangles are large, because tractions are constant
     /// on each.
     pub traction_work: DMatrix<f64>,
     /// max |S r| over max |S| for the rigid motions r, before they were taken out: what was lost in the integrals.
@@ -96,9 +96,10 @@ pub fn fits(nodes: usize, held: usize) -> Result<f64, Error> {
     Err(Error::Memory { source, fits: scaled(least)[0] })
 }
 
-/// The triangles that carry tractions, where `is_held` tells of each node whether it is prescribed: those with three held corners,
-/// around a held node without such a triangle all, and all around a cavity that nothing holds. There they come out as about zero;
-/// without them nothing would tell where its wall is, for a rigid motion of a wall alone is felt nowhere else.
+/// The triangles that carry tractions, where `is_held` states for each node whether it is prescribed: those with three held
+/// corners, around a held node without such a triangle all, and all around a cavity that nothing holds. There they come out as
+/// about zero; without them the place of the cavity's wall would be undetermined, for a rigid motion of a wall alone is felt
+/// nowhere else.
 pub fn loaded_triangles(Surface { nodes, triangles }: Surface<'_>, is_held: &[bool]) -> Vec<u32> {
     let held = |node: &u32| is_held[*node as usize];
     let mut is_covered = vec![false; is_held.len()];
@@ -114,7 +115,7 @@ pub fn loaded_triangles(Surface { nodes, triangles }: Surface<'_>, is_held: &[bo
     (0u32..).zip(triangles).filter(|(_, triangle)| is_loaded(triangle)).map(|(t, _)| t).collect()
 }
 
-/// Of each node, whether it lies on a shell around a cavity of which no node is held.
+/// Whether each node lies on a shell around a cavity of which no node is held.
 fn free_cavities(nodes: &[Vector3<f64>], triangles: &[[u32; 3]], is_held: &[bool]) -> Vec<bool> {
     let mut sets = DisjointSets::new(nodes.len());
     for [a, b, c] in triangles {
@@ -213,7 +214,7 @@ fn mesh(surface: Surface<'_>, place_of: &[u32], lame: Lame) -> Result<Mesh, Erro
     })
 }
 
-/// What the tractions of each field do on each other: field i on the triangles of field j's tractions at (i, j).
+/// The work of the tractions of each field on each other: field i on the triangles of field j's tractions at (i, j).
 fn traction_work(mesh: &Mesh, tractions: &Elimination, loaded: &[u32], fields: &NodeFields) -> DMatrix<f64> {
     let columns = fields.columns;
     let mut t = tractions.carried(&fields.data, columns);

@@ -44,11 +44,11 @@ pub type Blocks = [[Lanes; 3]; 3];
 /// Sums over the triangles j around one node, d the curl of its function there.
 #[derive(Clone)]
 pub struct Curled {
-    /// Of W \[d\].
+    /// Sum of W \[d\].
     bent: Blocks,
-    /// Of g d.
+    /// Sum of g d.
     plain: [Lanes; 3],
-    /// Of the views.
+    /// Sum of the views.
     seen: Lanes,
 }
 

@@ -18,7 +18,7 @@ pub const FAR: f64 = 8.0;
 const NEAR: f64 = 2.4;
 /// Halving ends where the rules of degrees 5 and 8 differ by less than this part, the latter by much less, and at this depth.
 const TOLERANCE: f64 = 3e-5;
-/// The same for views, in parts of half the full angle; no closed form helps where triangles touch.
+/// Tolerance of views, in parts of half the full angle; no closed form helps where triangles touch.
 const VIEW_TOLERANCE: f64 = 1e-7;
 const DEPTH: u32 = 18;
 
@@ -156,7 +156,7 @@ mod tests {
         is_near(&a.0, &b.0, part * b.0[0])
     }
 
-    /// By halving one of them, which needs no case of its own, to this part.
+    /// Integrates by halving one of them, which needs no special case, to this part.
     fn fine(i: &Triangle, j: &Triangle, part: f64) -> Pull {
         Pull(integral(i, |mean| part * mean[0], &|x| pulls(&j.frame, x)))
     }
@@ -175,7 +175,7 @@ mod tests {
         assert!((xx + yy - g).abs() < 1e-12);
     }
 
-    /// In whatever unit.
+    /// The pull does not depend on the unit of length.
     #[test]
     fn a_triangle_on_itself_grows_with_the_cube_of_its_size() {
         let of = |size: f64| {
@@ -223,7 +223,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// From inside a closed surface all of it is seen, under 4π.
+        /// A closed surface is seen from inside under 4π.
         #[test]
         fn a_tetrahedron_is_seen_all_around(x in prop::array::uniform3(0.05..0.3f64)) {
             let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

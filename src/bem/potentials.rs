@@ -32,7 +32,7 @@ fn cross(a: &Point, b: &Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Of the parts of H: of which axes.
+/// Axes of the parts of H.
 const PARTS: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
 
 /// Adds a bᵀ + b aᵀ, halved, to H.
@@ -57,7 +57,7 @@ fn log_of_edge(a: &Point, b: &Point, near: f64, far: f64, length: f64) -> f64 {
     ln((0.5 * above * above / below.max(f64::MIN_POSITIVE)).min(f64::MAX))
 }
 
-/// Of one point and a triangle: what its edges contribute.
+/// Contributions of a triangle's edges at one point.
 struct Edges {
     /// ∫ ds/r.
     log: [f64; 3],
@@ -78,7 +78,7 @@ pub struct Frame {
     pub normal: Point,
     /// Unit vectors along the edge behind each corner.
     pub along: [Point; 3],
-    /// In the plane, out of the triangle.
+    /// Unit vectors in the plane, out of the triangle.
     pub out: [Point; 3],
     pub lengths: [f64; 3],
     /// ∇φ_q.

@@ -37,8 +37,8 @@ impl<const C: usize, const N: usize> Nested<C, N> {
     }
 }
 
-/// Of a triangle: degree 5 (Radon) on the first seven, degree 8 (Dunavant, Int. J. Numer. Meth. Eng. 21, 1985) on the last sixteen
-/// points; the eighth counts nothing.
+/// The rule of a triangle: degree 5 (Radon) on the first seven, degree 8 (Dunavant, Int. J. Numer. Meth. Eng. 21, 1985) on the
+/// last sixteen points; the eighth counts nothing.
 pub const TRIANGLE: Nested<3, 24> = {
     const THIRD: f64 = 1.0 / 3.0;
     // Points that differ by the order of the corners alone: two weights alike, or none.
@@ -107,7 +107,7 @@ pub const SEVEN: Nested<3, 8> = {
     rule
 };
 
-/// Of an edge: Gauss' seven points within Kronrod's fifteen; the last counts nothing.
+/// The rule of an edge: Gauss' seven points within Kronrod's fifteen; the last counts nothing.
 pub const EDGE: Nested<2, 16> = {
     // On [-1, 1]: point, part in Kronrod's, part in Gauss' rule.
     const HALF: [[f64; 3]; 8] = [

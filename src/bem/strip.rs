@@ -11,26 +11,26 @@ use super::triangle::{Pull, Triangle};
 use crate::base::lanes::{self, Kernel};
 use nalgebra::Vector3;
 
-/// How many triangles.
+/// Number of triangles in a strip.
 pub const LANES: usize = 32;
 pub type Lanes = [f64; LANES];
 
 /// Triangles i, of which lanes beyond the last repeat the first.
 pub struct Strip<'a> {
     pub triangles: &'a [&'a Triangle],
-    /// By point and axis.
+    /// Points of Gauss' rule by point and axis.
     points: [[Lanes; 3]; 3],
     areas: Lanes,
     centres: [Lanes; 3],
     radii: Lanes,
-    /// By corner and axis.
+    /// Curls by corner and axis.
     pub curls: [[Lanes; 3]; 3],
 }
 
-/// Of each i with one j.
+/// The pulls of each i with one j.
 pub struct Pulls {
     pub pull: [Lanes; PULL],
-    /// By the corner of j.
+    /// Views by the corner of j.
     pub view: [Lanes; 3],
     /// Distance of the centres over the sum of the radii, squared.
     apart: Lanes,
@@ -43,7 +43,7 @@ impl Default for Pulls {
 }
 
 impl<'a> Strip<'a> {
-    /// Of one triangle at least.
+    /// A strip of one triangle at least.
     pub fn new(triangles: &'a [&'a Triangle]) -> Strip<'a> {
         let of = |k: usize| triangles.get(k).unwrap_or(&triangles[0]);
         let each = |value: &dyn Fn(&Triangle) -> f64| std::array::from_fn(|k| value(of(k)));
@@ -57,7 +57,7 @@ impl<'a> Strip<'a> {
         }
     }
 
-    /// Those of every i with j, times the weight of its lane; `view` only where it is asked for.
+    /// Computes the pulls of every i with j, times the weight of its lane; `view` only where it is asked for.
     pub fn pulls(&self, j: &Triangle, weights: &Lanes, with_view: bool, out: &mut Pulls) {
         lanes::run(FarPulls { strip: self, j, weights, out });
         for (k, i) in self.triangles.iter().enumerate() {

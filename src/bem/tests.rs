@@ -149,7 +149,7 @@ fn a_hollow_sphere_follows_lames_solution() {
     assert!(errors[2] < 0.05 && rate > 1.3, "{errors:?}: order {rate}");
 }
 
-/// Nothing locks: at ν = 0.4999 the bar's energy is as near to that at 0.49 as the material is.
+/// The energy of the bar does not lock: at ν = 0.4999 it is as near to that at 0.49 as the material is.
 #[test]
 fn nothing_locks_where_the_material_hardly_changes_its_volume() {
     let bar =

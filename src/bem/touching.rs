@@ -48,8 +48,8 @@ fn corner(i: &Triangle, j: &Triangle, p: usize, q: usize) -> Pull {
     Pull::default().plus(&behind(i, p, j), part(i)).plus(&behind(j, q, i), part(j))
 }
 
-/// With the edge from v to w in common and the tips a and b: a third of each area times the other's potential at its tip, and ⅔ of the
-/// product of the areas times the means of the kernel between the edges wa, vb and wb, va.
+/// The pull of triangles with the edge from v to w in common and the tips a and b: a third of each area times the other's
+/// potential at its tip, and ⅔ of the product of the areas times the means of the kernel between the edges wa, vb and wb, va.
 fn edge(i: &Triangle, j: &Triangle, first: (usize, usize), second: (usize, usize)) -> Pull {
     let tip = |of: &Triangle, one: usize, other: usize| of.corners[3 - one - other];
     let (a, b) = (tip(i, first.0, second.0), tip(j, first.1, second.1));
@@ -70,7 +70,7 @@ fn mean(ends: &[Vector3<f64>; 2], f: &impl Fn(&Points<16>) -> [[f64; 16]; PULL])
     Pull(if is_near(&coarse, &fine, least) { fine } else { halved(ends, least, DEPTH, f) })
 }
 
-/// Of two halves, each of which may err by as much as the whole.
+/// The mean of two halves, each of which may err by as much as the whole.
 fn halved(
     [a, b]: &[Vector3<f64>; 2],
     least: f64,

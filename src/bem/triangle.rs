@@ -10,7 +10,7 @@ pub struct Triangle {
     pub corners: [Vector3<f64>; 3],
     pub centre: Vector3<f64>,
     pub area: f64,
-    /// Of the circle about the centre that holds the corners.
+    /// Radius of the circle about the centre that holds the corners.
     pub radius: f64,
     /// n × ∇φ_q of each corner.
     pub curls: [Vector3<f64>; 3],
@@ -25,7 +25,7 @@ pub struct Triangle {
 pub struct Pull(pub [f64; PULL]);
 
 impl Pull {
-    /// With so much of another.
+    /// The sum with another, times `weight`.
     pub fn plus(mut self, other: &Pull, weight: f64) -> Pull {
         self.0.iter_mut().zip(&other.0).for_each(|(own, other)| *own += weight * other);
         self

@@ -45,7 +45,7 @@ pub fn assemble_elements<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) ->
     Pattern::of(nodes, sets).assemble(sets)
 }
 
-/// Which blocks K has, and which elements each row is summed of: kept where K is assembled many times.
+/// The blocks of K, and the elements of which each row is summed: kept where K is assembled many times.
 #[derive(Debug)]
 pub struct Pattern {
     zero: StiffnessMatrix,
@@ -66,10 +66,10 @@ impl Pattern {
         self.zero.nodes()
     }
 
-    /// K of `sets`, which have the elements that the pattern was made of.
+    /// Assembles K of `sets`, which have the elements that the pattern was made of.
     ///
-    /// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the
-    /// result has the same bits on every thread count.
+    /// Parallel over nodes: every node sums the blocks of its own row over its elements in ascending order, so the result has the
+    /// same bits on every thread count.
     pub fn assemble<E: Elements + ?Sized>(&self, sets: &[Box<E>]) -> StiffnessMatrix {
         let mut matrix = self.zero.clone();
         let StiffnessMatrix { diagonal, blocks, .. } = &mut matrix;

@@ -97,7 +97,7 @@ struct Rows {
     gradients: Vec<Matrix3<f64>>,
 }
 
-/// Of a symmetric matrix.
+/// Rows and columns of the six entries of a symmetric matrix.
 const PLACES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
 impl Rows {
@@ -239,8 +239,8 @@ impl NodalDilatation {
         NodalDilatation { fields: fields.columns, means }
     }
 
-    /// Of field `k` in an element: the mean of those at its corners. Averaging is its own adjoint, so this θ beside the
-    /// element's ½ tr HᵀH gives what the patches' means of both give.
+    /// Mean dilatation of field `k` in an element, over its corners. Averaging is its own adjoint, so this θ beside the element's
+    /// ½ tr HᵀH gives the same as the patches' means of both.
     fn mean(&self, nodes: &[u32; 4], lame: Lame, k: usize) -> f64 {
         debug_assert!(k < self.fields);
         nodes

@@ -1,4 +1,4 @@
-//! What an entry of the list of elements holds: everything that the program knows of a kind of element.
+//! An entry of the list of elements: everything that the program knows of a kind of element.
 //!
 //! In: a mesh with the element's nodes, Lamé's constants for each tetrahedron, displacement fields. Out: the stiffness
 //! matrix and the strain energies, summed over the sets of elements that the entry makes of the mesh.
@@ -18,7 +18,7 @@ pub type ElementSets<'a> = Vec<Box<dyn ElementSet + 'a>>;
 /// A kind of element.
 #[derive(Debug)]
 pub struct Element {
-    /// As scenes name it.
+    /// The name in scenes.
     pub name: &'static str,
     /// Degree of the displacement: 1 has nodes at corners, 2 between them too.
     pub order: u32,
@@ -28,11 +28,11 @@ pub struct Element {
     /// Pairs of nodes with an element in common for each edge, face and tetrahedron of the mesh: what the stiffness
     /// matrix holds blocks for.
     pub pairs: [f64; 3],
-    /// What the solve of one unknown costs against one of tet4.
+    /// Time to solve for one unknown, against one of tet4.
     pub unknown_cost: f64,
     /// Errors where a tetrahedron is flat, inverted or folded.
     pub sets: for<'a> fn(&'a TetMesh, &'a [Lame]) -> Result<ElementSets<'a>, AssemblyError>,
-    /// The same elements at large strain. Errors as `sets`.
+    /// The points of the elements at large strain. Errors as `sets`.
     pub points: fn(&TetMesh, &[Lame]) -> Result<StrainPoints, AssemblyError>,
 }
 

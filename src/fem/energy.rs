@@ -160,7 +160,7 @@ mod tests {
         dense(fields).transpose() * dense(&force)
     }
 
-    /// For every element and any fields, the energies agree with uᵀ K u.
+    /// The energies agree with uᵀ K u for every element and any fields.
     #[test]
     fn energies_are_those_of_the_stiffness_matrix() {
         let (mesh, lame) = body();

@@ -17,7 +17,7 @@ impl NodeFields {
         NodeFields { nodes, columns, data: vec![0.0; 3 * nodes * columns] }
     }
 
-    /// At each node, three columns of its own: 1 along x, y and z.
+    /// Unit fields: three columns for each node, 1 along x, y and z.
     pub fn unit(nodes: usize) -> NodeFields {
         let mut unit = NodeFields::zeros(nodes, 3 * nodes);
         (0..3 * nodes).for_each(|i| unit.row_mut(i)[i] = 1.0);
@@ -33,7 +33,7 @@ impl NodeFields {
         &mut self.data[row * self.columns..][..self.columns]
     }
 
-    /// The same fields at some nodes, in their order.
+    /// The fields at some nodes, in their order.
     pub fn at(&self, nodes: &[u32]) -> NodeFields {
         let rows = nodes.iter().flat_map(|&node| (0..3).map(move |axis| 3 * node as usize + axis));
         let data = rows.flat_map(|row| self.row(row)).copied().collect();

@@ -33,7 +33,7 @@ pub fn hooke(h: [f64; 2], lame: Lame) -> FreeFace {
     FreeFace { across, stress: h.map(|h| 2.0 * lame.mu * (h - across)) }
 }
 
-/// The same as force on the area at rest, P_i; σ_i = P_i λ_i / J.
+/// The corotational law, as force on the area at rest, P_i; σ_i = P_i λ_i / J.
 pub(super) fn corotational(h: [f64; 2], lame: Lame) -> FreeFace {
     let h = admitted(h);
     let across = (-share(lame) * (h[0] + h[1])).max(LEAST - 1.0);

@@ -37,7 +37,7 @@ const NEARLY_INCOMPRESSIBLE: f64 = 9.0;
 #[derive(Debug)]
 pub struct Hyperelastic {
     pub law: &'static Law,
-    /// By how much the body is longer where nothing strains it than the mesh at rest: warmth.
+    /// Ratio of the body's length without strain to that of the mesh at rest: warmth.
     free_stretch: f64,
     pub points: StrainPoints,
     pattern: Pattern,
@@ -56,8 +56,8 @@ impl Hyperelastic {
         Ok(Hyperelastic { law, free_stretch: 1.0, points, pattern })
     }
 
-    /// The same body where its natural shape is the mesh stretched by `free_stretch` to all sides; displacements are still those
-    /// from the mesh. F is then I + H over that stretch, and all volumes are those of the natural shape.
+    /// A body whose natural shape is the mesh stretched by `free_stretch` to all sides; displacements are still those from the
+    /// mesh. F is then I + H over that stretch, and all volumes are those of the natural shape.
     pub fn stretched(
         element: &Element,
         law: &'static Law,
@@ -80,7 +80,7 @@ impl Hyperelastic {
         self.gradients_from(u, self.free_stretch)
     }
 
-    /// The same as if the natural shape were the mesh stretched by `free_stretch`.
+    /// H at every point as if the natural shape were the mesh stretched by `free_stretch`.
     pub fn gradients_from(&self, u: &NodeFields, free_stretch: f64) -> Vec<Matrix3<f64>> {
         let mut gradients = self.points.displacement_gradients(u);
         if [free_stretch, self.free_stretch] != [1.0; 2] {
@@ -107,7 +107,7 @@ impl Hyperelastic {
         own + means.of(&self.dilatations(gradients)).iter().enumerate().map(of_mean).sum::<f64>()
     }
 
-    /// How large the rounding error of the energy may be, J: where a body is turned far, the terms of ψ cancel.
+    /// Largest rounding error of the energy, J: where a body is turned far, the terms of ψ cancel.
     pub fn energy_rounding(&self, gradients: &[Matrix3<f64>]) -> f64 {
         let terms = |(q, h): (usize, &Matrix3<f64>)| {
             let lame = self.points.lame(q);
@@ -373,8 +373,8 @@ mod tests {
         }
     }
 
-    /// Where F is the same everywhere, W = ∫ ψ(F) and the forces on the surface are those of P(F), inside none; and so in
-    /// a body turned by 170°.
+    /// W = ∫ ψ(F) where F is the same everywhere, and the forces on the surface are those of P(F), inside none; and so in a body
+    /// turned by 170°.
     #[test]
     fn a_homogeneous_strain_has_the_laws_energy_and_stress() {
         let turn = *Rotation3::new(Vector3::new(0.3, -0.5, 0.8).normalize() * 170f64.to_radians()).matrix();

@@ -8,7 +8,7 @@ pub struct Lame {
 }
 
 impl Lame {
-    /// From Young's modulus E > 0 (Pa) and Poisson's ratio -1 < ν < 1/2:
+    /// Converts Young's modulus E > 0 (Pa) and Poisson's ratio -1 < ν < 1/2:
     /// λ = Eν / ((1+ν)(1-2ν)), μ = E / (2(1+ν)).
     pub fn from_young_poisson(young: f64, poisson: f64) -> Lame {
         Lame {

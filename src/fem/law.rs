@@ -1,4 +1,4 @@
-//! What an entry of the list of laws holds: an energy density ψ(F), its derivatives, and the dilatation in it.
+//! An entry of the list of laws: an energy density ψ(F), its derivatives, and the dilatation in it.
 
 use super::free_face::FreeFace;
 use super::lame::Lame;
@@ -11,13 +11,13 @@ pub type Tangent = SMatrix<f64, 9, 9>;
 /// keep their digits.
 #[derive(Debug)]
 pub struct Law {
-    /// As a scene's `model` names it.
+    /// The name in a scene's `model`.
     pub name: &'static str,
-    /// As books name it.
+    /// The name in books.
     pub title: &'static str,
     /// The method of the paper that it belongs to, and what it is good for.
     pub summary: &'static str,
-    /// What to do where a body of this material has no equilibrium.
+    /// Advice where a body of this material has no equilibrium.
     pub remedy: &'static str,
     /// ψ, J/m³; 0 at rest.
     pub energy: fn(&Matrix3<f64>, Lame) -> f64,
@@ -30,7 +30,7 @@ pub struct Law {
     pub dilatation_slope: fn(&Matrix3<f64>) -> Matrix3<f64>,
     /// ∂²θ/∂F², indexed as [`Tangent`].
     pub dilatation_curvature: fn(&Matrix3<f64>) -> Tangent,
-    /// In a face that nothing presses or pulls, of its two principal stretches less 1.
+    /// The stress in a face that nothing presses or pulls, from its two principal stretches less 1.
     pub free_face: fn([f64; 2], Lame) -> FreeFace,
 }
 

@@ -51,7 +51,7 @@ pub struct FacePoint<'a> {
     pub place: V3,
     /// Outward, of length 1.
     pub normal: V3,
-    /// Of the face: its corners, and of a curved one the nodes between first and second, second and third, third and first.
+    /// Nodes of the face: its corners, and of a curved one the nodes between first and second, second and third, third and first.
     pub nodes: &'a [u32],
     /// The shape functions of these nodes there.
     pub shapes: &'a [f64],

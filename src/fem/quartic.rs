@@ -15,10 +15,10 @@ use super::rest_points::{RestPoint, RestPoints};
 use nalgebra::{DMatrix, DMatrixView};
 use rayon::prelude::*;
 
-/// A homogeneous quartic of so many numbers z: one coefficient for each a ≤ b ≤ c ≤ d, ordered by d, then c, b and a.
+/// A homogeneous quartic of `variables` numbers z: one coefficient for each a ≤ b ≤ c ≤ d, ordered by d, then c, b and a.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QuarticShape {
-    /// Of the z: one more than there are fields.
+    /// Number of the z: one more than there are fields.
     pub variables: usize,
 }
 
@@ -38,14 +38,14 @@ impl QuarticShape {
         self.variables * (self.variables + 1) / 2
     }
 
-    /// Where that of z_a z_b z_c z_d stands; the indices may come in any order.
+    /// Index of the coefficient of z_a z_b z_c z_d; the indices may come in any order.
     pub fn at(self, mut indices: [usize; 4]) -> usize {
         indices.sort_unstable();
         let [a, b, c, d] = indices;
         a + b * (b + 1) / 2 + c * (c + 1) * (c + 2) / 6 + d * (d + 1) * (d + 2) * (d + 3) / 24
     }
 
-    /// Where the pair (a, b) stands, in either order.
+    /// Index of the pair (a, b), in either order.
     pub fn pair(self, a: usize, b: usize) -> usize {
         let (low, high) = (a.min(b), a.max(b));
         low + high * (high + 1) / 2
@@ -58,7 +58,7 @@ const BLOCK: usize = 64;
 /// depend on the number of threads.
 const PANELS: usize = 16;
 
-/// In how many orders the sorted indices can be written.
+/// Number of orders in which the sorted indices can be written.
 fn orders(sorted: [usize; 4]) -> f64 {
     let (mut count, mut same) = (24.0, 1.0);
     for pair in sorted.windows(2) {
@@ -70,7 +70,7 @@ fn orders(sorted: [usize; 4]) -> f64 {
 
 impl RestPoints {
     /// The coefficients w of the energy of Σ z_a h_a, J, as [`QuarticShape`] orders them, its first z being 1; `advance` is
-    /// told of every point.
+    /// called for every point.
     pub fn quartic(&self, fields: &NodeFields, advance: &dyn Fn(u64)) -> Vec<f64> {
         let shape = QuarticShape { variables: fields.columns + 1 };
         let products = self.pair_products(fields, shape, advance);
@@ -172,7 +172,7 @@ mod tests {
     use crate::mesh::{Block, block, quadratic};
     use nalgebra::{Matrix3, Vector3};
 
-    /// For any fields and any z the quartic is the sum of the law's energies over the points.
+    /// The quartic is the sum of the law's energies over the points, for any fields and any z.
     #[test]
     fn the_quartic_is_the_energy_of_the_law() {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 2, 2] }).unwrap();

@@ -19,13 +19,13 @@ pub struct RestPoints {
     points: StrainPoints,
 }
 
-/// One of them.
+/// A point of integration.
 #[derive(Clone, Copy, Debug)]
 pub struct RestPoint<'a> {
     pub nodes: &'a [u32],
     /// G_a, 1/m.
     pub gradients: &'a [Vector3<f64>],
-    /// Its share of the volume, m³.
+    /// The point's share of the volume, m³.
     pub volume: f64,
     pub lame: Lame,
 }

@@ -15,7 +15,7 @@ pub struct StiffnessMatrix {
     pub edges: Vec<[u32; 2]>,
     pub blocks: Vec<Matrix3<f64>>,
     pub edge_start: Vec<usize>,
-    /// Where the nodes are at rest, m, of which the rigid motions follow; empty where nobody told.
+    /// Places of the nodes at rest, m, from which the rigid motions follow; empty if they are unknown.
     pub places: Vec<[f64; 3]>,
     /// Edges that end in node j: (i, edge), i < j, ascending; `lower[lower_start[j]..lower_start[j + 1]]`.
     lower: Vec<(u32, u32)>,

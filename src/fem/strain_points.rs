@@ -1,4 +1,5 @@
-//! Where a body's strain is taken at large strain: points of integration, and the means of the dilatation between them.
+//! The points at which a body's strain is taken at large strain: points of integration, and the means of the dilatation between
+//! them.
 //!
 //! In: the elements of a mesh ([`super::Element::points`]). Out: all that the energy needs of them,
 //!
@@ -6,8 +7,8 @@
 //! H_q = Σ_a u_a⊗G_qa     W = Σ_q V_q ψ(H_q; λ_q, μ_q) + Σ_p κ_p/2 (Σ_q w_pq θ(H_q))²
 //! ```
 //!
-//! with the law's ψ and θ. An element whose dilatation is its own has no means. One whose dilatation is averaged or
-//! projected, so that it does not lock near ν = 1/2, has λ_q = 0 and a mean p for each constraint that it keeps.
+//! with the law's ψ and θ. An element whose dilatation is its own has no means. One whose dilatation is averaged or projected, so
+//! that it does not lock near ν = 1/2, has λ_q = 0 and a mean p for each constraint that it keeps.
 
 use super::fields::NodeFields;
 use super::lame::Lame;
@@ -22,7 +23,7 @@ pub struct StrainPoints {
     width: usize,
     /// The elements' nodes, one element after another.
     nodes: Vec<u32>,
-    /// Those of element e are `start[e]..start[e + 1]`.
+    /// Points of element e: `start[e]..start[e + 1]`.
     start: Vec<usize>,
     /// The element of each point.
     element: Vec<u32>,
@@ -32,7 +33,7 @@ pub struct StrainPoints {
     gradients: Vec<Vector3<f64>>,
     /// Lamé's constants of each element's material.
     pub lame: Vec<Lame>,
-    /// Those by which ψ answers in each element: without λ where means have it.
+    /// Lamé's constants with which ψ answers in each element: without λ where means have it.
     own: Vec<Lame>,
     pub means: Means,
 }
@@ -95,7 +96,7 @@ impl StrainPoints {
         self.start.len() - 1
     }
 
-    /// How many points there are.
+    /// The number of points.
     pub fn count(&self) -> usize {
         self.volume.len()
     }
@@ -122,7 +123,7 @@ impl StrainPoints {
         self.lame[self.element_of(point)]
     }
 
-    /// Those by which ψ answers there: without λ where means have it.
+    /// Lamé's constants with which ψ answers there: without λ where means have it.
     pub fn own_lame(&self, point: usize) -> Lame {
         self.own[self.element_of(point)]
     }
@@ -151,7 +152,7 @@ pub struct Means {
     /// The nodes on which a mean depends, ascending; those of mean p are `node_start[p]..node_start[p + 1]`.
     nodes: Vec<u32>,
     node_start: Vec<usize>,
-    /// Of each node of a term's element: which of the mean's nodes it is.
+    /// Index of each node of a term's element among the mean's nodes.
     slots: Vec<u32>,
 }
 
@@ -165,7 +166,7 @@ impl Means {
         self.stiffness[mean]
     }
 
-    /// Where the nodes of a mean lie among those of all means.
+    /// Range of a mean's nodes among those of all means.
     pub fn span(&self, mean: usize) -> Range<usize> {
         self.node_start[mean]..self.node_start[mean + 1]
     }
@@ -180,7 +181,7 @@ impl Means {
         self.start.windows(2).map(|span| self.terms[span[0]..span[1]].iter().map(term).sum()).collect()
     }
 
-    /// What θ of each of `points` points is multiplied by in the first variation, N m: Σ_p κ_p θ_p w_pq.
+    /// The factor of θ at each of `points` points in the first variation, N m: Σ_p κ_p θ_p w_pq.
     pub fn pressures(&self, means: &[f64], points: usize) -> Vec<f64> {
         let mut pressures = vec![0.0; points];
         for ((span, stiffness), mean) in self.start.windows(2).zip(&self.stiffness).zip(means) {

@@ -197,8 +197,8 @@ impl<'a> Tetrahedra<'a> {
         Ok(Tetrahedra { mesh, lame, nodes })
     }
 
-    /// The same at large strain: straight elements with a dilatation at each of four points, curved ones with the means
-    /// that project it.
+    /// The points at large strain: straight elements with a dilatation at each of four points, curved ones with the means that
+    /// project it.
     fn strain_points(&self) -> StrainPoints {
         let mut all = StrainPoints::new(10);
         for (nodes, lame) in self.nodes.iter().zip(self.lame) {

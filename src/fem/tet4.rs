@@ -86,7 +86,7 @@ impl<'a> Tetrahedra<'a> {
         Ok(Tetrahedra { mesh, lame: lame.to_vec(), geometry })
     }
 
-    /// The same at large strain, with one point each; `has_means`: their dilatation will be averaged.
+    /// The points at large strain, one for each element; `has_means`: their dilatation will be averaged.
     pub fn points(&self, has_means: bool) -> StrainPoints {
         let mut points = StrainPoints::new(4);
         for ((nodes, lame), element) in self.mesh.tets.iter().zip(&self.lame).zip(&self.geometry) {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     /// Closed form of the unit tetrahedron with E = 1, ν = 1/4 (λ = μ = 2/5, V = 1/6):
-    /// K₀₀ has λ+3μ+… = 1/3 on its diagonal and (λ+μ)/6 = 2/15 beside it.
+    /// K₀₀ has λ+3μ+… = 1/3 on its diagonal and (λ+μ)/6 = 2/15 off it.
     #[test]
     fn unit_tetrahedron_matches_its_closed_form() {
         let element = geometry(unit()).unwrap();

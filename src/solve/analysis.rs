@@ -27,7 +27,7 @@ const COLUMN_S: f64 = 4.2e-10;
 /// The estimates of conditioning in solves of one of many columns.
 const JUDGEMENT: f64 = 30.0;
 
-/// Seconds in f64 on all threads of a factor with so many multiplications and numbers, and of what follows.
+/// Seconds in f64 on all threads for a factor of `work` multiplications and `entries` numbers, and for the solves with it.
 pub(super) fn seconds_of(work: f64, entries: f64, columns: usize) -> f64 {
     let columns = columns as f64 + JUDGEMENT;
     (FACTOR_S * work + ENTRY_S * entries + COLUMN_S * entries * columns) / rayon::current_num_threads() as f64
@@ -114,7 +114,7 @@ impl Analysis {
         half * seconds_of(self.fronts.work(), self.fronts.entries() as f64, columns)
     }
 
-    /// Seconds on an idle machine of a solve of so many columns.
+    /// Seconds on an idle machine for a solve of `columns` columns.
     pub(super) fn solve_seconds<T: Real>(&self, columns: usize) -> f64 {
         let half = size_of::<T>() as f64 / size_of::<f64>() as f64;
         let threads = rayon::current_num_threads() as f64;
@@ -122,7 +122,7 @@ impl Analysis {
     }
 }
 
-/// What several methods know of one graph, found by the one that needs it first.
+/// Results about one graph that several methods share, found by the one that needs them first.
 #[derive(Clone, Default)]
 pub struct SharedAnalysis(Arc<Known>);
 
@@ -133,8 +133,9 @@ struct Known {
 }
 
 impl SharedAnalysis {
-    /// Seconds in a factor's numbers of type T for so many columns at least, told from the graph of `a`: the levels of a search
-    /// in breadth from one end to the other are as large as separators of the body, which is taken as a row of compact parts.
+    /// Lower estimate of the seconds for `columns` columns with a factor's numbers of type T, from the graph of `a`: the levels
+    /// of a breadth-first search from one end to the other are as large as separators of the body, which is taken as a row of
+    /// compact parts.
     pub(super) fn least_seconds<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> f64 {
         let nodes = a.nodes() as f64;
         let width = nodes / *self.0.levels.get_or_init(|| levels(a)) as f64;

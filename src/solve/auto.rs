@@ -72,8 +72,8 @@ fn rank<T>(list: &mut [Ranked<T>]) {
     list.sort_by(|one, other| one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)));
 }
 
-/// The fastest method that fits, without the one that proved slow. Where more is asked of the factor, those whose factor can be
-/// kept come first.
+/// The fastest method that fits, without the one that proved slow. If the factor is needed for more than the solve, the methods
+/// whose factor can be kept come first.
 fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, SolveError> {
     let Asked { a, job: Job { columns, needs_factor }, .. } = *asked;
     let least = |method: &&'static Method| {

@@ -71,7 +71,7 @@ impl<'a> Cholesky<'a> {
         Ok(Cholesky { a, analysis, llt: Llt::new(a, analysis, progress)? })
     }
 
-    /// How exact the solution `x` of A x = b is.
+    /// Judges the solution `x` of A x = b: its conditioning and error.
     pub(super) fn judge(
         &self,
         x: &NodeFields,

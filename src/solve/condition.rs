@@ -1,4 +1,4 @@
-//! How far a solution can be from the exact one: the condition number of A and a bound on the forward error.
+//! Bounds the distance of a solution from the exact one: the condition number of A and a bound on the forward error.
 //!
 //! In: A, ways to apply A and A⁻¹, and a solution with its residual. Out: two numbers for the closing table and the
 //! .green file. Both are estimated together, by three solves with four columns: these take little longer than as many with one,
@@ -175,7 +175,7 @@ fn columns_of(fields: &NodeFields) -> Vec<Vec<f64>> {
     (0..fields.columns).map(column).collect()
 }
 
-/// The other way round.
+/// Fields with these columns beside each other.
 fn beside(columns: &[Vec<f64>]) -> NodeFields {
     let rows = columns.first().map_or(0, Vec::len);
     let data = (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
@@ -208,7 +208,7 @@ fn doubts(a: &StiffnessMatrix, column: &Column) -> Vec<f64> {
 /// depend most.
 struct InverseNorm {
     weights: Vec<f64>,
-    /// To be multiplied with A⁻¹ next.
+    /// The block to be multiplied with A⁻¹ next.
     x: NodeFields,
     solves: usize,
     best: f64,
@@ -320,7 +320,7 @@ mod tests {
         assert_eq!(inverse_norm(&inverse, &[5.0, 1.0, 1.0]), 5.0);
     }
 
-    /// Of 40 matrices, A = G Gᵀ with random G, the estimate is the norm itself nearly always, and never below half of it.
+    /// The estimate is nearly always the norm itself, and never below half of it, for 40 matrices A = G Gᵀ with random G.
     #[test]
     fn estimates_of_norms_are_the_norms_nearly_always() {
         let (nodes, mut numbers, mut exact_ones) = (12, Random::default(), 0);

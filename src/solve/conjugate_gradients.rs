@@ -14,8 +14,8 @@ use crate::fem::{NodeFields, StiffnessMatrix};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// By rounding the residual of the recurrence drifts away from the true one; the iteration is restarted from the true
-/// residual at most this often, and while that helps, before it is called stagnant.
+/// Largest number of restarts from the true residual, from which that of the recurrence drifts away by rounding; they are made
+/// while they help, before the iteration is called stagnant.
 const RESTARTS: usize = 8;
 
 /// Residual in parts of ‖|A| |x| + |b|‖₂ that rounding leaves where no iteration can lower it: some units of roundoff.
@@ -42,7 +42,7 @@ pub struct System<'a> {
 pub struct Batch<'a> {
     system: System<'a>,
     b: &'a NodeFields,
-    /// Which of b.
+    /// Columns of `b` that are solved.
     columns: Range<usize>,
     x: NodeFields,
     r: NodeFields,
@@ -58,7 +58,7 @@ pub struct Batch<'a> {
     relative: Vec<f64>,
 }
 
-/// Where an iteration starts and ends.
+/// Conditions of an iteration's start and end.
 struct Run<'a> {
     /// Norms that residuals are compared with.
     norms: &'a [f64],
@@ -66,7 +66,7 @@ struct Run<'a> {
     most: usize,
     /// The column whose spectrum is taken; that with the most to do, if none is named.
     watched: Option<usize>,
-    /// Whether it ends as soon as it foresees more iterations than `most`, by the residual so far.
+    /// Whether it ends as soon as it foresees more iterations than `most`, by the residual reached.
     foresees: bool,
 }
 
@@ -92,7 +92,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// All iterations so far.
+    /// The number of iterations since the start.
     pub fn iterations(&self) -> usize {
         self.iterations
     }

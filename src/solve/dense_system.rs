@@ -202,8 +202,8 @@ impl DenseSystem {
         Ok((fields, stats))
     }
 
-    /// As for sparse matrices: the condition of A scaled by its diagonal, and a bound on the error of the column with the largest
-    /// residual.
+    /// Judges a solution like those of sparse matrices: the condition of A scaled by its diagonal, and a bound on the error of
+    /// the column with the largest residual.
     fn judge(
         &self,
         fields: &NodeFields,
@@ -282,7 +282,7 @@ fn mirror(matrix: &mut [f64], size: usize) {
     }
 }
 
-/// What such a system is solved by, for tables.
+/// The method of such a system, for tables.
 pub const DENSE: Method = Method {
     name: "dense cholesky",
     is_direct: true,
@@ -305,7 +305,7 @@ mod tests {
         (-(0.3 * away)).exp() * (1.0 + 0.2 * ((i + j) as f64).sin()) + if i == j { 2.0 } else { 0.0 }
     }
 
-    /// The rest that is left is that of the matrix itself, whose upper half the factor must not touch.
+    /// The remainder is that of the matrix itself, whose upper half the factor must not touch.
     #[test]
     fn free_unknowns_are_without_force_and_others_as_they_were() {
         let (size, free, columns) = (501, 486, 4);

@@ -51,7 +51,7 @@ pub enum SolveError {
 }
 
 impl SolveError {
-    /// Of a column among all, whose first is the column `first`.
+    /// Numbers the error's column among all, of which the solved ones begin at column `first`.
     pub fn of_columns_from(mut self, first: usize) -> SolveError {
         if let SolveError::Residual { column, .. }
         | SolveError::Slow { column, .. }

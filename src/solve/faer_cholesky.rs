@@ -110,7 +110,7 @@ fn parallel() -> Par {
     Par::rayon(rayon::current_num_threads())
 }
 
-/// Scratch of so many bytes.
+/// Allocates the scratch memory `need`.
 fn memory(need: StackReq) -> Result<MemBuffer, SolveError> {
     let full =
         |_| SolveError::FactorMemory(machine::refused("scratch of a factor", need.size_bytes() as f64));

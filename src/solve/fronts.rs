@@ -11,8 +11,8 @@ use crate::fem::StiffnessMatrix;
 use std::cmp::Reverse;
 use std::ops::{Deref, Range};
 
-/// A supernode joins its parent while both have at most so many nodes and at most this share of their numbers would be
-/// zeros: small fronts waste time between the products, zeros waste it in them.
+/// Nodes and share of zeros up to which a supernode joins its parent: both have at most this number of nodes, and at most this
+/// share of their numbers would be zeros. Small fronts waste time between the products, zeros waste it in them.
 const RELAXED: [(usize, f64); 4] = [(4, 0.8), (16, 0.3), (48, 0.1), (usize::MAX, 0.05)];
 
 /// The [`Supernodes`] of L, and what its making needs of them.
@@ -36,8 +36,8 @@ impl Deref for Fronts {
     }
 }
 
-/// How the fronts are shared among threads: whole subtrees, one thread each, then the fronts above them, one after the
-/// other, by all threads together.
+/// The distribution of the fronts over threads: whole subtrees, one thread each, then the fronts above them, one after the other,
+/// by all threads together.
 pub(super) struct Plan {
     /// Roots of the subtrees, those with the most work first.
     pub(super) subtrees: Vec<u32>,
@@ -119,7 +119,7 @@ impl Fronts {
         (0..self.count() as u32).filter(|&s| self.parent(s as usize) == NONE)
     }
 
-    /// Subtrees for so many threads. The largest is cut until they can be dealt out evenly.
+    /// Subtrees for `threads` threads. The largest is cut until they can be dealt out evenly.
     pub(super) fn plan(&self, threads: usize) -> Plan {
         /// The fullest thread may have this many times its share; subtrees of a smaller share of the whole are not cut.
         const UNEVEN: f64 = 1.08;
@@ -151,7 +151,7 @@ impl Fronts {
         Plan { subtrees, top }
     }
 
-    /// Subtrees of about equal work for so many threads, as ranges of supernodes, ascending.
+    /// Subtrees of about equal work for `threads` threads, as ranges of supernodes, ascending.
     pub(super) fn branches(&self, threads: usize) -> Vec<Range<usize>> {
         let mut subtrees = self.plan(threads).subtrees;
         subtrees.sort_unstable();
@@ -199,7 +199,7 @@ impl Fronts {
     }
 }
 
-/// Multiplications in a front with n unknowns of its own and m below them.
+/// Number of multiplications in a front with n unknowns of its own and m below them.
 pub(super) fn front_work(n: usize, m: usize) -> f64 {
     let (n, m) = (n as f64, m as f64);
     n * (n * n / 6.0 + n * m / 2.0 + m * m / 2.0)

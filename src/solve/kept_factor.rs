@@ -21,9 +21,9 @@ pub const NUMBER: usize = 5;
 /// The part of a factor, as it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptFactor {
-    /// How many nodes each supernode has, and how many rows below them, children before parents.
+    /// Number of nodes of each supernode, and of rows below them, children before parents.
     pub supernodes: Vec<[u32; 2]>,
-    /// Those rows, as positions of nodes in the order of elimination.
+    /// The rows below, as positions of nodes in the order of elimination.
     pub rows: Vec<u32>,
     /// The position of each chosen node.
     pub places: Vec<u32>,
@@ -38,7 +38,7 @@ pub struct LoadedFactor {
     values: Vec<f64>,
 }
 
-/// Bytes of the numbers of supernodes of so many nodes and rows below them.
+/// Bytes of the numbers of these supernodes, each with its number of nodes and of rows below them.
 pub fn kept_bytes(supernodes: &[[u32; 2]]) -> u128 {
     let numbers = |&[n, m]: &[u32; 2]| {
         let (n, m) = (3 * u128::from(n), 3 * u128::from(m));
@@ -55,7 +55,7 @@ fn rounded(number: f64) -> [u8; NUMBER] {
 }
 
 impl KeptFactor {
-    /// What of L solves between these nodes.
+    /// The part of L that solves between these nodes.
     pub(super) fn of<T: Real>(l: &Triangle<'_, T>, nodes: &[u32]) -> Result<KeptFactor, SolveError> {
         let (taken, supernodes, rows, places) = l.supernodes.part(nodes);
         let size = kept_bytes(&supernodes) as usize;
@@ -74,7 +74,7 @@ impl KeptFactor {
 }
 
 impl LoadedFactor {
-    /// From what was kept, which was [checked](LoadedFactor::check); `numbers` gives the bytes of the numbers. The error says
+    /// Reads a factor that was kept and [checked](LoadedFactor::check); `numbers` gives the bytes of the numbers. The error names
     /// what could not be read or held.
     pub fn read(
         supernodes: &[[u32; 2]],
@@ -103,7 +103,7 @@ impl LoadedFactor {
         Ok(LoadedFactor { supernodes, values })
     }
 
-    /// Whether this is the pattern of a factor whose numbers take so many bytes; the error says why not.
+    /// Checks that this is the pattern of a factor whose numbers take `bytes` bytes; the error says why not.
     pub fn check(supernodes: &[[u32; 2]], rows: &[u32], places: &[u32], bytes: usize) -> Result<(), String> {
         // First, for it bounds the memory of what follows.
         let expected = kept_bytes(supernodes);

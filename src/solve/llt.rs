@@ -52,7 +52,7 @@ impl Analysis {
     }
 }
 
-/// Where a thread solves one strip of an inverse after the other.
+/// Scratch in which a thread solves one strip of an inverse after the other.
 struct Room<T> {
     block: Vec<T>,
     scratch: Vec<T>,
@@ -126,7 +126,7 @@ impl<'a, T: Real> Llt<'a, T> {
         Triangle { supernodes: fronts, values: &self.values, branches }
     }
 
-    /// What of it solves between these nodes.
+    /// The part of the factor that solves between these nodes.
     pub(super) fn kept(&self, nodes: &[u32]) -> Result<KeptFactor, SolveError> {
         KeptFactor::of(&self.triangle(), nodes)
     }

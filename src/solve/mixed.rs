@@ -3,8 +3,8 @@
 //! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where the
 //! condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of the
 //! condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
-//! iterations that are left would take longer than a factor in f64. The user is told. Literature: Higham and Mary, Acta
-//! Numerica 31 (2022), 347-414, section 8.
+//! iterations that are left would take longer than a factor in f64. A note reports it. Literature: Higham and Mary, Acta Numerica
+//! 31 (2022), 347-414, section 8.
 
 use super::analysis::Analysis;
 use super::cholesky::Cholesky;
@@ -70,7 +70,7 @@ impl Direct {
         *self.iterations.get_or_init(|| condition(a).map_or(USUAL, expected))
     }
 
-    /// Seconds with so many iterations.
+    /// Seconds for the factor and `iterations` iterations.
     fn takes(&self, a: &StiffnessMatrix, columns: usize, iterations: f64) -> f64 {
         let columns = columns as f64 * (iterations + 1.0);
         let vectors = VECTORS_S * 3.0 * a.nodes() as f64 * columns / rayon::current_num_threads() as f64;
@@ -173,7 +173,7 @@ impl Mixed<'_> {
         Ok(Err(Stagnant))
     }
 
-    /// Seconds that the iterations still take, by what so many left of the residuals.
+    /// Seconds that the iterations still take, from the decrease of the residuals in the first `iterations` ones.
     fn takes(&self, columns: usize, iterations: usize, norms: &[f64], goal: &[f64], tolerance: f64) -> f64 {
         let left = norms.iter().zip(goal).map(|(norm, goal)| norm / goal);
         let worst = left.fold(1.0, |worst: f64, left| if left > worst { left } else { worst });

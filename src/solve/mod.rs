@@ -1,11 +1,11 @@
 //! Solving A x = b for many right-hand sides: A in 3×3 blocks and its right-hand sides in, solutions and the
 //! figures that judge them out.
 //!
-//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a multifrontal LLᵀ), the same in f32 with conjugate
-//! gradients in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them;
-//! all stand behind [`LinearSolver`] and measure the true residual of every
-//! column afterwards. [`Newton`] finds static equilibrium at large strain, with a factor for each of its iterations, and
-//! [`Stability`] tells how it is lost; [`Settler`] keeps a body in equilibrium that moves, with one factor for many steps.
+//! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a multifrontal LLᵀ), the same in f32 with conjugate gradients
+//! in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them; all stand
+//! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`Newton`] finds static equilibrium at large
+//! strain, with a factor for each of its iterations, and [`Stability`] describes how it is lost; [`Settler`] keeps a body in
+//! equilibrium that moves, with one factor for many steps.
 
 mod analysis;
 mod auto;

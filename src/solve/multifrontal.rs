@@ -28,12 +28,12 @@ pub(super) enum Failure {
     NoMemory,
 }
 
-/// What a front hands up: the lower half of a square over the unknowns below it.
+/// The update of a parent by its child: the lower half of a square over the unknowns below the child's front.
 struct Update<'a, T> {
     numbers: &'a [T],
     /// Unknowns of the square.
     size: usize,
-    /// Where the child's rows stand in the parent's front, in runs that stand together in both.
+    /// Runs of the child's rows that stand together in the parent's front as well, with their places there.
     runs: Vec<Run>,
 }
 
@@ -105,7 +105,7 @@ pub(super) fn factorize<T: Real>(
     Ok(())
 }
 
-/// So many zeros, if there is memory for them.
+/// Allocates `count` zeros, if there is memory for them.
 pub(super) fn zeros<T: Real>(count: usize) -> Result<Vec<T>, Failure> {
     let mut numbers = Vec::new();
     numbers.try_reserve_exact(count).map_err(|_full| Failure::NoMemory)?;

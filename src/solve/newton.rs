@@ -37,13 +37,13 @@ const SUM_ROUNDING: f64 = 1e-13;
 pub struct Newton<'a> {
     pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
-    /// For K at the free nodes; `None` where all are controlled.
+    /// The solver for K at the free nodes; `None` where all are controlled.
     pub solver: Option<&'a dyn LinearSolver>,
     /// `None` where nothing acts but what holds the controlled nodes.
     pub loads: Option<Loads<'a>>,
 }
 
-/// What acts on a body on its way.
+/// The loads on a body on its way.
 #[derive(Clone, Copy)]
 pub struct Loads<'a> {
     /// Forces at a share of the way that keep their directions, one column over all nodes, N.
@@ -68,7 +68,7 @@ pub struct Equilibrium {
     pub counts: Counts,
 }
 
-/// How much work an equilibrium took.
+/// Counts of the work of an equilibrium.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Counts {
     /// Load steps made.
@@ -101,7 +101,7 @@ pub enum NewtonError {
         at: Box<Equilibrium>,
         share: f64,
         why: Setback,
-        /// Of that equilibrium; `None` where it is too near to be told.
+        /// The stability of that equilibrium; `None` where the next critical state is too near for an estimate.
         stability: Option<Box<Stability>>,
     },
 }
@@ -177,7 +177,7 @@ impl Newton<'_> {
         Ok(self.judge(u, 1.0, counts))
     }
 
-    /// How stable the equilibrium `u` at `share` of the path is, beside that at rest and an earlier one of `trail`.
+    /// The stability of the equilibrium `u` at `share` of the path, compared with that at rest and an earlier one of `trail`.
     fn stability(
         &self,
         u: &NodeFields,

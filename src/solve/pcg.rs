@@ -35,7 +35,7 @@ struct Limits {
     /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     tolerance: f64,
     max_iterations: usize,
-    /// Which they may take by the prediction, s.
+    /// Time that the iterations may take by the prediction, s.
     seconds: Option<f64>,
 }
 
@@ -93,7 +93,7 @@ fn expected(a: &StiffnessMatrix, columns: usize) -> f64 {
     pairs * (LEVELS_S + ITERATIONS * ITERATION_S * columns as f64) / rayon::current_num_threads() as f64
 }
 
-/// Iterations that so many seconds are worth, of those that [`expected`] counts.
+/// Number of iterations that fit into `seconds`, of those that [`expected`] counts.
 fn iterations_in(seconds: f64, a: &StiffnessMatrix, columns: usize) -> usize {
     let one = expected(a, columns) / ITERATIONS;
     (seconds / one.max(f64::MIN_POSITIVE)).ceil() as usize
@@ -125,7 +125,7 @@ fn batch_width(a: &StiffnessMatrix) -> usize {
     if batch_memory(a, BATCHES[0]) <= BATCH_MEMORY { BATCHES[0] } else { BATCHES[1] }
 }
 
-/// Bytes of the vectors of so many columns: x, r, p and A p in f64, four of the finest level and half of them again in f32.
+/// Bytes of the vectors of `columns` columns: x, r, p and A p in f64, four of the finest level and half of them again in f32.
 fn batch_memory(a: &StiffnessMatrix, columns: usize) -> f64 {
     3.0 * (a.nodes() * padded(columns)) as f64 * (4.0 * 8.0 + 4.5 * 4.0)
 }

@@ -1,4 +1,4 @@
-//! What follows a solve with a factor: iterative refinement, the refusal of what stays wrong, and a judgement.
+//! Steps after a solve with a factor: iterative refinement, the refusal of what stays wrong, and a judgement.
 //!
 //! In: A, b, a solution, and a way to apply about A⁻¹. Out: a better solution with its true residuals, and how exact it is.
 

@@ -88,8 +88,8 @@ pub struct Settled {
 pub struct Unsettled;
 
 impl Settler<'_> {
-    /// From the equilibrium `u`, maybe under other loads, to that with the controlled nodes where `moved` has them. `factor` is
-    /// of A at a state not far from it.
+    /// Goes from the equilibrium `u`, maybe under other loads, to that with the controlled nodes where `moved` has them. `factor`
+    /// is of A at a state not far from it.
     pub fn step(
         &self,
         old: &OldFactor<'_>,
@@ -155,7 +155,7 @@ impl Settler<'_> {
         State { energy: self.body.energy(&gradients) - self.work(&u), gradients, u }
     }
 
-    /// Of the loads, J.
+    /// The work of the loads, J.
     fn work(&self, u: &NodeFields) -> f64 {
         self.loads.map_or(0.0, |loads| loads.dots(u)[0])
     }
@@ -169,7 +169,7 @@ impl Settler<'_> {
         }
     }
 
-    /// By how much the material about each free node has turned from one state to another.
+    /// Turn of the material about each free node from one state to another.
     fn turns(&self, then: &[Matrix3<f64>], now: &[Matrix3<f64>], nodes: usize) -> Vec<Matrix3<f64>> {
         let one = Matrix3::identity();
         let mut sums = vec![Matrix3::zeros(); nodes];

@@ -8,7 +8,8 @@
 use crate::fem::StiffnessMatrix;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3x6, Vector3};
 
-/// Groups: 2 to this power, of so many nodes at least.
+/// Number of halvings by which groups are made, 2 to this power.
+/// Least number of nodes of a group.
 const HALVINGS: u32 = 5;
 const NODES: usize = 16;
 /// Steps of the inverse iteration.

@@ -1,4 +1,4 @@
-//! What a linear solver is: its settings in a scene, its entry in the list of methods, and its three steps.
+//! The interface of linear solvers: settings in a scene, an entry in the list of methods, and three steps.
 //!
 //! ```text
 //! Solver ── analyse(A) → LinearSolver ── factor(A) → Factor ── solve(b) → x, SolveStats
@@ -20,7 +20,7 @@ use std::fmt;
 #[serde(default, deny_unknown_fields, expecting = "a table like { method = \"pcg\" }")]
 pub struct Solver {
     pub method: &'static Method,
-    /// Of an iterative method: relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column is done.
+    /// Relative residual ‖b - A x‖₂ / ‖b‖₂ at which a column of an iterative method is done.
     pub tolerance: f64,
     pub max_iterations: usize,
 }
@@ -48,7 +48,7 @@ impl fmt::Display for Solver {
     }
 }
 
-/// In the order of their texts.
+/// Orders solvers by their texts.
 impl Ord for Solver {
     fn cmp(&self, other: &Solver) -> std::cmp::Ordering {
         self.to_string()
@@ -72,12 +72,12 @@ impl PartialEq for Solver {
 
 impl Eq for Solver {}
 
-/// What a factor is made for.
+/// The use of a factor.
 #[derive(Clone, Copy, Debug)]
 pub struct Job {
     /// Right-hand sides that are solved and judged together.
     pub columns: usize,
-    /// Whether more is asked of the factor: further solves, the inverse at chosen nodes, or that it is kept.
+    /// Whether the factor is needed for more: further solves, the inverse at chosen nodes, or that it is kept.
     pub needs_factor: bool,
 }
 
@@ -88,7 +88,7 @@ impl Default for Job {
     }
 }
 
-/// What a method is to analyse.
+/// The input of a method's analysis.
 #[derive(Clone, Copy)]
 pub struct Asked<'a> {
     pub settings: Solver,
@@ -107,7 +107,7 @@ pub type Analyse = fn(&Asked<'_>) -> Result<Box<dyn LinearSolver>, SolveError>;
 /// A way to solve A x = b: an entry of the list of methods.
 #[derive(Debug)]
 pub struct Method {
-    /// As scenes, results and .green files name it.
+    /// The name in scenes, results and .green files.
     pub name: &'static str,
     /// Whether it factorises A, so that no tolerance says when it ends.
     pub is_direct: bool,
@@ -115,11 +115,11 @@ pub struct Method {
     pub keeps_factor: bool,
     /// Whether its forward error is a bound; an estimate otherwise.
     pub bounds_error: bool,
-    /// What to do where the forward error is too large.
+    /// Advice where the forward error is too large.
     pub remedy: &'static str,
     /// Bytes of a number of its factor; 0 of a method that makes none, or that may.
     pub factor_number: usize,
-    /// Seconds that the job takes at least, told from the graph of A before it is analysed; `None` of a method that `auto`
+    /// Lower estimate of the seconds for the job, from the graph of A before it is analysed; `None` of a method that `auto`
     /// leaves out.
     pub least_seconds: Option<fn(&Asked<'_>) -> f64>,
     pub analyse: Analyse,
@@ -148,8 +148,8 @@ pub trait LinearSolver: Send + Sync {
         progress: &dyn Progress,
     ) -> Result<Box<dyn Factor + 'a>, SolveError>;
 
-    /// [`LinearSolver::factor`], whose solves end with [`SolveError::Slow`] as soon as they foresee to take longer than so many
-    /// seconds of [`LinearSolver::seconds`].
+    /// [`LinearSolver::factor`], whose solves end with [`SolveError::Slow`] as soon as they foresee to take longer than `seconds`
+    /// of [`LinearSolver::seconds`].
     fn factor_within<'a>(
         &'a self,
         a: &'a StiffnessMatrix,
@@ -197,7 +197,7 @@ pub trait Factor {
         self.solve(&spread(self.nodes(), loaded, b), &Silent).map(|(x, _)| x.at(asked))
     }
 
-    /// How many columns are solved together: the bits of a column do not depend on those of other such groups. A direct
+    /// Number of columns that are solved together: the bits of a column do not depend on those of other such groups. A direct
     /// method solves all together.
     fn columns_together(&self) -> usize {
         usize::MAX
@@ -214,7 +214,7 @@ pub trait Factor {
         self.inverse_block_from(0, nodes, take, progress)
     }
 
-    /// [`Factor::inverse_block`] without its first strips, so many.
+    /// [`Factor::inverse_block`] without its `first` strips.
     fn inverse_block_from(
         &self,
         first: usize,
@@ -225,7 +225,7 @@ pub trait Factor {
         strips(&|own, b, asked| self.solve_at(own, b, asked), first, nodes, take, progress)
     }
 
-    /// Bytes that [`Factor::solve_at`] takes for so many columns, with its result at no more than so many nodes.
+    /// Bytes that [`Factor::solve_at`] takes for `columns` columns, with its result at no more than `asked` nodes.
     fn solve_memory(&self, columns: usize, _asked: usize) -> f64 {
         FIELDS * 24.0 * (self.nodes() * columns) as f64
     }
@@ -235,12 +235,13 @@ pub trait Factor {
         STRIP_NODES
     }
 
-    /// Bytes that [`Factor::inverse_block`] over so many nodes takes beside what its caller makes of the strips.
+    /// Bytes that [`Factor::inverse_block`] over `nodes` nodes takes beside what its caller makes of the strips.
     fn strip_memory(&self, nodes: usize) -> f64 {
         self.solve_memory(3 * STRIP_NODES, nodes) + 2.0 * 72.0 * (STRIP_NODES * nodes) as f64
     }
 
-    /// What of it solves between these nodes, to be kept; `None` of a method that makes no factor, or none that is exact enough.
+    /// The part of the factor that solves between these nodes, to be kept; `None` of a method that makes no factor, or none that
+    /// is exact enough.
     fn kept(&self, _nodes: &[u32], _progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
         Ok(None)
     }
@@ -289,7 +290,7 @@ pub(super) fn strips(
     Ok(())
 }
 
-/// What a solver did, for the closing table and the .green file.
+/// The work and the quality of a solver's solution, for the closing table and the .green file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SolveStats {
     pub method: &'static Method,
@@ -307,7 +308,7 @@ pub struct SolveStats {
     pub iterations: usize,
     /// ‖b - A x‖₂ / ‖b‖₂ of every column, computed from A after the solve; 0 where b = 0.
     pub residuals: Vec<f64>,
-    /// Where it was asked for.
+    /// The conditioning, if it was asked for.
     pub conditioning: Option<Conditioning>,
 }
 
@@ -335,7 +336,7 @@ impl SolveStats {
     }
 }
 
-/// How far the solution can be from the exact one.
+/// Bounds on the distance of a solution from the exact one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Conditioning {
     /// Estimate of κ₂ of A scaled by its diagonal; `None` of conjugate gradients, which stop before they have seen the

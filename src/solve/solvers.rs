@@ -40,7 +40,7 @@ impl Solver {
         self.analyse_for(a, Job::default(), progress)
     }
 
-    /// [`Solver::analyse`] for what will be asked of it.
+    /// Runs [`Solver::analyse`] for a job.
     pub fn analyse_for(
         &self,
         a: &StiffnessMatrix,

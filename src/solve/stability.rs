@@ -1,4 +1,4 @@
-//! How near an equilibrium is to losing its stability: the least eigenvalues of its tangent stiffness.
+//! Measures how near an equilibrium is to losing its stability: the least eigenvalues of its tangent stiffness.
 //!
 //! In: A at the free nodes, positive definite, and its factor. Out: the least eigenvalues λ of A φ = λ φ with their modes
 //! φ, by subspace iteration (Bathe, Finite Element Procedures, section 11.6): X ← A⁻¹ X, then the Ritz vectors of A on it.
@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 const BLOCK: usize = 4;
 /// The iteration ends where the least eigenvalue changes by no more than this part, …
 const TOLERANCE: f64 = 1e-8;
-/// … or after so many solves.
+/// … or after this number of solves.
 const MOST: usize = 60;
 /// Eigenvalues up to this many times the least belong to one mode and its twins.
 const TWIN: f64 = 1.2;
@@ -28,7 +28,7 @@ pub struct Stability {
     pub least: f64,
     /// The share of the way at which it extrapolates to zero; `None` where it does not fall.
     pub zero_at: Option<f64>,
-    /// Its eigenvector, of length 1, over all nodes.
+    /// The eigenvector of the least eigenvalue, of length 1, over all nodes.
     pub mode: NodeFields,
     /// Modes that lose their stiffness together, this one counted.
     pub modes: usize,
@@ -75,12 +75,12 @@ pub(super) fn least_modes(
     Ok((values, NodeFields { nodes: a.nodes(), columns: 1, data: mode }))
 }
 
-/// How many eigenvalues fall together with the least.
+/// Number of eigenvalues that fall together with the least.
 pub(super) fn twins(values: &[f64]) -> usize {
     values.iter().filter(|&&value| value <= TWIN * values[0]).count()
 }
 
-/// Where λ comes to zero, from two equilibria (share, λ): on a straight line, or where the body snaps on one of λ².
+/// The share at which λ comes to zero, from two equilibria (share, λ): on a straight line, or where the body snaps on one of λ².
 pub(super) fn zero_at(before: (f64, f64), now: (f64, f64), snaps: bool) -> Option<f64> {
     let of = |value: f64| if snaps { value * value } else { value };
     let slope = (of(now.1) - of(before.1)) / (now.0 - before.0);

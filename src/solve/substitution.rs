@@ -26,12 +26,12 @@ pub(super) fn block_width(columns: usize) -> usize {
     (columns / 8).clamp(*BLOCK_COLUMNS.start(), *BLOCK_COLUMNS.end())
 }
 
-/// A block's scratch: numbers for so many columns.
+/// Length of a block's scratch for `columns` columns.
 pub(super) fn scratch(supernodes: &Supernodes, columns: usize) -> usize {
     3 * supernodes.widest() * columns
 }
 
-/// Zeros for a block of so many columns.
+/// Zeros for a block of `columns` columns, `count` numbers.
 fn zeros<T: Real>(count: usize, columns: usize) -> Result<Vec<T>, SolveError> {
     let mut numbers = Vec::new();
     numbers.try_reserve_exact(count).map_err(|_full| {
@@ -50,7 +50,7 @@ pub(super) struct Triangle<'a, T> {
     pub(super) branches: &'a [Range<usize>],
 }
 
-/// The rows of a block that a branch of the tree has of its own, and those outside that it adds to or reads.
+/// The rows of a block that belong to a branch of the tree, and those outside that it adds to or reads.
 struct Rows<'a, T> {
     x: &'a mut [T],
     /// The node of the first row of `x`.
@@ -309,7 +309,7 @@ impl<T: Real> Triangle<'_, T> {
         Ok(x)
     }
 
-    /// A block of so many columns, zero, and its scratch.
+    /// A block of `columns` columns, zero, and its scratch.
     pub(super) fn block(&self, columns: usize) -> Result<(Vec<T>, Vec<T>), SolveError> {
         let whole = zeros(3 * self.supernodes.nodes() * columns, columns)?;
         Ok((whole, zeros(scratch(self.supernodes, columns), columns)?))

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 pub(super) const NONE: u32 = u32::MAX;
 
-/// In nodes of three unknowns.
+/// The pattern of a factor by supernodes, in nodes of three unknowns.
 #[derive(Debug, PartialEq)]
 pub(super) struct Supernodes {
     /// The positions in the order of elimination of the nodes that are asked for: of a whole factor, of all.
@@ -25,7 +25,8 @@ pub(super) struct Supernodes {
 }
 
 impl Supernodes {
-    /// From the nodes of each and the rows below each. The error says why they are no pattern of a factor.
+    /// Makes the pattern from the nodes of each supernode and the rows below each. The error says why they are no pattern of a
+    /// factor.
     pub(super) fn new(inverse: Vec<u32>, sizes: &[[u32; 2]], rows: Vec<u32>) -> Result<Supernodes, String> {
         let wrong = |what: &str| Err(format!("its supernodes are no pattern of a factor: {what}"));
         let nodes: u64 = sizes.iter().map(|[n, _]| u64::from(*n)).sum();
@@ -61,7 +62,7 @@ impl Supernodes {
         Ok(all)
     }
 
-    /// The same of a pattern and its tree that are known to be right.
+    /// Makes the pattern from parts and a tree that are known to be right.
     pub(super) fn laid_out(
         inverse: Vec<u32>,
         sizes: &[[u32; 2]],
@@ -102,12 +103,12 @@ impl Supernodes {
         &self.rows[self.row_start[s]..self.row_start[s + 1]]
     }
 
-    /// Where its numbers stand in L.
+    /// Range of its numbers in L.
     pub(super) fn values(&self, s: usize) -> Range<usize> {
         self.value_start[s]..self.value_start[s + 1]
     }
 
-    /// Of a supernode; [`NONE`] of a root.
+    /// The parent of a supernode; [`NONE`] of a root.
     pub(super) fn parent(&self, s: usize) -> u32 {
         self.parent[s]
     }

@@ -316,7 +316,7 @@ fn what_f32_cannot_factorize_is_told_and_solved_in_f64() {
     assert!(told.len() == 1 && told[0].contains("f64") && stats.method.name == "cholesky", "{told:?}");
 }
 
-/// It was iterated with in vain, 5.5 times as long as one in f64 takes.
+/// The needle was iterated with in vain, 5.5 times as long as a factor in f64 takes.
 #[test]
 fn no_factor_in_f32_is_begun_of_a_needle() {
     struct Begun(Mutex<Vec<String>>);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// A node that is coupled so weakly that smoothing alone solves for it.
 pub const ALONE: u32 = u32::MAX;
 
-/// Which aggregate each node belongs to, or [`ALONE`].
+/// The aggregate to which each node belongs, or [`ALONE`].
 pub struct Aggregates {
     pub of_node: Vec<u32>,
     pub count: usize,

@@ -17,7 +17,7 @@ pub const MOST: usize = 4;
 /// single direction, is 1.
 const TIGHT: f64 = 0.7;
 
-/// Which nodes belong together: those of cluster c are `start[c]..start[c + 1]`. Most clusters are one node.
+/// Clusters of nodes: those of cluster c are `start[c]..start[c + 1]`. Most clusters are one node.
 pub struct Clusters {
     pub start: Vec<u32>,
 }
@@ -36,7 +36,7 @@ impl Clusters {
         self.start[cluster] as usize..self.start[cluster + 1] as usize
     }
 
-    /// Of each node its cluster.
+    /// The cluster of each node.
     pub fn of_nodes(&self) -> Vec<u32> {
         (0..self.count()).flat_map(|cluster| self.members(cluster).map(move |_| cluster as u32)).collect()
     }

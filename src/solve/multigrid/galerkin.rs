@@ -1,4 +1,4 @@
-//! The coarse matrix Pᵀ A P, row by row, so that nothing larger than a row is kept beside it.
+//! Computes the coarse matrix Pᵀ A P, row by row, so that no more than a row is kept besides it.
 
 use super::prolong::{MODES, Modes, Prolongator};
 use super::rows::{Block, CoarseRows, Rows};
@@ -8,7 +8,7 @@ const NONE: u32 = u32::MAX;
 
 /// Blocks of one row under construction, found by their columns.
 struct Gathered<T> {
-    /// Of each column its slot, or [`NONE`].
+    /// The slot of each column, or [`NONE`].
     slot: Vec<u32>,
     blocks: Vec<(u32, T)>,
 }

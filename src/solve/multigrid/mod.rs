@@ -39,7 +39,7 @@ use smoothed::Smoothed;
 const THRESHOLD: f64 = 0.02;
 const COARSER: f64 = 0.5;
 const COARSER_IF_THIN: f64 = 2.0;
-/// A level of so many unknowns is solved by a dense factor.
+/// Largest number of unknowns of a level that is solved by a dense factor.
 const DENSE: usize = 600;
 /// Levels that are smaller than the last by less than this are of no use.
 const SHRINK: f64 = 0.7;
@@ -55,18 +55,19 @@ struct Level<const B: usize> {
 
 pub struct Multigrid {
     fine: Level<3>,
-    /// Where clusters have changed the order of the nodes: A's node at each place, and the place of each node.
+    /// The order of the nodes, if clusters have changed it: A's node at each place, and the place of each node.
     places: Option<[Vec<u32>; 2]>,
     coarse: Vec<Level<6>>,
     /// The last level; where levels stop shrinking, it is smoothed alone.
     last: Option<Dense>,
-    /// Of thin bodies coarse levels are small, and bending is lost on the way down: they are visited twice (W-cycle).
+    /// Whether the body is thin: its coarse levels are small, and bending is lost on the way down, so they are visited twice
+    /// (W-cycle).
     is_thin: bool,
     /// A is held in parts of 1/`scale`.
     scale: f64,
 }
 
-/// The vectors of all levels for so many columns.
+/// The vectors of all levels for several columns.
 pub struct Workspace {
     pub fine: Vectors,
     coarse: Vec<Vectors>,
@@ -147,7 +148,7 @@ impl Multigrid {
         }
     }
 
-    /// What [`Multigrid::apply`] leaves is to be multiplied with.
+    /// The factor by which the result of [`Multigrid::apply`] is to be multiplied.
     pub fn scale(&self) -> f64 {
         self.scale
     }

@@ -1,14 +1,14 @@
-//! The prolongator: what a motion of the aggregates is on their nodes.
+//! The prolongator: turns a motion of the aggregates into that of their nodes.
 //!
 //! ```text
 //! tentative    [N_i S(o_i - c)]_(i in aggregate) = Q R      P₀ = Q,  coarse N = R about the centre c
 //! smoothed     P = (I - ω D⁻¹ A) P₀                         ω = 4/3 / λ_max(D⁻¹ A),  D: the blocks of A on the clusters
 //! ```
 //!
-//! N_i are a node's six rigid motions about its own place o_i, and S(d) takes a motion (t, ω) about c to that about c + d:
-//! t + ω × d. Rigid motions of the whole body are therefore motions of the aggregates, exactly, and have no energy on the
-//! coarse level either. A motion that the aggregate's nodes do not tell from the others (the turn of a straight row of
-//! nodes about itself) is left out: its column of Q is zero.
+//! N_i are a node's six rigid motions about its own place o_i, and S(d) takes a motion (t, ω) about c to that about c + d: t + ω
+//! × d. Rigid motions of the whole body are therefore motions of the aggregates, exactly, and have no energy on the coarse level
+//! either. A motion that is not distinct from the others at the aggregate's nodes (the turn of a straight row of nodes about
+//! itself) is left out: its column of Q is zero.
 
 use super::aggregate::{ALONE, Aggregates};
 use super::cluster::{self, Clusters, MOST};
@@ -172,7 +172,7 @@ impl<const B: usize> Prolongator<B> {
     }
 }
 
-/// What P is made of.
+/// The data from which P is made.
 struct Smoothing<'a, R, const B: usize> {
     rows: &'a R,
     aggregates: &'a Aggregates,

@@ -17,7 +17,7 @@ pub trait Rows<const B: usize>: Sync {
     fn each(&self, node: usize, each: impl FnMut(usize, &Block<B>));
 }
 
-/// A stiffness matrix in parts of `unit`, so that its numbers are near 1, in an order of its own.
+/// A stiffness matrix in parts of `unit`, so that its numbers are near 1, in its own order of nodes.
 pub struct Scaled<'a> {
     pub matrix: &'a StiffnessMatrix,
     /// The matrix' node at each place, and the place of each of its nodes.
@@ -34,13 +34,13 @@ impl<'a> Scaled<'a> {
         Scaled { matrix, place: order.clone(), order, scale: 3.0 * matrix.nodes() as f64 / sum }
     }
 
-    /// Of the diagonal's blocks; errors with the node whose block is not positive definite.
+    /// Inverses of the diagonal's blocks; errors with the node whose block is not positive definite.
     pub fn inverses(&self) -> Result<Vec<Block<3>>, usize> {
         let inverse = |node: usize| inverse(&self.diagonal(node)).ok_or(node);
         (0..self.nodes()).into_par_iter().with_min_len(512).map(inverse).collect()
     }
 
-    /// With node `order[i]` at place i.
+    /// Puts node `order[i]` at place i.
     pub fn reorder(&mut self, order: Vec<u32>) {
         for (place, &node) in order.iter().enumerate() {
             self.place[node as usize] = place as u32;

@@ -19,15 +19,16 @@ use std::ops::Range;
 pub struct Smoother {
     /// Passes over the matrix before and after the coarse correction.
     degree: usize,
-    /// It damps errors with eigenvalues of D⁻¹ A between the largest and this part of it.
+    /// Part of the largest eigenvalue of D⁻¹ A from which up errors are damped.
     damped: f64,
 }
 
-/// Of compact bodies, where few iterations are needed, and of thin ones, where more passes cost nothing in all.
+/// Smoother for compact bodies, where few iterations are needed.
 pub const THICK: Smoother = Smoother { degree: 2, damped: 1.0 / 10.0 };
+/// Smoother for thin bodies, where more passes cost nothing in all.
 pub const THIN: Smoother = Smoother { degree: 3, damped: 1.0 / 15.0 };
 
-/// The vectors of one level, f32, for so many columns.
+/// The vectors of one level, f32, for several columns.
 #[derive(Default)]
 pub struct Vectors {
     pub columns: usize,
@@ -44,7 +45,7 @@ impl Vectors {
     }
 }
 
-/// What is made of A x.
+/// The use that is made of A x.
 #[derive(Clone, Copy)]
 enum Pass {
     Residual,

@@ -16,7 +16,7 @@ pub struct Smoothed<const B: usize> {
     pub clusters: Vec<u32>,
     /// Inverses of the clusters' blocks, column by column, one after the other.
     pub inverse: Vec<f32>,
-    /// What is worked on together.
+    /// Parts that are worked on together.
     pub parts: Vec<Part>,
 }
 
@@ -45,7 +45,7 @@ fn parts_of<const B: usize>(clusters: &Clusters) -> Vec<Part> {
 }
 
 impl<const B: usize> Smoothed<B> {
-    /// Of `rows`; errors with a node of a cluster whose block is not positive definite.
+    /// The smoother of `rows`; errors with a node of a cluster whose block is not positive definite.
     pub fn new(rows: &impl Rows<B>, clusters: &Clusters) -> Result<Smoothed<B>, usize> {
         let nodes = rows.nodes();
         let mut start = vec![0; nodes + 1];

@@ -36,7 +36,7 @@ fn solve(method: &str, a: &StiffnessMatrix, b: &NodeFields) -> (NodeFields, Solv
     linear.factor(a, &Silent).unwrap().solve_and_judge(b, &Silent).unwrap()
 }
 
-/// Iterations, after a look at the solution: it is Cholesky's, and its error at most what is told.
+/// Number of iterations, after a look at the solution: it is Cholesky's, and its error at most the reported one.
 fn iterations(name: &str, element: &Element, mesh: &TetMesh, lame: &[Lame]) -> usize {
     let (a, b) = system(element, mesh, lame);
     let (x, stats) = solve("pcg", &a, &b);
@@ -92,7 +92,7 @@ fn stiff_fibres_cost_few_iterations() {
     assert!(iterations("fibres", &TET4, &mesh, &lame) <= 25);
 }
 
-/// Of a thin sheet every line through it is a cluster, of a cube no two nodes are.
+/// Every line through a thin sheet is a cluster, and no two nodes of a cube are.
 #[test]
 fn lines_through_a_sheet_are_clusters() {
     let of = |size: [f64; 3], cells: [u32; 3]| {
@@ -138,8 +138,8 @@ fn other_elements_and_near_incompressible_bodies_converge() {
     assert!(iterations("tet4_anp 0.499", &TET4_ANP, &linear, &uniform(&linear, 0.499)) < 250);
 }
 
-/// Of a free body: what a rigid motion does to its nodes is P times what it does to the aggregates, and costs no energy
-/// there; the coarse matrix is symmetric and has the energy of the fine one.
+/// A rigid motion of a free body at the nodes is P times that at the aggregates, and costs no energy there; the coarse matrix is
+/// symmetric and has the energy of the fine one.
 #[test]
 fn rigid_motions_are_motions_of_the_aggregates() {
     let mesh = bar([2.0, 1.0, 0.7], [8, 5, 4]);
@@ -202,7 +202,7 @@ fn rigid_motions_are_motions_of_the_aggregates() {
     }
 }
 
-/// A level without rigid motions, since nobody told where the nodes are, and one of a single node.
+/// A level without rigid motions, because the places of the nodes are unknown, and one of a single node.
 #[test]
 fn matrices_without_places_and_of_one_node_are_solved() {
     let mesh = bar([1.0; 3], [6; 3]);
