@@ -85,7 +85,7 @@ fn told(error: &toml::de::Error, text: &str, path: &Path) -> ConfigError {
     ConfigError::Parse { path: path.to_owned(), line, column, message }
 }
 
-/// A value of a table that was parsed before; an error has no place of its own.
+/// Parses a value from a table that was parsed before; an error has no position.
 pub fn from_table<T: DeserializeOwned>(table: &toml::Table) -> Result<T, String> {
     let parsed = T::deserialize(Strict(toml::Value::Table(table.clone())));
     parsed.map_err(|error: toml::de::Error| explain(error.message()))
@@ -106,7 +106,7 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (line, before.len() - start + 1)
 }
 
-/// What to write for the heading `[key]` or `[key.name]` that an error stands at, where there can be several such tables.
+/// Advice for the heading `[key]` or `[key.name]` at which an error stands, where there can be several such tables.
 fn several(text: &str, at: usize) -> Option<String> {
     let start = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
     let (heading, _) = text.get(start..)?.trim_start().strip_prefix('[')?.split_once(']')?;
@@ -150,7 +150,7 @@ fn explain(message: &str) -> String {
     }
 }
 
-/// What TOML calls a type of Rust's.
+/// The name in TOML of a type of Rust's.
 fn kind(expected: &str) -> &str {
     match expected {
         "f64" | "f32" => "a number",
@@ -174,13 +174,13 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// Of words of three letters and more, whose likeness such a slip may hide: "tp" for "top".
+/// Whether two words, the longer of three letters or more, differ by one slip, which may hide their likeness: "tp" for "top".
 fn is_one_letter_off(word: &str, candidate: &str) -> bool {
     let longer = word.chars().count().max(candidate.chars().count());
     longer > 2 && strsim::damerau_levenshtein(word, candidate) == 1
 }
 
-/// What to say of a name that is in no list: what is known, and the nearest of it.
+/// The error for a name that is in no list: the names that are known, and the nearest of them.
 pub fn unknown_name<'a>(kind: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
     let list: Vec<&str> = known.clone().collect();
     let advice = nearest(name, known).map(|like| format!("; did you mean \"{like}\"?")).unwrap_or_default();

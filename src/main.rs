@@ -11,7 +11,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 #[global_allocator]
 static ALLOCATOR: memory::Watched = memory::Watched;
 
-/// Of the thread that works, and of those that libraries start, bytes: that of the first one is what the shell allows
+/// Stack of the thread that works, and of those that libraries start, bytes: that of the first one is what the shell allows
 /// (`ulimit -s`).
 const STACK: usize = 8 << 20;
 
@@ -60,8 +60,8 @@ fn work() -> ExitCode {
     }
 }
 
-/// Threads that a library starts without a word have the stack that the shell allows the first one, with which Mesa's drivers
-/// overflow where that is small.
+/// Gives threads that libraries start a stack of [`STACK`]: otherwise they have what the shell allows the first one, with which
+/// Mesa's drivers overflow where that is small.
 fn give_libraries_a_stack() {
     #[cfg(target_env = "gnu")]
     {

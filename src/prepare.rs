@@ -40,7 +40,7 @@ pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
     files
 }
 
-/// [`inputs`], and what else a command was told to read.
+/// [`inputs`], and other files that a command reads.
 pub fn inputs_and<'a>(scene: &Scene, others: impl IntoIterator<Item = Option<&'a Path>>) -> Vec<PathBuf> {
     let mut files = inputs(scene);
     files.extend(others.into_iter().flatten().map(Path::to_owned));
@@ -59,14 +59,14 @@ pub fn try_green(scene: &Scene, named: Option<&Path>) -> Result<(), Failure> {
     ask(&path, &green::GREEN, &inputs(scene)).map_err(|error| unwritable(error.into(), &path))
 }
 
-/// Where the .green file of a scene stands unless told otherwise: beside the scene.
+/// The default place of a scene's .green file: beside the scene.
 pub fn green_path(scene: &Scene) -> PathBuf {
     scene.path.with_extension("green")
 }
 
 /// The scene's .green file if it is there and belongs to the scene as it is now; why not, otherwise.
 ///
-/// A damaged file is an error, not a reason: it is never replaced without a word.
+/// A damaged file is an error, not a reason: it is never replaced silently.
 pub fn fresh(scene: &Resolved, path: &Path) -> Result<Result<GreenFile, GreenError>, Failure> {
     let scene = &scene.as_prepared();
     let file = match GreenFile::open(path) {
@@ -146,7 +146,7 @@ pub fn green_file(scene: &Resolved, named: Option<&Path>) -> Result<Arc<GreenFil
     green_file_telling(scene, named, &|name| Box::new(Bars::new(name, false)))
 }
 
-/// The same, with the progress told elsewhere.
+/// [`green_file`], with the progress reported to `teller`.
 pub fn green_file_telling(
     scene: &Resolved,
     named: Option<&Path>,
@@ -245,7 +245,7 @@ fn changed_base(
     Ok(Arc::new(GreenFile::open(path)?))
 }
 
-/// Tells what a signal to end costs before `path` is written.
+/// Announces, on a signal to end, what that costs before `path` is written.
 pub fn unwritten(path: &Path) -> OnEnd {
     let (named, was_there) = (path.display().to_string(), path.exists());
     let journal = green::journal_path(path);

@@ -1,7 +1,7 @@
-//! All faults of a TOML file that stand by themselves, not the first alone.
+//! Finds all faults of a TOML file that stand by themselves, not the first alone.
 //!
 //! In: text. Out: the value that is left when each faulty key is taken out, with an error for each of them. A file that is no
-//! TOML has one error. What is missing only because it was taken out is no fault of its own.
+//! TOML has one error. A key that is missing only because it was taken out is no separate fault.
 
 use super::strict::Strict;
 use super::{ConfigError, explain, told};
@@ -13,7 +13,7 @@ use toml::de::{DeTable, DeValue, Error};
 /// More faults are not looked for.
 const MOST: usize = 100;
 
-/// What was read of a file.
+/// The sound part of a file, with its faults.
 pub struct Every<T> {
     /// `None` where too little is left of it.
     pub value: Option<T>,
@@ -141,7 +141,7 @@ mod tests {
         (found.value, found.faults.iter().map(ToString::to_string).collect())
     }
 
-    /// Seven mistakes, each told once at its place, and the sound part is read.
+    /// Seven mistakes, each reported once at its place, and the sound part is read.
     #[test]
     fn every_fault_is_told_once_with_its_place() {
         let text = "titel = \"x\"\n[part.a]\nyuong = 1.0\nsize = [1, 2]\n[part.b]\nyoung = \"soft\"\nsize = [1, 2, 3]\n\

@@ -6,9 +6,9 @@ use crate::base::input;
 use std::io::Read;
 use std::path::Path;
 
-/// What a file of another program's is, and what to copy from it.
+/// A file of another program: its kind, and what to copy from it.
 struct Foreign {
-    /// What stands near its beginning.
+    /// A mark near the file's beginning.
     mark: &'static str,
     name: &'static str,
     copy: &'static str,
@@ -46,7 +46,7 @@ const KNOWN: [Foreign; 6] = [
 ];
 const CORNERS: &str = "of each screen take three corners, lower_left, lower_right and upper_left";
 
-/// What is told of a text that is another program's description of a display.
+/// Advice about a text that is another program's description of a display.
 pub fn display(text: &str) -> Option<String> {
     let mut end = HEAD.min(text.len());
     while !text.is_char_boundary(end) {
@@ -60,14 +60,14 @@ pub fn display(text: &str) -> Option<String> {
     ))
 }
 
-/// The same of a file, of which no more than the beginning is read, and nothing of a device or a pipe.
+/// [`display`] for a file, of which no more than the beginning is read, and nothing of a device or a pipe.
 pub fn display_at(path: &Path) -> Option<String> {
     let mut head = Vec::new();
     input::open(path).ok()?.take(HEAD as u64).read_to_end(&mut head).ok()?;
     display(&String::from_utf8_lossy(&head))
 }
 
-/// What [`display`] tells, or that the text is XML or JSON, of one that is no TOML.
+/// Advice about a text that is no TOML: by [`display`], or that it is XML or JSON.
 pub fn advice(text: &str) -> Option<String> {
     let language = match text.trim_start_matches('\u{feff}').trim_start().chars().next() {
         Some('<') => "XML",

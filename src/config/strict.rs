@@ -22,7 +22,7 @@ struct Watched<V> {
 #[derive(Clone, Copy)]
 enum Takes {
     Anything,
-    /// A sequence of so many elements.
+    /// A sequence of this many elements.
     Length(usize),
     /// No sequence.
     Table,

@@ -1,4 +1,4 @@
-//! The chapters of the demo, in the order in which they are told.
+//! The chapters of the demo, in their order.
 
 use super::measure;
 use crate::base::failure::Failure;
@@ -9,14 +9,14 @@ use std::path::Path;
 
 /// One chapter: what is shown, said and measured.
 pub struct Chapter {
-    /// In names of files.
+    /// The name in file names.
     pub name: &'static str,
     pub title: &'static str,
     /// One or two sentences that stay as long as the chapter.
     pub text: &'static str,
     /// A built-in scene.
     pub scene: &'static str,
-    /// A built-in script that tells the chapter; `None` for the scene's own.
+    /// A built-in script of the chapter; `None` for the scene's own.
     pub script: Option<&'static str>,
     /// Effects of all its bodies besides those that the scene lists.
     pub effects: &'static [&'static str],
@@ -25,21 +25,21 @@ pub struct Chapter {
     pub looks: Looks,
     /// Everything springs back to rest at this time of the script, s.
     pub springs_back_s: Option<f64>,
-    /// How long its end is shown in the window before the next chapter, s.
+    /// Time for which its end is shown in the window before the next chapter, s.
     pub holds_s: f64,
-    /// What is measured in a frame, with the time that the mechanics of the last frame took that moved anything, s; an empty
-    /// text says nothing.
+    /// Words for the values measured in a frame, with the time that the mechanics of the last frame took that moved anything, s;
+    /// may be empty.
     pub numbers: fn(&Scene, &World, f64) -> String,
     /// The times of the script at which pictures are taken, s.
     pub stills_s: &'static [f64],
 }
 
-/// From where a chapter is seen.
+/// The point of view of a chapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Looks {
-    /// By the viewer, on the screens of the stage.
+    /// The viewer's, on the screens of the stage.
     AtScreens,
-    /// From outside, at the whole room.
+    /// A view of the whole room from outside.
     AtRoom,
 }
 
@@ -132,7 +132,7 @@ pub const CHAPTERS: &[Chapter] = &[
     },
 ];
 
-/// The chapter that a key of its own calls.
+/// The chapter that has its own key.
 pub fn workbench() -> usize {
     CHAPTERS.iter().position(|chapter| chapter.name == "workbench").unwrap_or(0)
 }

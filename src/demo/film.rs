@@ -19,13 +19,13 @@ use image::{DynamicImage, RgbaImage, imageops};
 use std::io::{Cursor, ErrorKind};
 use std::path::PathBuf;
 
-/// What is made, and where.
+/// The pictures and the film to make.
 #[derive(Clone, Debug)]
 pub struct Request {
     pub folder: PathBuf,
     /// Chapters, counted from 0.
     pub chapters: Vec<usize>,
-    /// Of a picture; the film is half as wide and high.
+    /// Size of a picture, pixels; the film is half as wide and high.
     pub size: [u32; 2],
     pub samples: Samples,
     /// Whether a film is made.
@@ -40,9 +40,9 @@ const VIDEO: Kind = Kind { name: "an MP4 file", recognizes: |head| head.get(4..8
 /// Pictures of the animated PNG a second, and how many times as many the MP4 file has.
 const RATE_HZ: u16 = 8;
 const FINER: u32 = 3;
-/// What nobody sees between two pictures is told in steps of this length, s: a grab needs the moment of the press.
+/// Length of the hidden steps between two pictures, s: a grab needs the moment of the press.
 const STEP_S: f64 = 1.0 / 48.0;
-/// How long the end of a chapter is seen in the film, s.
+/// Time for which the end of a chapter is seen in the film, s.
 const END_S: f64 = 0.8;
 const COLUMNS: u32 = 3;
 
@@ -56,7 +56,7 @@ impl Request {
         Ok(output::try_path(&self.folder.join(MP4), &VIDEO, &[])?)
     }
 
-    /// Makes the pictures and the film; tells what was written.
+    /// Makes the pictures and the film; returns words about the files.
     pub fn make(&self) -> Result<String, Failure> {
         self.try_folder()?;
         let (told, stills) = self.stills()?;
@@ -77,7 +77,7 @@ impl Request {
         Ok(Story::new(preparation, 0, self.device).without_keys())
     }
 
-    /// The pictures, and what is told of them.
+    /// The words about the pictures, and the pictures.
     fn stills(&self) -> Result<(String, Vec<RgbaImage>), Failure> {
         let (mut image, mut story) = (self.image(self.size)?, self.story()?);
         notice!("demo: drawing on {}", image.gpu.describe());
@@ -101,7 +101,7 @@ impl Request {
         Ok((format!("{count} pictures in {folder}, all on {}\n", sheet.display()), pictures))
     }
 
-    /// `stills` tell which colours it has.
+    /// Makes the film; the colours come from `stills`.
     fn film(&self, stills: &[RgbaImage]) -> Result<String, Failure> {
         let size = self.size.map(|side| (side / 2).max(2) & !1);
         let (mut image, mut story) = (self.image(size)?, self.story()?);
@@ -169,7 +169,7 @@ impl Story {
         self.open_ready(gpu)
     }
 
-    /// Tells up to a time of the chapter, in fine steps that nobody sees.
+    /// Moves the story on to a time of the chapter, in fine steps that are not shown.
     fn tell_until(&mut self, time_s: f64) -> Result<(), Failure> {
         while self.clock_s < time_s {
             self.advance(STEP_S.min(time_s - self.clock_s).max(1e-9))?;

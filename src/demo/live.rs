@@ -10,18 +10,18 @@ use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOption
 use crate::render::{Gpu, Samples};
 use std::time::Instant;
 
-/// How the window draws, and for how long.
+/// Options of the window's drawing, and its time limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// The chapter that is told first, counted from 0.
+    /// The first chapter, counted from 0.
     pub chapter: usize,
     pub samples: Samples,
-    /// The window closes after so many seconds.
+    /// Time after which the window closes, s.
     pub limit_s: Option<f64>,
     pub device: device::Args,
 }
 
-/// Opens the window and tells the story until it is closed.
+/// Opens the window and runs the story until it is closed.
 pub fn run(options: Options) -> Result<(), Failure> {
     let all = CHAPTERS.len();
     let order = (0..all).map(|k| (options.chapter + k) % all).collect();

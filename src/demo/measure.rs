@@ -1,4 +1,4 @@
-//! What the captions of the demo measure: each function reads the world as it is in this frame.
+//! Values in the captions of the demo: each function reads the world as it is in this frame.
 
 use crate::base::plates::{Anchor, Tone};
 use crate::base::table;
@@ -65,7 +65,7 @@ pub fn pull(scene: &Scene, world: &World, _: f64) -> String {
     )
 }
 
-/// How far the hands are apart, and what the mechanics of a frame take that moves them.
+/// Distance of the hands, and the time of a frame's mechanics that move them.
 pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
     let Some(body) = world.bodies.first() else { return String::new() };
     let controls = &body.deformer.controls;
@@ -82,7 +82,7 @@ pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
     }
 }
 
-/// What the plate of the equilibrium says: how far it is solved, or how far the model is from it.
+/// The line of the equilibrium's plate: how far it is solved, or how far the model is from it.
 pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
     let Some(plate) = world.frame.all(Drawable::plate).find(|plate| plate.anchor == Anchor::LowerLeft) else {
         return String::new();
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::effect::{self, EFFECTS};
 
-    /// Without a measured error the caption had no force.
+    /// The caption had no force where its error was not measured.
     #[test]
     fn a_caption_has_the_force_whether_or_not_its_error_is_known() {
         let (scene, file, mut world) =

@@ -1,4 +1,4 @@
-//! Makes what the chapters need, one after another on a thread of its own, and tells how far it has come.
+//! Makes the scenes and files of the chapters, one after another on a separate thread, and reports its progress.
 //!
 //! In: the chapters. Out: for each a scene with its .green file, from the cache folder or made anew; or why not.
 
@@ -9,18 +9,18 @@ use crate::green::GreenFile;
 use crate::prepare::{self, Resolved};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
-/// What a chapter needs, once it is there.
+/// A chapter's scene and .green file.
 #[derive(Clone)]
 pub struct Ready {
     pub scene: Arc<Resolved>,
     pub file: Arc<GreenFile>,
 }
 
-/// How far a chapter is.
+/// The state of a chapter's preparation.
 #[derive(Clone)]
 pub enum Readiness {
     Waiting,
-    /// Its step in words, and what share of that is done, where that is known.
+    /// A step in words, and the share of it that is done, where that is known.
     Working {
         step: String,
         share: f64,
@@ -46,13 +46,13 @@ impl Told {
     }
 }
 
-/// What is made for the chapters; the thread goes on until all are made, or the program ends.
+/// The preparation of all chapters; the thread goes on until it is done, or the program ends.
 pub struct Preparation {
     told: Arc<Told>,
 }
 
 impl Preparation {
-    /// Of the chapters of these numbers, in this order.
+    /// Starts with the chapters of these numbers, in this order.
     pub fn start(order: Vec<usize>) -> std::io::Result<Preparation> {
         let told = Arc::new(Told::default());
         told.lock().resize_with(CHAPTERS.len(), || Readiness::Waiting);
@@ -70,7 +70,7 @@ impl Preparation {
         self.told.lock()[chapter].clone()
     }
 
-    /// What a chapter needs, after a while.
+    /// Waits for a chapter's scene and file.
     pub fn wait(&self, chapter: usize) -> Result<Ready, Failure> {
         let mut chapters = self.told.lock();
         loop {

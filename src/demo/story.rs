@@ -1,8 +1,8 @@
-//! Tells the chapters: which is shown, at what time of its script, and what the caption says.
+//! Runs the chapters: which is shown, at what time of its script, and with which caption.
 //!
-//! In: the time that has passed, keys and the mouse. Out: frames for a [`Presenter`]. A key of the story's own is taken here; all
-//! else goes to the scene, where a press of a mouse button or another key takes over from the script. The story then rests
-//! until it is called again.
+//! In: the time that has passed, keys and the mouse. Out: frames for a [`Presenter`]. Keys of the story are taken here; all
+//! others go to the scene, where a press of a mouse button or another key takes over from the script. The story then rests until
+//! it is called again.
 
 use super::chapters::{CHAPTERS, Chapter, Looks, workbench};
 use super::preparation::{Preparation, Readiness, Ready};
@@ -26,12 +26,14 @@ use crate::world::World;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// The last moment of a script that is told, s after its end: before it would begin anew.
+/// The last moment of a script that is shown, s after its end: before it would begin anew.
 const AFTER_S: f64 = 0.5;
-/// A frame that took longer moves the story on by so much, so that it does not jump over what it tells, s.
+/// Longest step of the story by a frame, s: a frame that took longer does not make it jump over anything.
 const LONGEST_STEP_S: f64 = 0.1;
-/// How long the keys are shown at the start, after their first use, and how long they fade, s.
+/// Time for which the keys are shown at the start, s.
+/// Time for which the keys are shown after their first use, s.
 const KEYS_S: f64 = 12.0;
+/// Time in which the keys fade, s.
 const KEYS_USED_S: f64 = 2.5;
 const KEYS_FADE_S: f64 = 1.0;
 
@@ -63,17 +65,17 @@ struct Shown {
     camera_rests: bool,
 }
 
-/// The chapters, and where their telling stands.
+/// The chapters, and the state of the story.
 pub struct Story {
     preparation: Preparation,
-    /// Which chapter is told.
+    /// The chapter that is shown.
     pub chapter: usize,
-    /// Where the key to the workbench leads back to.
+    /// The chapter to which the key to the workbench leads back.
     back_to: Option<usize>,
     /// The time in the chapter, s.
     pub clock_s: f64,
     paused: bool,
-    /// How long the keys are still shown, s.
+    /// Time for which the keys are still shown, s.
     keys_s: f64,
     shown: Option<Shown>,
     device: device::Args,

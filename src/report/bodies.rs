@@ -61,7 +61,7 @@ fn largest(error: &[Vector3<f64>]) -> f64 {
     error.iter().map(|e| e.norm()).fold(0.0, f64::max)
 }
 
-/// With a capital at the start.
+/// Begins a text with a capital letter.
 pub fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())

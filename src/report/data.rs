@@ -22,20 +22,20 @@ pub struct Report {
     /// The command that writes this report again.
     pub command: String,
     pub body: String,
-    /// What the body is: mesh, material, control elements; one sentence each.
+    /// Sentences about the body: mesh, material, control elements; one each.
     pub about: Vec<String>,
     /// Largest extent of the body, m.
     pub size: f64,
-    /// What the errors are taken against, one sentence for each part.
+    /// Sentences about the references of the errors, one for each part.
     pub references: Vec<String>,
     /// Names of the poses, in their order, and where they come from.
     pub poses: Vec<String>,
     pub pose_source: String,
     pub quick: bool,
-    /// What the scene itself asks for, with the storage and solver that it names.
+    /// The setting that the scene itself asks for, with the storage and solver that it names.
     pub own: Setting,
     pub rows: Vec<Measurement>,
-    /// How far the times of the rows can be relied on.
+    /// The reliability of the rows' times.
     pub timing: Timing,
     /// Errors of the models alone, by the largest local rotation of the pose.
     pub models: Vec<ModelError>,
@@ -43,16 +43,16 @@ pub struct Report {
     pub trials: ModelTrials,
     /// Errors of a smooth problem on the body's own mesh, where the theory promises rates of convergence.
     pub smooth: Vec<SmoothError>,
-    /// What each effect costs, whether the scene lists it or not.
+    /// The costs of each effect, whether the scene lists it or not.
     pub effects: Vec<EffectCost>,
-    /// What --quick left out for want of time, one sentence each.
+    /// Sentences about what --quick left out for want of time.
     pub left_out: Vec<String>,
     /// The body as some of the settings bend it, for the page alone.
     #[serde(skip)]
     pub shapes: Option<Shapes>,
 }
 
-/// What else the machine did while evaluations were timed.
+/// The load of the machine while evaluations were timed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// Time of an evaluation in the busiest stretch of the measurement over that in the calmest: the median of all settings.
@@ -63,7 +63,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Of an idle machine the scatter is below 1.1, and its load is that of this program.
+    /// Scatter and load from which the machine counts as busy; an idle one has a scatter below 1.1, and the load of this program.
     const BUSY: [f64; 2] = [1.3, 1.5];
 
     /// Says that the machine was too busy for the times to be used; nothing where it was not.
@@ -87,7 +87,7 @@ impl Timing {
 pub struct Shapes {
     pub pose: String,
     pub triangles: Vec<[u32; 3]>,
-    /// Where equilibrium has the surface nodes, m.
+    /// Places of the surface nodes in equilibrium, m.
     pub equilibrium: Vec<Vector3<f64>>,
     /// Index of a row, and what its setting adds to the equilibrium at each surface node, m.
     pub errors: Vec<(usize, Vec<Vector3<f64>>)>,
@@ -98,9 +98,9 @@ pub struct Shapes {
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
     pub refine: u32,
-    /// As scenes name them.
+    /// The name in scenes.
     pub element: String,
-    /// In files "cholesky", or "pcg 1e-6" with its tolerance.
+    /// Written as "cholesky", or as "pcg 1e-6" with its tolerance.
     #[serde(with = "crate::solve::solver_as_text")]
     pub solver: Solver,
     pub storage: String,
@@ -122,7 +122,7 @@ impl Setting {
     }
 }
 
-/// What one setting costs, and how wrong it is.
+/// The costs of one setting, and its errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     pub setting: Setting,
@@ -186,7 +186,7 @@ pub struct Cost {
     /// One evaluation with every control element moved: median of the calmest stretch, and 99th percentile of all.
     pub frame_p50_s: f64,
     pub frame_p99_s: f64,
-    /// The same with one control element moved: the others' sums are kept.
+    /// Median time of a frame with one control element moved, s: the others' sums are kept.
     pub frame_one_p50_s: f64,
     /// Bytes of columns that one evaluation reads; nothing where that was not counted.
     pub frame_bytes: Option<f64>,
@@ -196,10 +196,10 @@ pub struct Cost {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     pub discretisation: Spread,
-    /// The same in the energy norm.
+    /// The error in the energy norm.
     pub energy: Spread,
     pub solver: Spread,
-    /// Nothing of models whose displacements are more than a sum of stored columns.
+    /// `None` for models whose displacements are more than a sum of stored columns.
     pub storage: Option<Spread>,
     pub model: Spread,
     pub total: Spread,
@@ -239,7 +239,7 @@ pub struct ModelError {
 /// Models tried on the body as a session would have it, by how far one control element turns against the others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModelTrials {
-    /// What moves, and what it is compared with; what was left out, and why. One sentence each.
+    /// Sentences about what moves and what it is compared with, and about what was left out, and why.
     pub about: Vec<String>,
     pub rows: Vec<ModelTrial>,
 }
@@ -273,7 +273,7 @@ pub enum TrialMotion {
 impl TrialMotion {
     pub const ALL: [TrialMotion; 2] = [TrialMotion::Bend, TrialMotion::Twist];
 
-    /// As files and headings name it.
+    /// The name in files and headings.
     pub fn name(self) -> &'static str {
         match self {
             TrialMotion::Bend => "bend",
@@ -310,7 +310,7 @@ impl EffectCost {
     }
 }
 
-/// What an effect adds to a body without it.
+/// The cost that an effect adds to a body without it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EffectCost {
     pub effect: String,

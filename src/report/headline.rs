@@ -11,7 +11,7 @@ use super::units::{relative, seconds};
 const GOOD: f64 = 0.05;
 const ROUGH: f64 = 0.25;
 
-/// What an error allows.
+/// A grade of trust that an error allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Trust {
     Good,
@@ -28,7 +28,7 @@ impl Trust {
         }
     }
 
-    /// As a table says it.
+    /// The words of a table.
     pub fn word(self) -> &'static str {
         match self {
             Trust::Good => "trust it",
@@ -50,7 +50,7 @@ pub fn shown(report: &Report) -> Vec<Shown> {
     shown_of(&report.rows, &report.own)
 }
 
-/// The same of rows.
+/// The rows that a headline shows, each with its role, from these rows.
 pub fn shown_of(rows: &[Measurement], own: &Setting) -> Vec<Shown> {
     let own = rows.iter().position(|row| row.setting == *own);
     let found = [
@@ -142,7 +142,7 @@ fn both(shape: Trust, force: Trust) -> &'static str {
     }
 }
 
-/// What brings everything within 5 %, or comes nearest to that.
+/// Names the setting that brings everything within 5 %, or comes nearest to that.
 fn remedy(rows: &[Measurement], own: usize) -> String {
     let what = if rows[own].held().is_some() { "both" } else { "the shape" };
     let is_good = |row: &Measurement| row.worst() <= GOOD;

@@ -1,5 +1,4 @@
-//! What accuracy costs in time: a body computed with every value of every parameter, each setting with its costs and
-//! its error.
+//! The cost of accuracy in time: a body computed with every value of every parameter, each setting with its costs and its error.
 //!
 //! In: a scene's body and a set of poses ([`measure()`]). Out: a [`Report`], written as JSON, CSV, work-precision plots
 //! (SVG) and one self-contained page (HTML).

@@ -2,14 +2,14 @@
 
 use super::data::{Errors, Setting, Spread};
 
-/// What can be chosen for a body.
+/// A choice that can be made for a body.
 pub struct Parameter {
     /// Heads its column in tables.
     pub name: &'static str,
     pub value: fn(&Setting) -> String,
     /// The part of the error that it makes.
     pub part: &'static str,
-    /// Nothing where it was not measured.
+    /// `None` where it was not measured.
     pub error: fn(&Errors) -> Option<Spread>,
 }
 

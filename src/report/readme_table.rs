@@ -5,7 +5,7 @@ use super::parameters::PARAMETERS;
 use super::units::{bytes, relative, seconds};
 use crate::base::table::Table;
 
-/// For each parameter a line for every setting that differs from the first row's in that parameter only.
+/// A table with a line, for each parameter, for every setting that differs from the first row's in that parameter only.
 pub fn readme_table(report: &Report) -> String {
     let heading =
         ["parameter", "setting", "offline", "file", "one evaluation", "its part of the error", "worst pose"];

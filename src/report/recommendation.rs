@@ -1,4 +1,4 @@
-//! Which setting reaches a given error for the least cost: the first question of an engineer.
+//! Recommends the setting that reaches a given error for the least cost: the first question of an engineer.
 
 use super::cost_metric::{COST_METRICS, CostMetric, ONLINE, costs};
 use super::data::{Measurement, Report};
@@ -23,7 +23,7 @@ pub fn cheapest(rows: &[Measurement], metric: &CostMetric, goal: f64) -> Option<
     cheapest_with(rows, metric, |row| error(row) <= goal)
 }
 
-/// The same among the rows that are good enough in another sense.
+/// [`cheapest`] among the rows that are good enough by another measure.
 pub fn cheapest_with(
     rows: &[Measurement],
     metric: &CostMetric,
@@ -41,13 +41,13 @@ pub fn cheapest_with(
         .min_by(|&a, &b| all(a).total_cmp(&all(b)))
 }
 
-/// From the cheapest of all rows that can be chosen to the most accurate: each costs over 2 % more than the one before it,
-/// and has at most 0.9 of its error.
+/// The rows from the cheapest that can be chosen to the most accurate: each costs over 2 % more than the one before it, and has
+/// at most 0.9 of its error.
 pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
     ladder_by(rows, metric, error)
 }
 
-/// The same by another error.
+/// [`ladder`] by another error.
 pub fn ladder_by(rows: &[Measurement], metric: &CostMetric, error: fn(&Measurement) -> f64) -> Vec<usize> {
     let cost = |i: usize| (metric.of)(&rows[i].cost);
     let mut rungs: Vec<usize> = Vec::new();

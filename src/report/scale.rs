@@ -1,7 +1,7 @@
-//! How the offline stage grows with the mesh: boxes of more and more nodes, each solved by every method, as a table, CSV
+//! Measures how the offline stage grows with the mesh: boxes of more and more nodes, each solved by every method, as a table, CSV
 //! and pictures.
 //!
-//! In: how far to go. Out: [`Row`]s with iterations, the time of every phase, memory and forward error.
+//! In: the largest number of nodes. Out: [`Row`]s with iterations, the time of every phase, memory and forward error.
 
 use super::drawing::canvas::Picture;
 use super::drawing::plot::{Plot, Point, Scale};
@@ -16,15 +16,15 @@ use std::path::Path;
 /// Sizes that are measured, nodes; boxes come as near as they can.
 const SIZES: [f64; 7] = [1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6];
 
-/// So many nodes the smallest box has.
+/// Number of nodes of the smallest box.
 pub const LEAST: usize = SIZES[0] as usize;
 
-/// What is measured.
+/// The sizes to measure, with their limits.
 pub struct Request {
     pub up_to: usize,
-    /// Of the iterative methods.
+    /// Tolerance of the iterative methods.
     pub tolerance: f64,
-    /// A method is left when its next size would take longer by its growth so far, s.
+    /// Time above which a method is given up: that of its next size, by its growth between the last two, s.
     pub limit_s: f64,
 }
 
@@ -41,7 +41,7 @@ pub struct Row {
     pub solve_s: f64,
     pub conditioning_s: f64,
     pub all_s: f64,
-    /// Largest resident memory, bytes; `None` where the system does not tell.
+    /// Largest resident memory, bytes; `None` where the system does not report it.
     pub memory: Option<f64>,
     pub forward_error: f64,
     pub residual: f64,
@@ -50,7 +50,7 @@ pub struct Row {
 /// A method that was not taken to the end, and why.
 pub type Left = (&'static str, usize, String);
 
-/// Measures all sizes; what does not fit, or takes too long, is told among the second.
+/// Measures all sizes; the second list names what does not fit, or takes too long.
 pub fn measure(request: &Request, progress: &dyn Progress) -> (Vec<Row>, Vec<Left>) {
     let (mut rows, mut left): (Vec<Row>, Vec<Left>) = (Vec::new(), Vec::new());
     // Boxes come to a little more or less than their size.

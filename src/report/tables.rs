@@ -16,7 +16,7 @@ pub struct Cell {
     pub text: String,
     number: bool,
     bold: bool,
-    /// Of the page's style: how far a number can be trusted.
+    /// Class of the page's style, by how far a number can be trusted.
     class: Option<&'static str>,
 }
 
@@ -93,7 +93,8 @@ fn trust_class(trust: Trust) -> &'static str {
     }
 }
 
-/// For each goal, from lax to strict, the cheapest setting for the shape and for force and torque, in the worst pose.
+/// A table with the cheapest setting for the shape and for force and torque, in the worst pose, for each goal, from lax to
+/// strict.
 pub fn goals(rows: &[Measurement]) -> String {
     let line = |goal: f64| {
         let by = |metric: &CostMetric, is_good: &dyn Fn(&Measurement) -> bool| {
@@ -163,7 +164,7 @@ pub fn efficient(rows: &[Measurement]) -> String {
     html(&efficient_settings(rows))
 }
 
-/// For each row and each of [`COST_METRICS`], whether nothing reaches its total error for less.
+/// Whether nothing reaches the total error of each row for less, by each of [`COST_METRICS`].
 fn fronts(rows: &[Measurement]) -> Vec<[bool; 3]> {
     let fronts = COST_METRICS.map(|metric| {
         let point = |row: &Measurement| [(metric.of)(&row.cost), row.error.uncancelled.median];

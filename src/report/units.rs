@@ -24,7 +24,7 @@ impl Unit {
     }
 }
 
-/// At most `count` significant digits, without zeros at the end.
+/// Writes at most `count` significant digits, without zeros at the end.
 pub fn digits(value: f64, count: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{}", value + 0.0);

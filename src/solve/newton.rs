@@ -7,7 +7,7 @@
 //! 2nd ed., algorithm 3.2). A step that fails is halved. The tangent must be positive definite throughout, so what is
 //! found is a stable equilibrium, connected with the start by stable ones (Crisfield, Non-linear Finite Element
 //! Analysis of Solids and Structures, vol. 1, sections 9.2 to 9.4). Where the path ends, the halving has bracketed the
-//! critical state, and the tangent's least eigenvalue and its mode tell how the body gives way there.
+//! critical state, and the tangent's least eigenvalue and its mode show how the body gives way there.
 
 use super::error::SolveError;
 use super::solver::LinearSolver;

@@ -129,7 +129,7 @@ pub fn choose_among<'a>(
     Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
 }
 
-/// What measured rows answer to a question, in lines.
+/// The lines with which measured rows answer a question.
 pub fn answer(rows: &[Measurement], demand: &AccuracyTarget) -> Vec<String> {
     let Some(choice) = choose(rows, demand) else {
         return vec!["nothing that was measured can be chosen".into()];
@@ -152,7 +152,7 @@ pub fn name(setting: &Setting) -> String {
 }
 
 impl Choice<'_> {
-    /// What was chosen, its errors and costs, and what the next better would cost.
+    /// Sentences about the choice, its errors and costs, and what the next better would cost.
     pub fn sentences(&self) -> Vec<String> {
         let row = self.row;
         let next = match self.next {

@@ -38,7 +38,7 @@ struct MeasuredTable {
 }
 
 impl MeasuredTable {
-    /// What is chosen from it: where nothing reaches what is asked, the nearest of those that were measured themselves.
+    /// The choice from it: if nothing reaches what is asked, the nearest of the settings that were verified by measuring.
     fn choice(&self, demand: &AccuracyTarget) -> Option<Choice<'_>> {
         let choice = choose(&self.rows, demand).filter(|choice| choice.miss <= 1.0);
         let is_verified = |row: &Measurement| self.verified.contains(&row.setting);
@@ -48,16 +48,16 @@ impl MeasuredTable {
     }
 }
 
-/// So many further poses a chosen setting is measured in.
+/// Number of further poses in which a chosen setting is measured.
 const FURTHER: usize = 3;
-/// So many settings are measured themselves to find the nearest where none reaches what is asked.
+/// Number of settings that are verified by measuring to find the nearest, if none reaches what is asked.
 const NEAREST: usize = 4;
 
 /// Unknowns of the largest solve while a table is measured, unless the scene says otherwise.
 const LARGEST: f64 = 200_000.0;
 
-/// Where a body's table comes from: the scene without what it asks for, the body's name, the key that the table must
-/// have, and what is asked for.
+/// The source of a body's table: from the scene without its demand, the body's name, the key that the table must have, and the
+/// demand.
 type TableSource<'a> =
     &'a dyn Fn(&Resolved, &str, String, &AccuracyTarget) -> Result<Option<MeasuredTable>, Failure>;
 
@@ -164,8 +164,8 @@ fn further_poses(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPos
     Ok(poses)
 }
 
-/// The same from the tables in the .green file alone, without a word. A body that has no table, or asks for what
-/// nothing in its table reaches, stays as it is.
+/// Settles all bodies from the tables in the .green file alone, without notes. A body that has no table, or asks for what nothing
+/// in its table reaches, stays as it is.
 pub fn settle_from_file(scene: Resolved) -> Result<Resolved, Failure> {
     let source: TableSource<'_> = &|plain, name, key, demand| kept(plain, name, &key, demand);
     choose_from(scene, source, &|_| Ok(()))
@@ -268,8 +268,8 @@ fn measure(
     Ok(MeasuredTable { key, machine, range, rows, models, left_out, verified: Vec::new() })
 }
 
-/// Where the steps of measuring a body wait until its table is in the .green file: after Ctrl-C, and where nothing reached what
-/// was asked, measuring goes on from there.
+/// The folder in which the steps of measuring a body wait until its table is in the .green file: after Ctrl-C, and if nothing
+/// reached what was asked, measuring goes on from there.
 fn steps(scene: &Scene, name: &str) -> PathBuf {
     let plain = name.replace(|c: char| !c.is_alphanumeric(), "_");
     prepare::green_path(scene).with_extension(format!("{plain}.{FOLDER}"))

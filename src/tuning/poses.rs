@@ -19,7 +19,7 @@ pub type NamedPoses = (Vec<(String, ControlPoses)>, String);
 /// Angles of the random poses, degrees.
 const ANGLES: [f64; 8] = [2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0];
 const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
-/// How far random poses move across beside turning, as a part of the body's size.
+/// Distance by which random poses move across in addition to turning, as a part of the body's size.
 const PLAY: f64 = 0.02;
 /// Pictures of the script that are taken as poses.
 const SCRIPT_POSES: usize = 12;

@@ -29,7 +29,7 @@ pub struct Verified {
     pub held: Option<f64>,
     /// Poses that were measured.
     pub count: usize,
-    /// What it was compared with, for a sentence.
+    /// The reference, for a sentence.
     pub against: String,
 }
 
@@ -145,7 +145,7 @@ fn matching(statics: &Statics, deformer: &Deformer, extent: f64) -> Vec<(usize, 
     rest.filter_map(|(i, x)| Some((i, near(&place(x))?))).collect()
 }
 
-/// The same affine motions about other origins.
+/// The poses of the same affine motions about other origins.
 fn moved(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
     let of = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
         translation: pose.translation + (pose.matrix - Matrix3::identity()) * (to - from),
@@ -176,7 +176,7 @@ mod tests {
     use crate::report::{Cost, Errors, Setting};
     use std::path::Path;
 
-    /// A bar far from the mesh's origin, with a mesh file of its own.
+    /// A bar far from the mesh's origin, in a separate mesh file.
     fn bar(folder: &Path, keys: &str) -> Resolved {
         let mesh =
             crate::mesh::block(&crate::mesh::Block { size: [1.0, 0.2, 0.2], cells: [3, 1, 1] }).unwrap();

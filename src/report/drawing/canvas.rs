@@ -20,13 +20,13 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A file of its own: follows the reader's light or dark scheme.
+    /// The picture as a separate file that follows the reader's light or dark scheme.
     pub fn file(&self) -> String {
         let style = format!("<style>\n{STYLE}</style>\n");
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}", self.element(&style))
     }
 
-    /// To be put into a page that has the plots' own style.
+    /// The picture as an element of a page that has the plots' style.
     pub fn inline(&self) -> String {
         self.element("")
     }

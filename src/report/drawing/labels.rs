@@ -13,7 +13,7 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// With room on all sides; less than it was where `by` is negative.
+    /// The rectangle with margins `by` on all sides; smaller where `by` is negative.
     pub fn grown(&self, by: [f64; 2]) -> Rect {
         let [dx, dy] = by;
         Rect { x: self.x - dx, y: self.y - dy, width: self.width + 2.0 * dx, height: self.height + 2.0 * dy }
@@ -65,7 +65,7 @@ pub struct Label {
     pub height: f64,
 }
 
-/// What labels should not cover.
+/// Points and lines that labels should not cover.
 #[derive(Clone, Debug, Default)]
 pub struct Obstacles {
     pub points: Vec<[f64; 2]>,

@@ -22,7 +22,7 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// At most `most` characters, the rest as an ellipsis.
+/// Shortens a text to `most` characters, the last of which is then an ellipsis.
 pub fn shortened(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         None => text.to_owned(),

@@ -1,4 +1,4 @@
-//! A plot of points on two axes as SVG: what nothing else beats is bold, with labels beside it.
+//! A plot of points on two axes as SVG: points that nothing else beats are bold, with labels beside them.
 
 use super::axis::Axis;
 use super::canvas::{Canvas, FONT, LONGEST_LABEL, MARGIN, Picture, WIDTH, colour, marker};
@@ -62,7 +62,7 @@ impl Triangle {
 
 pub struct Plot {
     pub title: &'static str,
-    /// What all points share, or how to read the plot; one line.
+    /// The property that all points share, or how to read the plot; one line.
     pub note: String,
     pub x: Scale,
     pub y: Scale,

@@ -1,4 +1,4 @@
-//! What will be measured, step by step, and how long each step should take.
+//! The steps of a measurement, and how long each should take.
 //!
 //! In: a request and its meshes. Out: the steps for a [`Course`](super::course::Course). The expected times are those of an idle
 //! machine with two cores, fitted to the demo's tube; the course corrects them by what the first steps take.

@@ -1,5 +1,5 @@
-//! The course of a measurement: steps with names and expected times, told as they go, kept, and left out where a limit of time
-//! leaves no room for them.
+//! The course of a measurement: steps with names and expected times, reported as they go, kept, and left out where a limit of
+//! time leaves no room for them.
 //!
 //! In: the steps ahead ([`agenda`](super::agenda)), each in the order in which it is done. Out: "7 of 41: tet10 h · cholesky; some
 //! 3 min left". Times left are the expected ones times what finished steps of the same kind took against what was expected of
@@ -49,7 +49,7 @@ pub struct Course<'a> {
     next: Cell<usize>,
     /// Seconds that finished steps took, and what was expected of them, of each kind.
     took: Cell<[[f64; 2]; StepKind::COUNT]>,
-    /// How much slower this machine seems before anything is measured.
+    /// The expected slowness of this machine before anything is measured, as a factor.
     slowdown: f64,
     /// When the last step ended.
     ended: Cell<Instant>,
@@ -62,7 +62,7 @@ pub struct Course<'a> {
     done: RefCell<Vec<usize>>,
 }
 
-/// What an expected time counts against measured ones before anything is measured, s.
+/// Weight of an expected time against measured ones before anything is measured, s.
 const PRIOR: f64 = 2.0;
 
 impl<'a> Course<'a> {
@@ -88,7 +88,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// How many steps there are, and how long they will take together.
+    /// Words for the number of steps, and for the time they will take together.
     pub fn forecast(&self) -> String {
         let most = if self.limit.is_some() { "up to " } else { "" };
         format!("{most}{} steps, {}", self.steps.len(), rounded(self.seconds_left(0)))
@@ -137,7 +137,7 @@ impl<'a> Course<'a> {
             }
     }
 
-    /// Whether there is time for something that takes so long before what must follow.
+    /// Whether there is time for `seconds` of extra work before what must follow.
     pub fn has_time(&self, seconds: f64) -> bool {
         let needed = || self.seconds_after(self.next.get(), |step| self.is_due(step));
         self.limit.is_none_or(|limit| seconds + needed() <= limit.seconds_left())
@@ -233,14 +233,14 @@ impl<'a> Course<'a> {
         self.step(key, &|_| None, &|_| None, make)
     }
 
-    /// What was left out for want of time, as one sentence.
+    /// One sentence about what was left out for want of time.
     pub fn left_out(&self) -> Vec<String> {
         let left_out = self.left_out.borrow();
         let Some(limit) = self.limit.filter(|_| !left_out.is_empty()) else { return Vec::new() };
         vec![format!("Left out, to end within {:.0} s: {}.", limit.seconds, left_out.join("; "))]
     }
 
-    /// What was taken over from an earlier run, as one sentence.
+    /// One sentence about what was taken over from an earlier run.
     pub fn taken_over(&self) -> Option<String> {
         let count = self.taken_over.get();
         let [least, most] = self.loads.get();
@@ -255,7 +255,7 @@ impl<'a> Course<'a> {
     }
 }
 
-/// How much slower this machine is by what else runs on it.
+/// Factor by which this machine is slower because of what else runs on it.
 fn slowdown() -> f64 {
     let threads = rayon::current_num_threads().max(1) as f64;
     (2.0 / threads).max(0.5) * (1.0 + kept::load() / threads)
@@ -303,7 +303,7 @@ mod tests {
         Some(TimeLimit { from: Instant::now(), seconds })
     }
 
-    /// As on an idle machine, with so much measured of direct solves: seconds, expected seconds.
+    /// A course as on an idle machine; `solved` are the measured and the expected seconds of direct solves.
     fn course<'a>(
         all: &[(&str, StepKind, f64, bool)],
         limit: Option<TimeLimit>,

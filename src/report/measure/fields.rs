@@ -16,7 +16,7 @@ pub struct ModelOutput {
     pub coefficients: Vec<f64>,
     pub motion: Isometry3<f64>,
     pub centre: Vector3<f64>,
-    /// Displacements of all nodes, of a model with several parts or a field of its own.
+    /// Displacements of all nodes, for a model with several parts or with displacements that are no columns.
     pub own: Option<Vec<Vector3<f64>>>,
     /// Displacements of the surface nodes, of a model that does not move the others.
     pub surface: Option<Vec<Vector3<f64>>>,
@@ -24,7 +24,7 @@ pub struct ModelOutput {
     pub wrenches: Option<Vec<Wrench>>,
 }
 
-/// The same affine motions about the origins of another discretisation, whose control elements hold other nodes:
+/// The poses of the same affine motions about the origins of another discretisation, whose control elements hold other nodes:
 /// o + T + M (x - o) = o' + T' + M (x - o') with T' = T + (M - I)(o' - o).
 fn moved_origins(poses: &ControlPoses, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
     let shifted = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
@@ -68,7 +68,7 @@ fn come_to(model: &mut dyn DeformationModel, poses: &ControlPoses) -> BodyState 
     model.state(poses)
 }
 
-/// Where a model moves these nodes, by parts and fields of its own too.
+/// Displacements of these nodes by a model, with those of its parts and its field.
 fn displacements(
     model: &dyn DeformationModel,
     state: &BodyState,
@@ -109,7 +109,7 @@ fn sum_at(solution: &Solution, node: usize, c: &[f64]) -> Vector3<f64> {
     Vector3::from_fn(|axis, _| sum(axis))
 }
 
-/// The same for poses about the origins `about`.
+/// [`evaluate`] for poses about the origins `about`.
 pub fn evaluate_about(
     model: &ModelEntry,
     solution: &Solution,

@@ -17,7 +17,7 @@ pub struct TimedDeformer {
     pub deformer: Deformer,
     /// Times of one evaluation with all control elements moved, s, by stretches.
     all_s: [Vec<f64>; STRETCHES],
-    /// The same with the last control element moved alone.
+    /// Times of one evaluation with the last control element moved alone, s, by stretches.
     one_s: [Vec<f64>; STRETCHES],
     /// Columns that one evaluation with all control elements moved read, at most.
     columns_read: usize,
@@ -152,7 +152,7 @@ mod tests {
         assert!(one_s[STRETCHES - 1][0] > deformer.times.deform_s, "{one_s:?} {:?}", deformer.times);
     }
 
-    /// A stretch in which the machine is busy is told, and has no part in the time.
+    /// A stretch in which the machine is busy is reported, and has no part in the time.
     #[test]
     fn a_busy_stretch_is_told_and_not_taken() {
         let mut stretches: [Vec<f64>; STRETCHES] = std::array::from_fn(|_| vec![2e-5, 1e-5, 3e-5]);

@@ -1,4 +1,4 @@
-//! What a run has measured so far, in a folder of its own: the same command goes on from there after Ctrl-C or a kill.
+//! Keeps finished measurements in a separate folder: the same command goes on from there after Ctrl-C or a kill.
 //!
 //! In: the bytes of finished steps. Out: the same bytes in a later run of the same scene, poses, limits and program on the same
 //! machine; everything else begins anew. A file is there whole or not at all, and a damaged one is measured again.
@@ -9,7 +9,7 @@ use crate::green;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// Where a run is kept, below the report's folder.
+/// The folder of an unfinished run, below the report's.
 pub const FOLDER: &str = "unfinished";
 const RUN: &str = "run.txt";
 const SUFFIX: &str = "step";
@@ -99,13 +99,13 @@ pub fn remove(folder: &Path) {
     let _ = std::fs::remove_dir(folder);
 }
 
-/// The mean number of waiting programs in the last minute, 0 where the system does not tell.
+/// The mean number of waiting programs in the last minute, 0 where the system does not report it.
 pub fn load() -> f64 {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     text.split_whitespace().next().and_then(|first| first.parse().ok()).unwrap_or(0.0)
 }
 
-/// Of all that the numbers depend on: body, poses, limits, and the program's file.
+/// A hash of all that the numbers depend on: body, poses, limits, and the program's file.
 fn fingerprint(request: &Request<'_>) -> String {
     let name = request.body;
     let requirements = (request.requirements_of)(request.scene);

@@ -16,7 +16,7 @@ pub struct MeshLadder {
 }
 
 impl MeshLadder {
-    /// From the linear meshes of the levels. `curve` places the middles.
+    /// Makes the ladder from the linear meshes of the levels. `curve` places the middles.
     pub fn new(linear: Vec<TetMesh>, curve: quadratic::Curve<'_>) -> MeshLadder {
         let corners = linear.iter().map(|mesh| mesh.nodes.len()).collect();
         let levels = linear.into_iter().map(|mesh| quadratic::quadratic(mesh, curve)).collect();
@@ -168,8 +168,8 @@ mod tests {
         }
     }
 
-    /// On a round tube each node takes the value of its own material point: the coordinates climb to within what a
-    /// quadratic can follow of the circle.
+    /// Each node of a round tube takes the value of its own material point: the coordinates climb to within what a quadratic can
+    /// follow of the circle.
     #[test]
     fn nodes_of_curved_meshes_keep_their_material_points() {
         let ring = Tube { around: 12, ..RING };

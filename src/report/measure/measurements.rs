@@ -21,15 +21,15 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-/// What the code of the frame does not know apart: settings that differ in the solver alone.
+/// A key of settings that are the same for the code of a frame: they differ in the solver alone.
 type FrameKey = (u32, String, String, &'static ModelEntry);
 
 fn frame_key(setting: &Setting) -> FrameKey {
     (setting.refine, setting.element.clone(), setting.storage.clone(), setting.model)
 }
 
-/// All settings with their errors and costs, and how far the times can be relied on. Settings that differ in the solver alone
-/// are timed as one. Tells `left_out` which models have no state on one of the meshes.
+/// All settings with their errors and costs, and how far the times can be relied on. Settings that differ in the solver alone are
+/// timed as one. Adds to `left_out` which models have no state on one of the meshes.
 pub fn measurements(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -129,7 +129,7 @@ pub fn measurements(
 /// The .green files that were written of a candidate, by their names: models of the same families share one.
 #[derive(Default)]
 struct Files {
-    /// With their costs.
+    /// Files with their costs.
     written: BTreeMap<String, (Arc<GreenFile>, Cost)>,
     /// Bytes when packed.
     packed: BTreeMap<String, f64>,

@@ -7,8 +7,9 @@
 //!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
 //! ```
 //!
-//! A model with column families of its own is made on fewer meshes. From the finest of them on, its discretisation is what
-//! refinement changes in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at rotations from 1° to 360° (`trials`).
+//! A model with its own column families is made on fewer meshes. From the finest of them on, its discretisation error is the
+//! change by refinement in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at
+//! rotations from 1° to 360° (`trials`).
 //!
 //! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
 //! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
@@ -62,7 +63,7 @@ pub struct Measured {
     pub rows: Vec<Measurement>,
     pub timing: Timing,
     pub models: Vec<ModelError>,
-    /// What each part of the error is compared with.
+    /// The reference of each part of the error.
     pub references: Vec<String>,
     /// The poses that were measured, and why others were left out.
     pub poses: Vec<(String, ControlPoses)>,
@@ -79,7 +80,7 @@ struct Solved<'a> {
     left_out: Vec<String>,
 }
 
-/// The course of a request, with a word on how long it will take.
+/// The course of a request, with an announcement of how long it will take.
 fn course<'a>(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -204,7 +205,7 @@ fn scene_name(path: &Path) -> String {
     }
 }
 
-/// What the scene asks for; of a direct solver the tolerance means nothing.
+/// The setting that the scene asks for; the tolerance of a direct solver means nothing.
 fn own_setting(request: &Request<'_>) -> Setting {
     let body = &request.scene.body[request.body];
     let Solver { method, tolerance, .. } = body.solver;

@@ -36,8 +36,8 @@ pub fn planned(request: &Request<'_>, meshes: &Meshes) -> Vec<(&'static ModelEnt
     all.filter(|(model, refine, element)| is_affordable(model, *refine, element)).collect()
 }
 
-/// Solves the body for every model with families of its own: with tet4 on the scene's mesh, where models are compared with
-/// equilibria, then on other meshes and elements. Tells `left_out` which body or element a model refuses, and why.
+/// Solves the body for every model with its own column families: with tet4 on the scene's mesh, where models are compared with
+/// equilibria, then on other meshes and elements. Adds to `left_out` which body or element a model refuses, and why.
 pub fn solve(
     request: &Request<'_>,
     meshes: &Meshes,

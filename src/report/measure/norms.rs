@@ -18,8 +18,8 @@ pub struct Norms<'a> {
 }
 
 impl<'a> Norms<'a> {
-    /// Of a mesh with its mids and K. Squares of quadratic fields are integrated without error, on elements with curved
-    /// edges too: N_a N_b has degree 4, the determinant of the Jacobian 3, and the rule is exact to 7.
+    /// Makes the norms of a mesh with its mids and K. Squares of quadratic fields are integrated without error, on elements with
+    /// curved edges too: N_a N_b has degree 4, the determinant of the Jacobian 3, and the rule is exact to 7.
     pub fn new(mesh: &'a TetMesh, stiffness: StiffnessMatrix) -> Norms<'a> {
         let points: Vec<_> = tetrahedron_rule()
             .into_iter()

@@ -6,10 +6,10 @@
 use crate::deform::{MODELS, ModelEntry};
 use crate::green::{AFFINE, CUBIC, Family, Requirements, STIFFNESS};
 
-/// What every candidate has.
+/// Column families of every candidate.
 const COMMON: &[Family] = &[AFFINE, STIFFNESS, CUBIC];
 
-/// What these models and their energies need.
+/// Column families that these models and their energies need.
 pub fn families(models: &[&ModelEntry]) -> Requirements {
     let of = |model: &&ModelEntry| {
         Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()))
@@ -28,7 +28,7 @@ pub fn is_common(model: &ModelEntry) -> bool {
     model.requirements.iter().all(|family| made.has(*family))
 }
 
-/// Those of the affine columns alone: they suit every body, and where one of them is not defined nothing is measured.
+/// The models of the affine columns alone: they suit every body, and where one of them is not defined nothing is measured.
 pub fn of_affine_columns() -> impl Iterator<Item = &'static ModelEntry> {
     online().filter(|model| model.requirements.iter().all(|family| family.name == AFFINE.name))
 }

@@ -94,7 +94,7 @@ impl Compared<'_> {
 struct AtPose<'a> {
     of: &'a Compared<'a>,
     reference: &'a PoseReference,
-    /// What was evaluated already: the same candidate is often that which another is compared with.
+    /// Results that were evaluated already: the same candidate is often that which another is compared with.
     known: RefCell<Vec<(&'a Candidate, &'static str, Rc<Raised>)>>,
 }
 
@@ -129,8 +129,8 @@ impl<'a> AtPose<'a> {
         Some(Difference { field, ..own.and(&more) })
     }
 
-    /// What refinement changes from this mesh to the finest of all: by the most accurate model that is made on it and on a
-    /// finer one, and so on from there.
+    /// The change by refinement from this mesh to the finest of all: by the most accurate model that is made on it and on a finer
+    /// one, and so on from there.
     fn carried(&self, from: &'a Candidate) -> Option<Difference> {
         let Compared { candidates, references, .. } = *self.of;
         let finest = &candidates[references.finest];
@@ -197,7 +197,7 @@ struct ErrorFields {
     pose: PoseErrors,
     /// The part of the model and its largest displacement, m, where they are known on the surface alone and no part of `sum`.
     surface: [f64; 2],
-    /// That part by the nodes of the scene's mesh.
+    /// The model's part at the nodes of the scene's mesh.
     on_surface: Vec<(usize, Vector3<f64>)>,
     /// L2 norm of the equilibrium that they are relative to, m.
     size: f64,

@@ -15,7 +15,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In [0, 1).
+    /// A random number in [0, 1).
     pub fn number(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
@@ -32,11 +32,11 @@ impl Random {
     }
 }
 
-/// One pose for each of `angles` (rad): every control element but the first turns by that angle about an axis of its
-/// own and comes to stand where a rod of constant curvature and twist from the first one would carry it,
-/// T = ∫₀¹ exp(s θ a×) ds d - d with d the way between their origins at rest, moved on by up to `play` (m) across the chord.
-/// Neither stretches the rod: a slender body resists a stretch of some percent so much more than a bend that the force of
-/// the bend would be lost beside it.
+/// One pose for each of `angles` (rad): every control element but the first turns by that angle about its own random axis and
+/// comes to stand where a rod of constant curvature and twist from the first one would carry it, T = ∫₀¹ exp(s θ a×) ds d - d
+/// with d the way between their origins at rest, moved on by up to `play` (m) across the chord. Neither stretches the rod: a
+/// slender body resists a stretch of some percent so much more than a bend that the force of the bend would be lost beside that
+/// of the stretch.
 pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) -> Vec<(String, ControlPoses)> {
     let mut random = Random(seed);
     angles
@@ -66,8 +66,8 @@ fn across(v: &Vector3<f64>, chord: &Vector3<f64>) -> Vector3<f64> {
 /// No control element turns by more between two poses of [`on_the_way`], rad.
 const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
-/// The poses between rest and `poses` through which a hand brings a body there: a model with an equilibrium of its own finds
-/// it from the last one.
+/// The poses between rest and `poses` through which a hand brings a body there: a model with its own equilibrium finds it from
+/// the last one.
 pub fn on_the_way(poses: &[ControlPose]) -> Vec<ControlPoses> {
     let way = |pose: &ControlPose| Way::between(Screw::default(), Screw::of(pose));
     let ways: Vec<Way> = poses.iter().map(way).collect();

@@ -1,4 +1,4 @@
-//! What the settings are compared with: static equilibria at large strain, and the finest mesh.
+//! References of the settings' errors: static equilibria at large strain, and the finest mesh.
 
 use super::candidate::Candidate;
 use super::candidates::{Meshes, solved, variant};
@@ -63,7 +63,7 @@ pub struct PoseReference {
     pub name: String,
     /// About the origins of that mesh.
     pub poses: ControlPoses,
-    /// Of all nodes, m.
+    /// Displacement of all nodes, m.
     pub displacement: Vec<Vector3<f64>>,
     /// The wrench that holds each control element, about its moved origin.
     pub held: Vec<Wrench>,
@@ -326,7 +326,7 @@ impl<'a> References<'a> {
         carriers
     }
 
-    /// What each part of the error is compared with, in sentences.
+    /// Sentences about the reference of each part of the error.
     pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
         let finest = &candidates[self.finest];
         let mut sentences = vec![
@@ -379,8 +379,7 @@ impl<'a> References<'a> {
 }
 
 impl PoseReference {
-    /// Of displacements of the surface nodes: the root mean square of their errors over that of the equilibrium, and the
-    /// largest, m.
+    /// Errors of displacements `u` of the surface nodes: their root mean square over that of the equilibrium, and the largest, m.
     pub fn surface_error(&self, solution: &green::Solution, u: &[Vector3<f64>]) -> (f64, f64) {
         let settled: Vec<_> = solution.surface.nodes.iter().map(|&n| self.displacement[n as usize]).collect();
         let error = difference(u, &settled);

@@ -1,4 +1,4 @@
-//! What is to be measured, and the errors of measuring.
+//! The request of a measurement, and the errors of measuring.
 
 use crate::deform::{ControlPoses, ModelEntry, StaticsError};
 use crate::effect::Resolved;
@@ -14,16 +14,16 @@ use std::time::Instant;
 pub struct Limits {
     /// Unknowns of a solve; each of tet4_anp counts three times.
     pub largest: f64,
-    /// Unknowns of the largest solve for a model with column families of its own, which takes many times as long; on other
-    /// meshes and elements than the models' errors are measured with, a quarter of it.
+    /// Unknowns of the largest solve for a model with its own column families, which takes many times as long; on other meshes
+    /// and elements than the models' errors are measured with, a quarter of it.
     pub largest_of_models: f64,
     pub refinements: u32,
-    /// How many times each setting's evaluation is timed.
+    /// Number of times that each setting's evaluation is timed.
     pub rounds: usize,
 }
 
 impl Limits {
-    /// What `largest_of_models` is of `largest`.
+    /// Ratio of `largest_of_models` to `largest`.
     pub const MODELS_SHARE: f64 = 0.2;
 }
 
@@ -41,11 +41,11 @@ impl TimeLimit {
     }
 }
 
-/// What is to be measured, and in which poses.
+/// The body and the poses in which it is to be measured.
 pub struct Request<'a> {
     pub scene: &'a Resolved,
     pub body: &'a str,
-    /// By name, one pose for each control element in the scene's order.
+    /// Poses by name, one for each control element in the scene's order.
     pub poses: &'a [(String, ControlPoses)],
     pub pose_source: String,
     pub limits: Limits,
@@ -54,7 +54,7 @@ pub struct Request<'a> {
     pub quick: bool,
     /// Whether each file is packed too, which takes long.
     pub packs: bool,
-    /// What the body's model and effects need.
+    /// Families and sections that the body's model and effects need.
     pub requirements_of: &'a dyn Fn(&Resolved) -> Requirements,
     /// The command that measures this again.
     pub command: String,
@@ -67,8 +67,8 @@ pub struct Request<'a> {
 }
 
 impl Request<'_> {
-    /// What the .green file of the body holds with this model and the scene's effects. Sections of effects are no part of what
-    /// is compared here.
+    /// Families of the body's .green file with this model and the scene's effects. Sections of effects are no part of what is
+    /// compared here.
     pub fn requirements(&self, model: &'static ModelEntry) -> Requirements {
         let scene = self.scene.with_model(self.body, model);
         let requirements = (self.requirements_of)(&scene).without_sections();

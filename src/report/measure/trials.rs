@@ -152,7 +152,7 @@ fn element_softened(request: &Request<'_>, scene: &Scene) -> bool {
     poisson(scene) != poisson(request.scene)
 }
 
-/// The motions that have an equilibrium; `about` is told of the others.
+/// The motions that have an equilibrium; sentences about the others are added to `about`.
 fn equilibria(
     request: &Request<'_>,
     statics: &mut Statics,

@@ -1,4 +1,4 @@
-//! What several plots and their captions share: names of settings, tips, lists of words.
+//! Helpers of several plots and their captions: names of settings, tips, lists of words.
 
 use crate::report::cost_metric::OFFLINE;
 use crate::report::data::{Measurement, Setting};
@@ -25,7 +25,7 @@ pub fn listed(words: &[String]) -> String {
     }
 }
 
-/// What differs between settings, as their names, and what they share, as a note.
+/// The values in which settings differ, as their names, and those that they share, as a note.
 pub fn names_and_note(settings: &[&Setting]) -> (Vec<String>, String) {
     let all: Vec<_> = settings.iter().map(|setting| setting.values()).collect();
     let Some(first) = all.first() else { return (Vec::new(), String::new()) };
@@ -56,7 +56,7 @@ pub fn tip(row: &Measurement) -> String {
     )
 }
 
-/// In how many rows each part of the error is the largest.
+/// Words for the number of rows in which each part of the error is the largest.
 pub fn largest_parts(rows: &[&Measurement], what: &str) -> String {
     let count = |part| rows.iter().filter(|row| row.error.dominating() == Some(part)).count();
     let counts: Vec<String> = (0..PARAMETERS.len())
@@ -69,8 +69,8 @@ pub fn largest_parts(rows: &[&Measurement], what: &str) -> String {
     format!("The largest part of the error is {} of {} {what}.", listed(&counts), rows.len())
 }
 
-/// For every element and refinement the fastest row whose solver adds no more than a hundredth of the discretisation
-/// error; where no solver does, the row with the least solver error. By element, then refinement.
+/// The fastest row for every element and refinement whose solver adds no more than a hundredth of the discretisation error; where
+/// no solver does, the row with the least solver error. By element, then refinement.
 pub fn fastest_on_each_mesh(rows: &[Measurement]) -> Vec<&Measurement> {
     let meshes = distinct(rows.iter().map(|row| (&row.setting.element, row.setting.refine)));
     let fastest = |(element, refine)| {

@@ -1,4 +1,4 @@
-//! What an entry of [`PLOTS`](super::PLOTS) holds.
+//! An entry of [`PLOTS`](super::PLOTS).
 
 use crate::report::data::Report;
 use crate::report::drawing::canvas::Picture;
@@ -8,9 +8,9 @@ pub struct PlotEntry {
     pub name: &'static str,
     /// The heading above it on the page; empty where it continues the plot before it.
     pub heading: &'static str,
-    /// How it is read.
+    /// Advice for reading it.
     pub reading: &'static str,
-    /// What it shows of this body, in sentences made from the data; empty where there is nothing to say.
+    /// Sentences about this body, made from the data; empty where there is nothing to report.
     pub caption: fn(&Report) -> String,
     /// The error says why the plot would say nothing; it is empty where the report has no data for it.
     pub picture: fn(&Report) -> Result<Picture, String>,

@@ -15,7 +15,7 @@ pub use entry::PlotEntry;
 use super::data::Report;
 use super::drawing::canvas::Picture;
 
-/// In the order of the page.
+/// All plots, in the order of the page.
 pub const PLOTS: [&PlotEntry; 13] = [
     &online::ONLINE,
     &online::FORCE,

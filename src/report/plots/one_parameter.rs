@@ -1,5 +1,4 @@
-//! What the solver and the storage do on each mesh: a thin line a mesh, a colour and shape for each value of the
-//! parameter.
+//! Effects of the solver and the storage on each mesh: a thin line a mesh, a colour and shape for each value of the parameter.
 
 use super::common::distinct;
 use super::entry::PlotEntry;
@@ -49,7 +48,7 @@ struct OneParameter {
     parameter: Parameter,
     metric: CostMetric,
     title: &'static str,
-    /// How the caption opens: what the costs are multiples of.
+    /// The opening of the caption: the unit of which the costs are multiples.
     multiples: &'static str,
 }
 
@@ -115,7 +114,7 @@ impl OneParameter {
         PARAMETERS.iter().all(|parameter| parameter.name == self.parameter.name || !differ(parameter))
     }
 
-    /// For each value its largest error, and its cost as a multiple of the least of settings that differ in nothing else.
+    /// The largest error of each value, and its cost as a multiple of the least of settings that differ in nothing else.
     fn caption(&self, report: &Report) -> String {
         let known = |row: &&Measurement| (self.parameter.error)(&row.error).is_some();
         let rows: Vec<&Measurement> = report.rows.iter().filter(known).collect();

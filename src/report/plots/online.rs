@@ -41,7 +41,7 @@ struct Quantity {
     title: &'static str,
     label: &'static str,
     of: fn(&Measurement) -> Option<Spread>,
-    /// Its median; infinite where it was not measured.
+    /// The median; infinite where it was not measured.
     median: fn(&Measurement) -> f64,
     /// Whether the parts of the error are those of this quantity.
     has_parts: bool,

@@ -1,4 +1,4 @@
-//! Which part of the error is the largest: a line a setting, a marker a part, on one axis of errors.
+//! The parts of the error: a line a setting, a marker a part, on one axis of errors, so that the largest part is seen.
 //!
 //! The parts are not stacked: on a logarithmic axis lengths do not add, and the parts are norms of vectors, whose sum
 //! is no longer than theirs.

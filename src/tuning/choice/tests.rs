@@ -112,7 +112,7 @@ fn a_budget_is_compared_with_the_time_that_is_printed() {
     );
 }
 
-/// What rounding adds to a rod was shown as zero: int16 was taken for its smaller file.
+/// The rounding error of a rod was shown as zero: int16 was taken for its smaller file.
 #[test]
 fn a_storage_whose_error_is_not_known_is_not_taken() {
     let mut rows = [row("cholesky", "int16", 20.0, 0.02), row("cholesky", "f32", 60.0, 0.02)];
