@@ -15,17 +15,17 @@ pub struct Asked<'a> {
     pub pose: &'a str,
     pub body: &'a str,
     pub control: ControlPoses,
-    /// Those that the file gives, where some of them are found.
+    /// The control poses in the file, if some of them are found.
     pub given: ControlPoses,
-    /// In what each control element is free; empty where none is.
+    /// The freedom of each control element; empty if none is free.
     pub freedom: Vec<Freedom>,
     pub loads: PoseLoads,
-    /// Which of the poses asked for it goes on from; rest, where there is none.
+    /// Index of the pose from which it goes on; `None`: from rest.
     pub after: Option<usize>,
 }
 
 impl Asked<'_> {
-    /// File, pose and body, as what is told of them begins.
+    /// The beginning of messages about it: file, pose and body.
     pub fn place(&self) -> String {
         format!("{}: pose \"{}\": body.{}", self.path.display(), self.pose, self.body)
     }

@@ -108,7 +108,7 @@ fn told(scene: &Resolved, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     PoseResult { told, ..result }
 }
 
-/// What a run will read and give, known before anything is solved.
+/// The contents of a run's results, and the file that it needs, known before anything is solved.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outlook {
     /// Some body's results will have forces.
@@ -127,7 +127,7 @@ struct SolvedStress {
     body: StressedBody,
 }
 
-/// Where the body lists it.
+/// Prepares the stress of the body, if the body lists it.
 fn solved_stress(
     scene: &Resolved,
     name: &str,
@@ -142,7 +142,8 @@ fn solved_stress(
 }
 
 impl SolvedStress {
-    /// Of the displacements of all nodes, under loads, of which `points` are the nodes of the mesh that bear forces of their own.
+    /// The stress from the displacements of all nodes, under loads, of which `points` are the nodes of the mesh that bear
+    /// separate forces.
     fn result(
         &self,
         displacement: &[Vector3<f64>],
@@ -172,7 +173,7 @@ fn lists_stress(scene: &Resolved, body: &str) -> bool {
     scene.bodies[body].entries().any(|effect| effect.shows_stress)
 }
 
-/// What a run of the scene will read and give.
+/// Finds what a run of the scene will read and write.
 pub fn outlook(scene: &Resolved) -> Result<Outlook, Failure> {
     let mut outlook = Outlook::default();
     for name in scene.body.keys() {

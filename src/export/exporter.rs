@@ -10,12 +10,12 @@ pub struct Exporter {
     /// Recognises an earlier file of this exporter; files of other kinds are never overwritten.
     pub kind: Kind,
     pub spread: Spread,
-    /// Its file is only written if the results have this.
+    /// Results without which its file is not written.
     pub needs: Needs,
     pub write: fn(&ResultSet) -> Vec<u8>,
 }
 
-/// How the poses of a result set are spread over files.
+/// The distribution of a result set's poses over files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spread {
     /// One file of all poses, always written.
@@ -25,7 +25,7 @@ pub enum Spread {
 }
 
 impl Exporter {
-    /// By which it is asked for: its suffix without the dot.
+    /// The name by which it is asked for: its suffix without the dot.
     pub fn name(&self) -> &'static str {
         self.suffix.trim_start_matches('.')
     }

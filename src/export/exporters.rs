@@ -3,7 +3,7 @@
 use super::exporter::{Exporter, Spread};
 use super::{csv, found, glb, obj, ply, pose_picture, stl, vtu};
 
-/// In the order in which their files are written and named.
+/// All exporters, in the order in which their files are written and named.
 pub const EXPORTERS: &[Exporter] = &[
     csv::DISPLACEMENTS,
     csv::FORCES,
@@ -17,7 +17,7 @@ pub const EXPORTERS: &[Exporter] = &[
     pose_picture::PICTURE,
 ];
 
-/// Those of one pose a file, which are written where they are asked for.
+/// The exporters of one file a pose, which are written if they are asked for.
 pub fn surfaces() -> impl Iterator<Item = &'static Exporter> {
     EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::EachPose)
 }

@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 /// Files that share one name, to which each exporter appends its suffix.
 pub struct Files {
     stem: PathBuf,
-    /// Those of one pose a file that are asked for.
+    /// The exporters of one file a pose that are asked for.
     surfaces: Vec<&'static Exporter>,
     poses: Vec<String>,
 }
 
 impl Files {
-    /// From the user's OUT, or OUT.csv, and the names of surface formats of which a file for each of `poses` is wanted.
+    /// Makes the names from the user's OUT, or OUT.csv, and the surface formats of which a file for each of `poses` is wanted.
     pub fn of(output: &Path, surfaces: &[String], poses: Vec<String>) -> Result<Files, Failure> {
         let surfaces = surfaces.iter().map(|name| find_surface(name));
         let surfaces: Vec<&Exporter> = surfaces.collect::<Result<_, _>>().map_err(Failure::wrong)?;

@@ -128,14 +128,14 @@ pub(super) fn found<'a>(
     Ok(all)
 }
 
-/// So near its limit a material yields, of bodies that are quickly computed and of those that are solved anew.
+/// Tolerances of the first yield, as parts of a limit: of bodies that are quickly computed, and of those that are solved anew.
 const NEAR: [f64; 2] = [2e-3, 1e-2];
 const TRIALS: usize = 12;
 
 /// A state on the way: the poses, and what part of a limit it reaches away from the edges of control elements.
 type At = (ControlPoses, f64);
 
-/// What part of a limit a body reaches away from the edges of its control elements, and with them.
+/// The part of a limit that a body reaches away from the edges of its control elements, and with them.
 pub(super) fn parts(reached: &Reached) -> Option<[f64; 2]> {
     Some([reached.inside.limit?.0, reached.limit?.0])
 }
@@ -177,7 +177,7 @@ fn approach(
     None
 }
 
-/// Where a body of the .green file first yields on its way from rest to a pose in which it has.
+/// The first yield of a body of the .green file on its way from rest to a pose in which its material yields.
 pub(super) fn first_yield(
     asked: &Asked<'_>,
     deformer: &mut Deformer,
@@ -214,7 +214,8 @@ pub(super) fn first_yield(
 /// The [`parts`] of a limit that displacements of all nodes reach.
 pub(super) type Parts<'a> = dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]> + 'a;
 
-/// The same of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its nodes.
+/// The first yield of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its
+/// nodes.
 pub(super) fn first_yield_of(
     asked: &Asked<'_>,
     model: &ModelEntry,
@@ -248,7 +249,7 @@ pub(super) fn first_yield_of(
     Some(FirstYield { share, at_edges, control, wrenches, error: None })
 }
 
-/// The same of the linear theory, in which a pose that was found is found at every share of its way.
+/// The first yield by the linear theory, in which a pose that was found is found at every share of its way.
 pub(super) fn first_yield_linear(
     asked: &Asked<'_>,
     of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, [f64; 2])>,

@@ -1,5 +1,5 @@
-//! What a terminal shows of each pose: where the control elements are, the forces with their errors, what holds them, where
-//! the material yields.
+//! Texts of a terminal about each pose: where the control elements are, the forces with their errors, what holds them, where the
+//! material yields.
 
 use super::result_set::{PoseResult, ResultSet};
 use super::told::{FirstYield, Pushed, Sureness};
@@ -12,15 +12,15 @@ use nalgebra::Vector3;
 
 /// Above this error of the forces another model is named.
 const DOUBTFUL: f64 = 0.1;
-/// A control element is not far away until it is so many times the body's size.
+/// Distance from which a control element counts as far away, in sizes of the body.
 const FAR: f64 = 10.0;
-/// A moment is told of from this part of that about where the element rested.
+/// Part of the moment about the element's place at rest from which on a moment is reported.
 const NOTICED: f64 = 0.02;
 
 /// Below this part of the largest a force or moment is rounding.
 const ROUNDING: f64 = 1e-7;
 
-/// All that is told, pose after pose.
+/// The text about all poses, one after another.
 pub fn of_set(set: &ResultSet) -> String {
     set.results.iter().map(|result| of_result(set, result)).collect()
 }
@@ -35,7 +35,7 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
     format!("{heading}{}{lines}", table(result).text())
 }
 
-/// What is to be said of a pose; what compares with the body's size where that is given.
+/// Sentences about a pose; comparisons with the body's size where that is given.
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     let mut lines = size.map_or_else(Vec::new, |size| far(result, size));
     lines.extend(loads(result));
@@ -47,7 +47,7 @@ pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     lines
 }
 
-/// Where each control element that is not at rest was moved, with the force and moment on it.
+/// The motion of each control element that is not at rest, with the force and moment on it.
 pub fn moves(result: &PoseResult) -> Vec<String> {
     let (told, [_, floor]) = (&result.told, floors(result));
     let mut lines = Vec::new();
@@ -87,7 +87,7 @@ fn vector(v: &Vector3<f64>, unit: &str) -> String {
     format!("({}, {}, {}) {prefix}{unit}", number(v.x), number(v.y), number(v.z))
 }
 
-/// How a number of a wrench is wrong, `± 1.2 N`.
+/// The error of a number of a wrench, `± 1.2 N`.
 fn plus_minus(value: Option<f64>, unit: &str) -> String {
     value.map_or(String::new(), |value| format!("± {}", quantity(value, unit)))
 }
@@ -133,7 +133,7 @@ fn table(result: &PoseResult) -> Table {
     table
 }
 
-/// What acts on the body beside control elements and points, as a pose file has it, and how far it moves the surface.
+/// The loads on the body beside control elements and points, as a pose file has them, and how far the surface moves.
 fn loads(result: &PoseResult) -> Option<String> {
     let acts = |value: &LoadValue| value.numbers().iter().any(|x| *x != 0.0);
     let acting = result.told.loads.written.iter().filter(|(_, value)| acts(value));
@@ -143,7 +143,7 @@ fn loads(result: &PoseResult) -> Option<String> {
         .then(|| format!("under {}; the surface moves by up to {}", acting.join(", "), quantity(most, "m")))
 }
 
-/// Where a force at a point went.
+/// The motion of the point at which a force acts.
 fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
     let along = force
         .try_normalize(0.0)
@@ -152,8 +152,8 @@ fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
     format!("where {force} act, at {rest}, the surface moves by {}{along}", vector(moved, "m"))
 }
 
-/// With what pushes along the free directions, which is what their pose was found by: in a model of small strain the moments of the
-/// displaced body differ from it by what is of second order.
+/// The wrench with its loads along the free directions, by which their pose was found: in a model of small strain the moments of
+/// the displaced body differ from them by terms of second order.
 fn as_found(placed: Wrench, freedom: Option<&Freedom>) -> Wrench {
     let Some(Freedom { free, load }) = freedom else { return placed };
     let part = |k: usize, value: f64| if free[k] { load[k] } else { value };
@@ -163,7 +163,7 @@ fn as_found(placed: Wrench, freedom: Option<&Freedom>) -> Wrench {
     }
 }
 
-/// What holds the control elements in directions that the pose did not speak of.
+/// The forces that hold the control elements in directions that the pose does not mention.
 fn what_holds(result: &PoseResult) -> Vec<String> {
     let Some(forces) = &result.wrenches else { return Vec::new() };
     let [_, floor] = floors(result);
@@ -277,7 +277,7 @@ fn stress(result: &PoseResult) -> Vec<String> {
     lines
 }
 
-/// Where the material first yields on the way: what moved, and the force on it.
+/// The first yield on the way: what moved, and the force on it.
 fn yielding(result: &PoseResult, first: &FirstYield) -> String {
     let moved = (0..first.control.len())
         .max_by(|&a, &b| size_of(&first.control[a]).total_cmp(&size_of(&first.control[b])))
@@ -319,7 +319,7 @@ fn size_of(pose: &ControlPose) -> f64 {
     pose.translation.norm() + nearest_turn(&pose.matrix).angle() * 1e-6
 }
 
-/// How sure the forces are, and which model is surer.
+/// The certainty of the forces, and the model that is more certain.
 fn sureness(result: &PoseResult) -> Vec<String> {
     if result.wrenches.is_none() {
         return Vec::new();

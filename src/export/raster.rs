@@ -18,7 +18,7 @@ pub struct Raster {
 pub type Paint = [f32; 4];
 
 impl Raster {
-    /// Of so many pixels, in an sRGB colour.
+    /// A raster of this many `pixels`, in an sRGB colour.
     pub fn new(pixels: [usize; 2], background: [u8; 3]) -> Raster {
         let size = pixels.map(|pixels| pixels * SAMPLES);
         let [r, g, b] = background.map(linear);
@@ -26,7 +26,7 @@ impl Raster {
         Raster { size, colours: vec![[r, g, b]; count], depth: vec![f64::NEG_INFINITY; count] }
     }
 
-    /// What was drawn is behind all that follows.
+    /// Puts everything drawn earlier behind all that follows.
     pub fn forget_depth(&mut self) {
         self.depth.fill(f64::NEG_INFINITY);
     }
@@ -83,7 +83,7 @@ impl Raster {
         self.painted(&primitives, &output.textures_delta);
     }
 
-    /// What egui has painted, at [`SAMPLES`] pixels per point.
+    /// Adds the shapes that egui has painted, at [`SAMPLES`] pixels per point.
     fn painted(&mut self, primitives: &[ClippedPrimitive], textures: &TexturesDelta) {
         let image_of = |id: &TextureId| {
             let whole = textures.set.get(id)?.iter().rev().find(|delta| delta.pos.is_none())?;
@@ -132,7 +132,7 @@ fn corners<'a, T>(three: &[u32], all: &'a [T]) -> Option<[&'a T; 3]> {
     Some([all.get(three[0] as usize)?, all.get(three[1] as usize)?, all.get(three[2] as usize)?])
 }
 
-/// How much a texture covers at a place.
+/// Coverage of a texture at a place.
 fn covered(image: &egui::ColorImage, uv: [f32; 2]) -> f32 {
     let at = |k: usize| ((uv[k] * image.size[k] as f32) as usize).min(image.size[k].saturating_sub(1));
     image.pixels.get(at(1) * image.size[0] + at(0)).map_or(1.0, |pixel| f32::from(pixel.a()) / 255.0)

@@ -6,17 +6,17 @@ use crate::effect::stress::Reached;
 use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 
-/// What came of a scene's bodies in a number of poses.
+/// Results of a scene's bodies in a number of poses.
 #[derive(Clone, Debug, Default)]
 pub struct ResultSet {
     /// One per body.
     pub geometry: Vec<Geometry>,
-    /// In the order in which the poses were asked for.
+    /// Results in the order in which the poses were asked for.
     pub results: Vec<PoseResult>,
     pub missed: Vec<Missed>,
 }
 
-/// What not all results have.
+/// Parts that not all results have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
     Nothing,
@@ -35,7 +35,7 @@ pub struct PoseResult {
     pub displacement: Vec<Vector3<f64>>,
     /// Forces and moments on the control elements, and the strain energy, J, where the body has them.
     pub wrenches: Option<ControlForces>,
-    /// Where the body lists the effect stress.
+    /// Present if the body lists the effect stress.
     pub stress: Option<StressResult>,
     pub told: Told,
 }
@@ -57,9 +57,9 @@ impl PoseResult {
 /// Stress and strain on the surface of a body.
 #[derive(Clone, Debug)]
 pub struct StressResult {
-    /// By the order of the geometry's nodes; nothing inside the body and inside control elements.
+    /// Values in the order of the geometry's nodes; `None` inside the body and inside control elements.
     pub nodes: Vec<Option<NodeStress>>,
-    /// Its nodes count as the geometry's.
+    /// Peaks, whose nodes count as the geometry's.
     pub reached: Reached,
 }
 
@@ -77,12 +77,12 @@ pub struct ControlForces {
 pub struct Missed {
     pub pose: String,
     pub body: String,
-    /// With both names.
+    /// The reason, with both names.
     pub why: String,
 }
 
 impl ResultSet {
-    /// What a result is called in tables: in a scene of several bodies POSE/BODY, else POSE.
+    /// The name of a result in tables: in a scene of several bodies POSE/BODY, else POSE.
     pub fn label(&self, result: &PoseResult) -> String {
         match self.geometry.len() {
             0 | 1 => result.pose.clone(),
@@ -90,7 +90,7 @@ impl ResultSet {
         }
     }
 
-    /// What came of one pose.
+    /// The results of one pose.
     pub fn of_pose(&self, pose: &str) -> ResultSet {
         ResultSet {
             geometry: self.geometry.clone(),
@@ -117,7 +117,7 @@ impl ResultSet {
     }
 }
 
-/// Where the displacements of one body belong: node tags, rest positions, cells.
+/// The mesh to which the displacements of one body belong: node tags, rest positions, cells.
 #[derive(Clone, Debug)]
 pub struct Geometry {
     pub body: String,

@@ -18,18 +18,18 @@ use std::time::Instant;
 /// One body in all its poses.
 pub struct Solved {
     pub statics: Statics,
-    /// In the order of the poses; why there is none where a pose has no equilibrium.
+    /// Equilibria in the order of the poses; the reason where a pose has none.
     pub settled: Vec<Result<EquilibriumResult, String>>,
-    /// Where the control elements are in each, those that were found too.
+    /// Control poses in each, those that were found too.
     pub control: Vec<ControlPoses>,
-    /// What each pose took, and how good it is.
+    /// Work and quality of each pose.
     pub table: Table,
 }
 
 /// A pose of the body.
 pub struct PoseToSolve<'a> {
     pub asked: &'a Asked<'a>,
-    /// Which of the poses before it this one goes on from; rest, where there is none.
+    /// Index of the pose before it from which this one goes on; `None`: from rest.
     pub after: Option<usize>,
 }
 
@@ -146,7 +146,7 @@ fn found(
     free_poses::find(asked, before.map(|(_, at)| at), (model, length), &mut wrenches)
 }
 
-/// What a pose took; its residual, or how far of its way there is an equilibrium, and its energy.
+/// Adds the work of a pose; its residual, or the share of its way up to which there is an equilibrium, and its energy.
 fn add_row(table: &mut Table, pose: &str, at: &EquilibriumResult, figures: [&str; 2], took: &str) {
     let least = format!("{:.3}", at.least_det.0);
     let (steps, factorizations) = (at.counts.steps.to_string(), at.counts.factorizations.to_string());

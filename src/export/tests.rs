@@ -30,7 +30,7 @@ fn solved(model: &str, element: &str, poses: &str) -> ResultSet {
     solve(&scene, &asked, None, model == "linear").unwrap().0
 }
 
-/// What holds the right end about its place, and both ends about one point.
+/// The wrench that holds the right end about its place, and those that hold both ends about one point.
 fn right(set: &ResultSet, pose: usize) -> (Wrench, [Wrench; 2]) {
     let result = &set.results[pose];
     let [(_, left), (_, right)] = &result.wrenches.as_ref().unwrap().controls[..] else { panic!() };
@@ -68,7 +68,7 @@ fn a_free_end_and_a_guided_one_are_timoshenkos() {
     assert!((pushed.z * stiffness(1) / 2.5e-3 - 1.0).abs() < 1e-4, "{pushed}");
 }
 
-/// The same by hand: six unit poses, and the free components out of their 6 × 6 matrix.
+/// The pose by hand: six unit poses, and the free components out of their 6 × 6 matrix.
 #[test]
 fn a_free_end_is_what_six_unit_poses_give() {
     let mut poses = PUSHED.to_owned();

@@ -1,4 +1,4 @@
-//! What `deform` tells of a pose beside its numbers: where the control elements ended, how sure the forces are, where
+//! Facts about a pose that `deform` reports beside its numbers: where the control elements ended, how sure the forces are, where
 //! the material first yields, where the points of forces went.
 
 use crate::deform::pose_file::PoseLoads;
@@ -6,39 +6,39 @@ use crate::deform::{ControlPoses, Freedom, ModelEntry, PointLoad, Pull, Wrench};
 use crate::world::WrenchError;
 use nalgebra::Vector3;
 
-/// Of one pose of one body.
+/// Facts about one pose of one body.
 #[derive(Clone, Debug, Default)]
 pub struct Told {
-    /// By which the body was deformed.
+    /// The model by which the body was deformed.
     pub model: &'static ModelEntry,
-    /// Of the control elements, in the body's order.
+    /// Names of the control elements, in the body's order.
     pub names: Vec<String>,
-    /// Where their origins rest, m, in the mesh's coordinates.
+    /// Places of their origins at rest, m, in the mesh's coordinates.
     pub places: Vec<Vector3<f64>>,
     /// Every control element, in the body's order, those that were found too.
     pub control: ControlPoses,
-    /// In what they are free; empty where all are held.
+    /// The freedom of the control elements; empty where all are held.
     pub freedom: Vec<Freedom>,
-    /// What acted beside them.
+    /// The loads beside them.
     pub loads: PoseLoads,
-    /// That the body is bent further than its model holds.
+    /// Warning: bent beyond the model's range.
     pub beyond: Option<String>,
     /// The forces at points among them.
     pub pushed: Vec<Pushed>,
-    /// By how much forces may be wrong, or why that is not known.
+    /// Possible error of the forces, or why it is unknown.
     pub error: Sureness,
-    /// Where a limit is passed, and the pose goes on from rest; the loads act in full from the beginning.
+    /// Present where a limit is passed, and the pose goes on from rest; the loads act in full from the beginning.
     pub first_yield: Option<FirstYield>,
     /// Name of the pose that it goes on from.
     pub after: Option<String>,
 }
 
-/// How sure forces are.
+/// Certainty of forces.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sureness {
-    /// As it was measured on the body.
+    /// The error that was measured on the body.
     Measured(WrenchError),
-    /// Why not, and what measures it.
+    /// The reason why it is unknown, and what measures it.
     Unknown(String),
 }
 
@@ -61,9 +61,9 @@ impl Sureness {
 /// where stress is a peak that grows with a finer mesh.
 #[derive(Clone, Debug)]
 pub struct FirstYield {
-    /// Of the way.
+    /// Share of the way.
     pub share: f64,
-    /// What part of a limit is reached at the edges there.
+    /// Part of a limit that is reached at the edges there.
     pub at_edges: f64,
     pub control: ControlPoses,
     pub wrenches: Option<Vec<Wrench>>,
@@ -75,14 +75,14 @@ pub struct FirstYield {
 pub struct Pushed {
     /// N.
     pub force: Vector3<f64>,
-    /// Where the point rests, m, in the mesh's coordinates.
+    /// Place of the point at rest, m, in the mesh's coordinates.
     pub rest: Vector3<f64>,
-    /// How far it went, under all that acts on the body, m.
+    /// Displacement of the point, under all that acts on the body, m.
     pub moved: Vector3<f64>,
 }
 
 impl Pushed {
-    /// Of a body whose nodes rest at `rest` and are displaced by `displacement`.
+    /// The motions of the points of a body whose nodes rest at `rest` and are displaced by `displacement`.
     pub fn of(points: &[PointLoad], rest: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Vec<Pushed> {
         let one = |point: &PointLoad| {
             let Pull::Force(force) = point.pull else { return None };

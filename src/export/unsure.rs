@@ -5,10 +5,10 @@ use crate::effect::expected::{CHANGED, unmeasurable};
 use crate::effect::{Resolved, name_of};
 use crate::scene::Method;
 
-/// Where measured errors were looked for.
+/// The place where measured errors were looked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Looked<'a> {
-    /// In the .green file, which may hold none.
+    /// The .green file, which may hold none.
     InFile(Option<&'a ExpectedErrors>),
     /// The body was solved without one.
     Nowhere,
@@ -52,7 +52,7 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[F
     }
 }
 
-/// Of poses with free ends, which are another kind than those of held ends.
+/// Words about poses with free ends, which are another kind than those of held ends.
 fn of_free_ends(errors: &ExpectedErrors) -> String {
     let measured = |moved: &MovedErrors| {
         let hung = moved.hung.as_ref().filter(|hung| !hung.at.is_empty())?;

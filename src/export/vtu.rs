@@ -71,7 +71,7 @@ fn pieces(set: &ResultSet) -> Vec<Piece<'_>> {
         .collect()
 }
 
-/// Of every pose its three fields, where any body has them; NaN where nothing is known.
+/// The three fields of every pose, where any body has them; NaN where nothing is known.
 fn scalars(set: &ResultSet, g: &Geometry, poses: &[&str]) -> Vec<(String, Vec<f64>)> {
     if !set.has_stress() {
         return Vec::new();

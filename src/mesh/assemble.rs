@@ -71,7 +71,7 @@ impl ElementShape {
 /// A node that belongs to no tetrahedron.
 const DROPPED: u32 = u32::MAX;
 
-/// Which nodes of 10-node tetrahedra are kept.
+/// The nodes of 10-node tetrahedra that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// The corners only.

@@ -23,10 +23,10 @@ const MOST_PARTS: usize = 1000;
 pub struct Blobs {
     /// Edge of a lattice cube, m; the tetrahedra's edges have about this length.
     pub cell: f64,
-    /// How far a seam between two parts is rounded, m; 0 leaves it sharp.
+    /// Radius by which a seam between two parts is rounded, m; 0 leaves it sharp.
     #[serde(default)]
     pub blend: f64,
-    /// In this order one after another melts into those before it.
+    /// Parts in the order in which one after another melts into those before it.
     pub parts: Vec<Blob>,
 }
 
@@ -47,9 +47,9 @@ impl Blob {
         [from, (self.to.map_or(from.0, Vector3::from), self.end_radius.unwrap_or(self.radius))]
     }
 
-    /// How deep a point lies below the surface, m, negative outside. In the plane through the axis, x is the distance from it
-    /// and y the place along it from 0 at one middle to the length l; the cone touches both balls where the line
-    /// from the point to it leans by (r₁ - r₂)/l.
+    /// Depth of a point below the surface, m, negative outside. In the plane through the axis, x is the distance from it and y
+    /// the place along it from 0 at one middle to the length l; the cone touches both balls where the line from the point to it
+    /// leans by (r₁ - r₂)/l.
     fn depth(&self, point: &Vector3<f64>) -> f64 {
         let [(a, ra), (b, rb)] = self.ends();
         let (axis, slope) = (b - a, ra - rb);
@@ -75,7 +75,7 @@ impl Blob {
 }
 
 impl Blobs {
-    /// How deep a point lies in the body, m, negative outside; 0 on its surface.
+    /// Depth of a point in the body, m, negative outside; 0 on its surface.
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         let depths = self.parts.iter().map(|part| part.depth(point));
         depths.reduce(|a, b| smooth_max(a, b, self.blend)).unwrap_or(f64::NEG_INFINITY)

@@ -99,7 +99,7 @@ fn curved(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     }
 }
 
-/// Where the mesh overlaps itself.
+/// Finds places where the mesh overlaps itself.
 fn overlaps(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     let folded: Vec<u32> =
         folded_pairs(mesh).into_iter().flatten().collect::<BTreeSet<u32>>().into_iter().collect();
@@ -248,7 +248,7 @@ mod tests {
         block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap()
     }
 
-    /// A second body beside the first, with nodes of its own.
+    /// Adds a second body with separate nodes, shifted from the first.
     fn with_second(mut mesh: TetMesh, shift: Vector3<f64>) -> TetMesh {
         let (second, nodes) = (mesh.clone(), mesh.nodes.len() as u32);
         mesh.nodes.extend(second.nodes.iter().map(|node| node + shift));

@@ -20,7 +20,7 @@ pub enum MeshError {
     Unwritable { encoding: &'static str, reason: String },
 }
 
-/// Where in a file: a 1-based line of a text, a byte offset into a binary file.
+/// A place in a file: a 1-based line of a text, a byte offset into a binary file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     Line(usize),
@@ -41,7 +41,7 @@ pub fn refuse<T>(at: usize, reason: impl Into<String>) -> Result<T, FormatFault>
     Err(FormatFault::at(at, reason))
 }
 
-/// What a format's reader objects to: at a byte offset, or in the file as a whole.
+/// An objection of a format's reader: at a byte offset, or to the file as a whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormatFault {
     pub at: Option<usize>,

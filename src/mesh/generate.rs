@@ -40,7 +40,7 @@ pub struct Tube {
     pub control_length: f64,
 }
 
-/// For tests: a ring whose wall is one cell thick.
+/// A ring for tests whose wall is one cell thick.
 #[cfg(test)]
 pub(crate) const RING: Tube = Tube {
     inner_radius: 0.5,

@@ -107,7 +107,7 @@ mod tests {
         assert!(edges.is_sorted() && edges.iter().all(|[a, b]| a < b));
     }
 
-    /// In cells of 0.1 m: 7 nodes within one axis edge, with 12 face diagonals 19 or, where they point away, 7.
+    /// Counts of nodes in cells of 0.1 m: 7 nodes within one axis edge, with 12 face diagonals 19 or, where they point away, 7.
     #[test]
     fn lengths_are_those_of_paths() {
         let mesh = block(&Block { size: [1.0; 3], cells: [10; 3] }).unwrap();
@@ -125,7 +125,7 @@ mod tests {
         assert!(along.contains(&node_at(&mesh, [-0.2, 0.0, 0.0])), "0.1 + 0.1 + 0.1 is within 0.3");
     }
 
-    /// In a convex body of these cells a path is at most 1.4 times as long as the straight line.
+    /// A path in a convex body of these cells is at most 1.4 times as long as the straight line.
     #[test]
     fn what_grows_lies_between_two_spheres() {
         let mesh = block(&Block { size: [1.0; 3], cells: [10; 3] }).unwrap();

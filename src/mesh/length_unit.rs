@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// A unit of length.
 #[derive(Debug, PartialEq)]
 pub struct LengthUnit {
-    /// As scene files and options write it.
+    /// The name in scene files and options.
     pub name: &'static str,
     pub plural: &'static str,
     /// Metres in one.
@@ -62,7 +62,7 @@ pub fn candidates(extent: f64, largest: f64) -> impl Iterator<Item = &'static Le
     likely.filter(move |unit| is_plausible(extent * unit.metres, largest))
 }
 
-/// What to think of a body whose longest side is not one of bodies that hands bend.
+/// A warning about a body whose longest side is not one of bodies that hands bend.
 pub fn implausible(longest: f64, largest: f64) -> Option<String> {
     if is_plausible(longest, largest) {
         return None;

@@ -13,10 +13,10 @@ use super::tet_mesh::{EDGES, TetMesh, edges_of};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
 
-/// Where the middle of an edge between two points lies: on the body's curved wall, or half way.
+/// A function that places the middle of an edge between two points: on the body's curved wall, or half way.
 pub type Curve<'a> = &'a dyn Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>;
 
-/// The same, given the ends of the edge (ascending) and all nodes.
+/// A function that places the middle, from the ends of the edge (ascending) and all nodes.
 pub(super) type Middle<'a> = &'a dyn Fn([u32; 2], &[Vector3<f64>]) -> Vector3<f64>;
 
 /// The middle of a straight edge.

@@ -100,7 +100,7 @@ pub fn overlapping_faces(mesh: &TetMesh) -> Vec<[u32; 3]> {
     faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 2).map(|same| same[0].0).collect()
 }
 
-/// What `inspect` reports of a mesh; lengths in m.
+/// The report of `inspect` on a mesh; lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshReport {
     pub nodes: usize,
@@ -161,7 +161,7 @@ pub fn report(mesh: &TetMesh, surface: &Surface) -> MeshReport {
     }
 }
 
-/// Of a mesh without tetrahedra: all zero.
+/// The quality of all tetrahedra; all zero for a mesh without any.
 pub fn quality_report(mesh: &TetMesh) -> QualityReport {
     let mut report = QualityReport { min: f64::INFINITY, mean: 0.0, worst: 0, histogram: [0; 10] };
     for tet in 0..mesh.tets.len() {

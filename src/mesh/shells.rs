@@ -99,7 +99,7 @@ mod tests {
         surface_body::of_tetrahedra(&block(&Block { size: [side; 3], cells: [cells; 3] }).unwrap())
     }
 
-    /// A cube with a cavity, and another cube beside it.
+    /// A cube with a cavity, and another cube at a distance.
     #[test]
     fn a_cavity_belongs_to_the_shell_around_it() {
         let mut mesh = cube(2.0, 2);

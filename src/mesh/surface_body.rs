@@ -76,7 +76,7 @@ pub fn shorten(mesh: &mut TetMesh, longest: f64) -> Result<(), String> {
     Ok(())
 }
 
-/// Halves the edges that are asked for, and cuts the triangles beside them; false where there was none. A group holds the new
+/// Halves the edges for which `is_halved` returns true, and cuts their triangles; false if there was none. A group holds the new
 /// nodes between two of its own.
 fn split(
     mesh: &mut TetMesh,
@@ -134,7 +134,8 @@ fn cut(
     }
 }
 
-/// Of a triangle whose edge from the first to the second corner is whole; the four corners behind are cut along the shorter diagonal.
+/// Cuts a triangle whose edge from the first to the second corner is whole; the four corners behind are cut along the shorter
+/// diagonal.
 fn quarter([a, b, c]: [u32; 3], bc: u32, ca: u32, length: &dyn Fn(u32, u32) -> f64) -> Vec<[u32; 3]> {
     let tip = [ca, bc, c];
     if length(a, bc) <= length(b, ca) {

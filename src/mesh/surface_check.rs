@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// What `inspect` reports of a surface; lengths in m.
+/// The report of `inspect` on a surface; lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SurfaceReport {
     pub vertices: usize,
@@ -28,7 +28,7 @@ pub struct SurfaceReport {
     /// Edges of three triangles or more: how many, and the middle of the first.
     pub crowded_edges: usize,
     pub crowded_at: Option<[f64; 3]>,
-    /// Edges where outside and inside cannot be told apart whichever way the triangles are turned (a Möbius band).
+    /// Edges at which outside and inside cannot be distinguished whichever way the triangles are turned (a Möbius band).
     pub unorientable_edges: usize,
     pub intersections: Intersections,
     /// Triangles without area.
@@ -331,7 +331,7 @@ fn turn_shells(
     }
 }
 
-/// How often the triangles wind about `point`: 1 inside a closed outward surface, 0 outside.
+/// The number of times that the triangles wind about `point`: 1 inside a closed outward surface, 0 outside.
 fn winding(surface: &TriangleSurface, triangles: &[usize], point: &Vector3<f64>) -> f64 {
     let angle = |&t: &usize| solid_angle(surface.corners(t), point);
     triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)

@@ -1,4 +1,4 @@
-//! Where a triangle surface passes through itself.
+//! Finds where a triangle surface passes through itself.
 //!
 //! In: a [`TriangleSurface`]. Out: [`Intersections`]. Pairs whose boxes overlap come from parry's tree; a pair counts
 //! when an edge of one passes through the inside of the other, judged by the signs of volumes in f64 (Guigue and
@@ -19,7 +19,7 @@ pub struct Intersections {
     pub is_complete: bool,
     /// The triangles of the first pair, from 0.
     pub first: [usize; 2],
-    /// Where, of the first few pairs.
+    /// Places of the first few pairs.
     pub places: Vec<[f64; 3]>,
 }
 
@@ -96,7 +96,7 @@ fn cross(surface: &TriangleSurface, t: usize, other: usize) -> Option<Vector3<f6
     through(first, second).or_else(|| through(second, first))
 }
 
-/// Where the segment passes through the inside of the triangle; touching does not count.
+/// The point at which the segment passes through the inside of the triangle; touching does not count.
 fn pierce(from: &Vector3<f64>, to: &Vector3<f64>, [a, b, c]: &[Vector3<f64>; 3]) -> Option<Vector3<f64>> {
     // Six times a tetrahedron's volume, 0 where rounding could have made its sign.
     let side = |p: &Vector3<f64>, q: &Vector3<f64>, r: &Vector3<f64>, s: &Vector3<f64>| {

@@ -13,10 +13,9 @@ pub struct TetMesh {
     /// The node's number in its file, unique; 1-based for generated meshes.
     pub tags: Vec<u64>,
     pub tets: Vec<[u32; 4]>,
-    /// Of a quadratic mesh: per tetrahedron the nodes between its corners, on the edges of [`EDGES`]. Empty for a
-    /// linear one.
+    /// The nodes between the corners of each tetrahedron of a quadratic mesh, on the edges of [`EDGES`]. Empty for a linear one.
     pub mids: Vec<[u32; 6]>,
-    /// Of a body that is known by its surface alone ([`super::surface_body`]): its triangles, outward. Empty where there are
+    /// Triangles of a body that is known by its surface alone ([`super::surface_body`]), outward. Empty where there are
     /// tetrahedra.
     pub triangles: Vec<[u32; 3]>,
     /// Region (physical volume) per tetrahedron; 0 where the file names none.

@@ -1,4 +1,4 @@
-//! How thick a body is under its triangles.
+//! Measures how thick a body is under its triangles.
 //!
 //! In: a [`TetMesh`] without tetrahedra, or a closed [`TriangleSurface`]. Out: the walls that are thinner than the edges of the
 //! triangles on them; the thickness of the thinnest walls.
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// Walls thinner than the edges on them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinWalls {
-    /// Of the surface's area.
+    /// Part of the surface's area.
     pub share: f64,
     /// The longest edges of their triangles and the thickness below, m: both where half of their area has a smaller quotient.
     pub edge: f64,
@@ -31,7 +31,7 @@ struct Facet {
 }
 
 impl Facet {
-    /// How far `from` is from it along the unit vector `way`, where that hits its inside from behind.
+    /// Distance of `from` from it along the unit vector `way`, where that hits its inside from behind.
     fn distance(&self, from: &Vector3<f64>, way: &Vector3<f64>) -> Option<f64> {
         let slope = way.dot(&self.normal);
         let far = (self.centre - from).dot(&self.normal) / slope;

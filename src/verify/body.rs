@@ -39,8 +39,8 @@ impl Body {
         Ok(Body::from_block(element, block(&Block { size: [1.0; 3], cells })?, shape))
     }
 
-    /// As [`Body::new`], with the six tetrahedra of Kuhn's split around the diagonal from (0, 0, 0) to (1, 1, 1) in each
-    /// cell.
+    /// Makes a body as [`Body::new`] does, with the six tetrahedra of Kuhn's split around the diagonal from (0, 0, 0) to (1, 1,
+    /// 1) in each cell.
     pub fn kuhn(
         element: &Element,
         cells: [u32; 3],
@@ -157,7 +157,7 @@ fn right_hand_side(k: &StiffnessMatrix, force: &NodeFields, fixed: &[Option<f64>
     rhs
 }
 
-/// For each cell one tetrahedron for each order in which the three axes can be walked from corner 000 to 111.
+/// The tetrahedra of each cell: one for each order in which the three axes can be walked from corner 000 to 111.
 fn kuhn(cells: [u32; 3]) -> Vec<[u32; 4]> {
     const WALKS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
     let node = |[i, j, k]: [u32; 3]| (i * (cells[1] + 1) + j) * (cells[2] + 1) + k;

@@ -11,7 +11,7 @@ pub struct Level {
     pub value: f64,
     /// Relative.
     pub error: f64,
-    /// From assembly to displacements.
+    /// Time from assembly to displacements, s.
     pub seconds: f64,
 }
 

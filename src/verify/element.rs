@@ -1,4 +1,4 @@
-//! What is known of the elements that are compared.
+//! Properties of the elements that are compared.
 
 use super::solution::Bound;
 use crate::fem::Element;

@@ -1,4 +1,4 @@
-//! Kelvin's point force in full space, seen from a cube beside it.
+//! Kelvin's point force in full space, seen from a cube at a distance.
 //!
 //! With r from the source, G the shear modulus:
 //!
@@ -42,7 +42,7 @@ const COMPUTED_ELSEWHERE: [(u32, u32, f64, f64, f64); 12] = [
     (1, 16, 0.4999, 0.004_913_073_607_159_278, 1.784_185_228_467_839),
     (2, 4, 0.4999, 0.002_977_912_844_629_739, 0.762_389_872_811_478_1),
 ];
-/// How near errors are to those, by order: what the rules of degree 7 and 9 differ by.
+/// Largest relative deviation from those errors, by order: the difference of the rules of degree 7 and 9.
 const WITHIN: [f64; 2] = [2e-5, 2e-4];
 
 /// The field of the force (0.3, -0.7, 1) at (1.6, 1.3, -0.4), E = 1.

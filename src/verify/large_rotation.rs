@@ -48,14 +48,14 @@ const RIGHT: usize = 1;
 pub struct HeldPose {
     pub body: &'static str,
     pub pose: String,
-    /// Of the right end in equilibrium, N and N·m about where it is, and the strain energy, J.
+    /// Force and torque of the right end in equilibrium, N and N·m about its place, and the strain energy, J.
     pub force_n: f64,
     pub torque_nm: f64,
     pub energy_j: f64,
     pub models: Vec<ModelAtPose>,
 }
 
-/// What a model makes of a pose.
+/// The result of a model for a pose.
 #[derive(Clone, Debug, Serialize)]
 pub struct ModelAtPose {
     pub model: &'static str,
@@ -65,7 +65,7 @@ pub struct ModelAtPose {
     pub frame_s: f64,
 }
 
-/// Of the right end against the left one.
+/// Motions of the right end against the left one.
 const MOTIONS: [Motion; 16] = [
     Motion::Bend(1.0),
     Motion::Bend(10.0),
@@ -85,7 +85,7 @@ const MOTIONS: [Motion; 16] = [
     Motion::Mixed(35.0, 0.12),
 ];
 
-/// All poses of all bodies for all models that have forces, body by body; `told` hears why one is left out.
+/// All poses of all bodies for all models that have forces, body by body; `told` is called with the reason why one is left out.
 pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     let mut rows = Vec::new();
     for body in &BODIES {

@@ -47,7 +47,7 @@ pub const PROBLEMS: &[Problem] = &[
     kelvin::PROBLEM,
 ];
 
-/// How many of a problem's meshes are solved.
+/// The number of a problem's meshes that are solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {
     /// Two: seconds, for tests.
@@ -66,13 +66,13 @@ pub struct ConvergenceRow {
     pub problem: String,
     pub quantity: String,
     pub element: String,
-    /// What the value should be; 0 where the value is an error itself.
+    /// The expected value; 0 where the value is an error itself.
     pub reference: f64,
-    /// From coarse to fine; at least one.
+    /// Levels from coarse to fine; at least one.
     pub levels: Vec<Level>,
-    /// How well the reference is known, relatively; 0 where it is exact.
+    /// The relative accuracy of the reference; 0 where it is exact.
     pub known_to: f64,
-    /// Order of convergence p of error = c h^p, where two or more levels tell one.
+    /// Order of convergence p of error = c h^p, fitted to two or more levels.
     pub rate: Option<f64>,
     pub bound: Bound,
 }

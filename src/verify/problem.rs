@@ -1,4 +1,4 @@
-//! What an entry of the list of problems holds.
+//! An entry of the list of problems.
 
 use super::solution::Measure;
 use crate::fem::{AssemblyError, Element};
@@ -13,11 +13,11 @@ pub struct Problem {
     pub name: &'static str,
     /// One sentence: body, supports, loads, what is compared.
     pub about: &'static str,
-    /// Where the answer is from.
+    /// Source of the answer.
     pub source: &'static str,
-    /// Of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
+    /// Sizes of the meshes from coarse to fine, see [`Element::cells`]; effort chooses how many are solved.
     pub sizes: [u32; 4],
-    /// With an element on a mesh, for these Poisson's ratios where the problem has several (`POISSON`).
+    /// Solves with an element on a mesh, for these Poisson's ratios where the problem has several (`POISSON`).
     pub solve: Solve,
 }
 

@@ -1,4 +1,4 @@
-//! What a solved body is asked: displacements, stress, errors in the norms of L2 and of energy.
+//! Results of a solved body: displacements, stress, errors in the norms of L2 and of energy.
 
 use super::quadrature;
 use crate::fem::quadrature::tetrahedron_rule;
@@ -12,7 +12,7 @@ pub struct Solution {
     pub displacement: Vec<Vector3<f64>>,
     /// uᵀ K u / 2, J.
     pub energy: f64,
-    /// From assembly to displacements.
+    /// Time from assembly to displacements, s.
     pub seconds: f64,
 }
 
@@ -26,12 +26,12 @@ pub struct Measure {
     pub reference: f64,
     /// |value - reference| / |reference|, or a relative norm.
     pub error: f64,
-    /// How well the reference is known, relatively; 0 where it is exact.
+    /// The relative accuracy of the reference; 0 where it is exact.
     pub known_to: f64,
     pub bound: Bound,
 }
 
-/// What is required on the finest mesh; nothing where theory promises nothing.
+/// The requirement on the finest mesh; none where theory promises nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Bound {
     /// Largest relative error.
@@ -57,8 +57,8 @@ impl Bound {
 pub struct Norms {
     /// ‖u_h - u‖ / ‖u‖ in L2.
     pub l2: f64,
-    /// The same of ∫ 2μ |ε|² + λ θ², with the strain ε of the displacement and the θ that the element's energy has
-    /// (its `Dilatation`).
+    /// The relative error in the norm of ∫ 2μ |ε|² + λ θ², with the strain ε of the displacement and the θ that the element's
+    /// energy has (its `Dilatation`).
     pub energy: f64,
 }
 
@@ -215,8 +215,8 @@ mod tests {
         }
     }
 
-    /// With λ alone a curved mesh of ten nodes has more motions without energy than rigid ones: none of them is an error
-    /// in energy.
+    /// A curved mesh of ten nodes with λ alone has more motions without energy than rigid ones: none of them is an error in
+    /// energy.
     #[test]
     fn the_norm_of_energy_is_that_of_the_elements() {
         let lame = Lame { lambda: 1.0, mu: 0.0 };

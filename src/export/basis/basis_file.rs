@@ -6,22 +6,22 @@ use std::io::{self, Write};
 
 /// One kind of file that holds columns.
 pub struct BasisFile {
-    /// By which it is chosen, as `.iv`.
+    /// The suffix by which it is chosen, as `.iv`.
     pub suffix: &'static str,
-    /// What it is, in one line.
+    /// A description in one line.
     pub about: &'static str,
     /// Recognises an earlier file of this kind; others are never overwritten.
     pub kind: Kind,
     /// About how many bytes it will take.
     pub size: fn(&[BodyBasis], Profile) -> u64,
-    /// It may take no more.
+    /// Largest size that it may have.
     pub most: Option<u64>,
     /// Whether it can be made for [`Profile::Viewer`] too.
     pub is_for_viewers: bool,
     pub write: fn(&[BodyBasis], Profile, &mut dyn Write) -> io::Result<()>,
 }
 
-/// For whom a file is made.
+/// The kind of program for which a file is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Profile {
     /// Every column as it is

@@ -9,7 +9,7 @@ use crate::green::{AFFINE, GreenFile, column_names_of, is_numbered};
 use crate::prepare::Resolved;
 use std::sync::Arc;
 
-/// All of them; a new one is one file and one line here.
+/// All basis files; a new one is one file and one line here.
 pub const BASIS_FILES: &[BasisFile] = &[inventor::FILE, gltf::FILE, vtu::FILE];
 
 /// Refuses columns that no such body has, and a body whose model sums none, even where its effects need some, before anything

@@ -26,9 +26,9 @@ pub struct BodyBasis {
     pub centre: Vector3<f64>,
     pub rest: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
-    /// Those that move something.
+    /// The columns that move something.
     pub columns: Vec<Column>,
-    /// The others: fields of flat control elements, loads on what is held.
+    /// The columns that move nothing: fields of flat control elements, loads on what is held.
     pub vanishing: Vec<ColumnName>,
     pub controls: Vec<Handle>,
     /// Whether the columns were chosen one by one.
@@ -36,7 +36,7 @@ pub struct BodyBasis {
     /// Name of the pose in which the coefficients and the motion are; both are at rest without.
     pub pose: Option<String>,
     pub motion: Isometry3<f64>,
-    /// Its largest extent, m.
+    /// The body's largest extent, m.
     pub size: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct BodyBasis {
 #[derive(Clone)]
 pub struct Column {
     pub name: ColumnName,
-    /// Of each node, m per unit.
+    /// Displacement of each node, m per unit.
     pub u: Vec<[f32; 3]>,
     /// The largest of them.
     pub largest: f64,
@@ -63,7 +63,7 @@ pub struct Handle {
 /// Radius of a control element of a single node, in parts of the body's size.
 const SINGLE_NODE: f64 = 0.03;
 
-/// What is wanted of a body.
+/// The columns and poses that are wanted of a body.
 #[derive(Clone, Copy, Default)]
 pub struct Choice<'a> {
     /// Names of columns, without their body; all where there is none.

@@ -53,7 +53,7 @@ struct Target {
     weight: f64,
 }
 
-/// What the targets of a mesh are to be at one moment of the animation.
+/// The targets of a mesh, and their weights in the course of the animation.
 struct Track {
     targets: Vec<Target>,
     has_normals: bool,
@@ -172,7 +172,7 @@ fn split(body: &BodyBasis) -> Track {
     Track { has_normals: false, ends: (0..targets.len()).map(alone).collect(), targets }
 }
 
-/// From the first weights to each end and back.
+/// The sampler from the first weights to each end and back.
 fn sampler(document: &mut Document, track: &Track) -> Option<Value> {
     if track.ends.is_empty() {
         return None;

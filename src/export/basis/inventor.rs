@@ -46,7 +46,7 @@ const PARTS: usize = 7;
 
 /// A basis shape is moved by this part of the body's size.
 const AMPLITUDE: f64 = 0.15;
-/// The basis shapes are drawn by so much smaller.
+/// Scale at which the basis shapes are drawn.
 const SHAPE_SCALE: f64 = 0.5;
 /// Edges with sides further apart are drawn sharp.
 const CREASE: f64 = 0.7;
@@ -102,7 +102,7 @@ struct Named<'a> {
     id: String,
     columns: Vec<NamedColumn<'a>>,
     draggers: BTreeMap<usize, String>,
-    /// What is summed together: a control element, the loads, the model's own.
+    /// Columns that are summed together: a control element, the loads, the model's own.
     groups: Vec<(String, Vec<usize>)>,
 }
 
@@ -255,7 +255,7 @@ impl<'a> Named<'a> {
         Ok(())
     }
 
-    /// What is edited, and what a dragger adds.
+    /// Writes the coefficient that is edited, and the part that a dragger adds.
     fn put_coefficient(&self, out: &mut dyn Write, column: &Column, id: &str) -> io::Result<()> {
         let value = column.coefficient;
         write!(out, "DEF {id} Calculator {{ a {value:e}")?;
@@ -321,14 +321,14 @@ impl<'a> Named<'a> {
         cell.x > cell.y
     }
 
-    /// How wide the basis shapes are together, m.
+    /// Width of all basis shapes together, m.
     fn width(&self) -> f64 {
         let cells = if self.is_stacked() { 3.5 } else { 3.5 * self.groups.len() as f64 };
         SHAPE_SCALE * cells * self.cell().x
     }
 
-    /// The rest shape with each column in turn, each control element's twelve as T and the rows of M stand; from `corner` on to the
-    /// right and down.
+    /// Writes the rest shape with each column in turn, each control element's twelve as T and the rows of M stand; from `corner`
+    /// on to the right and down.
     fn put_shapes(&self, corner: Vector3<f64>, out: &mut dyn Write) -> io::Result<()> {
         let (id, name) = (&self.id, one_line(&self.body.body));
         let (cell, (low, _)) = (self.cell(), bounds(&self.body.rest));
@@ -370,7 +370,7 @@ impl<'a> Named<'a> {
         writeln!(out, "      }}")
     }
 
-    /// Of the groups before one that stand above it: four for a control element, and half of one between them.
+    /// Number of rows above a group, of the groups before it: four for a control element, and half of one between them.
     fn rows_above(&self, block: usize) -> f64 {
         let rows = |own: &Vec<usize>| match self.columns[own[0]].column.name.source {
             ColumnSource::Field { .. } => 4,
@@ -385,7 +385,7 @@ fn handle_scale(radius: f64) -> f64 {
     1.15 * radius
 }
 
-/// `A + B + C`: a vector and so many parts.
+/// The expression `A + B + C`: a vector and `parts` parts.
 fn sum(parts: usize) -> String {
     let letters: Vec<String> = ('A'..).take(1 + parts).map(String::from).collect();
     letters.join(" + ")

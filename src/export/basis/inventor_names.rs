@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-/// Those that were given.
+/// The names that were given.
 #[derive(Default)]
 pub struct InventorNames(BTreeSet<String>);
 

@@ -1,4 +1,4 @@
-//! What the .green file holds of bodies, for other programs: the surface at rest and every column, so that they can sum.
+//! Exports the contents of a body's .green file for other programs: the surface at rest and every column, so that they can sum.
 //!
 //! In: [`BodyBasis`] of each body. Out: one file, by one of [`BASIS_FILES`].
 //!

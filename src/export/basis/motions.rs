@@ -89,8 +89,8 @@ fn scale(body: &BodyBasis, motion: &mut Motion) {
     motion.terms.iter_mut().for_each(|(_, weight)| *weight *= most);
 }
 
-/// At most `count` motions that show most of a body: the three shifts of the first control element that a hand can take, and its
-/// turn about the axis along which it lies from the body's centre.
+/// Chooses at most `count` motions that show most of a body: the three shifts of the first control element that a hand can take,
+/// and its turn about the axis along which it lies from the body's centre.
 pub fn few(body: &BodyBasis, all: &[Motion], count: usize) -> Vec<Motion> {
     let first = all.iter().find_map(|motion| motion.control);
     let Some(e) = first else { return all.iter().take(count).cloned().collect() };

@@ -27,8 +27,9 @@ const BODY: [u8; 3] = [104, 140, 180];
 const INK: Color32 = Color32::from_rgb(28, 32, 40);
 const QUIET: Color32 = Color32::from_rgb(100, 106, 116);
 const FORCE: Color32 = Color32::from_rgb(192, 48, 32);
-/// Where the body is, and below it the words.
+/// The area of the body.
 const STAGE: Rect = Rect { min: pos2(150.0, 100.0), max: pos2(1240.0, 640.0) };
+/// The area of the words, below the body.
 const BAND: Rect = Rect { min: pos2(40.0, 712.0), max: pos2(1240.0, 950.0) };
 /// A body that moves by less than this part of its size is drawn as if it moved by the other.
 const SMALL: [f64; 2] = [0.03, 0.08];
@@ -66,7 +67,7 @@ fn largest(set: &ResultSet) -> Option<&Geometry> {
     set.geometry.iter().max_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
-/// What is written on a picture.
+/// Words on a picture.
 struct Words {
     title: String,
     lines: Vec<String>,
@@ -94,7 +95,7 @@ impl Words {
 }
 
 struct Arrow {
-    /// Where the element's origin rests, and its shift, m, in the mesh's coordinates.
+    /// Place of the element's origin at rest, and its shift, m, in the mesh's coordinates.
     place: Vector3<f64>,
     shift: Vector3<f64>,
     /// N.
@@ -160,7 +161,7 @@ struct Fit<'a> {
     middle: Vector3<f64>,
     /// Pixels for each metre.
     scale: f64,
-    /// Where body and ghost are in the picture.
+    /// Area of body and ghost in the picture.
     drawn: Rect,
 }
 
@@ -184,11 +185,11 @@ impl<'a> Fit<'a> {
     }
 }
 
-/// What the colours of the body are.
+/// Colours of the body.
 struct Colours {
-    /// Of each node of the surface, where it has stress, Pa.
+    /// Stress of each node of the surface, where it has any, Pa.
     values: Vec<Option<f64>>,
-    /// At the end of the colours, Pa.
+    /// Stress at the end of the colours, Pa.
     to: f64,
     most: f64,
     limit: Option<f64>,

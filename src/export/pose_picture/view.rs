@@ -1,13 +1,14 @@
-//! From where a moved body is seen best: with its length to the right and its motion upwards or downwards in the picture.
+//! Chooses the best view of a moved body: with its length to the right and its motion upwards or downwards in the picture.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 /// Directions to the right, upwards and towards the eye: rows of a rotation.
 pub struct View(Matrix3<f64>);
 
-/// So near an axis of the body, by the cosine, a direction is taken for it.
+/// Cosine from which a direction is taken for the nearest axis of the body.
 const NEAR_AXIS: f64 = 0.9;
-/// The eye is so far above the picture plane's normal, and to the side, rad.
+/// Angle of the eye above the picture plane's normal, rad.
+/// Angle of the eye to the side, rad.
 const ABOVE: f64 = 0.22;
 const ASIDE: f64 = 0.18;
 

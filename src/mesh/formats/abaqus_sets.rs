@@ -26,7 +26,7 @@ pub struct Sets {
 /// A set as the file describes it.
 #[derive(Default)]
 struct Set {
-    /// As it was first written.
+    /// The name as it was first written.
     name: String,
     tags: Vec<u64>,
     /// First, last, step.

@@ -1,11 +1,11 @@
-//! What to do with files of formats that are not read: geometry without a mesh, and meshes of other programs.
+//! Advice for files of formats that are not read: geometry without a mesh, and meshes of other programs.
 //!
 //! In: a path with its first bytes. Out: a sentence with the command that converts the file.
 
 use super::format::extension;
 use std::path::Path;
 
-/// What to do with a file that no reader knows; `None` of one that is not known here either.
+/// Advice for a file that no reader knows; `None` if it is not known here either.
 pub fn advice(path: &Path, bytes: &[u8]) -> Option<String> {
     let name = path.file_name().unwrap_or_default().display();
     let mesh = path.with_extension("msh");

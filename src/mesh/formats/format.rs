@@ -1,4 +1,4 @@
-//! What an entry of the list of formats holds: how a mesh file is recognised, read and written.
+//! An entry of the list of formats: how a mesh file is recognised, read and written.
 //!
 //! In: a file's bytes, or a [`TetMesh`]. Out: a [`RawMesh`] that is not yet checked, or the bytes of one or two files
 //! that the reader of the format gives back as the same nodes, tetrahedra and regions, bit by bit.
@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 /// One file format.
 pub struct Format {
     pub name: &'static str,
-    /// In lower case, without the dot.
+    /// Extensions in lower case, without the dot.
     pub extensions: &'static [&'static str],
     /// Whether these are the first bytes of such a file, whatever its name.
     pub recognizes: fn(&[u8]) -> bool,
-    /// The other files of a mesh that is stored in several, found by their names beside this path.
+    /// Finds the other files of a mesh that is stored in several, by their names beside this path.
     pub others: fn(&Path) -> Vec<PathBuf>,
     /// Reads the mesh from the bytes of the named file and of the others, in their order. A reader opens no file itself:
     /// the fingerprint of a precomputed body covers exactly what is passed here.
@@ -31,7 +31,7 @@ pub struct Part {
     pub bytes: Vec<u8>,
 }
 
-/// How a format is written in one encoding.
+/// A writer of a format in one encoding.
 pub struct Writer {
     pub name: &'static str,
     pub about: &'static str,
@@ -44,7 +44,7 @@ pub struct Writer {
 /// Files in the order of [`Writer::files`].
 pub struct Encoded {
     pub files: Vec<Vec<u8>>,
-    /// What the format cannot hold, one sentence each.
+    /// Sentences about what the format cannot hold.
     pub lost: Vec<String>,
 }
 

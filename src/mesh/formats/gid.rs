@@ -107,7 +107,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     Ok(raw)
 }
 
-/// What stands between the first two quotation marks.
+/// The text between the first two quotation marks.
 fn quoted(line: &[u8]) -> Option<String> {
     let text = line.split(|&byte| byte == b'"').nth(1)?;
     Some(String::from_utf8_lossy(text).into_owned())

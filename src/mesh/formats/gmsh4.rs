@@ -45,7 +45,7 @@ pub fn entities(scan: &mut Scanner, raw: &mut RawMesh, layout: Layout) -> Result
     entity_lists(scan, raw, false, if layout == Layout::Old { 6 } else { 3 })
 }
 
-/// The same for a partitioned mesh, whose elements stand on entities of their own.
+/// The physical groups of each entity of a partitioned mesh, whose elements stand on separate entities.
 pub fn partitioned_entities(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     scan.size()?;
     scan.end_line()?;

@@ -6,7 +6,7 @@
 use crate::mesh::error::{FormatFault, refuse};
 use std::str::FromStr;
 
-/// How numbers are written.
+/// The encoding of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     Text,
@@ -149,7 +149,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// In a text, expects the end of the line; binary files have none.
+    /// Expects the end of the line in a text; binary files have none.
     pub fn end_line(&mut self) -> Result<(), FormatFault> {
         if self.mode == Mode::Text {
             self.skip_blanks();

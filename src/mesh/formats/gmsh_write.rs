@@ -77,7 +77,7 @@ pub(super) fn encode_with_endianness(
     Ok(out.bytes)
 }
 
-/// What will be written, checked.
+/// The checked content of the file.
 struct Plan<'a> {
     mesh: &'a TetMesh,
     /// Physical group of each tetrahedron: its region.

@@ -46,8 +46,8 @@ pub const FORMATS: &[Format] = &[
     gid::FORMAT,
 ];
 
-/// The format of a file: by its extension, of those that share one by its first bytes, and by these alone where the
-/// extension tells nothing.
+/// The format of a file: by its extension, among those that share one by its first bytes, and by these alone where the extension
+/// is unknown.
 pub fn format_of(path: &Path, bytes: &[u8]) -> Result<&'static Format, FormatFault> {
     let recognized = || FORMATS.iter().find(|format| (format.recognizes)(bytes));
     let shared =

@@ -52,7 +52,7 @@ fn opens_elements(head: &[u8]) -> bool {
     matches!(first_numbers(head)[..], [_, 4 | 10] | [_, 4 | 10, _])
 }
 
-/// The numbers of the first line that is no comment; none where a word is no number.
+/// The numbers of the first line that is no comment; none if any of its words is no number.
 fn first_numbers(head: &[u8]) -> Vec<u64> {
     let Some((_, line)) = Words::new(head, Some(b'#')).full_line() else { return Vec::new() };
     let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(5);

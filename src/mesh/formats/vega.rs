@@ -189,7 +189,7 @@ fn set<'a>(lines: &mut Words<'a>, raw: &RawMesh, name: &'a [u8], at: usize) -> R
     Ok(Set { name, elements })
 }
 
-/// `set, material` on a line of its own.
+/// Reads `set, material` on a separate line.
 fn region<'a>(lines: &mut Words<'a>, at: usize) -> Result<Region<'a>, FormatFault> {
     let (line_at, line) = data_line(lines, "a set and its material")?;
     let set = line.split(|&byte| byte == b',').next().unwrap_or_default().trim_ascii();
@@ -199,7 +199,7 @@ fn region<'a>(lines: &mut Words<'a>, at: usize) -> Result<Region<'a>, FormatFaul
     Ok((set, line_at))
 }
 
-/// What the file says of a material, in words; `ENU, density, E, nu` is the usual kind.
+/// Reads the numbers of a material and returns them in words; `ENU, density, E, nu` is the usual kind.
 fn material(lines: &mut Words, name: &[u8], at: usize) -> Result<String, FormatFault> {
     let (line_at, line) = data_line(lines, "a material's numbers")?;
     if name.is_empty() {

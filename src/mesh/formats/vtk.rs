@@ -201,7 +201,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// From version 5 on: where each cell begins, with the end of the last, then all points.
+    /// Reads cells of version 5 on: where each cell begins, with the end of the last, then all points.
     fn cells_5(&mut self, at: usize, offsets: u64, size: u64) -> Result<(), FormatFault> {
         for (name, count) in [("OFFSETS", offsets), ("CONNECTIVITY", size)] {
             let (line_at, line) = self.words.full_line().unwrap_or((self.words.at, b""));
@@ -255,7 +255,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Skips an array, or takes its values for the regions where `name` ranks before the array taken so far.
+    /// Skips an array, or takes its values for the regions where `name` ranks before the array taken earlier.
     fn array(&mut self, name: Option<&str>, kind: Scalar, count: u64) -> Result<(), FormatFault> {
         let rank_of = |name: &str| region_rank(name).unwrap_or(usize::MAX);
         let there = self.cells.regions.as_ref().map_or(usize::MAX, |(name, _)| rank_of(name));

@@ -33,7 +33,7 @@ pub fn region_rank(name: &str) -> Option<usize> {
 #[derive(Default)]
 pub struct Cells {
     pub connectivity: Vec<u32>,
-    /// Where each cell ends in `connectivity`.
+    /// End of each cell in `connectivity`.
     pub ends: Vec<usize>,
     pub types: Vec<u8>,
     /// A number of each cell, and the name of the array it comes from.

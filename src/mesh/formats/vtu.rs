@@ -51,7 +51,7 @@ fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     Ok(Encoded { files: vec![vtu_write::encode(&[piece])], lost: lost(mesh, 0) })
 }
 
-/// What the XML says of one piece.
+/// The description of one piece in the XML.
 #[derive(Default)]
 struct Piece<'a> {
     at: usize,

@@ -9,7 +9,7 @@ use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use std::io::{Cursor, Read};
 
-/// An array as the XML tells of it.
+/// The description of an array in the XML.
 pub struct Array<'a> {
     pub name: String,
     /// `Float64`, `Int32`, …
@@ -58,7 +58,7 @@ impl<'a> Array<'a> {
     }
 }
 
-/// How the bytes of a file's arrays are to be taken.
+/// The encoding of the bytes of a file's arrays.
 pub struct Coding<'a> {
     bytes: &'a [u8],
     pub big_endian: bool,
@@ -227,7 +227,7 @@ impl<'a> Coding<'a> {
 /// Bytes of an array, as they are or as base64.
 struct Bytes<'a> {
     bytes: &'a [u8],
-    /// Of base64: what has been decoded and not yet taken, at most 3 bytes, the last first.
+    /// Bytes of base64 that have been decoded and not yet taken, at most 3, the last first.
     coded: Option<Vec<u8>>,
 }
 

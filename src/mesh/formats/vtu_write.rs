@@ -21,7 +21,7 @@ pub struct Piece<'a> {
     pub numbers: Option<(&'static str, Vec<i32>)>,
 }
 
-/// What all cells of a piece are.
+/// The type of all cells of a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cell {
     Triangle,
@@ -30,7 +30,7 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// Its nodes, and VTK's number of its type.
+    /// The number of nodes, and VTK's number of the type.
     fn nodes_and_type(self) -> (usize, u8) {
         match self {
             Cell::Triangle => (3, 5),

@@ -55,8 +55,8 @@ impl<'a> Words<'a> {
         parsed(word, at, what)
     }
 
-    /// The rest of this line without surrounding blanks, and its offset; moves to the next line. `None` at the end
-    /// of the file.
+    /// Takes the remainder of this line without surrounding blanks, and its offset; moves to the next line. `None` at the end of
+    /// the file.
     pub fn line(&mut self) -> Option<(usize, &'a [u8])> {
         let (at, rest) = (self.at, self.rest());
         if rest.is_empty() {
@@ -68,7 +68,7 @@ impl<'a> Words<'a> {
         Some((at, line.trim_ascii()))
     }
 
-    /// The next line that holds a word, without its comment.
+    /// The next line that is not empty, without its comment.
     pub fn full_line(&mut self) -> Option<(usize, &'a [u8])> {
         self.skip_white();
         let (at, line) = self.line()?;
@@ -77,7 +77,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// A word as a number.
+/// Parses a number.
 pub fn parsed<T: FromStr>(word: &[u8], at: usize, what: &str) -> Result<T, FormatFault> {
     let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
     number.ok_or_else(|| FormatFault::at(at, format!("expected {what}, found `{}`", excerpt(word))))

@@ -1,4 +1,4 @@
-//! What the writers of several formats share: checks, the groups to write, and sentences on what a format cannot hold.
+//! Helpers of several formats' writers: checks, the groups to write, and sentences on what a format cannot hold.
 
 use crate::mesh::error::MeshError;
 use crate::mesh::tet_mesh::TetMesh;

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 /// A vertex is moved onto the surface where a cut point is nearer to it than this part of a long edge.
 pub const ALPHA_LONG: f64 = 0.2845;
-/// The same for short edges.
+/// The limit for short edges, as [`ALPHA_LONG`].
 pub const ALPHA_SHORT: f64 = 0.3995;
 
 /// A lattice edge that the surface cuts, seen from the vertex inside.
@@ -25,7 +25,7 @@ struct Cut {
     outside: usize,
     /// Index into [`STEPS`], from inside to outside.
     step: usize,
-    /// Where: 0 at the inside vertex, 1 at the outside one.
+    /// Place on the edge: 0 at the inside vertex, 1 at the outside one.
     t: f64,
 }
 

@@ -1,8 +1,8 @@
-//! How deep a point lies inside a closed triangle surface.
+//! Measures the depth of a point inside a closed triangle surface.
 //!
-//! In: an oriented [`TriangleSurface`] and a point. Out: the distance to the surface, positive inside, m. The nearest
-//! triangle is found by parry in f32, in a box of size 1; the distance to it is then taken in f64. On edges and
-//! vertices the side is told by angle-weighted pseudo-normals: Baerentzen and Aanaes (IEEE TVCG 11, 2005).
+//! In: an oriented [`TriangleSurface`] and a point. Out: the distance to the surface, positive inside, m. The nearest triangle is
+//! found by parry in f32, in a box of size 1; the distance to it is then taken in f64. On edges and vertices angle-weighted
+//! pseudo-normals decide the side: Baerentzen and Aanaes (IEEE TVCG 11, 2005).
 
 use crate::mesh::quality::bounding_box;
 use crate::mesh::surface_files::TriangleSurface;
@@ -32,7 +32,7 @@ impl<'a> Depth<'a> {
         Ok(Depth { surface, tree, centre, size })
     }
 
-    /// How far the point is below the surface, m; negative outside.
+    /// Depth of the point below the surface, m; negative outside.
     pub fn at(&self, point: &Vector3<f64>) -> f64 {
         let scaled = unit((point - self.centre) / self.size);
         let (nearest, (triangle, location)) = self.tree.project_local_point_and_get_location(scaled, false);
@@ -57,7 +57,7 @@ impl<'a> Depth<'a> {
     }
 }
 
-/// How far points are from triangles, without a side.
+/// Measures distances of points from triangles, without a side.
 pub struct Distance {
     tree: TriMesh,
     centre: Vector3<f64>,

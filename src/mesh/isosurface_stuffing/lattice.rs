@@ -65,7 +65,7 @@ impl Lattice {
         self.corners() + self.cubes.iter().product::<usize>()
     }
 
-    /// In half cells.
+    /// Coordinates of a vertex in half cells.
     pub fn coordinates(&self, vertex: usize) -> [i64; 3] {
         let (index, extra) = match vertex.checked_sub(self.corners()) {
             None => (vertex, 0),

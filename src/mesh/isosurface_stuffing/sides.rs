@@ -73,7 +73,7 @@ fn contradictions(lattice: &Lattice, depth: &[f64]) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// For each vertex the least vertex of its side; edges that the surface cannot cut join a side.
+/// The least vertex of the side of each vertex; edges that the surface cannot cut join a side.
 fn sides(lattice: &Lattice, depth: &[f64]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..depth.len() as u32).collect();
     fn root(parent: &mut [u32], mut vertex: u32) -> u32 {

@@ -51,7 +51,7 @@ pub fn load(path: &Path) -> Result<LoadedSurface, MeshError> {
     parse(path, &super::read(path)?)
 }
 
-/// [`load`] from a file's `bytes`; `path` tells the format and is named in errors.
+/// Parses a file's `bytes` like [`load`]; the format follows from `path`, which is named in errors.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
     let unknown = || {
         let known: Vec<String> = FORMATS.iter().map(|(name, end, _)| format!("{name} (.{end})")).collect();
@@ -147,7 +147,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     Ok(LoadedSurface { surface, notices })
 }
 
-/// The same triangle, its least vertex first.
+/// The triangle with its least vertex first.
 fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
         [a, b, c]

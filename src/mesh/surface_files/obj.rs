@@ -57,7 +57,7 @@ fn read_line(at: usize, line: &[u8], raw: &mut RawSurface) -> Result<(), FormatF
     Ok(())
 }
 
-/// The vertex of `7`, `7/1`, `7//3` or `-1` (the last one so far), from 0.
+/// The vertex of `7`, `7/1`, `7//3` or `-1` (the last one defined before), from 0.
 fn corner(word: Word, vertices: usize) -> Result<u32, FormatFault> {
     let text = word.text.split(|&byte| byte == b'/').next().unwrap_or(word.text);
     let number: i64 = Word { text, at: word.at }.parse("a vertex number")?;

@@ -2,7 +2,7 @@
 
 use crate::mesh::error::FormatFault;
 
-/// A word of a text and where it begins.
+/// A token of a text, with its offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Word<'a> {
     pub text: &'a [u8],

@@ -1,4 +1,4 @@
-//! What the hard cases share: how a body is asked for, judged, solved and measured, and the row that comes of it.
+//! Helpers of the hard cases: how a body is asked for, judged, solved and measured, and the row that comes of it.
 
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::green::{self, GreenError, Requirements, STIFFNESS, Solution};
@@ -8,7 +8,7 @@ use crate::solve::Silent;
 use serde::Serialize;
 use std::path::Path;
 
-/// How a case ended.
+/// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
@@ -20,15 +20,15 @@ pub enum Outcome {
 /// One case and its outcome.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaseRow {
-    /// Its number in the manual's chapter check.
+    /// The case's number in the manual's chapter check.
     pub number: u32,
     pub case: String,
     pub required: Outcome,
     pub outcome: Outcome,
-    /// What must be said, and the sentence that was.
+    /// Words that the message must contain, and the message.
     pub words: &'static str,
     pub said: String,
-    /// What was measured, its relative error and the largest that is allowed; nothing of what is refused.
+    /// The measured quantity, its relative error and the largest that is allowed; `None` if the case is refused.
     pub measured: &'static str,
     pub error: Option<f64>,
     pub bound: Option<f64>,
@@ -109,7 +109,7 @@ impl Asked {
     }
 }
 
-/// What a case must come to.
+/// The required outcome of a case.
 pub struct Must {
     pub outcome: Outcome,
     pub words: &'static str,

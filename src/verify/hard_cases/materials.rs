@@ -14,7 +14,7 @@ pub(super) fn rows() -> CaseRows {
     Ok(rows)
 }
 
-/// The same mesh with its nodes and tetrahedra numbered backwards: another ordering, other rounding, the same answer.
+/// Numbers nodes and tetrahedra of a mesh backwards: another ordering, other rounding, the same answer.
 fn backwards(mesh: &TetMesh) -> TetMesh {
     let last = mesh.nodes.len() as u32 - 1;
     let turn = |node: &u32| last - node;

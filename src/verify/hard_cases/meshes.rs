@@ -17,7 +17,7 @@ pub(super) fn rows() -> CaseRows {
     Ok(rows)
 }
 
-/// The base case with a node moved towards the plane of the opposite face of one tetrahedron, to `height` of its own.
+/// The base case with a node moved towards the plane of the opposite face of one tetrahedron, to `height` of the original height.
 fn squeezed(height: f64) -> Result<TetMesh, GreenError> {
     let mut mesh = base()?;
     let is_inner = |tet: &[u32; 4]| tet.iter().all(|&node| mesh.nodes[node as usize].norm() < 0.6);
