@@ -103,7 +103,7 @@ pub struct EffectEntry {
     pub section_after_change: Option<SectionAfterChange>,
     /// Makes the effect's part of a new world. Called for windows, pictures and checks.
     pub attach: Option<Attach>,
-    /// Starts devices and threads, in a live session only. An effect that acts on bodies must come from `attach` instead.
+    /// Starts devices and threads, in a live session only; `None` where the stage has none.
     pub start: Option<Start>,
 }
 
