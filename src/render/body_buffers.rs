@@ -130,8 +130,8 @@ impl BodyBuffers {
         Ok(body)
     }
 
-    /// Sets the pattern that is fixed to the material; `rest` has the place of each vertex at rest. Errors:
-    /// [`RenderError::VertexCount`] unless there is one place per vertex; an image too large for the device.
+    /// Sets the pattern that is fixed to the material; `rest` has the place of each vertex at rest.
+    /// Errors: [`RenderError::VertexCount`] unless there is one place per vertex; an image too large for the device.
     pub fn set_pattern(
         &mut self,
         gpu: &Gpu,

@@ -30,8 +30,8 @@ impl EyePair {
     /// The usage of a pair that is only drawn into.
     pub const NO_OTHER_USAGE: TextureUsages = TextureUsages::empty();
 
-    /// Makes a pair for `renderer`, drawn in one pass if its `multiview` says so. `usage` is added to that of a target. Errors:
-    /// as [`Attachments::new`].
+    /// Makes a pair for `renderer`, drawn in one pass if its `multiview` says so. `usage` is added to that of a target.
+    /// Errors: as [`Attachments::new`].
     pub fn new(
         gpu: &Gpu,
         renderer: &Renderer,
@@ -86,8 +86,8 @@ impl EyePair {
         }
     }
 
-    /// Reads the picture of eye 0 or 1 of a readable pair, as drawn by everything submitted so far. Errors:
-    /// [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its limits.
+    /// Reads the picture of eye 0 or 1 of a readable pair, as drawn by everything submitted so far.
+    /// Errors: [`RenderError::Device`] when the device failed or was lost, [`RenderError::BufferSize`] beyond its limits.
     pub fn read(&self, gpu: &Gpu, eye: usize) -> Result<RgbaImage, RenderError> {
         let (texture, layer) = match self.textures.as_slice() {
             [left, right] => ([left, right][eye], 0),

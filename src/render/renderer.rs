@@ -139,8 +139,8 @@ impl Renderer {
     }
 
     /// Draws `contents` into all `pictures` with one submission; returns the time to encode and submit it. The device draws
-    /// meanwhile: [`Gpu::wait`] returns how long. Errors: a viewport outside its target, a target of another sample count, or a
-    /// device that failed.
+    /// meanwhile: [`Gpu::wait`] returns how long.
+    /// Errors: a viewport outside its target, a target of another sample count, or a device that failed.
     pub fn draw(
         &mut self,
         gpu: &Gpu,

@@ -39,8 +39,8 @@ impl Body {
         Ok(Body::from_block(element, block(&Block { size: [1.0; 3], cells })?, shape))
     }
 
-    /// Makes a body as [`Body::new`] does, with the six tetrahedra of Kuhn's split around the diagonal from (0, 0, 0) to (1, 1,
-    /// 1) in each cell.
+    /// Makes a body as [`Body::new`] does, with the six tetrahedra of Kuhn's split in each cell, around the diagonal from
+    /// (0, 0, 0) to (1, 1, 1).
     pub fn kuhn(
         element: &Element,
         cells: [u32; 3],

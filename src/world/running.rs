@@ -80,7 +80,7 @@ pub trait RunningEffect {
     }
 
     /// Adds coefficients, energies and forces to the bodies in this frame, whose hands and poses are known. The bodies still have
-    /// the shape of the frame before. Effects act one after the other, in the order of [`EFFECTS`](crate::effect::EFFECTS).
+    /// the shape of the frame before. Effects act one after the other, in the order of the program's list of effects.
     fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
 
     /// Sees the bodies in the shape of this frame; colours them, and adds what it knows of their forces.
