@@ -12,13 +12,14 @@ use greenstage::solve::{AUTO, Job, Method, SOLVERS, Solver};
 use std::path::Path;
 use std::time::Instant;
 
-/// The methods take turns; so many times, and on until so many seconds have passed.
+/// Least number of rounds of each method; the methods take turns.
+/// Time for which a method's rounds go on, s.
 const ROUNDS: usize = 3;
 const SECONDS: f64 = 6.0;
-/// A method that takes so many times as long as the best is not measured again.
+/// Factor over the best time from which a method is not measured again.
 const HOPELESS: f64 = 4.0;
 
-/// A body, held at both ends of its longest side by so many control elements of twelve columns.
+/// A body, held at both ends of its longest side by control elements of twelve columns each.
 struct Body {
     name: String,
     mesh: TetMesh,

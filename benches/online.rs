@@ -1,4 +1,5 @@
-//! What the graph of fields costs, what a snapshot of all state costs, and the online stage's two loops at the paper's size: 10,000 nodes, two control elements of twelve columns.
+//! Times of the graph of fields, of a snapshot of all state, and of the online stage's two loops at the paper's size: 10,000
+//! nodes, two control elements of twelve columns.
 
 use criterion::{Criterion, Throughput, criterion_group};
 use greenstage::base::columns::{Storage, StoredColumns};

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
-/// What an effect needs that feels forces.
+/// Column families of an effect with forces.
 pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS, CUBIC]));
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
@@ -79,7 +79,7 @@ pub fn euler_characteristic_of_closed(surface: &Surface) -> i64 {
     surface.nodes.len() as i64 - directed.len() as i64 / 2 + surface.triangles.len() as i64
 }
 
-/// A folder of its own for one test, emptied.
+/// An empty folder for one test.
 pub fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&path);
@@ -155,7 +155,7 @@ pub fn program(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// What the program wrote to one of its streams.
+/// The text that the program wrote to one of its streams.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }

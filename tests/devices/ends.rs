@@ -1,7 +1,7 @@
-//! However a program ends while a device pushes, the last force that the device is sent is zero. Each test ends a process in
-//! one way; its device is a server of the test, which notes every force and when it came.
+//! Ends of the program while a device pushes: the last force that the device gets is zero. Each test ends a process in one way;
+//! its device is a server of the test, which notes every force and when it came.
 //!
-//! `GREENSTAGE_ENDS=1000` ends so many programs instead of 24 and prints how long each way took.
+//! `GREENSTAGE_ENDS=1000` ends that many programs instead of 24 and prints how long each way took.
 
 use crate::common::folder;
 use crate::display_common::{Display, wait_for};
@@ -52,7 +52,7 @@ fn control() -> (Control, Grasp) {
     (Control::new(Haptic::simulated("ends"), vec![body], 0.0), grasp)
 }
 
-/// Not a test of its own: the process that the others end, or that ends itself once a line comes on standard input.
+/// The process that the other tests end, or that ends itself once a line comes on standard input; no separate test.
 #[test]
 fn child() -> Result<(), &'static str> {
     let Ok(device) = std::env::var(DEVICE) else { return Ok(()) };
@@ -255,7 +255,8 @@ fn start(device: &Played, way_out: &str) -> Child {
     unsafe { command.pre_exec(as_from_a_terminal) }.spawn().unwrap()
 }
 
-/// What starts the tests may ignore signals, as a script does for a command in its background.
+/// Restores the default of signals, which may be ignored by whatever starts the tests, as by a script for a command in its
+/// background.
 fn as_from_a_terminal() -> io::Result<()> {
     for signal in [SIGINT, SIGQUIT] {
         // SAFETY: the default disposition runs no code of ours.

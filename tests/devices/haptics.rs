@@ -1,5 +1,5 @@
-//! The force in the hand: it is that of the body, it does no work of its own, and it goes where it must when the device
-//! lies, jumps, vanishes and returns. Nothing here asserts real time.
+//! The force in the hand: it is that of the body, it does no work by itself, and it goes where it must when the device lies,
+//! jumps, vanishes and returns. Nothing here asserts real time.
 
 mod body;
 use crate::common;
@@ -62,7 +62,7 @@ fn bent(angle: f64) -> ControlPoses {
     ]
 }
 
-/// Where the tube stands in the room, shrunk and turned, and a stylus that holds its right end from aside.
+/// The tube at its place in the room, shrunk and turned, and a stylus that holds its right end from aside.
 fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64>) -> Held {
     let room_from_body = Similarity3::new(Vector3::new(0.3, 1.1, -0.2), Vector3::new(0.1, 0.7, -0.3), 0.4);
     let mut element: Matrix4<f64> = poses[1].matrix.to_homogeneous();
@@ -270,7 +270,7 @@ fn a_clock_that_goes_back_is_not_followed() {
     assert_eq!(bench.control.state.gain, 1.0);
 }
 
-/// What the hand gives is what the body stores, and what friction and the fingers eat: the loop adds nothing.
+/// The work of the hand is the energy that the body stores, and the loss in friction and the fingers: the loop adds nothing.
 #[test]
 fn nothing_comes_out_that_was_not_put_in() {
     let haptic = Haptic { max_force_n: 100.0, max_torque_nm: 10.0, ..Haptic::simulated("right") };

@@ -50,7 +50,7 @@ fn hear<T: std::fmt::Debug>(heard: &Receiver<T>, what: &str, wanted: impl Fn(&T)
     panic!("{what}: not heard");
 }
 
-/// Pushes until the service was told this force.
+/// Pushes until the service has received this force.
 fn push_until(device: &mut dyn Device, push: &Push, heard: &Receiver<f64>) {
     let started = Instant::now();
     while !heard.try_iter().any(|force| force == push.force.x) {
@@ -97,8 +97,8 @@ fn state(x: f64) -> String {
     )
 }
 
-/// Like the Inverse Service: a state, and another after each command. Gives the x of each force that it was sent. It vanishes
-/// and is back when it is told to.
+/// Plays the Inverse Service: a state, and another after each command. Sends on the x of each force that it received. It
+/// vanishes, and comes back on a signal.
 fn serve_haply(listener: TcpListener, first: Vec<String>, forces: Sender<f64>, back: Receiver<()>) {
     loop {
         let mut socket = accept(&listener);

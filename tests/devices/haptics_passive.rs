@@ -70,7 +70,7 @@ impl TestLoop {
         Reading { buttons: [true, false], ..Reading::at(pose, arrived_s) }
     }
 
-    /// From one place to another in so many ticks.
+    /// Moves from one place to another in `ticks` ticks.
     fn way(&mut self, from: Vector3<f64>, to: Vector3<f64>, ticks: u32) {
         for i in 1..=ticks {
             self.at(from.lerp(&to, f64::from(i) / f64::from(ticks)));
@@ -233,8 +233,8 @@ fn a_late_device_comes_to_rest_and_makes_no_energy() {
     }
 }
 
-/// A released handle behind `reports`, of which the loop is told nothing, for so many seconds; what `change` does to it is at
-/// half of the time. How far it moves in the last second.
+/// Releases a handle behind `reports`, which the loop does not know, for `span_s` seconds; `change` is called at half of the
+/// time. Returns the distance that it moves in the last second.
 fn release(
     test: &mut TestLoop,
     reports: Reports,
@@ -345,7 +345,7 @@ fn an_open_hand_feels_nothing() {
     assert_eq!(test.control.state.push, Push::NONE);
 }
 
-/// Packets that overtake each other: the device's own clock tells which is the newer.
+/// Packets overtake each other: the device's own clock shows which is the newer.
 #[test]
 fn a_reading_that_was_overtaken_is_not_taken() {
     let mut test = TestLoop::new(Haptic::simulated("right"), [1000.0; 3]);

@@ -33,7 +33,7 @@ pub struct Placed {
 }
 
 pub struct Display {
-    /// For DISPLAY.
+    /// The value of DISPLAY.
     pub name: String,
     connection: RustConnection,
     root: Window,
@@ -135,7 +135,7 @@ impl Display {
         }
     }
 
-    /// Plays the daemon that tells all programs the settings of the desktop (XSETTINGS), to begin with 96 dots per inch.
+    /// Plays the daemon that sends all programs the settings of the desktop (XSETTINGS), to begin with 96 dots per inch.
     pub fn manage_settings(&self) -> Window {
         let (connection, id) = (&self.connection, self.connection.generate_id().unwrap());
         let nothing = CreateWindowAux::new();
@@ -167,7 +167,7 @@ impl Display {
         self.connection.intern_atom(false, name).unwrap().reply().unwrap().atom
     }
 
-    /// What is seen in a rectangle of the screen: x, y, width, height.
+    /// The picture in a rectangle of the screen: x, y, width, height.
     pub fn picture(&self, [x, y, width, height]: [u32; 4]) -> RgbImage {
         let [x, y] = [x, y].map(|pixel| pixel as i16);
         let [w, h] = [width, height].map(|pixels| pixels as u16);

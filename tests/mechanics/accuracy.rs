@@ -1,4 +1,4 @@
-//! What accuracy costs in time: the parts of the error, and the choice from them.
+//! The cost of accuracy in time: the parts of the error, and the choice from them.
 
 use crate::common::{case_poses, folder, scene, shared};
 use greenstage::deform::{
@@ -104,7 +104,7 @@ fn row<'a>(
     report.rows.iter().find(is).unwrap()
 }
 
-/// In a single pose the whole is at most the sum of its parts, and at least the largest less the others.
+/// The whole error in a single pose is at most the sum of its parts, and at least the largest less the others.
 #[test]
 fn the_parts_of_the_error_add_up() {
     for (name, report) in &*REPORTS {
@@ -160,7 +160,7 @@ fn each_part_belongs_to_its_own_parameter() {
     assert!(rotation.cost.offline_s > base.cost.offline_s);
 }
 
-/// With the moment about where the element is now.
+/// The wrench with the moment about the element's present place.
 fn about_the_place(wrench: Wrench, pose: &ControlPose) -> Wrench {
     Wrench { moment: wrench.moment - pose.translation.cross(&wrench.force), ..wrench }
 }
@@ -373,7 +373,7 @@ fn a_run_that_was_stopped_goes_on() {
     assert!(!keep.exists());
 }
 
-/// What has to be there is measured however little time there is, and the rest is named.
+/// The necessary steps are measured however little time there is, and the others are named.
 #[test]
 fn a_limit_of_time_leaves_out_what_does_not_fit() {
     let (_, scene) = &bodies()[0];
@@ -428,8 +428,8 @@ fn effects_that_are_not_listed_cost_nothing() {
     assert_eq!([without.offline_s, without.file_bytes, without.memory_bytes, without.frame_s], [0.0; 4]);
 }
 
-/// What the independent solutions' README says of P1 against P2 on their meshes: 1.1 % (tube), 0.6 % (block2), in its own
-/// norm. The report measures its discretisation with the same fields and norm, and with much else that has no part in this.
+/// Figures of the independent solutions' README for P1 against P2 on their meshes: 1.1 % (tube), 0.6 % (block2), in its norm. The
+/// report measures its discretisation with the same fields and norm, and with much else that has no part in this.
 #[test]
 fn linear_against_quadratic_elements_as_found_elsewhere() {
     for (case, low, high) in [("tube", 0.010, 0.0125), ("block2", 0.0055, 0.0070)] {
@@ -528,9 +528,9 @@ fn what_goes_on_from_a_lost_equilibrium_is_not_solved() {
     assert_eq!(whys[1..], on_the_way);
 }
 
-/// The discretisation of a model that is made on the scene's mesh alone is carried on by the most accurate model that is made
-/// on finer ones: `substructured` with tet4 is told to be as far off as `reduced` is, and its force more than 5 %, which no model
-/// compared on its own mesh alone would say.
+/// The discretisation error of a model that is made on the scene's mesh alone is carried on by the most accurate model that is
+/// made on finer ones: that of `substructured` with tet4 is as large as that of `reduced`, and its force is off by more than 5 %,
+/// which a model compared on its own mesh alone would not show.
 #[test]
 fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     let bar = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [8, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";

@@ -192,7 +192,7 @@ fn a_whole_turn_of_a_hand_is_kept_forgotten_and_set_back() {
     assert!((again / energy - (359.0f64 / 360.0).powi(2)).abs() < 1e-3, "{again} {energy}");
 }
 
-/// Beyond the last equilibrium the newest one stays and is told to be that; on the way back it goes on.
+/// The newest equilibrium stays, and is reported as such, beyond the last one; on the way back the model goes on.
 #[test]
 fn a_lost_equilibrium_is_told_and_found_again() {
     let scene = block_scene([4, 4, 4], "");
@@ -212,7 +212,7 @@ fn a_lost_equilibrium_is_told_and_found_again() {
     assert!(off(&deformer, &settled) < 1e-6);
 }
 
-/// Without waiting, a frame shows what is there; states come as they are found, the last one for the last pose.
+/// A frame that does not wait shows the newest state; states come as they are found, the last one for the last pose.
 #[test]
 fn a_hand_is_followed_without_waiting() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();

@@ -1,5 +1,5 @@
-//! The compliance of the surface in the .green file, by its inverse and by its factor: every column is that of a fresh solve, and damage
-//! is told where it is read.
+//! The compliance of the surface in the .green file, by its inverse and by its factor: every column is that of a fresh solve, and
+//! damage is reported where it is read.
 
 use crate::common::{block_scene, folder};
 use crate::forged_files::assert_refused;
@@ -24,7 +24,7 @@ fn compliant(name: &str, nodes: &str) -> (PathBuf, Scene) {
     (path, scene)
 }
 
-/// The same with the factor that tells it.
+/// A body of which the factor is kept instead of the inverse.
 fn kept_factor(name: &str, nodes: &str) -> (PathBuf, Scene) {
     let path = folder(name).join("block.green");
     let keys = format!("surface_compliance = {{ nodes = {nodes}, kept = \"factor\" }}");
@@ -76,7 +76,7 @@ fn a_compliance_is_read_piece_by_piece_and_is_the_inverse() {
     }
 }
 
-/// What is damaged on the disk is an error where it is read, and nowhere else; a file that is replaced goes on as it was.
+/// Damage on the disk is an error where it is read, and nowhere else; a file that is replaced goes on as it was.
 #[test]
 fn a_damaged_compliance_is_told_where_it_is_read() {
     let (path, _) = compliant("green-tiles", "\"surface\"");
@@ -165,7 +165,7 @@ fn columns_from_a_kept_factor_are_those_of_the_inverse() {
     }
 }
 
-/// What is damaged of a kept factor is an error that names the file: in opening it, or where its numbers are read.
+/// Damage of a kept factor is an error that names the file: in opening it, or where its numbers are read.
 #[test]
 fn a_damaged_factor_is_told_where_it_is_read() {
     let (path, _) = kept_factor("green-factor-damaged", "\"surface\"");

@@ -94,8 +94,7 @@ fn energy_error(pcg: &Solution, exact: &Solution, poisson: f64) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The figure of conjugate gradients is a bound on the error in the energy norm, and no wild one; a condition number they
-/// do not tell.
+/// The figure of conjugate gradients is a bound on the error in the energy norm, and no wild one; they give no condition number.
 #[test]
 fn the_error_of_conjugate_gradients_is_bounded() {
     for poisson in ["0.3", "0.4999"] {

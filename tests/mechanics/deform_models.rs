@@ -37,7 +37,7 @@ fn deformed(file: &Arc<GreenFile>, model: &str, poses: &[(&str, ControlPose)]) -
     deformer
 }
 
-/// Where surface node `i` is drawn, about the body's centre.
+/// The place at which surface node `i` is drawn, about the body's centre.
 fn drawn(deformer: &Deformer, i: usize) -> Vector3<f64> {
     let x = Point3::from(Vector3::from(deformer.positions()[i]).cast::<f64>());
     (deformer.body_from_surface() * x).coords

@@ -36,7 +36,7 @@ fn field(mesh: &TetMesh, displacement: impl Fn(&Vector3<f64>) -> Vector3<f64>) -
     NodeFields { nodes: mesh.nodes.len(), columns: 1, data }
 }
 
-/// Every element on a crooked mesh of its own; the quadratic one with crooked edges too.
+/// Every element on a crooked mesh; the quadratic one with crooked edges too.
 fn elements(cells: [u32; 3]) -> Vec<(&'static str, TetMesh, StiffnessMatrix)> {
     let linear = crooked_block(cells);
     let mut curved = mesh::quadratic(linear.clone(), &mesh::quadratic::straight);
@@ -198,7 +198,7 @@ grab = "fixed"
     assert!(worst < 1e-12 * 0.03, "{worst:e}");
 }
 
-/// The same patch with every solver: PCG is the check on Cholesky.
+/// The patch with every solver: PCG is the check on Cholesky.
 #[test]
 fn pcg_and_cholesky_agree() {
     let cholesky =

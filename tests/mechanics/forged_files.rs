@@ -144,7 +144,7 @@ pub fn assert_refused<T>(result: Result<T, GreenError>, expected: &str) {
     );
 }
 
-/// With the scene's fingerprint in it, and another order or other names of its control elements, or without S.
+/// Files with the scene's fingerprint, but with another order or other names of its control elements, or without S.
 #[test]
 fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
     let (path, _) = written("green-claims", &HAPTICS);
@@ -181,7 +181,7 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
     assert_refused(GreenFile::open(&forged), "tensor block/stiffness is missing");
 }
 
-/// What is read passes the judgement of what is solved: rigid motions in columns and S, and the forward error.
+/// A file passes the same judgement as a solution: rigid motions in columns and S, and the forward error.
 #[test]
 fn columns_that_do_not_reproduce_rigid_motions_are_refused() {
     let (path, _) = written("green-rigid", &HAPTICS);

@@ -242,7 +242,7 @@ fn changed_scene_makes_the_file_stale() {
     assert!(matches!(stale, GreenError::Stale { .. }) && stale.to_string().contains("stale"), "{stale}");
 }
 
-/// Of a mesh in several files each one counts, whichever of them the scene names.
+/// Each file of a mesh in several files counts, whichever of them the scene names.
 #[test]
 fn a_change_of_any_file_of_the_mesh_makes_the_file_stale() {
     let folder = folder("green-tetgen");

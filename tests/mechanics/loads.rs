@@ -337,7 +337,7 @@ fn forces_of_loaded_bodies_are_the_gradient_of_their_energy() {
     }
 }
 
-/// What holds a body bears its weight, however it is turned.
+/// The forces that hold a body bear its weight, however it is turned.
 #[test]
 fn reactions_bear_the_weight() {
     for model in ["linear", "rotation"] {

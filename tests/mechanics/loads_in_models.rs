@@ -55,7 +55,7 @@ fn block(element: &str, size: [f64; 3], cells: [usize; 3], keys: &str) -> Scene 
     Scene::parse(&text, Path::new("block.toml")).unwrap()
 }
 
-/// How much of the loads a model's body bears: a plate is thin.
+/// The part of the loads that a model's body bears: a plate is thin.
 fn part(model: &str) -> f64 {
     if model == "plate" { 0.1 } else { 1.0 }
 }
@@ -222,9 +222,9 @@ fn forces_of_a_loaded_model_are_the_slopes_of_its_energy() {
     }
 }
 
-/// What each load does under each model beside what it does in equilibrium under St. Venant–Kirchhoff's law, in parts of the largest
-/// displacement and of the largest force that it makes: at rest a hundredth of it and all of it, and all of it with one end bent by 30°, in
-/// shape and then in the forces on the ends. The printed rows are the manual's.
+/// The effect of each load under each model compared with that in equilibrium under St. Venant–Kirchhoff's law, in parts of the
+/// largest displacement and of the largest force that it makes: at rest a hundredth of it and all of it, and all of it with one
+/// end bent by 30°, in shape and then in the forces on the ends. The printed rows are the manual's.
 #[test]
 fn loads_under_each_model_come_near_the_full_solve() {
     for model in MODELS {

@@ -107,7 +107,7 @@ fn a_warm_solved_body_has_the_closed_form() {
     }
 }
 
-/// What a body expands by itself is no stress; what keeps it from it is: E e in the middle of a clamped bar.
+/// A free expansion is no stress; if the body is kept from it there is E e in the middle of a clamped bar.
 #[test]
 fn warmth_is_no_stress_in_a_free_body_and_e_alpha_t_in_a_clamped_one() {
     let scene = bar("tet10", "thermal = { expansion = 1e-5, difference = 50 }", &["xmin", "xmax"]);

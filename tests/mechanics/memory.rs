@@ -127,7 +127,7 @@ fn goes_on(model: &'static ModelEntry, with_loads: bool, wildness: f64) {
     }
 }
 
-/// How far a model is moved: a body under this law gives way beyond.
+/// A factor on the motions of a model: a body under this law gives way beyond.
 fn wildness(model: &ModelEntry) -> f64 {
     if model.name == "neo_hookean" { 0.4 } else { 1.0 }
 }

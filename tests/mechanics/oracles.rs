@@ -170,8 +170,8 @@ fn shear_force(element: &str, poisson: &str, n: u32) -> f64 {
     green::solve(&scene, "block", &HAPTICS, &Silent).unwrap().stiffness().unwrap()[(1, 1)]
 }
 
-/// How much too stiff linear tetrahedra are in bending, how slowly that heals near ν = 1/2, and what the two other
-/// elements make of it. The manual's chapter `method` has these figures.
+/// The excess stiffness of linear tetrahedra in bending, how slowly that heals near ν = 1/2, and the results of the two other
+/// elements. The manual's chapter `method` has these figures.
 #[test]
 fn linear_tetrahedra_lock_as_the_manual_says() {
     let manual = include_str!("../../src/manual/method.md");

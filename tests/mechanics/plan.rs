@@ -52,7 +52,7 @@ fn a_table_is_kept_and_chosen_from() {
     assert!(said("accuracy = { displacement = 0.5, largest = 3000 }").contains(MEASURING));
 }
 
-/// Nothing is taken in its place, nothing is written, and the setting that is named can be written by hand.
+/// A missed demand takes no other setting, and writes nothing; the setting that is named can be written by hand.
 #[test]
 fn a_demand_that_nothing_meets_ends_with_1_and_names_the_nearest_setting() {
     let folder = folder("plan-missed");

@@ -222,8 +222,8 @@ fn handle_stiffness(scene: &Scene) -> DMatrix<f64> {
         .clone()
 }
 
-/// What a refined mesh can represent contains what the coarse one can, and the ends are prescribed alike: the strain
-/// energy of every pose falls, so S(h) - S(h/2) has no negative eigenvalue, and the steps shrink.
+/// The space of a refined mesh contains that of the coarse one, and the ends are prescribed alike: the strain energy of every
+/// pose falls, so S(h) - S(h/2) has no negative eigenvalue, and the steps shrink.
 #[test]
 fn energies_fall_from_refinement_to_refinement_and_converge() {
     let s: Vec<DMatrix<f64>> = (0..=3)

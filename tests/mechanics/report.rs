@@ -494,7 +494,7 @@ fn the_reference_is_never_recommended() {
     well_formed(&nothing_else);
 }
 
-/// A machine that was busy is told beside the answer, on the page and in a terminal; an idle one is not.
+/// A warning of a busy machine stands by the answer, on the page and in a terminal; an idle one has none.
 #[test]
 fn times_of_a_busy_machine_are_not_offered() {
     let mut report = made_up();
@@ -509,7 +509,7 @@ fn times_of_a_busy_machine_are_not_offered() {
     }
 }
 
-/// What was not measured is no zero.
+/// A value that was not measured is no zero.
 #[test]
 fn a_part_that_is_not_known_is_a_dash() {
     let mut report = made_up();
@@ -527,7 +527,8 @@ fn a_part_that_is_not_known_is_a_dash() {
     well_formed(&report);
 }
 
-/// Its solver adds an error of the opposite sign: in the measured poses the whole looks best, and nothing recommends it.
+/// The solver of this row adds an error of the opposite sign: in the measured poses the whole looks best, and nothing recommends
+/// it.
 #[test]
 fn errors_that_cancel_are_never_recommended() {
     let mut report = made_up();

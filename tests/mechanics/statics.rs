@@ -388,7 +388,7 @@ fn a_pose_without_equilibrium_leaves_the_others_of_the_batch() {
     assert!(!place.join("none.csv").exists() && !place.join("none.vtu").exists());
 }
 
-/// A matrix of 190° is one of -170°: which was taken is told, and nothing where there is no doubt.
+/// A matrix of 190° is one of -170°: a note reports which was taken, and there is none where there is no doubt.
 #[test]
 fn turns_near_half_a_turn_are_told_as_they_were_taken() {
     let place = folder("statics-half-turn");

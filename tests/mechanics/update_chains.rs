@@ -1,7 +1,7 @@
-//! Chains of random updates of small bodies against fresh precomputations of the same states: what differs is said.
+//! Chains of random updates of small bodies against fresh precomputations of the same states: differences are reported.
 //!
-//! `GREENSTAGE_UPDATE_CHAINS=10000 cargo test --test mechanics chains_of_updates -- --nocapture` makes so many chains; the suite
-//! makes a few.
+//! `GREENSTAGE_UPDATE_CHAINS=10000 cargo test --test mechanics chains_of_updates -- --nocapture` makes that many chains; the
+//! suite makes a few.
 
 use greenstage::base::diagnostic::Severity;
 use greenstage::base::progress::Progress;
@@ -16,9 +16,9 @@ use nalgebra::DMatrix;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A shape or a force may differ by this part of the largest of its column or row without a word.
+/// Part of the largest shape or force of a column or row by which it may differ without a report.
 const SAME: f64 = 1e-6;
-/// What storage in f32 may add.
+/// Largest error that storage in f32 may add.
 const STORED: f64 = 2.5e-7;
 /// Chains of each body.
 const OF_A_BODY: usize = 25;

@@ -1,4 +1,4 @@
-//! `greenstage verify`: the fitted rates are those of theory, and misses are told.
+//! `greenstage verify`: the fitted rates are those of theory, and misses are reported.
 
 use crate::common::{self, folder};
 use greenstage::verify::{Bound, ConvergenceRow, Effort, Level, PROBLEMS, run};

@@ -88,7 +88,7 @@ fn vega_sets_are_groups_and_regions() {
     refused("m.veg", b"*VERTICES\n1 3 0 0\n0 0 0 0\n", "m.veg: no section *ELEMENTS");
 }
 
-/// By its content, whatever it is called; a Gmsh file of the same extension is still one.
+/// GiD is recognised by its content, whatever the name; a Gmsh file of the same extension is still one.
 #[test]
 fn gid_is_told_from_gmsh_by_its_first_line() {
     let gid = String::from_utf8(small::gid()).unwrap();
@@ -276,7 +276,7 @@ fn malformed_vtu_names_the_place() {
     assert!(message.contains("more than 64 times the file's bytes"), "{message}");
 }
 
-/// A file whose first array is said to hold, and does hold, far more than the file's own bytes.
+/// A file whose first array claims to hold, and does hold, far more than the file's own bytes.
 fn vtu_bomb() -> Vec<u8> {
     let array = |kind: &str, rest: &str, _: &str| {
         let block = small::deflated(&vec![0; 1 << 20]);

@@ -1,4 +1,4 @@
-//! What readers refuse, with file, line and reason; what they repair, with a notice.
+//! Faults that readers refuse, with file, line and reason; faults that they repair, with a notice.
 
 use greenstage::mesh::{Block, Encoding, Loaded, block, encode, load, parse, quality::signed_volume};
 use std::path::Path;
@@ -17,7 +17,7 @@ fn version_2(from: &str, to: &str) -> Result<Loaded, String> {
     read(&text.replacen(from, to, 1))
 }
 
-/// The same in Gmsh 4.1.
+/// A file in Gmsh 4.1 with `from` replaced by `to`.
 fn version_4(from: &str, to: &str) -> Result<Loaded, String> {
     let text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n\
         $PhysicalNames\n1\n3 7 \"soft\"\n$EndPhysicalNames\n\

@@ -1,4 +1,4 @@
-//! What is written is read back, bit by bit; whatever is read, nothing panics.
+//! Meshes that are written are read back, bit by bit; no input makes a reader panic.
 
 use crate::mesh_geometry::demo_tube;
 use greenstage::mesh::{Block, Encoding, Loaded, TetMesh, block, encode, load, parse, save, tube};
@@ -29,7 +29,7 @@ pub fn any_block(name: &'static str) -> impl Strategy<Value = TetMesh> {
     })
 }
 
-/// With tags and names of regions too.
+/// Meshes with tags and names of regions too.
 fn any_mesh() -> impl Strategy<Value = TetMesh> {
     const NAME: &str = "[^\"\\p{Cc}]{0,12}";
     let names = btree_map(0u32..8, NAME, 0..4);

@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::thread::{Scope, scope};
 
-/// What `job` returns, or what it panicked with.
+/// Returns the result of `job`, or the message with which it panicked.
 pub fn caught<T>(job: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(job)).map_err(|panic| {
         let text = panic.downcast_ref::<String>().cloned();

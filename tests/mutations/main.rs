@@ -28,10 +28,10 @@ const FEW: u64 = 40_000;
 const THREADS: usize = 2;
 /// An input that takes longer fails.
 const SLOW: Duration = Duration::from_secs(1);
-/// A reader that does not come back for so long never will: the program ends.
+/// Time after which a reader that has not come back never will: the program ends.
 const HUNG: Duration = Duration::from_secs(60);
 
-/// What one kind of file went through.
+/// Counts of one kind of file.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     inputs: u64,

@@ -49,7 +49,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What `job` returns, and how many bytes more than before this thread had in use at its peak.
+/// The result of `job`, and the bytes that this thread had in use at its peak, beyond those before.
 pub fn peak_of<T>(job: impl FnOnce() -> T) -> (T, usize) {
     let before = in_use();
     IN_USE.set([before; 2]);

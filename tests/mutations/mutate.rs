@@ -2,7 +2,7 @@
 
 use greenstage::report::measure::poses;
 
-/// The same numbers on every machine.
+/// Random numbers that are the same on every machine.
 pub struct Random(poses::Random);
 
 impl Random {

@@ -16,15 +16,15 @@ use greenstage::track::Script;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is done with an accepted file beyond reading it; its memory does not count.
+/// Work on an accepted file beyond reading it; its memory does not count.
 pub type Then = Option<Box<dyn FnOnce()>>;
 
-/// A file's name, which tells the format, and its bytes.
+/// A reader of a file's name, which determines the format, and its bytes.
 type Read = dyn Fn(&Path, &[u8]) -> Then + Sync;
 
 pub struct Reader {
     pub name: &'static str,
-    /// Names, which tell the format, and bytes of good files.
+    /// Names, which determine the format, and bytes of good files.
     pub seeds: Vec<(String, Vec<u8>)>,
     /// Damages a seed; the second is another of them.
     pub damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>,

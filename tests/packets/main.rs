@@ -27,14 +27,14 @@ const TIMES: u32 = 5;
 const MOST_AT_ONCE: usize = 512 << 10;
 /// Bytes that all of a thread's parsers may hold more at the end than after the first tenth: less than all their channels.
 const MOST_GROWTH: isize = 512 << 10;
-/// The same for the pages of the whole process: the allocator keeps some of the pieces of up to 200 KiB that were given
-/// back (10 MiB after 200,000 packets, 20 MiB after ten million).
+/// Largest growth of the pages of the whole process: the allocator keeps some of the pieces of up to 200 KiB that were given back
+/// (10 MiB after 200,000 packets, 20 MiB after ten million).
 const MOST_PAGES: u64 = 48 << 20;
 
 #[derive(Clone, Copy, Default)]
 struct Tally {
     packets: u64,
-    /// Of which something was taken.
+    /// Packets of which something was taken.
     taken: u64,
     slowest_s: f64,
     most_bytes: usize,

@@ -39,7 +39,7 @@ pub fn parsers() -> Vec<PacketParser> {
     ]
 }
 
-/// A seed for which floods are measured is about so long.
+/// Approximate length of a seed for which floods are measured.
 const LONG: usize = 16 << 10;
 
 /// `item(0)`, `item(1)`, … up to [`LONG`].
@@ -167,7 +167,7 @@ fn vrpn_datagrams() -> PacketParser {
     PacketParser { name: "VRPN datagrams", seeds, hear: Box::new(hear) }
 }
 
-/// What a client says to our server: a new client for every packet.
+/// Bytes from a client to our server: a new client for every packet.
 fn vrpn_server() -> PacketParser {
     let mut udp = Vec::new();
     let header = Header { sender: 40_000, kind: codec::UDP_DESCRIPTION, ..Header::default() };
@@ -284,7 +284,7 @@ fn gamepad() -> PacketParser {
     PacketParser { name: "gamepad", seeds: seeds.map(|seed| seed.to_vec()).to_vec(), hear: Box::new(hear) }
 }
 
-/// What the service of a force-feedback arm says by WebSocket.
+/// Messages of the service of a force-feedback arm by WebSocket.
 fn haply() -> PacketParser {
     let arm = r#"{"inverse3":[{"device_id":"0A1B","config":{"handedness":"right"},"state":{"cursor_position":{"x":0.01,"y":-0.12,"z":0.2}}}]}"#;
     let grip = r#"{"inverse3":[{"device_id":"0A1B"}],"wireless_verse_grip":[{"device_id":"77","state":{"orientation":{"x":0.0,"y":0.6,"z":0.0,"w":0.8},"buttons":{"a":true,"b":false}}}]}"#;

@@ -40,7 +40,7 @@ const BREATH: EffectEntry = EffectEntry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Settings {
-    /// Of the spring, N/m.
+    /// Stiffness of the spring, N/m.
     stiffness: f64,
 }
 
@@ -66,7 +66,7 @@ struct Breath {
     phase: f64,
 }
 
-/// How fast it breathes when nothing is turned, rad/s.
+/// Angular frequency of the breath when nothing is turned, rad/s.
 const PACE: f64 = TAU / 4.0;
 
 impl RunningEffect for Breath {

@@ -218,8 +218,8 @@ fn is_body(pixel: &Rgb<u8>) -> bool {
     pixel.0.iter().map(|&c| u32::from(c)).sum::<u32>() > 240
 }
 
-/// By how many pixels to the left the body must be moved in the left eye's picture to lie as in the right eye's:
-/// the shift under which most pixels agree on being body.
+/// Number of pixels to the left by which the body must be moved in the left eye's picture to lie as in the right eye's: the shift
+/// under which most pixels agree on being body.
 fn parallax(left: &RgbImage, right: &RgbImage) -> i64 {
     let width = i64::from(left.width());
     let disagreement = |shift: &i64| {

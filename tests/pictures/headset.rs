@@ -1,4 +1,4 @@
-//! A headset as a source of views of its own: no stage's screens, no window and no loop of winit's stand in its way.
+//! A headset as a source of views: no stage's screens, no window and no loop of winit's stand in its way.
 
 use crate::common::folder;
 use crate::render_common::{off_axis, require_gpu};
@@ -13,7 +13,7 @@ use greenstage::session::{Request, Session};
 use greenstage::stage::{BUILT_IN, Eye};
 use greenstage::world::World;
 
-/// Two eyes, each with a frustum and a picture of its own, as a runtime of headsets reports them.
+/// Two eyes, each with a separate frustum and picture, as a runtime of headsets reports them.
 struct Headset {
     eyes: [View; 2],
 }

@@ -87,7 +87,7 @@ fn step(world: &mut World, time_s: f64) {
     world.step(&TrackerState { head: None, styli, time_s }.into());
 }
 
-/// How far below the upper side the ray meets the surface, in metres of the body.
+/// Depth below the upper side at which the ray meets the surface, m in the body's frame.
 fn depth(world: &World) -> f64 {
     let body = &world.bodies[0];
     let hit = world.pointed_surfaces()[0];
@@ -118,7 +118,7 @@ fn a_ray_goes_through_the_hole_and_a_state_keeps_it() {
     assert_eq!(depth(&first), depth(&second));
 }
 
-/// From above, whoever draws the body.
+/// A view from above, whoever draws the body.
 struct Above;
 
 impl ViewSource for Above {

@@ -1,4 +1,4 @@
-//! How bodies look: lines and images move with the material, edges stay sharp, shadows lie where the light is hidden.
+//! Looks of bodies: lines and images move with the material, edges stay sharp, shadows lie where the light is hidden.
 
 use crate::render_common::*;
 use crate::render_pixels::pixels_apart;
@@ -200,13 +200,13 @@ fn disc(gpu: &Gpu, radius: f32, height: f32, sides: u32, color: [u8; 4]) -> Body
     buffers
 }
 
-/// Of one channel, as light.
+/// The light of one channel.
 fn linear(value: f32) -> f32 {
     ((value / 255.0 + 0.055) / 1.055).powf(2.4)
 }
 
-/// Below the middle of a disc of radius a at height h, 80 % of what it hides of the lamp is gone:
-/// a²/(a² + h²) / 0.3 (shaders/contact_map.wgsl); beside it nothing. Without shadows nothing is made for them.
+/// The contact shadow below the middle of a disc of radius a at height h takes 80 % of the light that the disc hides of the lamp:
+/// a²/(a² + h²) / 0.3 (shaders/contact_map.wgsl); beside the disc nothing. Without shadows nothing is made for them.
 #[test]
 fn the_floor_is_darker_below_a_body_than_beside_it() {
     let Some(gpu) = require_gpu() else { return };

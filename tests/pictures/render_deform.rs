@@ -68,7 +68,7 @@ fn pose(elements: usize, step: usize) -> Vec<f64> {
     (0..elements).flat_map(of).collect()
 }
 
-/// What moves the parts of a body; none where it is one part.
+/// Weights and motions of a body's parts; `None` where it is one part.
 type Parts<'a> = Option<(&'a PartWeights, &'a [Isometry3<f64>])>;
 
 /// Largest difference of positions, and of normals of the vertices that have one.

@@ -24,7 +24,7 @@ fn view() -> View {
     off_axis(Point3::origin(), [0.2, 0.2], 0.0, Point3::new(0.0, 0.0, 1.0))
 }
 
-/// A white ghost of a square at the middle, turned about y by so many radians, over these bodies.
+/// A white ghost of a square at the middle, turned about y by `turn` radians, over these bodies.
 fn drawn(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -44,7 +44,7 @@ fn drawn(
     draw_full(gpu, renderer, SIZE, view(), &contents)
 }
 
-/// Of the middle pixel, 0 to 1, linear.
+/// Light of the middle pixel, 0 to 1, linear.
 fn light(image: &RgbaImage) -> f32 {
     let value = f32::from(image.get_pixel(SIZE[0] / 2, SIZE[1] / 2).0[0]) / 255.0;
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }

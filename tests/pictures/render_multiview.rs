@@ -108,7 +108,7 @@ impl Random {
     }
 }
 
-/// From random heads, before, in and behind what is drawn: leaving out what a view cannot see changes no pixel.
+/// Random heads before, in and behind the scene: leaving out shapes that a view cannot see changes no pixel.
 #[test]
 fn what_is_left_out_would_not_have_been_seen() {
     let Some(gpu) = require_gpu() else { return };

@@ -1,4 +1,4 @@
-//! What is drawn lands where the projection says, nearer before farther, the same in every arrangement of viewports.
+//! Shapes are drawn where the projection puts them, nearer before farther, the same in every arrangement of viewports.
 
 use crate::render_common::*;
 use greenstage::render::*;
@@ -111,7 +111,7 @@ fn the_sides_of_a_stretched_cone_face_sideways() {
     assert!(shaft > 60.0 && (head / shaft - 1.0).abs() < 0.1, "shaft {shaft}, head {head}");
 }
 
-/// What the body pulls with is seen though the body stands before it, and is hidden where it is not meant to be.
+/// The arrow of the body's pull is seen though the body stands before it, and is hidden where it is not meant to be.
 #[test]
 fn an_arrow_is_shown_through_what_stands_before_it() {
     let Some(gpu) = require_gpu() else { return };
@@ -271,7 +271,7 @@ fn a_hatched_body_shows_its_colours_between_the_lines() {
     assert!((0.6..0.75).contains(&own) && (0.09..0.22).contains(&lines), "{own}, {lines}");
 }
 
-/// How many pixels differ by more than `step` in any channel.
+/// Number of pixels that differ by more than `step` in any channel.
 pub fn pixels_apart(a: &RgbaImage, b: &RgbaImage, step: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());
     let differs =
@@ -403,8 +403,8 @@ fn the_border_of_a_control_element_is_sharp_and_lies_halfway() {
     }
 }
 
-/// With four samples, values are extrapolated where a pixel's middle lies outside its triangle; undoing the weights of
-/// the two colours there once gave green and blue dots along the silhouette of a control element.
+/// Values are extrapolated with four samples where a pixel's middle lies outside its triangle; undoing the weights of the two
+/// colours there once gave green and blue dots along the silhouette of a control element.
 #[test]
 fn red_bodies_have_no_coloured_dots_along_their_silhouette() {
     let Some(gpu) = require_gpu() else { return };

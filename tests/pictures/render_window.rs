@@ -1,6 +1,6 @@
-//! Windows of one process. A process has one event loop, so the test that opens them runs in a process of its own,
-//! on a display of its own. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --profile quick --test
-//! pictures -- --ignored render_window
+//! Windows of one process. A process has one event loop, so the test that opens them runs in a separate process, on a separate
+//! display. To look at them on yours: GREENSTAGE_WINDOW_SECONDS=20 cargo test --profile quick --test pictures -- --ignored
+//! render_window
 
 use crate::display_common::Display;
 use crate::render_common::*;
@@ -23,7 +23,7 @@ struct TwoScreens {
     settings: u32,
 }
 
-/// Where the cursor is sent to in the first window, as a share of its size.
+/// Target of the cursor in the first window, as a share of its size.
 const CURSOR: [f32; 2] = [0.5, 0.25];
 
 impl TwoScreens {
@@ -88,7 +88,7 @@ fn two_windows_of_one_process_draw_and_quit() {
     assert!(status.success(), "{status}");
 }
 
-/// Runs one test of this file in a process of its own, where it opens windows on `display`.
+/// Runs one test of this file in a separate process, where it opens windows on `display`.
 fn alone(display: &Display, name: &str) -> ExitStatus {
     let mut inner = Command::new(std::env::current_exe().unwrap());
     inner.args(["--ignored", "--exact", name, "--nocapture"]).stdout(Stdio::piped());

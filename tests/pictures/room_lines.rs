@@ -153,7 +153,7 @@ fn a_ball_covers_its_disc() {
     assert!(covered.iter().all(|(x, y, _)| x.abs_diff(70) <= 11 && y.abs_diff(30) <= 11));
 }
 
-/// What an effect draws: quads with the quads' own shader come out as quads do, and nothing is made before.
+/// Strips of an effect: quads with the quads' own shader come out as quads do, and nothing is made before.
 #[test]
 fn strips_with_a_shader_of_their_own_are_drawn_as_it_says() {
     const KIND: StripKind = StripKind {

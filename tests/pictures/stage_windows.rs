@@ -1,5 +1,5 @@
-//! `greenstage view` under an X server of its own, without a window manager: windows stand where the stage file has
-//! them, and interlaced rows follow the desktop's parity when a window is moved.
+//! `greenstage view` under a separate X server, without a window manager: windows stand where the stage file has them, and
+//! interlaced rows follow the desktop's parity when a window is moved.
 
 use crate::common::{self, coarse_demo, folder};
 use crate::display_common::{Display, Running, wait_for};

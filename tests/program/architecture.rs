@@ -77,7 +77,7 @@ fn module_of(file: &str) -> Option<&str> {
     (module != "main" && module != "lib").then_some(module)
 }
 
-/// Where a source file's module stands below the crate: `["stage", "screen"]` of src/stage/screen.rs.
+/// The path of a source file's module below the crate: `["stage", "screen"]` of src/stage/screen.rs.
 fn module_path(file: &str) -> Vec<String> {
     let parts = file.trim_end_matches(".rs").split('/').skip(1);
     let mut path: Vec<String> = parts.map(str::to_owned).collect();
@@ -297,7 +297,7 @@ fn the_graphics_and_window_libraries_are_known_to_render_alone() {
     assert!(faults.is_empty(), "{faults:?} speak of the graphics or window library");
 }
 
-/// Where a string is an effect's or a model's name and is not found in a list, with the reason. `*` stands for all names.
+/// Strings that are an effect's or a model's name and are not found in a list, with the reason. `*` stands for all names.
 const NAMED: &[(&str, &str, &str)] = &[
     ("src/scene/mod.rs", "linear", "the model of a body that asks for none"),
     ("src/scene/proposal/choice.rs", "*", "what a proposed scene lists by default"),
@@ -350,7 +350,7 @@ fn no_effect_and_no_model_is_named_outside_its_own_room() {
     assert!(unmet.is_empty(), "rows that excuse nothing: {unmet:?}");
 }
 
-/// What a reader opens by itself would be in no fingerprint: `mesh::mod` reads the files that a format names.
+/// A file that a reader opens by itself would be in no fingerprint: `mesh::mod` reads the files that a format names.
 #[test]
 fn readers_of_meshes_open_no_file_themselves() {
     let opens = |text: &str| ["fs::", "File::"].iter().any(|word| text.contains(word));

@@ -47,7 +47,7 @@ fn project(name: &str) -> PathBuf {
     common::project(name, Some("msh22"), SCENE, POSES)
 }
 
-/// By pose and node, or pose and control element.
+/// Rows of a table by pose and node, or pose and control element.
 fn table(path: &Path) -> Vec<(String, Vec<f64>)> {
     csv_rows(path, 2)
 }

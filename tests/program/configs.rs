@@ -455,7 +455,7 @@ fn lengthened(text: &str) -> Vec<(String, usize, usize)> {
     found
 }
 
-/// What is wrong with the text of a file.
+/// A parser that returns the fault of a file's text.
 type Parse<'a> = &'a dyn Fn(&str) -> Option<String>;
 
 /// Every array of every kind of file has its length, and an element too many is refused with its line.

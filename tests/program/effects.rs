@@ -1,5 +1,5 @@
-//! What a scene does not list costs nothing: no precomputation, no section in the file, no memory, no call in the
-//! frame, no output.
+//! Effects that a scene does not list cost nothing: no precomputation, no section in the file, no memory, no call in the frame,
+//! no output.
 
 use crate::common;
 
@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 /// 12 coefficients of two control elements squared, in f64.
 const STIFFNESS_BYTES: usize = 24 * 24 * 8;
-/// Of the model `rotation`, whose energy has a cubic part.
+/// Bytes for the energy of the model `rotation`, which has a cubic part.
 const CUBIC_BYTES: usize = 24 * 25 * 26 / 6 * 8;
 
-/// The demo with few nodes in a folder of its own, with or without force and torque.
+/// The demo with few nodes in a separate folder, with or without force and torque.
 fn tube(name: &str, effects: &str) -> PathBuf {
     let place = folder(name);
     let scene = coarse_demo(&place);
@@ -69,7 +69,7 @@ fn without_haptics_there_is_no_stiffness_step_and_no_section_of_the_file() {
     assert_eq!(plain, others, "the other tensors are the same to the byte");
 }
 
-/// `check` says how to learn the errors to expect, and tells them once they are measured.
+/// `check` explains how to measure the errors to expect, and reports them once they are measured.
 #[test]
 fn check_tells_the_errors_that_were_measured_and_how_to_measure_them() {
     let place = tube("effects-errors", "");
@@ -121,7 +121,7 @@ fn without_haptics_neither_deform_nor_the_deformer_tells_forces() {
     }
 }
 
-/// What is only drawn asks for no number of the file; a curve asks for those of forces, and for no errors.
+/// An effect that only draws asks for no number of the file; a curve asks for those of forces, and for no errors.
 #[test]
 fn ghosts_precompute_nothing_and_a_curve_what_forces_need() {
     let [plain, ghosts, curve] = [
@@ -144,8 +144,8 @@ fn ghosts_precompute_nothing_and_a_curve_what_forces_need() {
     assert!(output.status.code() == Some(2) && told.contains("lists the effect \"force_curve\""), "{told}");
 }
 
-/// Its section has no byte where there is one material, the other tensors are the same to the byte; `deform` tells stresses, and
-/// where the limit is passed, of the scene that lists it alone.
+/// The section of `stress` has no byte where there is one material, the other tensors are the same to the byte; `deform` reports
+/// stresses, and where the limit is passed, for the scene that lists it alone.
 #[test]
 fn without_stress_there_is_no_section_and_no_word_of_a_limit() {
     let listed = |name: &str, effects: &str| {
@@ -206,8 +206,8 @@ fn another_list_of_effects_makes_the_file_anew() {
     }
 }
 
-/// The frame speaks of no effect, except in the files that prepare a body and that tell its force; it asks for a force
-/// only of a body whose scene lists one (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
+/// The frame names no effect, except in the files that prepare a body and that compute its force; it asks for a force only of a
+/// body whose scene lists one (`forces_are_told_only_of_bodies_whose_scene_wants_them` holds it to that).
 #[test]
 fn the_frame_calls_no_effect_that_is_not_listed() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");

@@ -404,7 +404,7 @@ control.right = { nodes = { group = "xmax" }, grab = "dragger" }
     }
 }
 
-/// The pose of a model with a frame of its own is that of `deform`, too; what is said of the sum is what is true of it.
+/// The pose of a model with a frame that turns along is that of `deform`, too; the remark about the sum is true of it.
 #[test]
 fn a_pose_of_the_model_rotation_stands_in_its_frame() {
     let place = part("export-rotation");

@@ -15,17 +15,17 @@ use std::process::{Command, Output, Stdio};
 struct Case {
     name: &'static str,
     arguments: &'static [&'static str],
-    /// What it writes: what begins so belongs to the set.
+    /// Prefixes of the files that it writes, which are those of the set.
     set: &'static [&'static str],
     kind: Kind,
 }
 
-/// How far the files of a command can be compared.
+/// The way in which the files of a command can be compared.
 #[derive(PartialEq)]
 enum Kind {
     /// All are there at once, with the same bytes in every run.
     Whole,
-    /// They come one by one, the first with the end of the older ones.
+    /// Files come one by one, the first with the end of the older ones.
     Growing,
     /// All at once, with times that were measured.
     Timed,
@@ -87,7 +87,7 @@ impl Case {
         }
     }
 
-    /// Of `all` calls, how many are let fail: fewer of a report, which takes seconds.
+    /// Number of calls, of `all`, that are let fail: fewer of a report, which takes seconds.
     fn most(&self, all: usize) -> usize {
         if self.kind == Kind::Timed { all.div_ceil(4).min(20) } else { all }
     }
@@ -95,7 +95,7 @@ impl Case {
 
 /// The kinds of calls, and how many of each are let fail in the short run.
 const KINDS: [(&str, usize); 5] = [("write", 8), ("sync", 6), ("rename", 8), ("thread", 3), ("alloc", 12)];
-/// Of as many allocations as there are, so many.
+/// Largest number of allocations that are let fail.
 const MOST: usize = 400;
 
 const SCENE: &str = r#"
@@ -117,7 +117,7 @@ fn succeeded(place: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
 }
 
-/// What a user has before the run: state 0 or 1.
+/// The files of a user before the run: state 0 or 1.
 fn prepare(place: &Path, state: usize) {
     let keys = [
         "poisson = 0.3 }\neffects = [\"haptics\", \"stress\"]",
@@ -263,7 +263,7 @@ fn whatever_fails_there_is_no_panic_and_no_mixed_set() {
     }
 }
 
-/// It wrote the paths between the renames: the first file was new and the second old.
+/// The paths were written between the renames: the first file was new and the second old.
 #[test]
 fn results_that_cannot_be_printed_are_all_there() {
     let place = folder("faults-full");

@@ -32,7 +32,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Keeps the journal as it is when a step ends, and what is told.
+/// Keeps the journal as it is when a step ends, and the progress.
 struct Watch {
     part: PathBuf,
     seen: Arc<Mutex<(Vec<u8>, String)>>,
@@ -49,7 +49,7 @@ impl Progress for Watch {
     }
 }
 
-/// Bytes of the .green file, those of the journal at the end, and what was told.
+/// Bytes of the .green file, those of the journal at the end, and the progress.
 fn made(path: &Path) -> (Vec<u8>, Vec<u8>, String) {
     let scene = Resolved::load(path).unwrap();
     let green = path.with_extension("green");

@@ -1,4 +1,4 @@
-//! What the program writes: whole or not at all, tried before the work, and never over a file of another kind.
+//! Files of the program: whole or not at all, tried before the work, and never over a file of another kind.
 
 use crate::common;
 
@@ -65,7 +65,7 @@ fn refuse(folder: &Path, arguments: &[&str], words: &str) {
     assert!(before == contents(folder), "{arguments:?}: {:?}", contents(folder).keys());
 }
 
-/// With a limit on the size of files, as on a full disk. `ulimit` counts blocks of 512 or 1024 bytes.
+/// Runs with a limit on the size of files, as on a full disk. `ulimit` counts blocks of 512 or 1024 bytes.
 fn limited(folder: &Path, blocks: u32, arguments: &[&str]) -> Output {
     Command::new("sh")
         .current_dir(folder)

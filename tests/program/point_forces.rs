@@ -1,4 +1,4 @@
-//! Forces at points of the surface, as `deform` tells of them.
+//! Forces at points of the surface, as `deform` reports them.
 
 use crate::common::{csv_rows, greenstage, project, text};
 
@@ -9,7 +9,7 @@ const SCENE: &str = "[body.bar]\n\
     control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
 const FORCE: [f64; 3] = [0.0, -3.0, 4.0];
 
-/// What is printed of the point is what the table of displacements has at this node, whether it is summed or solved.
+/// The printed displacement of the point is that of the table at this node, whether it is summed or solved.
 #[test]
 fn where_the_points_of_forces_went_is_printed() {
     for (name, model) in

@@ -1,5 +1,5 @@
-//! A recorded session comes to the same state in every frame, with any number of threads; another scene, a damaged or a
-//! cut file is told of.
+//! A recorded session comes to the same state in every frame, with any number of threads; another scene, a damaged or a cut file
+//! is reported.
 
 use crate::common;
 use crate::render_common;
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-/// The program in `folder`, with so many threads.
+/// The program in `folder`, with `threads` threads.
 fn run(folder: &Path, threads: usize, arguments: &[&str]) -> Output {
     program(folder, arguments).env("RAYON_NUM_THREADS", threads.to_string()).output().unwrap()
 }
@@ -48,7 +48,7 @@ fn write(folder: &Path, lines: &[String]) {
     std::fs::write(folder.join("session.jsonl"), lines.join("\n") + "\n").unwrap();
 }
 
-/// Of its 20,200 surface nodes one moved control element's columns are worth two threads.
+/// Two threads share one moved control element's columns at this body's 20,200 surface nodes.
 #[test]
 fn a_session_comes_to_the_same_state_in_every_frame_with_any_number_of_threads() {
     let folder = folder("replay-threads");
@@ -311,8 +311,8 @@ fn pictures_follow_a_session() {
     assert!(folder.join("other/contact-sheet.png").exists());
 }
 
-/// The ruler is laid with the mouse, and one of its ends is then carried: the replay lays it on the same material, and it tells the
-/// same in every frame.
+/// The ruler is laid with the mouse, and one of its ends is then carried: the replay lays it on the same material, and it shows
+/// the same distance in every frame.
 #[test]
 fn a_ruler_is_replayed_to_the_same_distance() {
     use greenstage::interact::Action;
@@ -370,8 +370,8 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     replayed.report().unwrap();
 }
 
-/// It begins while a hand bends the bar and the curve is half drawn. The solved bar is then some frames behind the hand; of the other, the
-/// graphics device deforms what is not pointed at.
+/// The recording begins while a hand bends the bar and the curve is half drawn. The solved bar is then some frames behind the
+/// hand; the graphics device deforms the part of the other that is not pointed at.
 #[test]
 fn a_recording_that_begins_in_the_middle_is_replayed_from_there() {
     use greenstage::prepare::Resolved;

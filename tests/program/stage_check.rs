@@ -1,4 +1,4 @@
-//! `greenstage check STAGE` tells all that is wrong at once, and its exit status.
+//! `greenstage check STAGE` reports all faults at once, and has an exit status.
 
 use crate::common;
 

@@ -27,7 +27,7 @@ fn head(stage: &Stage, random: &mut Random) -> Isometry3<f64> {
     }
 }
 
-/// Where the picture shows a point: through the f32 matrix, as a GPU does, to pixels and back onto the glass.
+/// The place where the picture shows a point: through the f32 matrix, as a GPU does, to pixels and back onto the glass.
 fn shown_at(screen: &Screen, view: &EyeView, point: &Point3<f64>) -> Point3<f64> {
     let clip = view.clip_from_room * point.cast::<f32>().to_homogeneous();
     let [width, height] = screen.pixels.map(f64::from);

@@ -13,7 +13,7 @@ const SCENE: &str = "[body.bar]\n\
 const RIGHT: &str = "control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 const POSES: &str = "[[pose]]\nname = \"bent\"\ncontrol.middle = { translation = [0.01, 0.02, 0.0] }\n";
 
-/// What is released is not there: the same as of a scene that never had it, in a separate precomputation.
+/// A released element is not there: the result is that of a scene that never had it, in a separate precomputation.
 #[test]
 fn a_released_end_is_an_end_that_is_not_held() {
     let all = SCENE.replace("UPDATES", "updates = { release = [\"right\"] }\n") + RIGHT;

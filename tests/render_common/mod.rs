@@ -1,4 +1,4 @@
-//! What the render tests share: a device, views of a plain screen, and a bent tube to look at.
+//! Helpers of the render tests: a device, views of a plain screen, and a bent tube to look at.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test may unwrap")]
 
 use greenstage::render::{
@@ -40,7 +40,7 @@ pub fn off_axis(center: Point3<f32>, [width, height]: [f32; 2], tilt: f32, eye: 
     View { clip_from_room: clip_from_eye * eye_from_room, eye_in_room: eye }
 }
 
-/// Where `point` lands, in pixels from the top left corner.
+/// The pixel of `point`, from the top left corner.
 pub fn pixel_of(view: &View, [width, height]: [u32; 2], point: Point3<f32>) -> [f32; 2] {
     let clip = view.clip_from_room * point.to_homogeneous();
     [(clip.x / clip.w * 0.5 + 0.5) * width as f32, (0.5 - clip.y / clip.w * 0.5) * height as f32]

@@ -1,4 +1,4 @@
-//! The force is that of the body: the one that `deform` tells, the slope of its energy, and none left after a circle.
+//! The force is that of the body: the one that `deform` writes, the slope of its energy, and none left after a circle.
 
 use super::{bent, deformer, elastic, hold, stylus};
 use greenstage::deform::{ControlPose, Wrench};
@@ -34,7 +34,7 @@ fn the_force_is_that_of_deform() {
     }
 }
 
-/// The push in the hand against central differences of the energy that `deform` tells, through body, room and device.
+/// The push in the hand against central differences of the energy that `deform` writes, through body, room and device.
 #[test]
 fn the_push_is_minus_the_slope_of_the_energy() {
     let haptic = Haptic {

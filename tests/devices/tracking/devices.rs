@@ -1,4 +1,4 @@
-//! What hangs on a wire: a FASTRAK played through a pseudo-terminal, a gamepad through a pipe.
+//! Devices on a wire: a FASTRAK played through a pseudo-terminal, a gamepad through a pipe.
 
 use super::{everything_is_finite, near};
 use greenstage::track::device::DeviceState;

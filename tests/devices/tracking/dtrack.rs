@@ -32,7 +32,7 @@ fn parse(frames: &[&str]) -> DeviceState {
     state
 }
 
-/// Sensor 0 was measured so many seconds after a midnight, at most half a day from now.
+/// Whether sensor 0 was measured `since_midnight_s` seconds after a midnight, at most half a day from now.
 fn is_of_day(state: &DeviceState, since_midnight_s: f64) -> bool {
     let measured_s = state.sensors[&0].measured_s.unwrap();
     let now_s = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64();
@@ -85,7 +85,7 @@ fn a_body_that_is_not_tracked_keeps_its_pose_and_an_old_frame_is_dropped() {
     assert_eq!(state.sensors[&0].count, 2, "the controller began anew");
 }
 
-/// What body 0's place says that was taken, of frames `fr N` with body 0 at x = 1, 2, … mm.
+/// Numbers of the frames that were taken, by body 0's place, of frames `fr N` with body 0 at x = 1, 2, … mm.
 fn taken(frames: &[i64]) -> Vec<usize> {
     let (mut parser, mut state) = (Dtrack::default(), DeviceState::default());
     let mut taken = Vec::new();

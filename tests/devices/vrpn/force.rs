@@ -1,4 +1,4 @@
-//! A force device over the loopback device: what it is told to push with, and that it is told to stop.
+//! A force device over the loopback device: the pushes that it gets, and the end of them.
 
 use super::lab::{ANY, Peer, wait};
 use greenstage::effect::haptics::{Device, Push, Reading, VrpnDevice};
@@ -8,7 +8,7 @@ use greenstage::track::vrpn::{ForceField, codec};
 use nalgebra::Vector3;
 use std::net::TcpListener;
 
-/// The next force field that the device is told, by the number that the other side gave to the type.
+/// The next force field that the device gets, by the number that the other side gave to the type.
 fn field(peer: &mut Peer, number: &mut Option<i32>) -> Option<ForceField> {
     loop {
         let (id, kind, payload) = peer.hear()?;
@@ -69,8 +69,8 @@ fn a_force_that_is_not_said_again_is_taken_back() {
     assert_eq!(field(&mut peer, &mut number), Some(ForceField::default()));
 }
 
-/// How long a force and the pose that answers it take is measured by the server's answers to pings; before the first, a turn of the
-/// server and a millisecond are feared.
+/// The time of a force and of the pose that answers it is measured by the server's answers to pings; before the first, a turn of
+/// the server and a millisecond are assumed.
 #[test]
 fn the_way_of_a_force_is_measured() {
     let (mut device, mut peer) = device();

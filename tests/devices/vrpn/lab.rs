@@ -1,4 +1,4 @@
-//! What the tests of client and server share: servers and clients that a test controls, and a patient wait.
+//! Helpers for the tests of client and server: servers and clients that a test controls, and a patient wait.
 
 use greenstage::track::FakeSource;
 use greenstage::track::device::{Link, Source, now_s};

@@ -62,7 +62,7 @@ fn everything_arrives_by_every_way() {
     }
 }
 
-/// What is not tracked is not sent: the sensor only falls silent.
+/// An untracked sensor is not sent: it only falls silent.
 #[test]
 fn a_sensor_that_is_not_seen_falls_silent() {
     let source = FakeSource::default();

@@ -96,7 +96,7 @@ fn the_spinning_tracker_spins_as_it_was_configured() {
     }
 }
 
-/// What DTrack had sent to the server: two bodies, one turned by 90° about z, and eight buttons.
+/// Data that DTrack had sent to the server: two bodies, one turned by 90° about z, and eight buttons.
 #[test]
 fn the_optical_tracker_stands_where_it_stood() {
     let Some(bytes) = recorded() else { return };

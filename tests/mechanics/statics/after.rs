@@ -54,7 +54,7 @@ fn a_turn_in_steps_is_the_turn_at_once_and_a_whole_turn_is_not_rest() {
     }
 }
 
-/// The same through files, beside an online model that follows turns.
+/// Turns add up through files too, beside an online model that follows turns.
 #[test]
 fn deform_adds_up_the_turns_of_poses_that_go_on_from_each_other() {
     let place = folder("statics-after");

@@ -110,7 +110,7 @@ fn end_moments_match_the_independent_ones() {
     }
 }
 
-/// One tetrahedron is inside out there, which is said and not hidden; from rest or on from 90° is the same.
+/// One tetrahedron is inside out there, which is reported; from rest or on from 90° is the same.
 #[test]
 fn tube_twisted_by_half_a_turn_has_an_inverted_tetrahedron() {
     let Some(folder) = shared("cases/tube_stvk") else { return };

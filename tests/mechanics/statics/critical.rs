@@ -1,4 +1,4 @@
-//! Where static equilibrium is lost, and what is said of it.
+//! Losses of static equilibrium, and the messages about them.
 
 use super::{law, pulled};
 use greenstage::deform::{ControlPose, CriticalPose, Statics, StaticsError};
@@ -8,7 +8,7 @@ use greenstage::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
-/// What is said of a body `shape` that has no equilibrium with its first control element in `pose`.
+/// The critical pose, share and message of a body `shape` that has no equilibrium with its first control element in `pose`.
 fn critical(shape: &str, model: &str, pose: ControlPose) -> (CriticalPose, f64, String) {
     let scene = format!("[body.b]\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\n{shape}");
     let scene = Scene::parse(&scene, Path::new("critical.toml")).unwrap();

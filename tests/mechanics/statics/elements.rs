@@ -38,7 +38,7 @@ impl Flexure {
         0.5 * self.mu * self.length * self.width * integral
     }
 
-    /// Of an end, about the sector's centre: ∂W/∂angle.
+    /// Moment on an end, about the sector's centre: ∂W/∂angle.
     fn moment(&self, angle: f64) -> f64 {
         let step = 1e-5;
         (self.energy(angle + step) - self.energy(angle - step)) / (2.0 * step)
@@ -146,8 +146,8 @@ fn add(sum: &mut NodeFields, other: &NodeFields) {
     sum.data.iter_mut().zip(&other.data).for_each(|(sum, other)| *sum += other);
 }
 
-/// At ν = 0.4999 and 60°, in the errors' rate: elements without locking tend to the closed form as on any material, the
-/// energy as h² (tet4_anp) and better than h³ (tet10).
+/// Rates of the errors at ν = 0.4999 and 60°: elements without locking tend to the closed form as on any material, the energy as
+/// h² (tet4_anp) and better than h³ (tet10).
 #[test]
 fn rivlins_flexure_is_met_near_incompressibility() {
     let angle = 60f64.to_radians();
@@ -186,7 +186,7 @@ fn end_moment(element: &Element, n: u32, poisson: &str, law: &'static greenstage
     wrench.moment.z - translation.cross(&wrench.force).z
 }
 
-/// By tet10 with 6 cells across (7,417 nodes), N m: stvk, neo_hookean, corotational at ν = 0.3, 0.49 and 0.4999. With 4
+/// Moments by tet10 with 6 cells across (7,417 nodes), N m: stvk, neo_hookean, corotational at ν = 0.3, 0.49 and 0.4999. With 4
 /// cells they are 0.2, 1.3 and 1.7 % larger.
 const FINE: [(&str, [f64; 3]); 3] = [
     ("0.3", [367.0601, 325.7681, 338.7714]),

@@ -54,7 +54,7 @@ pub fn medit() -> Vec<u8> {
     text.into_bytes()
 }
 
-/// With numbers from 0, as some writers do, and every separator.
+/// A Vega file with numbers from 0, as some writers do, and every separator.
 pub fn vega() -> Vec<u8> {
     let mut text = "# a comment\n*VERTICES\n5 3 0 0\n".to_owned();
     for (tag, [x, y, z]) in NODES.iter().enumerate() {
@@ -188,7 +188,7 @@ pub fn vtk_binary(version: u8) -> Vec<u8> {
     out
 }
 
-/// All of a file but its end; `array` writes an array of a type, with attributes and values.
+/// A VTU file without its end; `array` writes an array of a type, with attributes and values.
 pub fn vtu_head(attributes: &str, mut array: impl FnMut(&str, &str, &str) -> String) -> String {
     let points = NODES.map(|x| format!("{} {} {}", x[0], x[1], x[2])).join("\n");
     let points = array("Float64", "Name=\"Points\" NumberOfComponents=\"3\"", &points);

@@ -1,4 +1,4 @@
-//! What the system does to the program: signals, a full disk behind its streams, too little memory, files without end.
+//! Limits of the system: signals, a full disk behind its streams, too little memory, files without end.
 
 use super::{greenstage, project, refuse};
 use crate::common::{block_text, folder, program, text};
@@ -18,7 +18,7 @@ fn block(name: &str, cells: u32) -> std::path::PathBuf {
     folder
 }
 
-/// METIS installs a handler of its own for SIGTERM while it orders, and made "ordering failed" of it.
+/// METIS installs a handler for SIGTERM while it orders, and made "ordering failed" of it.
 #[test]
 fn a_request_to_end_is_obeyed_whatever_is_computed() {
     let folder = block("cli-ended", 24);
@@ -94,7 +94,7 @@ fn a_hundred_thousand_threads_are_refused() {
     assert!(message.contains("RAYON_NUM_THREADS asks for 100000 threads"), "{message}");
 }
 
-/// Runs `precompute` with an address space of so many MB; its status and what it said.
+/// Runs `precompute` with an address space of `megabytes` MB; returns its status and its message.
 fn precompute_within(folder: &Path, megabytes: u32) -> (Option<i32>, String) {
     let command =
         format!("ulimit -v {} && exec \"$0\" precompute scene.toml --force --quiet", 1000 * megabytes);
@@ -208,7 +208,7 @@ fn files_without_end_are_no_meshes() {
     assert!(greenstage(&folder, &["inspect", "block.msh"]).status.success());
 }
 
-/// It is a regular file by its mode, and reading waits for the next message of the kernel.
+/// The file is a regular one by its mode, and reading waits for the next message of the kernel.
 #[test]
 fn files_of_the_system_that_wait_are_not_waited_for() {
     let folder = project("cli-waiting");
