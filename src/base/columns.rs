@@ -155,7 +155,7 @@ pub fn half_to_single(bits: u16) -> f32 {
 #[derive(Clone, Debug)]
 pub struct StoredColumns {
     numbers: Numbers,
-    /// Per column; empty where numbers are stored as they are.
+    /// Scale of each column; empty where numbers are stored as they are.
     pub scales: Vec<f32>,
     /// Largest |stored - exact| of each column, m per unit of its coefficient.
     pub errors: Vec<f64>,

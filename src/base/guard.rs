@@ -43,7 +43,7 @@ pub static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
 #[derive(Debug)]
 pub struct Guard {
     life: UnixStream,
-    /// When it last heard that a force acts; `None` while none does.
+    /// Time of the last message that a force acts; `None` while none does.
     beaten: Option<Instant>,
 }
 

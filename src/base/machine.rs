@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// More threads than this are refused, unless the machine has as many processors.
+/// Largest number of threads that is not refused, unless the machine has more processors.
 const MOST_THREADS: usize = 1024;
 
 /// Allowance for what estimates of need leave out: a share of them, and bytes for the rest of the program.
@@ -200,7 +200,7 @@ fn limit(limits: &str, name: &str) -> Option<f64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Why the working threads cannot be started.
+/// The reason why the working threads cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadsError {
     #[error(

@@ -74,7 +74,7 @@ extern "C" fn on_abort(signal: c_int) {
     super::fault::send_again(signal);
 }
 
-/// If an allocation of this thread was refused, writes the sentence and ends the program. It calls only functions that are
+/// Writes the sentence and ends the program, if an allocation of this thread was refused. It calls only functions that are
 /// allowed in a signal handler.
 fn conclude() {
     let bytes = REFUSED.get();

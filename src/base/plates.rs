@@ -46,7 +46,7 @@ pub struct Plot {
     pub y: Axis,
     /// Places in the order in which they were passed; a gap parts them.
     pub curves: Vec<Vec<[f64; 2]>>,
-    /// Between which values y may truly lie: x, lower, upper.
+    /// Bands between which y may truly lie: x, lower, upper.
     pub band: Vec<Vec<[f64; 3]>>,
     /// The point of the curve for now.
     pub now: Option<[f64; 2]>,

@@ -40,7 +40,7 @@ pub struct Surface<'a> {
 
 /// The solution.
 pub struct Solved {
-    /// Over all nodes.
+    /// Displacements of all nodes.
     pub fields: NodeFields,
     /// W = Uᵀ S U, symmetric: what S says that one field does on another, N·m per units of both.
     pub work: DMatrix<f64>,

@@ -1,8 +1,8 @@
-//! Some triangles in lanes, and what they and any other triangle pull each other by.
+//! Integrates the pull between some triangles in lanes and any other triangle.
 //!
-//! In: up to [`LANES`] triangles i, another one j. Out: ∫∫ 1/r, ∫∫ r rᵀ/r³ and ∫∫ -r·n/r³ φ_q of every i with j, and what they add to
-//! the operators at a corner of j. Pairs that are far apart, nearly all of them, are integrated in all lanes at once by three points
-//! of each; the others one by one ([`pairs`]).
+//! In: up to [`LANES`] triangles i, another one j. Out: ∫∫ 1/r, ∫∫ r rᵀ/r³ and ∫∫ -r·n/r³ φ_q of every i with j, and their
+//! contributions to the operators at a corner of j. Pairs that are far apart, nearly all of them, are integrated in all lanes at
+//! once by three points of each; the others one by one ([`pairs`]).
 
 use super::pairs::{self, FAR, kernel};
 use super::potentials::PULL;

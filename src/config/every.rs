@@ -10,7 +10,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 
-/// More faults are not looked for.
+/// Largest number of faults that are looked for.
 const MOST: usize = 100;
 
 /// The sound part of a file, with its faults.

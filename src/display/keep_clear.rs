@@ -15,11 +15,11 @@ const NEAR_M: f64 = 0.05;
 /// Rectangles on one screen, of both eyes: left, right, bottom, top in normalised device coordinates of the whole screen.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeepClear {
-    /// About each held element, each arrow and each place pointed at: nothing stands there.
+    /// Rectangles about each held element, each arrow and each place pointed at: nothing stands there.
     pub held: Vec<[f64; 4]>,
-    /// About each element that can be taken: plates go elsewhere if they can.
+    /// Rectangles about each element that can be taken: plates go elsewhere if they can.
     pub loose: Vec<[f64; 4]>,
-    /// About each body.
+    /// Rectangles about each body.
     pub bodies: Vec<[f64; 4]>,
 }
 
@@ -79,7 +79,7 @@ fn bodies(world: &World) -> Vec<Vec<Point3<f64>>> {
     world.bodies.iter().map(of).collect()
 }
 
-/// Some of the nodes, in the room.
+/// Places of some of the nodes, in the room.
 fn places(body: &PlacedBody, nodes: impl Iterator<Item = u32>, count: usize) -> Vec<Point3<f64>> {
     let positions = body.deformer.kept_positions();
     let room_from_surface = body.room_from_surface();

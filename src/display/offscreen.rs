@@ -169,7 +169,7 @@ impl Targets {
 struct Over<'a> {
     world: &'a World,
     plates: &'a [Plate],
-    /// Per screen.
+    /// Rectangles to keep clear on each screen.
     clear: Vec<KeepClear>,
     swapped: bool,
     panel: Option<(&'a Readings, &'a mut (History, Seats))>,

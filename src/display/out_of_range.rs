@@ -29,7 +29,7 @@ impl Watch {
         }
     }
 
-    /// Above the highest control element.
+    /// The plate above the highest control element.
     pub fn plate(&self, body: &PlacedBody) -> Option<Plate> {
         let text = self.text.clone()?;
         let positions = body.deformer.kept_positions();

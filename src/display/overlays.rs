@@ -23,18 +23,18 @@ use nalgebra::Isometry3;
 
 /// The overlays of all windows of a stage.
 pub struct Overlays {
-    /// Per screen: is the overlay over it?
+    /// Whether the overlay is over each screen.
     pub panels: Vec<bool>,
     pub pattern: bool,
     /// Written over the whole of every window.
     pub caption: Option<Box<Caption>>,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
-    /// Per screen, where its plates stand.
+    /// Seats of the plates of each screen.
     seats: Box<[ScreenSeats]>,
     /// The first window, for each window, of those that show a screen alone: both eyes' windows look at the same.
     leader: Box<[usize]>,
-    /// Per leader: where the room is looked at from, instead of its screens.
+    /// The camera from which each leader shows the room from outside, instead of its screens.
     outside: Box<[Option<Orbit>]>,
     /// The last of each leader, for the next time.
     kept: Box<[Option<Orbit>]>,
@@ -62,7 +62,7 @@ pub struct StageFrame<'a> {
     pub reports: &'a [TrackerReport],
     /// Plates that the world writes over its pictures.
     pub plates: &'a [Plate],
-    /// Per screen, what plates are not to stand over.
+    /// Rectangles of each screen that plates must not cover.
     pub clear: &'a [KeepClear],
     /// The window with the panel, and its pixels that panel and messages take.
     pub covered: (usize, &'a [Rect]),

@@ -27,7 +27,7 @@ pub(super) struct Wanted {
 pub(super) struct Room<'a> {
     /// The rectangle within which plates stand.
     pub inside: Rect,
-    /// Between two plates.
+    /// Distance between two plates.
     pub gap: f32,
     /// Overlay, panel and messages, which do not give way.
     pub taken: &'a [Rect],
@@ -35,7 +35,7 @@ pub(super) struct Room<'a> {
     pub held: &'a [Rect],
     /// Elements that can be taken: plates go elsewhere if they can.
     pub loose: &'a [Rect],
-    /// Better not covered.
+    /// Bodies, which are better not covered.
     pub bodies: &'a [Rect],
     pub time_s: f64,
 }
@@ -61,7 +61,7 @@ struct Kept {
     corner: Pos2,
     size: usize,
     is_own: bool,
-    /// Since when its own place has been free, s.
+    /// The time since which its own place has been free, s.
     free_since_s: Option<f64>,
 }
 

@@ -153,7 +153,7 @@ fn letter_height(rect: Rect) -> f32 {
     (rect.height() / 50.0).min(rect.width() / 76.0).clamp(LEAST_LETTER, 26.0)
 }
 
-/// Up and to the right of a place, or else where it covers least of what is taken; within the picture.
+/// The rectangle up and to the right of a place, or else where it covers least of what is taken; within the picture.
 fn beside(at: Pos2, size: Vec2, inside: Rect, letter: f32, taken: &[Rect]) -> Pos2 {
     let room = (inside.max - size).max(inside.min);
     let away = 1.5 * letter;

@@ -89,8 +89,8 @@ struct Sample {
     displacement: f64,
     turn: f64,
     wrench: Wrench,
-    /// Along the displacement, N, and about the axis of the turn, N·m. At rest along the direction before, or the first one after; `None`
-    /// as long as there is none.
+    /// Force along the displacement, N, and torque about the axis of the turn, N·m. At rest along the direction before, or the
+    /// first one after; `None` as long as there is none.
     force: Option<f64>,
     torque: Option<f64>,
     /// Errors to expect of both, N and N·m.

@@ -111,13 +111,13 @@ fn told(scene: &Resolved, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
 /// The contents of a run's results, and the file that it needs, known before anything is solved.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outlook {
-    /// Some body's results will have forces.
+    /// Whether some body's results will have forces.
     pub has_forces: bool,
-    /// Some body's results will have stresses.
+    /// Whether some body's results will have stresses.
     pub has_stress: bool,
-    /// Some body is shown from the .green file.
+    /// Whether some body is shown from the .green file.
     pub needs_green: bool,
-    /// Some control element is free, and found.
+    /// Whether some control element is free, and found.
     pub has_found: bool,
 }
 

@@ -5,7 +5,7 @@ use crate::base::output::Kind;
 
 /// One kind of file.
 pub struct Exporter {
-    /// Is appended to the name that the user gives, as `.csv`.
+    /// The suffix that is appended to the name that the user gives, as `.csv`.
     pub suffix: &'static str,
     /// Recognises an earlier file of this exporter; files of other kinds are never overwritten.
     pub kind: Kind,

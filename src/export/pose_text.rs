@@ -10,14 +10,14 @@ use crate::fem::nearest_turn;
 use crate::scene::LoadValue;
 use nalgebra::Vector3;
 
-/// Above this error of the forces another model is named.
+/// Error of the forces above which another model is named.
 const DOUBTFUL: f64 = 0.1;
 /// Distance from which a control element counts as far away, in sizes of the body.
 const FAR: f64 = 10.0;
 /// Part of the moment about the element's place at rest from which on a moment is reported.
 const NOTICED: f64 = 0.02;
 
-/// Below this part of the largest a force or moment is rounding.
+/// Part of the largest force or moment below which one is rounding.
 const ROUNDING: f64 = 1e-7;
 
 /// The text about all poses, one after another.

@@ -1,4 +1,4 @@
-//! Why it is not known how sure the forces of a body are.
+//! Reasons why it is unknown how sure the forces of a body are.
 
 use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors};
 use crate::effect::expected::{CHANGED, unmeasurable};
@@ -14,7 +14,7 @@ pub(super) enum Looked<'a> {
     Nowhere,
 }
 
-/// Why a body's errors are not known at a pose whose control elements are free so, and what makes them known.
+/// The reason why a body's errors are unknown at a pose with this freedom of its control elements, and how to find them.
 pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[Freedom]) -> String {
     let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     if body.method == Method::Bem {

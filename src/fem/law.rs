@@ -104,7 +104,7 @@ mod tests {
         }
     }
 
-    /// Against P of the whole gradient: no stress across the face, and σ = P F^T / det F in it.
+    /// The stress from P of the whole gradient: none across the face, and σ = P F^T / det F in it.
     #[test]
     fn a_free_face_bears_no_stress_across_it() {
         for law in LAWS {

@@ -1,4 +1,4 @@
-//! Why a field cannot be made, set or connected.
+//! Errors of making, setting or connecting fields.
 
 /// Every name in it is a field's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

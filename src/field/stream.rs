@@ -41,7 +41,7 @@ pub struct FieldState {
     is_due: bool,
 }
 
-/// Why a stream of fields was not taken; `line` counts from 1.
+/// The reason why a stream of fields was not taken; `line` counts from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
     #[error("line {line}: {source}")]

@@ -14,7 +14,7 @@ const MOST_SCALE_LN: f64 = 6.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carrying {
     pub mode: Mode,
-    /// When the hold began.
+    /// The transform at the beginning of the hold.
     pub room_from_element: Matrix4<f64>,
     pub axis: Option<Unit<Vector3<f64>>>,
     /// The [`held_line`] of the frame before.

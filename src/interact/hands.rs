@@ -81,7 +81,7 @@ struct Hand {
     grip: Option<Grip>,
     was_pressed: bool,
     second: Second,
-    /// When the second button was last pressed while the hand held nothing.
+    /// The time at which the second button was last pressed while the hand held nothing.
     last_press_s: Option<f64>,
 }
 

@@ -1,11 +1,11 @@
-//! Why a mesh was refused: the file, the place in it, the reason and the remedy.
+//! Errors of meshes: the file, the place in it, the reason and the remedy.
 
 use crate::base::failure::Failure;
 use crate::base::output::OutputError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why a mesh could not be read or written.
+/// The reason why a mesh could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     #[error("{}: cannot be read: {source}", path.display())]

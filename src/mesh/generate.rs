@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// More tetrahedra than this are refused.
+/// Largest number of tetrahedra that is not refused.
 pub const MAX_TETRAHEDRA: u128 = 20_000_000;
 /// Bytes that a tetrahedron takes while a mesh is made and checked.
 pub(super) const MEMORY: f64 = 200.0;
@@ -62,7 +62,7 @@ pub struct Block {
     pub cells: [u32; 3],
 }
 
-/// Why a mesh could not be generated.
+/// The reason why a mesh could not be generated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GenerateError {
     #[error("{name} is {value} m: a positive, finite length is needed")]

@@ -25,10 +25,10 @@ use crate::base::machine::{self, TooLarge};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// More refinements are refused; this many make 4096 tetrahedra of each.
+/// Largest number of refinements: this many make 4096 tetrahedra of each.
 pub const MOST: u32 = 4;
 
-/// Why a mesh could not be refined.
+/// The reason why a mesh could not be refined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RefineError {
     #[error(

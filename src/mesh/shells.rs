@@ -82,7 +82,7 @@ fn holder(mesh: &TetMesh, outer: &[(f64, Vec<u32>)], cavity: &[u32]) -> Option<u
     holding.min_by(|a, b| a.1.0.total_cmp(&b.1.0)).map(|(at, _)| at)
 }
 
-/// Under which a triangle is seen from `point`; negative from its front.
+/// Solid angle under which a triangle is seen from `point`; negative from its front.
 pub fn solid_angle(corners: [Vector3<f64>; 3], point: &Vector3<f64>) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - point);
     let (la, lb, lc) = (a.norm(), b.norm(), c.norm());

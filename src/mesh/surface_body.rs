@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// More triangles than this are no surface that boundary elements can solve.
+/// Largest number of triangles of a surface that boundary elements can solve.
 pub const MOST_TRIANGLES: usize = 2_000_000;
 
 /// Reads the surface file at `path`, whose coordinates become metres by `scale`. Errors where it does not bound a body.
@@ -27,7 +27,7 @@ pub fn load(path: &Path, scale: Scale) -> Result<Loaded, MeshError> {
     Ok(Loaded { mesh: TetMesh { nodes: vertices, tags, triangles, ..TetMesh::default() }, notices })
 }
 
-/// Why boundary elements cannot have this surface.
+/// The reason why boundary elements cannot have this surface.
 fn refuse(report: &SurfaceReport) -> Result<(), String> {
     let faults = report.faults();
     if !faults.is_empty() {

@@ -21,7 +21,7 @@ pub struct SurfaceReport {
     pub shells: Vec<Shell>,
     pub bounding_box: [[f64; 3]; 2],
     pub area: f64,
-    /// Inside the surface; cavities taken off. Of an open surface it means nothing.
+    /// Volume inside the surface, without cavities. It means nothing for an open surface.
     pub volume: f64,
     /// Loops of edges that belong to one triangle only.
     pub holes: Vec<Hole>,
@@ -39,7 +39,7 @@ pub struct SurfaceReport {
 pub struct Shell {
     pub triangles: usize,
     pub volume: f64,
-    /// Inside an odd number of other shells.
+    /// Whether it lies inside an odd number of other shells.
     pub is_cavity: bool,
 }
 

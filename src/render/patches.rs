@@ -67,7 +67,7 @@ type Extent = [Vector3<f32>; 2];
 /// The extent to which a patch can move.
 pub(super) struct Reach {
     rest: Extent,
-    /// Per column, m per unit of its coefficient.
+    /// Extent of each column, m per unit of its coefficient.
     columns: Vec<Extent>,
     /// The parts that move its nodes; none where the body is one part.
     parts: Vec<u32>,

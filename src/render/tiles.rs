@@ -73,7 +73,7 @@ pub struct Canvas {
     /// Attachments of one-eye tiles; `None` as long as there are none.
     attachments: Option<Arc<Attachments>>,
     one_eye: Vec<Viewport>,
-    /// Per tile; None for a one-eye tile.
+    /// The pair of each tile; `None` for a one-eye tile.
     pairs: Vec<Option<JoinedPair>>,
 }
 

@@ -17,8 +17,8 @@ fn error(row: &Measurement) -> f64 {
     row.error.uncancelled.median
 }
 
-/// Among the rows that can be chosen, the one that reaches an error of `goal` for the least cost. Of those whose cost is
-/// within 2 % of the least, the one with the least product of all three costs.
+/// The row that can be chosen and reaches an error of `goal` for the least cost. Of those whose cost is within 2 % of the least,
+/// the one with the least product of all three costs.
 pub fn cheapest(rows: &[Measurement], metric: &CostMetric, goal: f64) -> Option<usize> {
     cheapest_with(rows, metric, |row| error(row) <= goal)
 }

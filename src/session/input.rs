@@ -24,7 +24,7 @@ pub struct InputSource {
     pub mouse: Option<Mouse>,
     /// Number of the script's round.
     round: u32,
-    /// When the last state was made, s.
+    /// Time of the last state, s.
     last_s: f64,
     /// Sensors about which it was warned that they are far away.
     told_far: Vec<String>,

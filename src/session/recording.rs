@@ -166,7 +166,7 @@ pub struct Replay {
     played: u64,
     /// A frame that was read and is not yet played.
     next: Option<Frame>,
-    /// When the first frame was, s.
+    /// Time of the first frame, s.
     first_s: Option<f64>,
     /// The first frame with another state, and how many there are.
     pub first_difference: Option<Frame>,

@@ -47,7 +47,7 @@ const USUAL: f64 = 2.0;
 struct Choice {
     method: &'static Method,
     solver: Box<dyn LinearSolver>,
-    /// Why.
+    /// The reason of the choice.
     reason: String,
     /// Seconds that the next best takes by its prediction; infinite where there is none.
     next: f64,

@@ -31,7 +31,7 @@ const PROBE_ITERATIONS: usize = 50;
 pub struct System<'a> {
     pub a: &'a StiffnessMatrix,
     pub multigrid: &'a Multigrid,
-    /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
+    /// Bound on the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     pub tolerance: f64,
     pub max_iterations: usize,
     /// Iterations after which it ends as soon as it foresees more than `max_iterations`.
@@ -162,7 +162,7 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// About ‖x̂ - x‖_A / ‖x̂‖_A of every column, from rᵀM⁻¹r.
+    /// Estimate of ‖x̂ - x‖_A / ‖x̂‖_A of every column, from rᵀM⁻¹r.
     fn estimated_errors(&mut self) -> Vec<f64> {
         let norms = self.r.norms();
         let squares = self.preconditioned_squares(&norms);

@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// Columns that are mirrored together.
 const BLOCK: usize = 64;
-/// Into how many parts a product is cut, on however many threads.
+/// Number of parts into which a product is cut, on however many threads.
 const PARTS: usize = 16;
 
 /// The first `eliminated` unknowns of a symmetric matrix, factorised: L, and below it what they take from the `kept` ones.

@@ -1,4 +1,4 @@
-//! Why a system could not be solved, with the numbers and the remedy.
+//! Errors of solving a system, with the numbers and the remedy.
 
 use crate::base::machine::TooLarge;
 

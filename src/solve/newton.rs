@@ -55,7 +55,7 @@ pub struct Loads<'a> {
 /// A state in equilibrium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equilibrium {
-    /// Over all nodes, one column, m.
+    /// Displacements of all nodes, one column, m.
     pub u: NodeFields,
     /// Strain energy, J.
     pub energy: f64,
@@ -82,14 +82,14 @@ pub struct Counts {
     pub moves: Vec<f64>,
 }
 
-/// Why a load step failed.
+/// The reason why a load step failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setback {
     /// K is not positive definite: the equilibrium is lost, or the step is too long.
     Unstable,
     /// No step along d, however short, lowers the energy.
     NoDescent,
-    /// Too many iterations.
+    /// The iteration did not converge within its limit.
     Slow,
 }
 
@@ -106,7 +106,7 @@ pub enum NewtonError {
     },
 }
 
-/// Why an iteration ended early.
+/// The reason why an iteration ended early.
 enum IterationEnd {
     Setback(Setback),
     Solve(SolveError),

@@ -28,11 +28,11 @@ pub const PCG: Method = Method {
     },
 };
 
-/// When an iteration ends; the method needs to know nothing of the graph of A.
+/// The limits of an iteration; the method needs to know nothing of the graph of A.
 #[derive(Clone, Copy)]
 struct Limits {
     method: &'static Method,
-    /// On the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
+    /// Bound on the true relative residual ‖b - A x‖₂ / ‖b‖₂ of every column.
     tolerance: f64,
     max_iterations: usize,
     /// Time that the iterations may take by the prediction, s.

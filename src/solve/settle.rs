@@ -71,7 +71,7 @@ pub struct Settler<'a> {
 /// An equilibrium that was settled.
 #[derive(Clone, Debug)]
 pub struct Settled {
-    /// Over all nodes, one column, m.
+    /// Displacements of all nodes, one column, m.
     pub u: NodeFields,
     /// f less the loads over all nodes, N: at the controlled ones what holds them.
     pub forces: NodeFields,
@@ -83,7 +83,7 @@ pub struct Settled {
     pub solves: usize,
 }
 
-/// Why no equilibrium was found: the factor is too old or the step too long, or the equilibrium is lost.
+/// The error that no equilibrium was found: the factor is too old or the step too long, or the equilibrium is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unsettled;
 

@@ -17,7 +17,7 @@ const STEPS: usize = 6;
 /// The largest eigenvalue of a stiffness matrix that is scaled by its diagonal.
 const LARGEST: f64 = 3.0;
 
-/// About κ₂(S A S) with S = diag(A)^-1/2; infinite where A is not positive definite, `None` without places.
+/// Estimate of κ₂(S A S) with S = diag(A)^-1/2; infinite where A is not positive definite, `None` without places.
 pub(super) fn condition(a: &StiffnessMatrix) -> Option<f64> {
     if a.places.len() != a.nodes() || a.nodes() == 0 {
         return None;

@@ -185,7 +185,7 @@ pub trait Factor {
     /// Solves A x = b for all columns; errors where a true residual stays too large.
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult;
 
-    /// About A⁻¹ b, by the shortest way: for a preconditioner, which need not be exact.
+    /// Approximates A⁻¹ b, by the shortest way: for a preconditioner, which need not be exact.
     fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
         self.solve(b, &Silent).map(|(x, _)| x)
     }
@@ -294,7 +294,7 @@ pub(super) fn strips(
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SolveStats {
     pub method: &'static Method,
-    /// Why this method, where `auto` took it.
+    /// The reason for this method, where `auto` took it.
     pub chosen: Option<String>,
     pub unknowns: usize,
     pub columns: usize,

@@ -22,7 +22,7 @@ pub struct Stage {
     pub grid: Option<Grid>,
     /// One screen or more; names are unique.
     pub screens: Vec<Screen>,
-    /// If empty, those of [`Stage::usual_layout`].
+    /// Windows; if empty, those of [`Stage::usual_layout`].
     pub windows: Vec<Window>,
     /// The desktop's monitors by the file, for checks without a display.
     pub monitors: Vec<Monitor>,

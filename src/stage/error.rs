@@ -1,11 +1,11 @@
-//! Why a stage is refused. Every error carries its numbers and says what to do.
+//! Errors of a stage. Each carries its numbers and says what to do.
 
 use crate::config::ConfigError;
 use nalgebra::Point3;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-/// Why a stage was refused.
+/// The reason why a stage was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
     #[error(transparent)]

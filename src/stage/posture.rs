@@ -6,7 +6,7 @@ use super::screen::Screen;
 
 /// Smallest angle that is mentioned, degrees.
 const STRAIGHT: f64 = 0.05;
-/// Between lying and standing, degrees.
+/// Tilt between lying and standing, degrees.
 const HALF: f64 = 45.0;
 /// A lower edge that is steeper than 45° is no lower edge: the sine.
 const ASIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;

@@ -45,7 +45,7 @@ pub struct EyeView {
     pub near_m: f32,
 }
 
-/// Why an eye gets no picture on a screen, which then stays black.
+/// The reason why an eye gets no picture on a screen, which then stays black.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unseen {
     #[error("screen `{screen}` stays black: the eye is {:.3} m behind its plane", -distance_m)]

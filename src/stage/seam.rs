@@ -36,7 +36,7 @@ pub struct Seam {
 pub struct Apart {
     /// The lone screen's, and the other's.
     pub edges: [(usize, Edge); 2],
-    /// Between their ends, at the end where it is greater, m.
+    /// Distance between their ends, at the end where it is greater, m.
     pub distance_m: f64,
 }
 

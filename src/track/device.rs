@@ -30,11 +30,11 @@ pub struct DeviceState {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<T> {
     pub value: T,
-    /// When it arrived, seconds of this program's clock ([`now_s`]).
+    /// Time of arrival, seconds of this program's clock ([`now_s`]).
     pub arrived_s: f64,
     /// The last tracked reading before this one, and when it arrived: a reader that looks rarely needs both for the speed.
     pub before: Option<(T, f64)>,
-    /// When the device measured it, seconds of the device's clock.
+    /// Time of measurement, seconds of the device's clock.
     pub measured_s: Option<f64>,
     /// 1 tracked, 0 not tracked (the value is then the last one that was).
     pub quality: f32,
@@ -94,7 +94,7 @@ pub fn now_s() -> f64 {
     START.get_or_init(Instant::now).elapsed().as_secs_f64()
 }
 
-/// When a reading arrived, and when the device measured it.
+/// Times at which a reading arrived, and at which the device measured it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
     pub arrived_s: f64,

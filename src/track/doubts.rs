@@ -18,7 +18,7 @@ pub struct Doubt {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DoubtKind {
-    /// Farther from every screen than anyone stands.
+    /// A place farther from every screen than anyone stands.
     Far,
     /// A head behind every screen, or right behind the picture of one.
     Behind,
@@ -28,7 +28,7 @@ pub enum DoubtKind {
     Number,
 }
 
-/// Nobody is farther from the nearest screen than this, m, or than three times the distance of the stage's viewer.
+/// Largest distance of a person from the nearest screen, m; three times that of the stage's viewer if this is more.
 const FAR_M: f64 = 5.0;
 /// Distance from the expected place of head or hand below which a unit counts as confirmed, m.
 const EXPECTED_M: f64 = 1.5;

@@ -21,7 +21,7 @@ const CONTINUOUS: &[u8] = b"C";
 const METRES: f64 = 0.01;
 /// A longer line is malformed, bytes; a record has about 100.
 const LONGEST_LINE: usize = 256;
-/// After this time without a record the device is configured again, s.
+/// Time without a record after which the device is configured again, s.
 const SILENCE_S: f64 = 3.0;
 const WAKE: Duration = Duration::from_millis(50);
 

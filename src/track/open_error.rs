@@ -1,10 +1,10 @@
-//! Why a tracker could not be opened, and what to do about it.
+//! Errors of opening a tracker, with what to do about them.
 
 use super::listen::Listen;
 use crate::base::failure::Failure;
 use crate::stage::StageError;
 
-/// Why a source could not be opened at all. A device that is merely absent is waited for.
+/// The reason why a source could not be opened at all. A device that is merely absent is waited for.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     #[error(

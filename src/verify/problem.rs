@@ -24,7 +24,7 @@ pub struct Problem {
 /// Poisson's ratios on the way to incompressible.
 pub const POISSON: [f64; 4] = [0.3, 0.49, 0.499, 0.4999];
 
-/// Why one mesh could not be solved.
+/// The reason why one mesh could not be solved.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemError {
     #[error(transparent)]

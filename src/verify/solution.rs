@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 pub struct Solution {
-    /// Per node, m.
+    /// Displacement of each node, m.
     pub displacement: Vec<Vector3<f64>>,
     /// uᵀ K u / 2, J.
     pub energy: f64,

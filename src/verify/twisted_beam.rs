@@ -20,7 +20,7 @@ pub const PROBLEM: Problem = Problem {
     solve,
 };
 
-/// Along the root's depth and along the root's width.
+/// Reference displacements along the root's depth and along the root's width.
 const ALONG_Z: f64 = 0.005_424_534_868_469;
 const ALONG_Y: f64 = 0.001_753_248_285_256;
 /// A beam's sections swell freely at the clamp, a solid's do not.

@@ -161,7 +161,7 @@ impl World {
         self.edit.easing = (share < 1.0).then_some((ease, from));
     }
 
-    /// After the graph was evaluated: enters grabs that ended into the history, and moves the scene where it was carried.
+    /// Enters grabs that ended into the history, and moves the scene where it was carried. Called after the graph was evaluated.
     pub(super) fn follow_hands(&mut self, time_s: f64) {
         let HandState { hands, asked } = self.graph.get(self.fields.hands);
         let mut held = hands.held();

@@ -31,7 +31,7 @@ pub struct Frame {
 /// The look of a body in a frame, beside its shape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyFrame {
-    /// Per control element.
+    /// The highlight of each control element.
     pub highlights: Vec<Highlight>,
     /// The code of every node ([`crate::render::field_code`]), if an effect shows a field in colours.
     pub colours: Option<Arc<Vec<[u8; 4]>>>,

@@ -112,7 +112,7 @@ mod tests {
         }
     }
 
-    /// Else a pose file's gravity, along the mesh's axes, were another than that of a session.
+    /// A pose file's gravity, along the mesh's axes, would otherwise differ from that of a session.
     #[test]
     fn a_body_with_weight_is_not_turned() {
         let (stage, points) = (Stage::find("desktop").unwrap(), rod());

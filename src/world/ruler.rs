@@ -8,7 +8,7 @@ use crate::deform::{NearestPoint, nearest_point};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Up to two points of the material.
+/// A ruler between two points of the material; up to two ends.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ruler {

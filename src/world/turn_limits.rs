@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// Number of triangles of a body that are sampled for their turns.
 const PIECES: usize = 256;
 
-/// Up to which turn a model is good, and up to which it is fair, rad.
+/// Largest turns for which a model is good, and for which it is fair, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnLimits {
     pub good: f64,
@@ -23,7 +23,7 @@ pub struct TurnLimits {
 pub enum Verdict {
     Good,
     Fair,
-    /// Further than the model's table goes …
+    /// A turn beyond the model's table …
     Poor,
     /// … or than was measured on the body.
     NotMeasured,

@@ -80,7 +80,7 @@ pub fn wrench_error_of(
     })
 }
 
-/// Why [`wrench_error`] is `None`, in words that follow "error unknown".
+/// The reason why [`wrench_error`] is `None`, in words that follow "error unknown".
 pub fn why_unknown(body: &PlacedBody, shown: &BodyFrame) -> &'static str {
     match &shown.expected {
         _ if body.deformer.contribution().exerts_forces() => "an effect adds forces that were not measured",

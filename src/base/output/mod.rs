@@ -37,7 +37,7 @@ pub struct Kind {
 /// Number of bytes from the start of a file that are read to recognise its kind.
 pub const HEAD: u64 = 16 * 1024;
 
-/// Why a file is not written, or could not be.
+/// The reason why a file is not written, or could not be.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error(

@@ -39,7 +39,7 @@ impl Messages {
         }
     }
 
-    /// On standard error as well, where it stays.
+    /// Adds a message, and writes it to standard error as well, where it stays.
     fn add(&mut self, text: &str, is_wrong: bool) {
         notice!("{}{text}", if is_wrong { "note: " } else { "" });
         let until = Instant::now() + if is_wrong { WRONG_SHOWN } else { SHOWN };

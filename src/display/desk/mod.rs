@@ -208,7 +208,7 @@ impl Desk {
         self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::of);
     }
 
-    /// Does what was asked for, and puts into the place of what is shown what was computed meanwhile.
+    /// Carries out the orders, and shows what was computed meanwhile.
     pub fn step(&mut self, session: &mut Session) -> After {
         for order in std::mem::take(&mut self.orders) {
             self.follow(order, session);

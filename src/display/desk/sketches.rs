@@ -10,7 +10,7 @@ use crate::session::change::Step;
 /// All sketches of a scene.
 #[derive(Default)]
 pub struct Sketches {
-    /// On which somebody works.
+    /// The body on which somebody works.
     pub open: Option<Editor>,
     /// A mesh that is being read for the next one.
     pub loading: Option<Loading>,

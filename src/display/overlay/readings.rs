@@ -83,7 +83,7 @@ pub struct ErrorReading {
     pub model: Option<ErrorsAt>,
     /// The part of forces that the mesh adds.
     pub mesh: Option<f64>,
-    /// Why the error of the forces, or of the model, is unknown in this pose.
+    /// The reason why the error of the forces, or of the model, is unknown in this pose.
     pub unknown: Option<&'static str>,
 }
 

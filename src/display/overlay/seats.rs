@@ -16,7 +16,7 @@ pub(super) struct Seat {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seats {
     chosen: Option<Chosen>,
-    /// Since when the plates' own places have been free, s.
+    /// The time since which the plates' own places have been free, s.
     free_since_s: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Wanted {
     pub width: f32,
     /// Heights of the left and the right plate, with all their rows; the right one may be empty.
     pub heights: [f32; 2],
-    /// Between plates, and to what is kept clear.
+    /// Distance between plates, and to what is kept clear.
     pub margin: f32,
     /// A plate below this height is left out.
     pub least: f32,

@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     pub target: Point3<f64>,
-    /// About the vertical, from +z towards +x, and above the horizon; rad.
+    /// Angles about the vertical, from +z towards +x, and above the horizon; rad.
     pub azimuth: f64,
     pub elevation: f64,
     pub distance_m: f64,

@@ -21,7 +21,7 @@ const ENOUGH: f64 = 1e-4;
 
 /// The result of the model, or of the body.
 struct Found {
-    /// About the places of the control elements.
+    /// Wrenches about the places of the control elements.
     wrenches: Vec<Wrench>,
     /// Displacements of the surface nodes, m.
     shape: Vec<Vector3<f64>>,

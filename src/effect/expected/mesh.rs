@@ -231,7 +231,7 @@ fn rigid_stiffness(solution: &Solution, e: usize, about: &Vector3<f64>) -> Optio
     Some(Matrix6::from_iterator((0.5 * (&k + k.transpose())).iter().copied()))
 }
 
-/// About which direction perpendicular to `axis` control element `e` turns most easily; `None` where all are alike, to 5 %.
+/// The direction perpendicular to `axis` about which control element `e` turns most easily; `None` where all are alike, to 5 %.
 pub fn softest_turn(solution: &Solution, e: usize, axis: &Vector3<f64>) -> Option<Vector3<f64>> {
     let k = rigid_stiffness(solution, e, &solution.controls[e].origin)?;
     let one = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).try_normalize(0.0)?;

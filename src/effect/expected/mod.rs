@@ -58,7 +58,7 @@ fn name_in_section() -> String {
     format!("{NAME}/{TENSOR}")
 }
 
-/// Why errors that were measured of a body are not shown after a change of it.
+/// The reason why errors that were measured of a body are not shown after a change of it.
 pub const CHANGED: &str = "a control element was released, or a modulus changed, since they were measured";
 
 /// The tensor of a body of which something was released or changed since it was measured.
@@ -128,7 +128,7 @@ fn of(scene: &Resolved, body: &str) -> ExpectedErrors {
     ExpectedErrors { model, element, begin_at_zero: model.is_exact_near_rest(), ..ExpectedErrors::default() }
 }
 
-/// Why nothing of a body can be measured, whatever it lists.
+/// The reason why nothing of a body can be measured, whatever it lists.
 pub fn unmeasurable(body: &Body) -> Option<&'static str> {
     if body.control.len() < 2 {
         return Some("it has one control element, and errors are measured by moving one against another");

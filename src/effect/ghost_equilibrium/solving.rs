@@ -65,7 +65,7 @@ pub struct Solving {
     questions: Sender<Question>,
     answers: Receiver<Answer>,
     share: Arc<Share>,
-    /// Since when the question was asked that is not yet answered.
+    /// The time at which the question was asked that is not yet answered.
     pub asked: Option<Instant>,
 }
 

@@ -314,8 +314,8 @@ mod tests {
         assert!(three.compliance.fixed_view::<3, 6>(3, 0).norm() == 0.0 && three.stiffer > 0.0);
     }
 
-    /// On a body that is stiffer in one direction than in another, handle and limit in all six degrees of freedom: the
-    /// push is minus the slope of U, and reaches the limit without passing it.
+    /// The push is minus the slope of U, and reaches the limit without passing it: on a body that is stiffer in one direction
+    /// than in another, handle and limit in all six degrees of freedom.
     #[test]
     fn a_limited_push_is_the_slope_of_its_energy() {
         let root = Matrix6::from_fn(|i, j| ((5 * i + 2 * j) as f64).sin() + if i == j { 2.0 } else { 0.0 });

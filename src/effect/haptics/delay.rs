@@ -14,7 +14,7 @@ use crate::base::peak::Peak;
 
 /// Time constant of T, s.
 const PERIOD_S: f64 = 0.2;
-/// After a longer silence the device counts as absent, s, and there is no force.
+/// Silence after which the device counts as absent, s, and there is no force.
 const ABSENT_S: f64 = 0.04;
 /// The greatest drift between two clocks, s/s: the most by which a time service corrects.
 const DRIFT: f64 = 5e-4;
@@ -88,7 +88,8 @@ impl Delay {
 }
 
 impl Clock {
-    /// When a pose that has just arrived was measured, by the shortest travel time; without a clock, when it arrived.
+    /// The time at which a pose that has just arrived was measured, by the shortest travel time; without a clock, that of its
+    /// arrival.
     fn sampled(&mut self, reading: &Reading) -> f64 {
         let (arrived_s, Some(measured_s)) = (reading.arrived_s, reading.measured_s) else {
             return reading.arrived_s;

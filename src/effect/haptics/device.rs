@@ -10,9 +10,9 @@ pub struct Reading {
     pub device_from_handle: Isometry3<f64>,
     /// The button that grabs, and the second button.
     pub buttons: [bool; 2],
-    /// When it arrived, seconds of this program's clock.
+    /// Time of arrival, seconds of this program's clock.
     pub arrived_s: f64,
-    /// When the device measured it, seconds of the device's clock.
+    /// Time of measurement, seconds of the device's clock.
     pub measured_s: Option<f64>,
     /// False if the device reports that it does not know its pose.
     pub tracked: bool,

@@ -126,7 +126,7 @@ impl Elastic {
         self.with_added(response, pose)
     }
 
-    /// Does a part of what makes responses beside the last one cheap; true when nothing is left to do.
+    /// Does a part of the preparation that makes responses near the last one cheap; true when nothing is left to do.
     pub fn prepare_beside(&mut self, anew: bool) -> bool {
         self.model.prepare_beside(anew)
     }

@@ -14,7 +14,7 @@ pub struct Grasp {
     pub held: Option<Held>,
     /// Poses of all control elements of the held body.
     pub poses: Vec<ControlPose>,
-    /// And the turns by which they came there.
+    /// The turns that led to these poses.
     pub turns: Vec<UnitQuaternion<f64>>,
     /// Energy that other effects add to that of the held element.
     pub added: Option<ElementPotential>,

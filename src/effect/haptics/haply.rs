@@ -46,7 +46,7 @@ const UNHEARD_S: f64 = 2e-3;
 pub struct HaplyTiming {
     /// Silence for this long ends the connection.
     pub silent_s: f64,
-    /// Between two attempts to connect.
+    /// Time between two attempts to connect, s.
     pub retry_s: f64,
     /// Time between two questions to a service without an arm, which sends nothing by itself.
     pub ask_s: f64,

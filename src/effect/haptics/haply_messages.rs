@@ -23,15 +23,15 @@ pub struct State {
 /// The key of the force in `set_cursor_force`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ForceKey {
-    /// Since 3.5.
+    /// The key since version 3.5.
     Vector,
-    /// Before: 3.1.
+    /// The key of version 3.1.
     Values,
 }
 
 #[derive(serde::Deserialize)]
 struct Said {
-    /// Since 3.5.
+    /// Present since version 3.5.
     session_id: Option<IgnoredAny>,
     #[serde(default)]
     inverse3: Vec<Arm>,
@@ -52,7 +52,7 @@ struct Arm {
 #[derive(serde::Deserialize)]
 struct ArmState {
     cursor_position: Option<Xyz>,
-    /// Since 3.5; before it is `mode`.
+    /// The mode since version 3.5; before, the key is `mode`.
     control_mode: Option<IgnoredAny>,
 }
 

@@ -27,9 +27,9 @@ impl Measures {
 pub struct LoopFaults {
     /// No device, no report for [`STALE_S`](super::tick::STALE_S), or a device that reports no tracked pose.
     pub lost: u64,
-    /// Not a number, outside the room, or no rotation.
+    /// Poses that are not a number, outside the room, or no rotation.
     pub absurd: u64,
-    /// Faster than [`MOST_SPEED`](super::tick::MOST_SPEED).
+    /// Motions faster than [`MOST_SPEED`](super::tick::MOST_SPEED).
     pub jumps: u64,
     /// A reading older than the last one, which is ignored.
     pub backward: u64,

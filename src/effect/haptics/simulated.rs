@@ -37,7 +37,7 @@ impl Hand {
         rotational_stiffness: 1.0,
         rotational_damping: 0.02,
     };
-    /// Nobody holds it.
+    /// No hand: the handle is free.
     pub const NONE: Hand =
         Hand { mass: 0.0, stiffness: 0.0, damping: 0.0, rotational_stiffness: 0.0, rotational_damping: 0.0 };
     /// Two fingertips that barely touch it.

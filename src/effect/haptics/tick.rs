@@ -69,7 +69,7 @@ pub struct Control {
     news_s: f64,
     motion: Option<Motion>,
     delay: Delay,
-    /// When the last two poses were measured, s.
+    /// Times at which the last two poses were measured, s.
     between_s: [f64; 2],
     acting: Acting,
     last: Option<Reading>,

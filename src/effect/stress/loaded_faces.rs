@@ -20,7 +20,7 @@ pub struct LoadedFaces(Vec<Column>);
 
 #[derive(Debug)]
 struct Column {
-    /// Among the body's load columns.
+    /// Number among the body's load columns.
     number: usize,
     /// Whether it turns with the body.
     follows: bool,

@@ -7,7 +7,7 @@ use crate::scene::{Limit, Quantity};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// If the largest stress elsewhere is more than this part of the peak at an edge, it is not reported separately.
+/// Part of the peak at an edge above which the largest stress elsewhere is not reported separately.
 const ALIKE: f64 = 0.9;
 
 /// The loads on a surface beside control elements.

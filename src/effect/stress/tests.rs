@@ -1,4 +1,4 @@
-//! Against bodies that were solved, and what a session and a damaged file say.
+//! Stress against that of bodies that were solved, and in sessions and damaged files.
 
 use super::reached::written;
 use super::stressed_body::StressedBody;

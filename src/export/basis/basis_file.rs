@@ -12,7 +12,7 @@ pub struct BasisFile {
     pub about: &'static str,
     /// Recognises an earlier file of this kind; others are never overwritten.
     pub kind: Kind,
-    /// About how many bytes it will take.
+    /// Approximate size in bytes.
     pub size: fn(&[BodyBasis], Profile) -> u64,
     /// Largest size that it may have.
     pub most: Option<u64>,

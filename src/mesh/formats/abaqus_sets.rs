@@ -29,7 +29,7 @@ struct Set {
     /// The name as it was first written.
     name: String,
     tags: Vec<u64>,
-    /// First, last, step.
+    /// Ranges: first, last, step.
     ranges: Vec<[u64; 3]>,
     /// Members that were defined under the set's name.
     spans: Vec<Range<usize>>,

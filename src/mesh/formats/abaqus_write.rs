@@ -69,7 +69,7 @@ pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     Ok(Encoded { files: vec![text.into_bytes()], lost })
 }
 
-/// Up to 16 numbers a line, as Abaqus wants it.
+/// Writes up to 16 numbers a line, as Abaqus wants it.
 fn members(text: &mut String, numbers: impl Iterator<Item = u64>) {
     for (i, number) in numbers.enumerate() {
         let after = if i % 16 == 15 { "\n" } else { " " };

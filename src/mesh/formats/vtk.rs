@@ -175,7 +175,7 @@ impl<'a> Reader<'a> {
         numbers(&mut self.words, self.is_binary, kind, values, each)
     }
 
-    /// Up to version 4: for each cell the number of its points, and these.
+    /// Reads cells up to version 4: for each cell the number of its points, and these.
     fn cells_2(&mut self, at: usize, count: u64, size: u64) -> Result<(), FormatFault> {
         let cells = &mut self.cells;
         cells.at.clear();

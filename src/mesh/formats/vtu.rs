@@ -78,7 +78,7 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
     Ok(raw)
 }
 
-/// Before the names of arrays of the points.
+/// Prefix of the names of arrays of the points.
 const POINT_DATA: &str = "PointData/";
 
 /// Places, m, each with a vector.

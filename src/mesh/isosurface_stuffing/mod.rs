@@ -27,9 +27,9 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// More tetrahedra than this are refused.
+/// Largest number of tetrahedra that is not refused.
 pub const MAX_TETRAHEDRA: f64 = 20e6;
-/// More lattice vertices than this, inside and outside, are refused.
+/// Largest number of lattice vertices, inside and outside, that is not refused.
 pub(super) const MAX_VERTICES: usize = 40_000_000;
 /// A piece with less than this part of the volume is a leftover of a thin place and is removed.
 const CRUMB: f64 = 1e-3;

@@ -8,7 +8,7 @@ use super::lattice::{Lattice, STEPS};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Up to this part of the vertices on one side may have the wrong sign; the others outvote them.
+/// Part of the vertices on one side that may have the wrong sign; the others outvote them.
 const MINORITY: f64 = 0.05;
 
 /// Turns signs that the neighbours outvote, with a notice; refuses where too many contradict.

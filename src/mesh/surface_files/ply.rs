@@ -29,7 +29,7 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// More than these on one element are no mesh.
+/// Largest number of properties of one element of a mesh.
 const MOST_PROPERTIES: usize = 256;
 
 pub fn read(bytes: &[u8]) -> Result<RawSurface, FormatFault> {

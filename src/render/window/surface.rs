@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use wgpu::{CurrentSurfaceTexture, TextureFormat};
 use winit::window::Window;
 
-/// Between two questions to the window system, each of which takes a round trip.
+/// Time between two questions to the window system, each of which takes a round trip.
 const OLD_PLACE: Duration = Duration::from_millis(50);
 
 pub(super) struct WindowSurface {

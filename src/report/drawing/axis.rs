@@ -20,7 +20,7 @@ pub struct Axis {
     pub to: f64,
     /// Pixel of zero, where zeros were given and the axis is logarithmic.
     pub zero: Option<f64>,
-    /// Smaller values are shown as zero.
+    /// Value below which numbers are shown as zero.
     pub floor: f64,
 }
 

@@ -40,7 +40,7 @@ pub struct Point {
     pub series: usize,
     /// Points of the same number are joined by a thin line, in their order.
     pub line: Option<usize>,
-    /// Not beaten by another: filled.
+    /// Whether no other point beats it: then it is filled.
     pub strong: bool,
     pub label: Option<String>,
     /// Shown by a browser under the pointer.

@@ -19,7 +19,7 @@ use std::time::Instant;
 pub struct Step {
     pub key: String,
     pub kind: StepKind,
-    /// On an idle machine with two cores, s.
+    /// Expected time on an idle machine with two cores, s.
     pub seconds: f64,
     /// Whether it is done however little time is left.
     pub is_needed: bool,
@@ -51,7 +51,7 @@ pub struct Course<'a> {
     took: Cell<[[f64; 2]; StepKind::COUNT]>,
     /// The expected slowness of this machine before anything is measured, as a factor.
     slowdown: f64,
-    /// When the last step ended.
+    /// Time at which the last step ended.
     ended: Cell<Instant>,
     limit: Option<TimeLimit>,
     taken_over: Cell<usize>,

@@ -20,7 +20,7 @@ pub struct ModelOutput {
     pub own: Option<Vec<Vector3<f64>>>,
     /// Displacements of the surface nodes, of a model that does not move the others.
     pub surface: Option<Vec<Vector3<f64>>>,
-    /// About the origins of the solution's control elements, where the model has an energy.
+    /// Wrenches about the origins of the solution's control elements, if the model has an energy.
     pub wrenches: Option<Vec<Wrench>>,
 }
 

@@ -61,7 +61,7 @@ pub fn softened(scene: &Scene, body: &str) -> Option<Scene> {
 /// A pose and its nonlinear equilibrium, with tet4 on the scene's mesh.
 pub struct PoseReference {
     pub name: String,
-    /// About the origins of that mesh.
+    /// Poses about the origins of that mesh.
     pub poses: ControlPoses,
     /// Displacement of all nodes, m.
     pub displacement: Vec<Vector3<f64>>,

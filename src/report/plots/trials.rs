@@ -110,7 +110,7 @@ impl Quantity {
         plot.told()
     }
 
-    /// Up to which bend each model stays within a bearable error.
+    /// The bend up to which each model stays within a bearable error.
     fn caption(&self, report: &Report) -> String {
         let bearable = 0.05;
         let sentence = |model: String| {

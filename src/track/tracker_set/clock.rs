@@ -8,7 +8,7 @@
 const AHEAD_S: f64 = 0.05;
 /// Largest lag of a stamp behind the offset, s: no tracker's packet is under way for longer.
 const BEHIND_S: f64 = 0.5;
-/// After this many refused stamps in a row the device's clock has been set, and the offset is determined again.
+/// Number of refused stamps in a row after which the device's clock counts as set, and the offset is determined again.
 const MOST_REFUSED: u32 = 20;
 /// The offset is the least over the last one to two of these windows, s. A wrong stamp that was accepted is forgotten
 /// after that, and within it clocks drift apart by less than the accuracy of the measurement.
@@ -27,7 +27,7 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// When it was measured, s of our clock; never after its arrival.
+    /// Time at which it was measured, s of our clock; never after its arrival.
     pub fn time_s(&mut self, arrived_s: f64, measured_s: Option<f64>) -> f64 {
         let Some(measured_s) = measured_s else { return arrived_s };
         let behind_s = arrived_s - measured_s;

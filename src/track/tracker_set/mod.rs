@@ -41,7 +41,7 @@ struct Running {
     link: Link,
     reconnects: u64,
     was_there: bool,
-    /// Since when it has been connected; `None` if it is not.
+    /// The time since which it has been connected; `None` if it is not.
     there_since_s: Option<f64>,
 }
 

@@ -35,7 +35,7 @@ pub struct SensorReport {
     pub quality: f32,
     pub count: u64,
     pub rate_hz: f64,
-    /// Since the last reading arrived, s.
+    /// Time since the last reading arrived, s.
     pub age_s: f64,
     /// RMS noise of the position, in the tracker's unit; a steady motion adds none.
     pub noise: f64,

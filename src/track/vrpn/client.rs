@@ -57,7 +57,7 @@ pub struct Timing {
     /// not exist.
     pub quiet_s: f64,
     pub down_s: f64,
-    /// Between two lobs.
+    /// Time between two lobs, s.
     pub lob_s: f64,
     /// The wait before the first new attempt, doubled for each further one up to the longest.
     pub first_retry_s: f64,

@@ -53,7 +53,7 @@ pub struct Message<'a> {
     pub payload: &'a [u8],
 }
 
-/// Why bytes were refused.
+/// The reason why bytes were refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CodecFault {
     #[error("the peer does not speak VRPN: it began with {0:?}")]

@@ -29,7 +29,7 @@ const UNANSWERED_S: f64 = 0.9;
 pub struct Listener {
     pub device: String,
     pub state: DeviceState,
-    /// When the device last sent something, s of [`now_s`].
+    /// Time at which the device last sent something, s of [`now_s`].
     pub heard_s: f64,
     /// The force that a force device reports, N, in its own frame.
     pub force: Option<[f64; 3]>,
@@ -38,7 +38,7 @@ pub struct Listener {
     is_there: bool,
     kinds: PeerKinds,
     others: Vec<String>,
-    /// When the ping was sent that still awaits its pong, s.
+    /// Time at which the ping was sent that still awaits its pong, s.
     pinged_s: Option<f64>,
     round_trip: Peak,
 }

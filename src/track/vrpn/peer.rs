@@ -29,7 +29,7 @@ pub const SERVED: [MessageKind; 6] = [
     MessageKind::Pong,
 ];
 
-/// Why a client was dropped.
+/// The reason why a client was dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Gone {
     Closed,

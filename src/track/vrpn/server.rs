@@ -301,7 +301,8 @@ fn dense<T: Copy>(readings: &BTreeMap<i32, Reading<T>>, most: usize) -> impl Ite
     (0..=last).map(|channel| readings.get(&channel).map(|reading| reading.value))
 }
 
-/// When a reading was measured, s since 1970: by the device's clock if that gives the time of day, else when it arrived.
+/// Time at which a reading was measured, s since 1970: by the device's clock if that gives the time of day, else that of its
+/// arrival.
 fn time_of<T>(reading: &Reading<T>) -> f64 {
     let arrived_s = Header::now(0, 0).time_s() - (now_s() - reading.arrived_s);
     let is_time_of_day = |time_s: &f64| (time_s - arrived_s).abs() < OTHER_CLOCK_S;
