@@ -35,7 +35,7 @@
 //! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
-//! | [`prepare`] | resolves the names in a scene, and finds its .green file, or makes it where it is missing or stale |
+//! | [`prepare`] | resolves the names in a scene ([`prepare::Resolved`]), and finds its .green file, or makes it where it is missing or stale |
 //! | [`effect`] | opt-in effects, each with all its parts: precomputation, phases of a frame, drawing, threads; what no scene lists costs nothing |
 //! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |

@@ -26,17 +26,17 @@ pub struct Overlays {
     /// Whether the overlay is over each screen.
     pub panels: Vec<bool>,
     pub pattern: bool,
-    /// Written over the whole of every window.
+    /// A caption over the whole of every window.
     pub caption: Option<Box<Caption>>,
     /// Steps of the frames since an overlay was called up.
     pub history: History,
     /// Seats of the plates of each screen.
     seats: Box<[ScreenSeats]>,
-    /// The first window, for each window, of those that show a screen alone: both eyes' windows look at the same.
+    /// The first window that shows a screen of this one, for each window: both eyes' windows look at the same.
     leader: Box<[usize]>,
     /// The camera from which each leader shows the room from outside, instead of its screens.
     outside: Box<[Option<Orbit>]>,
-    /// The last of each leader, for the next time.
+    /// The last camera of each leader, for the next time.
     kept: Box<[Option<Orbit>]>,
     overlay: Option<Overlay>,
 }

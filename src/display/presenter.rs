@@ -26,7 +26,7 @@ pub trait Presenter {
     }
 
     /// Draws all pictures, one entry of `tiles` and `contents` for each, and presents them together; `paint` may draw over each
-    /// eye's picture before the two are joined.
+    /// eye's picture before the two are joined. The call may wait for the device or the display.
     ///
     /// # Errors
     /// If the counts differ, a tile lies outside of its picture, or the device failed.

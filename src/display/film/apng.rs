@@ -19,7 +19,7 @@ const UNSEEN: u8 = 3;
 const MISSED: u8 = 10;
 /// Number of colours that are kept for later pictures.
 const KEPT: usize = 64;
-/// Divisor of the colours that are left: each picture takes at most this part.
+/// Each picture takes at most one in this number of the colours that are left.
 const PART: usize = 6;
 /// Least number of pixels for which a new colour stands.
 const PIXELS: u32 = 24;

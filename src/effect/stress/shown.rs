@@ -66,7 +66,7 @@ impl Top {
     }
 }
 
-/// Strain with which the scale of colours begins, and with which it moves, where nothing is asked for.
+/// Strain at the first end of the colours, where nothing is asked for; displacements begin with this part of the body's size.
 const FIRST_STRAIN: f64 = 1e-3;
 
 fn tops(listed: &Listed<'_>, settings: &LegendSettings, bodies: &[ShownBody], world: &World) -> [Top; 3] {
