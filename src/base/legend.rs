@@ -5,7 +5,7 @@
 pub struct Legend {
     /// `von Mises stress`.
     pub title: String,
-    /// `Pa`; nothing of a ratio, which is shown in percent.
+    /// A unit, such as `Pa`; empty for a ratio, which is shown in percent.
     pub unit: String,
     /// The value at the end of the colours; they begin at 0.
     pub to: f64,

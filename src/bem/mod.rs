@@ -42,7 +42,7 @@ pub struct Surface<'a> {
 pub struct Solved {
     /// Displacements of all nodes.
     pub fields: NodeFields,
-    /// W = Uᵀ S U, symmetric: what S says that one field does on another, N·m per units of both.
+    /// W = Uᵀ S U, symmetric: the work of one field on another by S, N·m per units of both.
     pub work: DMatrix<f64>,
     /// max |W - Wᵀ| over max |W| as it was solved.
     pub asymmetry: f64,

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 const TOLERANCE: f64 = 1e-5;
 const DEPTH: u32 = 24;
 
-/// Both integrals; `None` of triangles without a corner in common.
+/// Both integrals; `None` for triangles without a corner in common.
 pub fn pull(i: &Triangle, j: &Triangle) -> Option<Pull> {
     let shared = |p: usize| (0..3).find(|&q| i.corners[p] == j.corners[q]);
     let [a, b, c] = [0, 1, 2].map(|p| shared(p).map(|q| (p, q)));

@@ -33,7 +33,7 @@ impl Pull {
 }
 
 impl Triangle {
-    /// `None` of one without area.
+    /// `None` for one without area.
     pub fn new(corners: [Vector3<f64>; 3]) -> Option<Triangle> {
         let [a, b, c] = corners;
         let across = (b - a).cross(&(c - a));

@@ -272,7 +272,7 @@ fn with_columns(gpu: &Gpu, body: &PlacedBody, colours: &[[u8; 4]]) -> Result<Bod
     BodyBuffers::with_columns(gpu, triangles, colours, deformer.rest(), &groups, weights, copies)
 }
 
-/// Deforms the body on the device, as its state says; false where nothing changed.
+/// Deforms the body on the device into its state; false where nothing changed.
 pub fn deform(gpu: &Gpu, buffers: &mut BodyBuffers, body: &PlacedBody) -> Result<bool, RenderError> {
     let state = &body.deformer.state;
     buffers.deform(gpu, &state.coefficients, &state.parts)

@@ -132,7 +132,7 @@ impl Overlays {
         self.panels.contains(&true)
     }
 
-    /// Whether what the trackers say is shown anywhere.
+    /// Whether the reports of the trackers are shown anywhere.
     pub fn wants_reports(&self) -> bool {
         self.has_panel() || self.outside.iter().any(Option::is_some)
     }

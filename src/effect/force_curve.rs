@@ -254,7 +254,7 @@ impl Trace {
         self.work[1] > self.work[0]
     }
 
-    /// x and y of a sample, and the error of y; `None` while nothing says along what the force is meant.
+    /// Coordinates x and y of a sample, and the error of y; `None` while there is no direction along which the force is meant.
     fn point(&self, sample: &Sample) -> Option<([f64; 2], Option<f64>)> {
         Some(match self.is_by_turn() {
             true => ([sample.turn.to_degrees(), sample.torque?], sample.errors.map(|errors| errors[1])),

@@ -121,7 +121,7 @@ fn projected_dilatation(points: &[Point]) -> Option<[[Vector3<f64>; 10]; 4]> {
     Some(modes(points)?.map(|mode| std::array::from_fn(|a| gradient(&mode, a))))
 }
 
-/// D_a at each of the points of a curved element: P div u = Σ_a D_a·u_a there; `None` of a straight one, whose dilatation is
+/// D_a at each of the points of a curved element: P div u = Σ_a D_a·u_a there; `None` for a straight one, whose dilatation is
 /// the divergence itself.
 pub fn dilatations(points: &[Point]) -> Option<Vec<[Vector3<f64>; 10]>> {
     if points.len() != CURVED.len() {

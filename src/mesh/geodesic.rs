@@ -23,7 +23,7 @@ pub fn edges(mesh: &TetMesh) -> Vec<[u32; 2]> {
     edges
 }
 
-/// The node among `nodes` nearest to `point` (the first of several), and its distance, m; `None` of no nodes.
+/// The node among `nodes` nearest to `point` (the first of several), and its distance, m; `None` without nodes.
 pub fn nearest(mesh: &TetMesh, nodes: &[u32], point: &Vector3<f64>) -> Option<(u32, f64)> {
     let distance = |&node: &u32| (node, (mesh.nodes[node as usize] - point).norm());
     nodes.iter().map(distance).min_by(|a, b| a.1.total_cmp(&b.1))

@@ -37,7 +37,7 @@ pub fn bounding_box(nodes: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     nodes.iter().fold((first, first), |(min, max), node| (min.inf(node), max.sup(node)))
 }
 
-/// Mean position of some nodes of `mesh`, such as a group's; `None` of no nodes.
+/// Mean position of some nodes of `mesh`, such as a group's; `None` without nodes.
 pub fn centroid(mesh: &TetMesh, nodes: &[u32]) -> Option<Vector3<f64>> {
     let &first = nodes.first()?;
     let origin = mesh.nodes[first as usize];

@@ -69,7 +69,7 @@ pub(super) struct Reach {
     rest: Extent,
     /// Extent of each column, m per unit of its coefficient.
     columns: Vec<Extent>,
-    /// The parts that move its nodes; none where the body is one part.
+    /// The parts that move its nodes; empty if the body is one part.
     parts: Vec<u32>,
 }
 

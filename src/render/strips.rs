@@ -20,7 +20,7 @@ pub(super) trait Strip: bytemuck::Pod {
     fn of(contents: &FrameContents<'_>) -> Vec<Self>;
 }
 
-/// The pass of one kind of strip; nothing on the device until it is used.
+/// The pass of one kind of strip; it makes nothing on the device until it is used.
 pub(super) struct StripPass<S> {
     strips: StripBuffer,
     kind: PhantomData<S>,

@@ -66,7 +66,7 @@ impl Timing {
     /// Scatter and load from which the machine counts as busy; an idle one has a scatter below 1.1, and the load of this program.
     const BUSY: [f64; 2] = [1.3, 1.5];
 
-    /// Says that the machine was too busy for the times to be used; nothing where it was not.
+    /// A warning if the machine was too busy for the times to be used.
     pub fn warning(&self) -> Option<String> {
         let [scatter, load] = Timing::BUSY;
         let is_busy = self.scatter > scatter || self.load > load * self.processors as f64;
@@ -188,7 +188,7 @@ pub struct Cost {
     pub frame_p99_s: f64,
     /// Median time of a frame with one control element moved, s: the others' sums are kept.
     pub frame_one_p50_s: f64,
-    /// Bytes of columns that one evaluation reads; nothing where that was not counted.
+    /// Bytes of columns that one evaluation reads; `None` if they were not counted.
     pub frame_bytes: Option<f64>,
 }
 
@@ -244,7 +244,7 @@ pub struct ModelTrials {
     pub rows: Vec<ModelTrial>,
 }
 
-/// A model where the control element has come to.
+/// A model's errors for one place of the control element.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelTrial {
     pub model: String,
@@ -254,7 +254,7 @@ pub struct ModelTrial {
     /// Root mean square of the surface nodes' errors, as a part of the distance between the control elements.
     pub displacement: f64,
     /// Largest errors of a control element's force, and of its torque over that distance, as parts of the equilibrium's largest
-    /// force or torque over distance; nothing where the model says that it has none.
+    /// force or torque over distance; `None` if the model has none.
     pub force: Option<f64>,
     pub torque: Option<f64>,
     /// Strain energy over that of the equilibrium.

@@ -120,7 +120,7 @@ impl Session {
         Err(Failure::wrong(why.to_owned()))
     }
 
-    /// Shows what a change came to instead of what was shown. Devices and trackers of the scene are started anew.
+    /// Shows the result of a change instead of what was shown. Devices and trackers of the scene are started anew.
     ///
     /// # Errors
     /// Where it is recorded or replayed, or an effect cannot join the new world, the session stays as it was; where a device or a

@@ -44,7 +44,7 @@ impl<'a> Request<'a> {
         stage(self.scene, self.named_stage(replay.as_ref())?.as_deref())
     }
 
-    /// The stage that is asked for, or that of a recording; `None` of the scene's own.
+    /// The stage that is asked for, or that of a recording; `None` for the scene's own.
     fn named_stage(&self, replay: Option<&Replay>) -> Result<Option<String>, Failure> {
         let asked = self.stage.map(|asked| Ok(asked.to_owned()));
         asked.or_else(|| replay.map(Replay::stage)).transpose()

@@ -64,7 +64,7 @@ impl Preconditioner<'_> {
 pub struct Settler<'a> {
     pub body: &'a Hyperelastic,
     pub partition: &'a Partition,
-    /// Forces that keep their directions, one column over all nodes, N; `None` of a body that never has any, nor is warmed.
+    /// Forces that keep their directions, one column over all nodes, N; `None` for a body that never has any, nor is warmed.
     pub loads: Option<&'a NodeFields>,
 }
 

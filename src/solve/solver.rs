@@ -109,7 +109,7 @@ pub type Analyse = fn(&Asked<'_>) -> Result<Box<dyn LinearSolver>, SolveError>;
 pub struct Method {
     /// The name in scenes, results and .green files.
     pub name: &'static str,
-    /// Whether it factorises A, so that no tolerance says when it ends.
+    /// Whether it factorises A, so that no tolerance ends it.
     pub is_direct: bool,
     /// Whether its factor can be kept ([`Factor::kept`]), or may be one that can.
     pub keeps_factor: bool,
@@ -119,7 +119,7 @@ pub struct Method {
     pub remedy: &'static str,
     /// Bytes of a number of its factor; 0 of a method that makes none, or that may.
     pub factor_number: usize,
-    /// Lower estimate of the seconds for the job, from the graph of A before it is analysed; `None` of a method that `auto`
+    /// Lower estimate of the seconds for the job, from the graph of A before it is analysed; `None` for a method that `auto`
     /// leaves out.
     pub least_seconds: Option<fn(&Asked<'_>) -> f64>,
     pub analyse: Analyse,
@@ -240,7 +240,7 @@ pub trait Factor {
         self.solve_memory(3 * STRIP_NODES, nodes) + 2.0 * 72.0 * (STRIP_NODES * nodes) as f64
     }
 
-    /// The part of the factor that solves between these nodes, to be kept; `None` of a method that makes no factor, or none that
+    /// The part of the factor that solves between these nodes, to be kept; `None` for a method that makes no factor, or none that
     /// is exact enough.
     fn kept(&self, _nodes: &[u32], _progress: &dyn Progress) -> Result<Option<KeptFactor>, SolveError> {
         Ok(None)
@@ -339,7 +339,7 @@ impl SolveStats {
 /// Bounds on the distance of a solution from the exact one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Conditioning {
-    /// Estimate of κ₂ of A scaled by its diagonal; `None` of conjugate gradients, which stop before they have seen the
+    /// Estimate of κ₂ of A scaled by its diagonal; `None` for conjugate gradients, which stop before they have seen the
     /// least eigenvalue.
     pub scaled_condition: Option<f64>,
     /// Cholesky: bound on max |x̂ - x| / max |x| of the column with the largest residual. PCG: the largest ‖x̂ - x‖_A /

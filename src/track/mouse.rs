@@ -176,7 +176,7 @@ impl Mouse {
         }
     }
 
-    /// Moves the head for `step_s` seconds as the keys that are down say.
+    /// Moves the head for `step_s` seconds by the keys that are down.
     pub fn advance(&mut self, step_s: f64) {
         let step_s = if step_s.is_finite() { step_s.clamp(0.0, LONGEST_STEP_S) } else { 0.0 };
         let start = self.stage.viewer.room_from_head;

@@ -1,4 +1,4 @@
-//! Takes a tracker's poses from another VRPN server than its stage file says: from a stand-in, or a second lab.
+//! Takes a tracker's poses from another VRPN server than that of its stage file: from a stand-in, or a second lab.
 
 use super::stand_in::device_name;
 use super::vrpn::Address;

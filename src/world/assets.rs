@@ -60,7 +60,7 @@ pub struct ControlAssets {
     pub grab: Grab,
 }
 
-/// The turn up to which the error of a planned body was measured, rad, with a tenth to spare; nothing of other bodies.
+/// The turn up to which the error of a planned body was measured, rad, with a tenth to spare; `None` for other bodies.
 fn measured_range(file: &GreenFile, body: &str) -> Option<f64> {
     file.meta.bodies.get(body)?.plan.as_ref()?.get("range")?.as_f64().map(|range| 1.1 * range)
 }

@@ -14,7 +14,7 @@ pub struct EditState {
     pub navigation: Navigation,
     pub asides: Vec<Aside>,
     pub(super) history: History<Vec<Change>>,
-    /// Control elements on their way back to rest, and whence.
+    /// Control elements on their way back to rest, with their poses at its beginning.
     pub(super) easing: Option<(Ease, Vec<(usize, Posed)>)>,
     /// Every target as it was when it was last not held.
     pub(super) before: Vec<Posed>,

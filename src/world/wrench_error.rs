@@ -20,7 +20,8 @@ pub struct WrenchError {
     pub parts: [f64; 2],
 }
 
-/// `None` where nothing was measured, where the pose is beyond what was, and of a model that says that it has no forces here.
+/// The possible error of a body's forces and torques. `None` if nothing was measured, the pose is beyond what was, or the model
+/// has no forces here.
 ///
 /// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
 pub fn wrench_error(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Option<WrenchError> {

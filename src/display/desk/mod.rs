@@ -319,7 +319,7 @@ impl Desk {
         self.messages.wrong(&told::refused(failure, session.scene.as_deref()));
     }
 
-    /// Begins to compute what the panel says.
+    /// Begins to compute the draft of the panel.
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
@@ -343,7 +343,7 @@ impl Desk {
         Ok(())
     }
 
-    /// Writes what the panel says as a scene file; from then on it is the scene that is shown, where it is shown.
+    /// Writes the draft of the panel as a scene file; from then on that is the scene shown, if the draft is.
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
         let (scene, _) = draft.wanted(session, self.sketches.open.as_ref())?;

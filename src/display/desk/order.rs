@@ -5,11 +5,11 @@ use std::path::PathBuf;
 /// An order of a person in the panel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
-    /// Show what the panel says.
+    /// Show the draft of the panel.
     Apply,
     /// Show on; what is being computed is forgotten.
     GiveUp,
-    /// The panel says what is shown again.
+    /// Reset the draft to what is shown.
     Reset,
     Picture,
     Video,

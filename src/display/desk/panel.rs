@@ -25,7 +25,7 @@ use crate::stage::{BUILT_IN, Stage};
 use egui::{Button, ComboBox, Context, DragValue, Grid, RichText, ScrollArea, Slider, Ui, Window};
 use std::path::Path;
 
-/// A scene as the panel says it.
+/// The draft of a scene in the panel.
 pub struct Draft {
     pub scene: Scene,
     /// The scene when the panel was opened.

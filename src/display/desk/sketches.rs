@@ -37,7 +37,7 @@ impl Sketches {
         Ok(())
     }
 
-    /// Stops working, and keeps what was made; says so where that is something.
+    /// Stops working, and keeps what was made; returns a message if that is something.
     pub fn leave(&mut self) -> Option<String> {
         self.loading = None;
         let editor = self.open.take().filter(|editor| editor.sketch.is_changed())?;

@@ -159,7 +159,7 @@ fn hands(world: &World) -> Vec<HandReading> {
     world.fields.styli.iter().enumerate().filter_map(of).collect()
 }
 
-/// `None` of a body that shows no forces and was not measured.
+/// `None` for a body that shows no forces and was not measured.
 fn error_reading(
     (body, shown): (&PlacedBody, &BodyFrame),
     forces: Option<(&[Wrench], Option<WrenchError>)>,

@@ -27,7 +27,7 @@ struct Found {
     shape: Vec<Vector3<f64>>,
 }
 
-/// Measures control element `moved`; `left_out` hears from which angle on one of both has no equilibrium.
+/// Measures control element `moved`; `left_out` is called with the angle from which on the model or the body has no equilibrium.
 pub fn hung(
     statics: &mut Statics,
     deformer: &mut Deformer,

@@ -101,8 +101,8 @@ impl Measured {
         Ok(Measured { statics, deformer, nodes, loads })
     }
 
-    /// The errors where all control elements rest; `None` of a body without loads, and where it has no equilibrium under them, which
-    /// `left_out` hears. Lengths are measured to control element `e`; `progress` is advanced by 1000.
+    /// The errors where all control elements rest; `None` for a body without loads, and, noted in `left_out`, for one without an
+    /// equilibrium under them. Lengths are measured to control element `e`; `progress` is advanced by 1000.
     pub fn loaded(
         &mut self,
         e: usize,
@@ -120,8 +120,9 @@ impl Measured {
         Ok(held.first().map(|trial| self.at(trial)))
     }
 
-    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of the body that was
-    /// solved as `solution`; `left_out` hears what could not be measured. `progress` is advanced by 1000 for each of [`motions`].
+    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of
+    /// the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
+    /// 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
         solution: &Solution,

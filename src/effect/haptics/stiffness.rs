@@ -106,7 +106,7 @@ mod tests {
     /// N/m.
     const SPRINGS: Vector3<f64> = Vector3::new(900.0, 500.0, 200.0);
 
-    /// A spring along each axis; counts how often it is evaluated, and says whether that takes long.
+    /// A spring along each axis; counts its evaluations, and reports whether one takes long.
     struct Springs(Arc<AtomicUsize>, bool);
 
     impl DeformationModel for Springs {

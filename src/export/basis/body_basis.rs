@@ -203,7 +203,7 @@ fn handles(scene: &Scene, file: &GreenFile, body: &str, size: f64) -> Vec<Handle
     file.meta.bodies[body].controls.iter().map(handle).collect()
 }
 
-/// The largest extent of places along an axis; `None` of a single one.
+/// The largest extent of places along an axis; `None` for a single one.
 fn extent(places: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
     let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
     let (low, high) = places.map(Vector3::from).fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));

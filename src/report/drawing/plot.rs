@@ -79,7 +79,7 @@ const NOTHING: f64 = 1e-12;
 const SAME: f64 = 1.02;
 
 impl Plot {
-    /// The picture, or why it would say nothing; empty where there are no points.
+    /// The picture, or the reason why it would show nothing; empty where there are no points.
     pub fn told(&self) -> Result<Picture, String> {
         let same = |of: fn(&Point) -> f64| {
             let values = || self.points.iter().map(of);

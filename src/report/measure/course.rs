@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(said.len(), 2);
     }
 
-    /// Solves that were fast say little of errors that are slow.
+    /// Solves that were fast are weak evidence for the errors of slow ones.
     #[test]
     fn each_kind_has_a_pace_of_its_own() {
         let said = Said::default();

@@ -47,7 +47,7 @@ impl TimedDeformer {
         if most > 0.0 { most / calmest(&self.all_s) } else { 1.0 }
     }
 
-    /// Bytes of columns that one evaluation of all control elements reads; nothing where its model counts none.
+    /// Bytes of columns that one evaluation of all control elements reads; `None` if the model's columns are not counted.
     pub fn bytes_read(&self) -> Option<f64> {
         let width = match self.deformer.groups().first() {
             Some(ColumnGroup::F16 { .. } | ColumnGroup::Int16 { .. }) => 2,

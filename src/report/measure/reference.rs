@@ -226,7 +226,7 @@ impl<'a> References<'a> {
         Ok(())
     }
 
-    /// The models that the body suits; says of the others why it does not.
+    /// The models that the body suits; the reasons for the others go into `models_left_out`.
     fn suited(&mut self, candidates: &[Candidate]) -> Vec<&'static ModelEntry> {
         let mut suited = Vec::new();
         for model in online() {

@@ -12,7 +12,7 @@ pub struct PlotEntry {
     pub reading: &'static str,
     /// Sentences about this body, made from the data; empty where there is nothing to report.
     pub caption: fn(&Report) -> String,
-    /// The error says why the plot would say nothing; it is empty where the report has no data for it.
+    /// Draws it; the error says why the plot would be empty, and is empty where the report has no data for it.
     pub picture: fn(&Report) -> Result<Picture, String>,
     pub table: Option<TableBelow>,
 }

@@ -32,7 +32,7 @@ pub const PLOTS: [&PlotEntry; 13] = [
     &smooth::SMOOTH_ENERGY,
 ];
 
-/// Every plot that has something to say.
+/// Every plot that shows anything.
 pub fn pictures(report: &Report) -> Vec<(&'static PlotEntry, Picture)> {
     PLOTS.into_iter().filter_map(|entry| Some((entry, (entry.picture)(report).ok()?))).collect()
 }

@@ -99,7 +99,7 @@ mod tests {
         assert!((clock.time_s(10.6, Some(100.6)) - 10.6).abs() < 1e-3, "and the good ones count again");
     }
 
-    /// A hundred stamps a second from `from_s` on; what the clock says of the last one against when it was measured.
+    /// Error of the clock for the last of a hundred stamps a second from `from_s` on, against the time at which it was measured.
     fn error_after(clock: &mut DeviceClock, from_s: f64, seconds: f64, set_s: f64) -> f64 {
         let times = (0..(100.0 * seconds) as u32).map(|i| from_s + 0.01 * f64::from(i));
         let errors = times.map(|now_s| clock.time_s(now_s + 0.002, Some(now_s + set_s)) - (now_s + 0.002));

@@ -166,7 +166,7 @@ pub fn refused(number: u32, case: impl Into<String>, words: &'static str, asked:
     verdict(number, case, words, asked.solve().err().map(|error| error.to_string()))
 }
 
-/// The row of what must be refused: `said` is the refusal, if there was one.
+/// The row of a case that must be refused: `said` is the refusal, if there was one.
 pub fn verdict(number: u32, case: impl Into<String>, words: &'static str, said: Option<String>) -> CaseRow {
     let outcome = if said.is_some() { Outcome::Refused } else { Outcome::Solved };
     CaseRow {

@@ -1,4 +1,4 @@
-//! Case 30: files that name what is not there, or say things twice.
+//! Case 30: files that name what is not there, or state things twice.
 
 use super::case::{CaseRows, verdict};
 use crate::mesh::parse;

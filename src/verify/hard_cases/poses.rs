@@ -17,7 +17,7 @@ pub(super) fn rows() -> CaseRows {
     Ok(rows)
 }
 
-/// A row of what the online stage does; `fault` is what it said.
+/// A row about the online stage; `fault` is its message.
 fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault>, error: f64) -> CaseRow {
     CaseRow {
         number,
@@ -76,8 +76,8 @@ impl Online {
         }
     }
 
-    /// All surface points about the centre, for poses one after the other, by a model; and whether it said that
-    /// its mean rotation was not defined.
+    /// All surface points about the centre, for poses one after the other, by a model; and whether its mean rotation was
+    /// undefined.
     fn follow(
         &self,
         model: &ModelEntry,

@@ -33,8 +33,8 @@ fn a_surface_that_the_device_deforms_reads_as_one_that_the_cpu_deforms() {
     assert!(moved > 0.1, "the test bends the block");
 }
 
-/// The body is set aside by what it looks like now: the stylus points where the middle of the bent block came to, which
-/// belongs to no control element.
+/// The body is set aside by its present shape: the stylus points at the middle of the bent block, which belongs to no control
+/// element.
 #[test]
 fn a_body_that_the_device_deforms_is_pointed_at_where_it_is_bent_to() {
     let mut world = world("pointed-elsewhere");

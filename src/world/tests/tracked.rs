@@ -35,8 +35,8 @@ fn stamp(arrived_s: f64, measured_s: f64) -> Stamp {
     Stamp { arrived_s, measured_s: Some(measured_s) }
 }
 
-/// Sixty frames a second: a hand takes the block's end and swings it up and down by a tenth of its length; in the frames
-/// of `when` the tracker says what `fault` makes of it. `keys` are the sensor's further keys.
+/// Sixty frames a second: a hand takes the block's end and swings it up and down by a tenth of its length; in the frames of
+/// `when`, `fault` makes the tracker's report. `keys` are the sensor's further keys.
 fn play(
     name: &str,
     keys: &str,

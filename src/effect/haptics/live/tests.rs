@@ -103,7 +103,7 @@ fn a_loop_runs_only_where_it_is_asked_for_and_the_hand_feels_what_it_holds() {
     assert_eq!(running(), 0);
 }
 
-/// A VRPN device that says its pose at every question, as a real one does a thousand times a second.
+/// A VRPN device that reports its pose at every question, as a real one does a thousand times a second.
 #[derive(Clone, Default)]
 struct Phantom {
     said: Arc<Mutex<(Isometry3<f64>, bool)>>,
@@ -199,8 +199,8 @@ impl RunningEffect for Shared {
 /// Time for which the buttons that a new device reports are its greeting, not a press.
 const GREETED: Duration = Duration::from_millis(400);
 
-/// A service that says where its arm is, and whether button a is down: `[pressed, has_ended]`. Gives the forces it was
-/// sent until a connection comes after the end.
+/// A service that reports where its arm is, and whether button a is down: `[pressed, has_ended]`. Returns the forces it was sent
+/// until a connection comes after the end.
 fn serve_haply(listener: TcpListener, told: Arc<[AtomicBool; 2]>) -> std::thread::JoinHandle<Vec<f64>> {
     std::thread::spawn(move || {
         let [pressed, has_ended] = &*told;
