@@ -33,8 +33,8 @@ pub struct Scale {
 }
 
 impl Unit {
-    /// The prefix for a number of this size: µ for millionths to M for millions, as far as the unit takes them. What would be
-    /// zero with all of them has none.
+    /// The prefix for a number of this size: µ for millionths to M for millions, as far as the unit takes them. A number that
+    /// would be zero with all of them has none.
     pub fn scale(self, size: f64) -> Scale {
         let [least, most] = self.powers;
         let fits = |power: &i32| size.abs() < MOST * 1000f64.powi(*power);

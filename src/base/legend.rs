@@ -40,7 +40,7 @@ pub fn round_up(value: f64) -> f64 {
     above(value, &[1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 }
 
-/// The next of these steps times a power of ten, the last of which is 10; 0 of what is not positive.
+/// The next of these steps times a power of ten, the last of which is 10; 0 if the value is not positive.
 fn above(value: f64, steps: &[f64]) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return 0.0;

@@ -17,7 +17,7 @@ const STATUS: &str = "/proc/self/status";
 const LIMITS: &str = "/proc/self/limits";
 const ADDRESSES: &str = "Max address space";
 
-/// Something needs more memory than is left: what needs it, how much, how much is left, and which limit leaves it.
+/// The error of a need for more memory than is left: by whom, how much, how much is left, and which limit leaves it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{text}")]
 pub struct TooLarge {
@@ -46,7 +46,7 @@ pub fn expect(what: impl Into<String>, need: f64) -> Result<(), TooLarge> {
     Ok(())
 }
 
-/// The most memory that was planned, bytes: what was in use when a step began, and what it was to need.
+/// The most memory that was planned, bytes: that in use when a step began, and that step's need.
 static PLANNED: AtomicU64 = AtomicU64::new(0);
 
 /// Plans a step that needs at most `need` bytes more.
@@ -122,7 +122,7 @@ pub fn peak_memory() -> Option<f64> {
     kilobytes(&std::fs::read_to_string(STATUS).ok()?, "VmHWM:")
 }
 
-/// Processor time of the calling thread, s: what other programs take meanwhile does not count.
+/// Processor time of the calling thread, s: time that other programs take does not count.
 pub fn thread_s() -> f64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
     // SAFETY: the call writes into `time`, which lives on, and nowhere else.

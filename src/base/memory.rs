@@ -59,7 +59,8 @@ pub fn end_in_order() {
     unsafe { libc::signal(SIGABRT, handler as libc::sighandler_t) };
 }
 
-/// Gives what was freed, and what the C library keeps for later, back to the system: [`super::machine`] then sees what is used.
+/// Gives freed memory, also that which the C library keeps for later, back to the system: [`super::machine`] then sees the memory
+/// in use.
 pub fn give_back() {
     #[cfg(target_env = "gnu")]
     // SAFETY: the call takes no memory that is in use.

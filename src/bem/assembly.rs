@@ -10,7 +10,7 @@ use super::triangle::Triangle;
 use crate::base::progress::Progress;
 use rayon::prelude::*;
 
-/// Rows of what a strip adds, about: half as many nodes as triangles, and those of its border.
+/// Approximate number of rows to which a strip adds: half as many nodes as triangles, and those of its border.
 const ROWS: usize = 120;
 
 /// Numbers that the threads need for each row of the matrix.

@@ -49,7 +49,7 @@ pub struct Solved {
     /// W as the tractions' work on the prescribed fields: far from it where triangles are large, because tractions are constant
     /// on each.
     pub traction_work: DMatrix<f64>,
-    /// max |S r| over max |S| for the rigid motions r, before they were taken out: what was lost in the integrals.
+    /// max |S r| over max |S| for the rigid motions r, before they were taken out: the error of the integrals.
     pub integration_error: f64,
     /// Numbers in the matrices.
     pub entries: usize,

@@ -1,6 +1,6 @@
-//! Files of other programs that describe displays: what they are, and which of their numbers a stage file takes.
+//! Files of other programs that describe displays: their kind, and which of their numbers a stage file takes.
 //!
-//! In: the text of a file that is no TOML. Out: a sentence. Known by what the file begins with, not by its name.
+//! In: the text of a file that is no TOML. Out: a sentence. Files are recognised by their beginning, not by their name.
 
 use crate::base::input;
 use std::io::Read;

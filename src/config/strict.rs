@@ -13,7 +13,7 @@ use std::fmt;
 /// A deserializer, or what it hands out to its visitors, watched.
 pub struct Strict<T>(pub T);
 
-/// A visitor, and what of a sequence it may be given.
+/// A visitor, and the length of a sequence that it may be given.
 struct Watched<V> {
     visitor: V,
     takes: Takes,

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use crate::world::World;
 use std::path::Path;
 
-/// One chapter: what is shown, said and measured.
+/// One chapter: its scene, its words and its measured values.
 pub struct Chapter {
     /// The name in file names.
     pub name: &'static str,

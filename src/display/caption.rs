@@ -1,4 +1,4 @@
-//! A caption in a window: what is shown, what is measured, how far a story has come, and which keys do what.
+//! A caption in a window: a title, measured values, the progress of a story, and its keys.
 //!
 //! In: a [`Caption`]. Out: a plate at the bottom of the picture with its words, and one in its upper right corner with
 //! the keys. It lies over everything else that a window shows, once, however many tiles the window has.
@@ -7,7 +7,7 @@ use super::lettering::{DARK, INK, QUIET};
 use egui::text::LayoutJob;
 use egui::{Align, Align2, Color32, FontId, Painter, Pos2, Rect, TextFormat, pos2, vec2};
 
-/// The colour of what is measured, and of where a story stands.
+/// The colour of measured values, and of the progress of a story.
 const ACCENT: Color32 = Color32::from_rgb(255, 190, 92);
 
 /// Words over a window.

@@ -48,7 +48,7 @@ struct ScreenSeats {
     plates: PlateSeats,
 }
 
-/// The layer of what nothing else is painted over.
+/// The uppermost layer, over which nothing else is painted.
 const ABOVE: LayerId = LayerId { order: Order::Foreground, id: Id::NULL };
 
 /// The stage as it is in this frame.

@@ -215,7 +215,7 @@ impl Pattern<'_> {
         self.painter.galley(place.round(), told, QUIET);
     }
 
-    /// Sizes. What a tape measures is what is seen: a tile may show a part of the screen, and hide some at its edges.
+    /// Sizes of the visible part, as a tape measures them: a tile may show a part of the screen, and hide some at its edges.
     fn told(&self) -> Vec<String> {
         let (size, density) = (self.rect.size(), self.pixels_per_m());
         let [x, y] = density.map(|density| 1e3 / density);
@@ -235,7 +235,7 @@ impl Pattern<'_> {
         lines
     }
 
-    /// The corners of what is shown by their names, where the stage file has them in the room.
+    /// The corners of the visible part by their names, where the stage file has them in the room.
     fn corners(&self) {
         let unit = self.unit();
         let inside = self.rect.shrink(2.0 * unit);

@@ -1,4 +1,4 @@
-//! The windows of a stage: what each eye sees on each screen, overlays, and mouse and keyboard.
+//! The windows of a stage: the views of each eye on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
 use super::keep_clear::keep_clear;

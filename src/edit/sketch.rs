@@ -80,7 +80,7 @@ pub struct Sketch {
     history: Vec<(Vec<Element>, usize)>,
     /// The elements as they were in the scene, or were saved.
     first: Vec<Element>,
-    /// Counts the changes of what is held.
+    /// Counts the changes of the held nodes.
     pub version: u64,
 }
 
@@ -121,7 +121,7 @@ impl Sketch {
         !self.history.is_empty()
     }
 
-    /// Whether it differs from what a scene or a file holds.
+    /// Whether it differs from the elements in the scene or a file.
     pub fn is_changed(&self) -> bool {
         fn made(elements: &[Element]) -> impl Iterator<Item = &Element> {
             elements.iter().filter(|element| !element.held.is_empty())
@@ -133,7 +133,7 @@ impl Sketch {
         self.first.clone_from(&self.elements);
     }
 
-    /// Back to what the scene or a file holds; this can be undone.
+    /// Goes back to the elements in the scene or a file; this can be undone.
     pub fn throw_away(&mut self) {
         self.remember();
         self.elements.clone_from(&self.first);

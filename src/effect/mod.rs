@@ -26,7 +26,7 @@ use crate::green::{GreenError, GreenFile, Precomputed, Tensor, UPDATES, is_colum
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 
-/// Makes the tensors of those effects of a body that own some, and leaves them in what is written of the body.
+/// Makes the tensors of those effects of a body that have any, and adds them to the sections of the body.
 pub fn add_sections(
     scene: &Resolved,
     body: &mut Precomputed,

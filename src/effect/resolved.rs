@@ -1,8 +1,8 @@
 //! Resolves the names of a scene, once.
 //!
-//! In: a scene, whose bodies name a model and effects with settings. Out: [`Resolved`], with their entries and with the
-//! settings parsed, or every name that there is not, with the nearest that there is; and what must be precomputed for each
-//! body, or why it cannot have what it names.
+//! In: a scene, whose bodies name a model and effects with settings. Out: [`Resolved`], with their entries and with the settings
+//! parsed, or all unknown names, each with the nearest that is known; and the requirements of each body for the precomputation,
+//! or why it cannot have what it names.
 
 use super::effects::{EFFECTS, find_among};
 use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};

@@ -36,8 +36,8 @@ pub const FORCES: Exporter = Exporter {
     write: forces,
 };
 
-/// The largest von Mises stress (Pa) and strain of every body that lists the effect stress, with the nodes that have them; what part
-/// of a limit is reached, and in what part of the surface one is passed.
+/// The largest von Mises stress (Pa) and strain of every body that lists the effect stress, with the nodes that have them; the
+/// part of a limit that is reached, and the part of the surface in which one is passed.
 pub const STRESSES: Exporter = Exporter {
     suffix: ".stress.csv",
     kind: Kind {

@@ -70,8 +70,8 @@ fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<V
     }
 }
 
-/// All that is asked for, with the poses of free control elements found for the bodies of the .green file; what is not found is
-/// missed.
+/// All poses that are asked for, with those of free control elements found for the bodies of the .green file; poses that are not
+/// found go into `missed`.
 pub(super) fn found<'a>(
     scene: &Resolved,
     asked: &[Asked<'a>],

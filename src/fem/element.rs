@@ -25,8 +25,8 @@ pub struct Element {
     pub dilatation: Dilatation,
     /// Whether it locks near Poisson's ratio 1/2: it is too stiff on every mesh that is small enough to be solved.
     pub locks: bool,
-    /// Pairs of nodes with an element in common for each edge, face and tetrahedron of the mesh: what the stiffness
-    /// matrix holds blocks for.
+    /// Pairs of nodes with an element in common for each edge, face and tetrahedron of the mesh: the stiffness matrix has a block
+    /// for each.
     pub pairs: [f64; 3],
     /// Time to solve for one unknown, against one of tet4.
     pub unknown_cost: f64,

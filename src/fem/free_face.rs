@@ -15,14 +15,14 @@ pub struct FreeFace {
     pub stress: [f64; 2],
 }
 
-/// The least stretch that is computed with: what is flatter is no body any more.
+/// The least stretch that is computed with: a body that is flatter is none any more.
 const LEAST: f64 = 1e-3;
 
 fn admitted(h: [f64; 2]) -> [f64; 2] {
     h.map(|h| h.max(LEAST - 1.0))
 }
 
-/// λ / (λ + 2μ): what a stretch in the face takes away across it.
+/// λ / (λ + 2μ): the part of a stretch in the face by which it shrinks across.
 fn share(lame: Lame) -> f64 {
     lame.lambda / (lame.lambda + 2.0 * lame.mu)
 }

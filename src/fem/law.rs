@@ -24,7 +24,7 @@ pub struct Law {
     /// First Piola–Kirchhoff stress P = ∂ψ/∂F, Pa; at rest 0, and for small H that of Hooke's law.
     pub stress: fn(&Matrix3<f64>, Lame) -> Matrix3<f64>,
     pub tangent: fn(&Matrix3<f64>, Lame) -> Tangent,
-    /// θ, tr ε for small H: what λ resists. Elements that do not lock near ν = 1/2 take its mean.
+    /// θ, tr ε for small H: the dilatation that λ resists. Elements that do not lock near ν = 1/2 take its mean.
     pub dilatation: fn(&Matrix3<f64>) -> f64,
     /// ∂θ/∂F.
     pub dilatation_slope: fn(&Matrix3<f64>) -> Matrix3<f64>,

@@ -125,7 +125,7 @@ fn smooth_max(a: f64, b: f64, blend: f64) -> f64 {
     a.max(b) + if near > 0.0 { near * near / (4.0 * blend) } else { 0.0 }
 }
 
-/// The body as tetrahedra, with notices of what was left out.
+/// The body as tetrahedra, with notices of parts that were left out.
 pub fn blobs(blobs: &Blobs) -> Result<Loaded, GenerateError> {
     blobs.check()?;
     let (low, high) = blobs.bounds();

@@ -1,4 +1,4 @@
-//! Finds what is wrong with a mesh that could be read. A Cholesky factorization would accept most of it silently.
+//! Finds defects of a mesh that could be read. A Cholesky factorization would accept most of them silently.
 //!
 //! In: a [`TetMesh`]. Out: one [`Diagnostic`] for each kind of defect, the most severe first, with places, the tags of
 //! some nodes, and what to do. All measures are relative: a body gives the same sentences in metres and in nanometres.

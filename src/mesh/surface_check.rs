@@ -55,8 +55,8 @@ const SAMPLES: usize = 16;
 /// No further shell is tested after this many solid angles.
 const MOST_SOLID_ANGLES: usize = 50_000_000;
 
-/// Turns the triangles of every shell one way, outward or into a cavity, and reports what is left. What was turned is
-/// added to `notices`.
+/// Turns the triangles of every shell one way, outward or into a cavity, and reports the remaining defects. The triangles that
+/// were turned are added to `notices`.
 pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> SurfaceReport {
     let edges = Edges::of(surface);
     let (shell_of, turned, unorientable_edges) = orient(surface, &edges);

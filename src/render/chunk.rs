@@ -1,6 +1,6 @@
-//! A body in parts, so that no buffer is larger than the device binds: what the compute passes share.
+//! A body in parts, so that no buffer is larger than the device binds; the compute passes share this.
 //!
-//! In: how many items a part may have; out: parts without gaps, a uniform for each, and one dispatch per part.
+//! In: the largest number of items of a part. Out: parts without gaps, a uniform for each, and one dispatch per part.
 
 use super::error::RenderError;
 use super::gpu::Gpu;

@@ -1,4 +1,4 @@
-//! The colours in which a field is shown, and what of it a vertex carries: the CPU's twin of `shaders/common/field.wgsl`.
+//! The colours of a field, and their code in a vertex: the CPU's twin of `shaders/common/field.wgsl`.
 
 /// Linear RGB where a limit is passed; the map has no colour like it.
 const BEYOND: [f32; 3] = [0.745, 0.0, 0.262];
@@ -37,18 +37,18 @@ fn srgb(linear: [f32; 3]) -> [u8; 3] {
     })
 }
 
-/// sRGB of a part of the range, for a legend; what is outside has the colour of the nearer end.
+/// sRGB of a part of the range, for a legend; values outside have the colour of the nearer end.
 pub fn map_color(t: f32) -> [u8; 3] {
     srgb(linear(if t.is_finite() { t.clamp(0.0, 1.0) } else { 1.0 }))
 }
 
-/// sRGB of what is beyond its limit.
+/// sRGB of values beyond their limit.
 pub fn beyond_color() -> [u8; 3] {
     srgb(BEYOND)
 }
 
-/// A vertex' colour in a body that shows a field: its value as a part of the range, and as a part of its limit. What is
-/// beyond the range has the colour of its end, what has no limit a part of 0.
+/// A vertex' colour in a body that shows a field: its value as a part of the range, and as a part of its limit. Values beyond the
+/// range have the colour of its end; those without a limit have a part of 0.
 pub fn field_code(part_of_range: f64, part_of_limit: f64) -> [u8; 4] {
     let of = |part: f64| if part.is_nan() { 4095 } else { (4095.0 * part.clamp(0.0, 1.0)).round() as u32 };
     // Just above one half is beyond, whatever rounding does.

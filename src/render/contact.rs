@@ -70,16 +70,16 @@ pub(super) struct ContactPass {
     is_shown: bool,
 }
 
-/// The maps of heights and of what is hidden.
+/// The maps of heights and of the hidden part of the lamp.
 struct ContactMap {
     depth: DepthPass,
     heights: wgpu::TextureView,
     hidden: wgpu::TextureView,
     floor: wgpu::Buffer,
-    /// Heights to what is hidden.
+    /// Pipeline from heights to the hidden part of the lamp.
     pipeline: wgpu::RenderPipeline,
     read_heights: wgpu::BindGroup,
-    /// Layout of the group by which the picture reads what is hidden.
+    /// Layout of the group by which the picture reads the hidden part.
     layout: wgpu::BindGroupLayout,
     read_hidden: wgpu::BindGroup,
 }

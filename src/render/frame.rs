@@ -1,5 +1,5 @@
-//! The neutral data of a frame: what is seen, whatever pass draws it. From where it is seen, the views of a
-//! [`super::Picture`] say. All lengths are metres in the room, all colours of [`Lighting`] and [`Grid`] linear RGB.
+//! The neutral data of a frame: the visible things, whatever pass draws them. The point of view is that of the views of a
+//! [`super::Picture`]. All lengths are metres in the room, all colours of [`Lighting`] and [`Grid`] linear RGB.
 
 use super::body_buffers::BodyBuffers;
 use super::lighting::Lighting;

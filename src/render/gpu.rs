@@ -32,7 +32,7 @@ pub struct Gpu {
     reported: Arc<Mutex<Option<String>>>,
 }
 
-/// Counts of what was made on a device since it was opened, whether it is still there or not.
+/// Counts of the buffers and pipelines made on a device since it was opened, whether they are still there or not.
 #[derive(Debug, Default)]
 pub struct Made {
     buffer_bytes: AtomicU64,

@@ -1,4 +1,4 @@
-//! The surface of a body in patches, so that an eye is not handed what it cannot see.
+//! The surface of a body in patches, so that an eye is not given triangles that it cannot see.
 //!
 //! In: triangles, rest surface and columns once, coefficients in every frame. Out: the triangles in an order in which each
 //! patch is one piece, and a box around every patch however the body is bent, without a look at any vertex: for the nodes

@@ -186,7 +186,7 @@ fn instances(contents: &FrameContents<'_>, all: &mut Vec<Instance>) -> [u32; 4] 
     [pens_end - start, rays_end - pens_end, balls_end - rays_end, all.len() - balls_end].map(|n| n as u32)
 }
 
-/// Added to the glow of what is shown through whatever stands before it; `THROUGH` in the shader.
+/// Added to the glow of shapes that are shown through whatever stands before them; `THROUGH` in the shader.
 const THROUGH: f32 = 2.0;
 
 fn arrow_glow(arrow: &Arrow) -> f32 {

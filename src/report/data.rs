@@ -168,7 +168,7 @@ impl Measurement {
         self.error.uncancelled_held.map(|spread| spread.worst)
     }
 
-    /// The largest of all: what can be relied on in shape, force and torque together.
+    /// The largest of all: the reliability in shape, force and torque together.
     pub fn worst(&self) -> f64 {
         self.held().map_or(self.shape(), |held| held.max(self.shape()))
     }

@@ -1,4 +1,4 @@
-//! The answer in plain words: what the scene's own setting costs and is worth, and what a better one would cost.
+//! The answer in plain words: the costs and the worth of the scene's own setting, and the costs of a better one.
 //!
 //! In: the measured rows. Out: two sentences, and the three settings that the page compares.
 

@@ -60,7 +60,7 @@ fn html(lines: &[NamedCells<'_>]) -> String {
     )
 }
 
-/// The settings that the page compares: what they cost, and what can be trusted.
+/// The settings that the page compares: their costs, and their reliability.
 pub fn compared(report: &Report) -> String {
     let line = |Shown { role, row }: &Shown| {
         let Measurement { setting, cost, error, .. } = &report.rows[*row];
@@ -271,7 +271,7 @@ pub fn errors_of(row: &ModelTrial) -> String {
     format!("{} · {}", relative(row.displacement), row.held().map_or_else(|| "–".into(), relative))
 }
 
-/// The motions by angles that `is_shown`, each with `text` of what every model makes of it.
+/// The motions by angles that `is_shown`, each with `text` about every model's errors.
 pub fn trial_lines<'a>(
     report: &'a Report,
     is_shown: &dyn Fn(f64) -> bool,

@@ -91,9 +91,9 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a new file from the world's state; an older recording is replaced once the new one's start is written. From here on the
-    /// CPU sums all vertices, and every frame waits for what is computed in the background. The world goes on from the state as it
-    /// was written, as a replay will: what was being computed for it is forgotten.
+    /// Starts a new file from the world's state; an older recording is replaced once the new one's start is written. From here on
+    /// the CPU sums all vertices, and every frame waits for the background. The world goes on from the state as it was written,
+    /// as a replay will: background work under way is forgotten.
     pub fn create(path: &Path, origin: &Origin<'_>, world: &mut World) -> Result<Recorder, Failure> {
         let mut text = line(&origin.header(world, path))?;
         let state = world.state().map_err(Failure::work)?;

@@ -1,4 +1,4 @@
-//! faer's own sparse Cholesky factorization, in the order of METIS: what [`CHOLESKY`] is measured against.
+//! faer's own sparse Cholesky factorization, in the order of METIS: the reference for [`CHOLESKY`].
 //!
 //! In: A with one column for each unknown. Out: its supernodal factor, whose dense kernels take all threads, and solves of a
 //! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept.

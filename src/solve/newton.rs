@@ -59,7 +59,7 @@ pub struct Equilibrium {
     pub u: NodeFields,
     /// Strain energy, J.
     pub energy: f64,
-    /// f less the loads over all nodes, N: at the controlled ones what holds them, at the free ones what is left of zero.
+    /// f less the loads over all nodes, N: at the controlled ones the forces that hold them, at the free ones the residual.
     pub forces: NodeFields,
     /// F - I at every point of the elements.
     pub gradients: Vec<Matrix3<f64>>,

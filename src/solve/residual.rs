@@ -12,7 +12,7 @@ pub fn residuals(a: &StiffnessMatrix, x: &NodeFields, b: &NodeFields) -> (Vec<f6
     (relative, r)
 }
 
-/// One column with its residual, and the sizes |A| |x| + |b| of what was added up to it.
+/// One column with its residual, and the sizes |A| |x| + |b| of its summands.
 pub(super) struct Column {
     pub(super) x: NodeFields,
     pub(super) r: NodeFields,
@@ -45,7 +45,7 @@ impl Column {
         Column { x, r: one(r), sizes }
     }
 
-    /// ‖r‖₂ / ‖|A| |x| + |b|‖₂: what rounding alone makes is some 1e-16.
+    /// ‖r‖₂ / ‖|A| |x| + |b|‖₂: rounding alone makes it some 1e-16.
     pub(super) fn normwise_error(&self) -> f64 {
         self.r.norms()[0] / self.sizes.norms()[0]
     }

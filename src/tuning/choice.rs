@@ -8,7 +8,7 @@ use crate::scene::{Accuracy, AccuracyTarget, Budget, Storage};
 /// A chosen row, and the next better one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice<'a> {
-    /// The row that is taken; where `miss` is above 1, only the one that comes nearest to what is asked.
+    /// The chosen row; where `miss` is above 1, only the one that comes nearest to the demand.
     pub row: &'a Measurement,
     /// The largest ratio of measured to asked: at most 1 where the row reaches what is asked.
     pub miss: f64,

@@ -171,7 +171,7 @@ pub fn settle_from_file(scene: Resolved) -> Result<Resolved, Failure> {
     choose_from(scene, source, &|_| Ok(()))
 }
 
-/// Chooses from the tables of `source`. What none of them reaches goes to `unmet`, and its body stays as it is where
+/// Chooses from the tables of `source`. A demand that none of them reaches goes to `unmet`, and its body stays as it is where
 /// that is no error.
 fn choose_from(
     scene: Resolved,

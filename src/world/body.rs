@@ -1,4 +1,4 @@
-//! A body at its place in the room: its deformer, what of it a ray can hit, and its colours.
+//! A body at its place in the room: its deformer, the parts of it that a ray can hit, and its colours.
 
 use super::assets::BodyAssets;
 use super::body_memory::BodyMemory;
@@ -12,7 +12,7 @@ use crate::scene::{Color, Grab};
 use nalgebra::{Matrix4, Point3, Similarity3};
 use std::sync::Arc;
 
-/// A body at its place in the room: what was loaded of it, its state, and what follows from both.
+/// A body at its place in the room: its assets, its state, and what follows from both.
 pub struct PlacedBody {
     pub assets: Arc<BodyAssets>,
     pub deformer: Deformer,
@@ -136,7 +136,7 @@ impl PlacedBody {
         }
     }
 
-    /// Goes on from what a body of the same scene kept.
+    /// Goes on from the memory of a body of the same scene.
     pub(super) fn set_memory(&mut self, memory: &BodyMemory) -> Result<(), String> {
         let (found, expected) = (memory.limiters.len(), self.limiters.len());
         if found != expected {

@@ -1,4 +1,4 @@
-//! The memory of a body: what it keeps from one frame to the next beside its fields.
+//! The memory of a body: all that it keeps from one frame to the next beside its fields.
 
 use crate::deform::{DeformerState, PoseLimiter};
 use nalgebra::Similarity3;

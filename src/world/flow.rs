@@ -44,7 +44,7 @@ pub(super) const MOST_STYLI: usize = 16;
 /// The bodies, on which the graph's functions act beside its fields.
 pub type Bodies = Vec<PlacedBody>;
 
-/// The fields of a world by what they are.
+/// The fields of a world by their kinds.
 pub struct Fields {
     /// Names of the styli that the stage knows.
     names: Vec<String>,
@@ -58,8 +58,7 @@ pub struct Fields {
     pub touch: Option<TouchFields>,
     /// Present if an effect acts on bodies.
     pub contributions: Option<Field<Contributions>>,
-    /// Control elements that can be taken, as (body, control element): what the targets of hits and
-    /// hands number.
+    /// Control elements that can be taken, as (body, control element); the targets of hits and hands are indices into this list.
     pub targets: Vec<(usize, usize)>,
 }
 
@@ -304,7 +303,7 @@ impl Fields {
         })
     }
 
-    /// Makes shapes of what effects contribute, too: once, before the first frame.
+    /// Connects the shapes with the effects' contributions as well: once, before the first frame.
     pub fn connect_effects(&mut self, graph: &mut Graph<Bodies>, bodies: &Bodies) -> Result<(), FieldError> {
         let none = bodies.iter().map(|body| body.deformer.no_contribution()).collect();
         self.contributions = Some(graph.field("contributions", Contributions(none))?);

@@ -1,7 +1,7 @@
 //! Places the bodies of a scene on a stage, by the keys of their `place` and, for what those leave out, in sight.
 //!
-//! In: bodies with the points of their meshes. Out: room_from_mesh of each; and in words, what of one is not in sight, with a
-//! place that is.
+//! In: bodies with the points of their meshes. Out: room_from_mesh of each; and in words, the part of a body that is not in
+//! sight, with a place that is.
 
 use crate::scene::{Body, Place};
 use crate::stage::{GivenPlace, Stage, Standing, place_line};

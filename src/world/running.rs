@@ -4,8 +4,8 @@
 //! |---|---|---|
 //! | [`input`](RunningEffect::input) | the state of trackers, mouse or script; not in a replay | other poses of styli |
 //! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, energy, slopes, curvatures, other triangles |
-//! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, and what is known of forces |
-//! | [`show`](RunningEffect::show) | the whole frame | what is drawn and written, warnings |
+//! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, scales and errors of forces |
+//! | [`show`](RunningEffect::show) | the whole frame | drawables, plates, warnings |
 //!
 //! In `solve`, the new pose of control element `c` of body `b` is `world.graph.get(world.fields.bodies[b].poses[c])`; the body's
 //! `deformer` is still that of the last frame.
@@ -89,7 +89,7 @@ pub trait RunningEffect {
     /// Sees the world at the end of a frame, and adds what is drawn.
     fn show(&mut self, _world: &World, _frame: &mut Frame) {}
 
-    /// Sees the world before a picture that is kept: waits for what comes from the background, and adds what is drawn of it.
+    /// Sees the world before a picture that is kept: waits for the background, and adds drawables from it.
     fn before_picture(&mut self, _world: &World, _frame: &mut Frame) {}
 
     /// The memory of the effect: all that it keeps from one frame to the next; `None` if all that it shows follows from the

@@ -1,4 +1,4 @@
-//! Touched points in a world: what is shown of them, and the commands that set loads and what hands take.
+//! Touched points in a world: how they are drawn, and the commands that set loads and the grip of hands.
 //!
 //! In: [`Touches`] of a frame. Out: a ball, an arrow and the newtons of each touched point; fields that are set.
 

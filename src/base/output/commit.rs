@@ -18,7 +18,7 @@ struct Rename {
     place: PathBuf,
     /// The new file, until it is in its place; `None` where nothing takes the place.
     beside: Option<TempPath>,
-    /// A second name of what stood there, if anything did and its file system has hard links.
+    /// A second name of the former file, if there was any and its file system has hard links.
     kept: Option<TempPath>,
     is_done: bool,
 }

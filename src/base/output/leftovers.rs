@@ -76,7 +76,7 @@ fn sweep_once(folder: &Path) {
     }
 }
 
-/// Removes what killed runs left in `folder`; what cannot be removed stays.
+/// Removes leftovers of killed runs in `folder`; those that cannot be removed stay.
 pub fn sweep(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if let Err(error) = remove_leftover(&entry) {

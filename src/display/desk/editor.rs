@@ -1,5 +1,5 @@
-//! A body while control elements are made on it: its surface at rest, coloured by what each element holds and by what the
-//! brush would take, and what the mouse does to it.
+//! A body while control elements are made on it: its surface at rest, coloured by the elements' nodes and by those that the brush
+//! would take, and the tools of the mouse.
 //!
 //! In: a body's mesh, a ray per movement of the mouse. Out: a [`Sketch`], and the surface on the device in place of the
 //! scene's bodies.

@@ -135,7 +135,7 @@ fn groups(ui: &mut Ui, editor: &mut Editor) {
     .on_hover_text("of the mesh's file, for the chosen element");
 }
 
-/// The button that computes what was made, and a line for what is missing; true where it was pressed.
+/// The button that computes the elements, and a line for what is missing; true where it was pressed.
 pub fn precompute(ui: &mut Ui, lack: Option<String>) -> bool {
     let button = Button::new(RichText::new("Precompute and grab").strong()).fill(ACTION);
     let is_pressed = ui.add_enabled(lack.is_none(), button).clicked();

@@ -1,4 +1,4 @@
-//! The buttons at the foot of the panel: what is done with a sketch, with the scene, and with what is seen.
+//! The buttons at the foot of the panel: for the sketch, for the scene, and for pictures, videos and files.
 
 use super::editor_panel;
 use super::order::Order;

@@ -105,7 +105,7 @@ impl Default for Desk {
 }
 
 impl Desk {
-    /// Takes an input; returns what of it is meant for the scene. `ray` is that of the mouse at a place of a window.
+    /// Takes an input, and returns it if it is meant for the scene. `ray` is that of the mouse at a place of a window.
     pub fn input(
         &mut self,
         input: Input,

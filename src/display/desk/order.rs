@@ -7,7 +7,7 @@ use std::path::PathBuf;
 pub enum Order {
     /// Show the draft of the panel.
     Apply,
-    /// Show on; what is being computed is forgotten.
+    /// Give up the computation under way; the scene is shown on.
     GiveUp,
     /// Reset the draft to what is shown.
     Reset,

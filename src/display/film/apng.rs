@@ -13,7 +13,7 @@ use std::io::{Error, Result, Seek, SeekFrom, Write};
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Offset of the chunks that are filled in at the end: behind the signature and the header.
 const FILLED_IN_AT: u64 = 8 + 25;
-/// Steps of 255 in a channel by which a pixel that was shown before may differ from what it should be.
+/// Largest error of a pixel that was shown before, in steps of 255 of a channel.
 const UNSEEN: u8 = 3;
 /// A colour that is further than this from all that there are is worth a new one.
 const MISSED: u8 = 10;

@@ -43,7 +43,7 @@ impl Mp4 {
         Ok(Mp4 { path: path.to_owned(), child, input, rate_hz, written: 0, start_s: None })
     }
 
-    /// Adds a picture that is shown from `time_s` on: what was missed before it shows it as well.
+    /// Adds a picture that is shown from `time_s` on; frames that were missed before it show it as well.
     pub fn add(&mut self, picture: &RgbImage, time_s: f64) -> Result<()> {
         let start_s = *self.start_s.get_or_insert(time_s);
         let due = ((time_s - start_s) * f64::from(self.rate_hz)).round() as u64 + 1;

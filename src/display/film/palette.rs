@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 pub type Colour = [u8; 3];
 
-/// Bits of a channel by which colours are looked up: what differs in the others alone is shown alike.
+/// Bits of a channel by which colours are looked up: colours that differ in the others alone are shown alike.
 const BITS: u32 = 6;
 
 /// Colours with numbers.
@@ -87,7 +87,7 @@ impl Cube {
         })
     }
 
-    /// Sum of squares of what its colours differ from their mean, per channel.
+    /// Sum of squares of its colours' deviations from their mean, per channel.
     fn squares(&self) -> [f64; 3] {
         let mean = self.mean();
         // By rounding, the mean of one colour may differ from it.

@@ -25,7 +25,7 @@ pub struct Panel<'a> {
     pub rect: Rect,
     pub readings: &'a Readings,
     pub history: &'a History,
-    /// Pixels over which no plate stands: what is held.
+    /// Pixels over which no plate stands: held elements.
     pub clear: &'a [Rect],
     /// Pixels that panel and messages take.
     pub taken: &'a [Rect],

@@ -137,7 +137,7 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
     (!can_be_grabbed).then_some("no control element can be grabbed")
 }
 
-/// Measures the body. What cannot be measured is left out with the reason; nothing of it keeps the body from being written.
+/// Measures the body. Anything that cannot be measured is left out with the reason, and never keeps the body from being written.
 pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
     let mut errors = of(scene, &body.name);

@@ -109,7 +109,7 @@ impl Solving {
         (done / all).min(1.0)
     }
 
-    /// The answer, if there is one; with `waits`, once there is one to what was asked.
+    /// The answer, if there is one; with `waits`, waits for the answer to the last question.
     pub fn answer(&mut self, waits: bool) -> Option<Answer> {
         self.asked?;
         let answer = if waits { self.answers.recv().ok() } else { self.answers.try_recv().ok() };

@@ -10,7 +10,7 @@ use crate::deform::{
 };
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
-/// The stiffness of what effects add counts as another one when it has changed by this part.
+/// Relative change of the stiffness that effects add from which on it counts as another one.
 const STIFFENED: f64 = 0.05;
 
 /// A body with the energy of its model.
@@ -33,7 +33,7 @@ pub struct Elastic {
 pub struct ElasticResponse {
     /// V, J.
     pub energy: f64,
-    /// ∂V by the pose of the held element: what a hand must apply.
+    /// ∂V by the pose of the held element: the force that a hand must apply.
     pub slope: PoseSlope,
     /// The frame or the equilibrium of these poses was found; otherwise an earlier one was kept.
     pub is_defined: bool,

@@ -158,7 +158,7 @@ impl Reached {
         )
     }
 
-    /// The largest value of what has this limit, and in which part of the surface it is passed.
+    /// The largest value against this limit, and the part of the surface in which the limit is passed.
     fn value_and_passed(&self, limit: Limit) -> [String; 2] {
         let value = self.limit.map_or(0.0, |(part, _)| part) * limit.value();
         let passed = match self.passed {

@@ -24,7 +24,7 @@ fn plain(wanted: &str) -> String {
     if name.starts_with(|c: char| c.is_ascii_alphabetic()) { name } else { format!("n_{name}") }
 }
 
-/// Text in quotes: what is no plain text is left out, since Inventor knows no escape but that of the quote.
+/// Text in quotes: only plain text is kept, since Inventor knows no escape but that of the quote.
 pub fn quoted(text: &str) -> String {
     let kept = |c: char| if c.is_ascii_graphic() && c != '"' && c != '\\' { c } else { ' ' };
     format!("\"{}\"", text.chars().map(kept).collect::<String>())

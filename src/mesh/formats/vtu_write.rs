@@ -113,8 +113,8 @@ fn base64(text: &mut String, bytes: &[u8]) {
     }
 }
 
-/// A name as the value of an attribute. What XML 1.0 does not allow, as most control characters, becomes U+FFFD; white
-/// space other than blanks would be read as blanks, and is written by its number.
+/// A name as the value of an attribute. Characters that XML 1.0 does not allow, such as most control characters, become U+FFFD;
+/// white space other than blanks would be read as blanks, and is written by its number.
 fn escaped(name: &str) -> String {
     let mut text = String::with_capacity(name.len());
     for c in name.chars() {

@@ -60,7 +60,7 @@ impl Axis {
         Axis { floor, ..Axis::new(&values, unit, true, start, to) }
     }
 
-    /// The pixel of a value; what lies beyond the ends stands at them.
+    /// The pixel of a value; values beyond the ends stand at them.
     pub fn at(&self, value: f64) -> f64 {
         if let (Some(zero), true) = (self.zero, value <= self.floor) {
             return zero;

@@ -123,7 +123,7 @@ impl Canvas {
         );
     }
 
-    /// Text on a halo that keeps it apart from what is below: twice, since not every program knows `paint-order`.
+    /// Text on a halo that keeps it apart from the ground: twice, since not every program knows `paint-order`.
     pub fn text_on_halo(&mut self, at: [f64; 2], anchor: &str, words: &str) {
         self.body += "<g aria-hidden=\"true\">";
         self.text(at, anchor, "gs-halo", words);

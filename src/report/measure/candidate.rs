@@ -39,8 +39,8 @@ impl Candidate {
         self.solver.method.is_direct && self.models.iter().any(|own| own.name == model.name)
     }
 
-    /// Time of the whole offline stage with these families, of those that every candidate has, s. What a model has no use for
-    /// is no part of what it costs.
+    /// Time of the whole offline stage with these families, s. Of the families that every candidate has, those for which a model
+    /// has no use are no part of its cost.
     pub fn offline_s(&self, needed: &Requirements) -> f64 {
         let is_shared = self.models.iter().all(|model| is_common(model));
         let spared = [STIFFNESS, CUBIC].into_iter().filter(|family| is_shared && !needed.has(*family));

@@ -102,7 +102,8 @@ impl<'a> Course<'a> {
         (own + PRIOR * all[0] / all[1]) / (of_own + PRIOR)
     }
 
-    /// The time left from a step on: of all that may be done, within the limit, but no less than what must be done.
+    /// The time left from a step on: that of all steps that may be done, within the limit, but no less than that of the necessary
+    /// ones.
     fn seconds_left(&self, at: usize) -> f64 {
         let all = self.seconds_after(at, |step| self.may_be_done(step));
         self.limit.map_or(all, |limit| {

@@ -9,7 +9,7 @@ use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Stretches of the measurement, each with all poses: what disturbs the machine for a while spoils some of them alone.
+/// Number of stretches of the measurement, each with all poses: a disturbance of the machine spoils some of them alone.
 pub const STRETCHES: usize = 5;
 
 /// A deformer and the times that its evaluations took.

@@ -1,4 +1,4 @@
-//! A solved body as bytes, to be taken over by a later run: what was solved, without the mesh, which is made again.
+//! A solved body as bytes, to be taken over by a later run: the solution, without the mesh, which is made again.
 
 use super::candidate::Candidate;
 use crate::deform::ModelEntry;

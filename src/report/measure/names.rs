@@ -15,7 +15,7 @@ pub fn solved(refine: u32, element: &Element, solver: Solver, model: Option<&str
     format!("{} · {what}", Setting::mesh_name(element.name, refine))
 }
 
-/// The errors of what a step has solved.
+/// The name of the step that measures the errors of a solved one.
 pub fn errors(solved: &str) -> String {
     format!("errors of {solved}")
 }

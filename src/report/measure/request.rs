@@ -9,7 +9,7 @@ use crate::verify::ProblemError;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Limits of what is computed.
+/// Limits of the computation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Unknowns of a solve; each of tet4_anp counts three times.
@@ -62,7 +62,7 @@ pub struct Request<'a> {
     pub scratch: &'a Path,
     /// A folder in which finished steps are kept until the report is written.
     pub keep: Option<&'a Path>,
-    /// Time in which all should be measured: what does not fit is left out.
+    /// Time in which all should be measured; steps that do not fit are left out.
     pub limit: Option<TimeLimit>,
 }
 

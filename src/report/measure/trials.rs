@@ -1,4 +1,4 @@
-//! Every model alone, at rotations from 1° to 360°: what it makes of bends and twists of one control element.
+//! Every model alone, at rotations from 1° to 360°: its errors in bends and twists of one control element.
 //!
 //! In: the body solved for each model. Out: [`ModelTrials`]: how far shape, force, torque and energy are from static equilibrium
 //! of a St. Venant–Kirchhoff body on the same mesh, and the time of a frame. A model is tried as a session has it: from a
@@ -24,7 +24,7 @@ use std::sync::Arc;
 const DEGREES: [f64; 10] = [1.0, 3.0, 10.0, 30.0, 60.0, 90.0, 135.0, 180.0, 270.0, 360.0];
 const QUICK_DEGREES: [f64; 3] = [10.0, 30.0, 90.0];
 
-/// Tries every online model; what cannot be tried stands among the sentences.
+/// Tries every online model; those that cannot be tried stand among the sentences.
 pub fn measure(
     request: &Request<'_>,
     candidates: &[Candidate],

@@ -193,7 +193,7 @@ impl<const B: usize> Clustered<'_, B> {
 }
 
 impl<const B: usize> Smoothed<B> {
-    /// One pass; what it makes of x goes to y, or the residual to d.
+    /// One pass; the result from x goes to y, or the residual to d.
     fn pass(&self, pass: Pass, v: &mut Vectors) {
         let columns = v.columns;
         let (b, x) = (&v.b, &v.x);
