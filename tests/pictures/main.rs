@@ -1,4 +1,4 @@
-//! Tests of pictures: golden images, passes, stereo, windows, room views. Requirements a graphics device.
+//! Tests of pictures: golden images, passes, stereo, windows, room views. They require a graphics device.
 #![allow(clippy::unwrap_used, reason = "a test fails by it")]
 
 mod breath;
