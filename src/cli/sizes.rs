@@ -16,7 +16,7 @@ use crate::render::{
     BodyBuffers, BodyInstance, COLOR_FORMAT, DrawCounts, EyePair, FrameContents, Gpu, Pattern, Renderer,
     View, Viewport,
 };
-use crate::stage::{Eye, Stage};
+use crate::stage::{Eye, NEAR_M, Stage};
 use nalgebra::Point3;
 use serde_json::{Value, json};
 use std::f32::consts::TAU;
@@ -24,7 +24,6 @@ use std::time::Instant;
 
 /// Control elements, of twelve columns each.
 const ELEMENTS: usize = 2;
-const NEAR_M: f64 = 0.05;
 
 /// An open tube along x, 1 m long, of about so many nodes, and its stored columns.
 struct Tube {

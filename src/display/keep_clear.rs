@@ -3,14 +3,12 @@
 
 use crate::render::Drawable;
 use crate::scene::Grab;
-use crate::stage::Screen;
+use crate::stage::{NEAR_M, Screen};
 use crate::world::{Highlight, PlacedBody, World};
 use nalgebra::{Matrix4, Point3, Vector3};
 
 /// Largest number of nodes of an element or of a body that are looked at.
 const NODES: usize = 64;
-/// Distance of the near plane, m.
-const NEAR_M: f64 = 0.05;
 
 /// Rectangles on one screen, of both eyes: left, right, bottom, top in normalised device coordinates of the whole screen.
 #[derive(Clone, Debug, Default, PartialEq)]

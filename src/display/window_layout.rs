@@ -2,13 +2,10 @@
 
 use crate::render::window::{MonitorChoice, WindowSpec};
 use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
-use crate::stage::{self, Border, Eye, MonitorId, Screen, Stage, Stereo, Visible, Window};
+use crate::stage::{self, Border, Eye, MonitorId, NEAR_M, Screen, Stage, Stereo, Visible, Window};
 use crate::world::World;
 use egui::{Pos2, Rect, pos2, vec2};
 use nalgebra::Isometry3;
-
-/// Distance of the near plane of the views by which places in the room are found on a picture, m.
-const NEAR_M: f64 = 0.05;
 
 /// The composite that joins both eyes' pictures of a tile; `None` where it shows one eye.
 pub fn composite(stereo: Stereo, size: [u32; 2]) -> Option<Composite> {

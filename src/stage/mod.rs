@@ -29,7 +29,7 @@ pub use error::{Located, StageError, StageFault};
 pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};
 pub use lint::{errors, lint};
-pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, ROOM_LIMIT_M, Screen, Unseen};
+pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, NEAR_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use seam::{Apart, Edge, Seam};
 pub use standing::{GivenPlace, Standing, place_line};
 pub use stereo::Stereo;

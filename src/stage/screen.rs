@@ -9,6 +9,8 @@ use nalgebra::{Matrix4, Point3, Vector3, matrix};
 /// An eye closer than this to a screen's plane gets no picture, m: the projection would magnify f32's rounding beyond a
 /// pixel, and the glass fills the whole field of view anyway.
 pub const MIN_EYE_DISTANCE_M: f64 = 0.01;
+/// Distance of the near plane of all views of the stage, m.
+pub const NEAR_M: f64 = 0.05;
 
 /// The largest coordinate of a room, a head or a stylus, m; larger ones come from a fault or another unit.
 pub const ROOM_LIMIT_M: f64 = 1000.0;

@@ -5,7 +5,7 @@
 //! file has it.
 
 use super::description::Stage;
-use super::screen::Screen;
+use super::screen::{NEAR_M, Screen};
 use nalgebra::{
     Isometry3, Matrix4, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3, Vector4,
 };
@@ -42,8 +42,6 @@ const DEEP: f64 = 1.25;
 const SPARE: f64 = 1.03;
 /// Points up to here, in half widths and heights of a screen, may lie behind a bezel.
 const ABOUT_SHOWN: f64 = 1.02;
-/// Distance of the near plane, m; as the world has it.
-const NEAR_M: f64 = 0.05;
 /// A screen whose normal points up by more than this is a table or a floor.
 const LEVEL: f64 = 0.5;
 /// Smallest depth of sinking that is reported, m.

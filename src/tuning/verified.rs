@@ -13,7 +13,7 @@ use crate::report::Measurement;
 use crate::report::measure::poses::on_the_way;
 use crate::scene::Scene;
 use crate::solve::{Silent, Solver};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -147,11 +147,7 @@ fn matching(statics: &Statics, deformer: &Deformer, extent: f64) -> Vec<(usize, 
 
 /// The poses of the same affine motions about other origins.
 fn moved(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
-    let of = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
-        translation: pose.translation + (pose.matrix - Matrix3::identity()) * (to - from),
-        matrix: pose.matrix,
-    };
-    poses.iter().zip(from).zip(to).map(of).collect()
+    poses.iter().zip(from).zip(to).map(|((pose, from), to)| pose.with_origin(from, to)).collect()
 }
 
 /// Forces, and torques about where the poses bring the points `about` over the extent.

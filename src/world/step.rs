@@ -24,16 +24,13 @@ use crate::green::GreenFile;
 use crate::interact::Grip;
 use crate::render::{Drawable, Grid, View};
 use crate::scene::Scene;
-use crate::stage::{Eye, Stage, Workspace};
+use crate::stage::{Eye, NEAR_M, Stage, Workspace};
 use crate::track::Signal;
 use indexmap::IndexMap;
 use nalgebra::{Point3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// Distance of the near plane, m.
-const NEAR_M: f64 = 0.05;
 
 impl World {
     /// The bodies of a scene, each with its model, from its .green file, at their places on the stage.

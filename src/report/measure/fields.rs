@@ -5,11 +5,10 @@ use super::poses::on_the_way;
 use crate::base::columns::{Storage, StoredColumns};
 use crate::base::parts::PartShare;
 use crate::deform::{
-    BodyState, ControlPose, ControlPoses, DeformationModel, ModelEntry, PoseSlope, Wrench, model_of,
-    volume_model_of,
+    BodyState, ControlPoses, DeformationModel, ModelEntry, PoseSlope, Wrench, model_of, volume_model_of,
 };
 use crate::green::{REDUCED_FIELDS, Solution};
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// The output of a model for a pose: coefficients, and the rigid motion about `centre` that it separated from them.
 pub struct ModelOutput {
@@ -22,16 +21,6 @@ pub struct ModelOutput {
     pub surface: Option<Vec<Vector3<f64>>>,
     /// Wrenches about the origins of the solution's control elements, if the model has an energy.
     pub wrenches: Option<Vec<Wrench>>,
-}
-
-/// The poses of the same affine motions about the origins of another discretisation, whose control elements hold other nodes:
-/// o + T + M (x - o) = o' + T' + M (x - o') with T' = T + (M - I)(o' - o).
-fn moved_origins(poses: &ControlPoses, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
-    let shifted = |((pose, from), to): ((&ControlPose, &Vector3<f64>), &Vector3<f64>)| ControlPose {
-        translation: pose.translation + (pose.matrix - Matrix3::identity()) * (to - from),
-        matrix: pose.matrix,
-    };
-    poses.iter().zip(from).zip(to).map(shifted).collect()
 }
 
 pub fn origins(solution: &Solution) -> Vec<Vector3<f64>> {
@@ -116,7 +105,9 @@ pub fn evaluate_about(
     poses: &ControlPoses,
     about: &[Vector3<f64>],
 ) -> Option<ModelOutput> {
-    evaluate(model, solution, &moved_origins(poses, about, &origins(solution)))
+    let own = origins(solution);
+    let moved = poses.iter().zip(about).zip(&own).map(|((pose, from), to)| pose.with_origin(from, to));
+    evaluate(model, solution, &moved.collect())
 }
 
 /// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.
