@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     print(&format!("{}\n{}{listed}", report::summary(&report), answers(&args.ask, &report.rows)))
 }
 
-/// What the measured settings answer to the questions.
+/// Answers to the questions by the measured settings.
 fn answers(asked: &[AccuracyTarget], rows: &[report::Measurement]) -> String {
     let answer = |demand: &AccuracyTarget| {
         let lines: String = tuning::answer(rows, demand).iter().map(|line| format!("  {line}\n")).collect();

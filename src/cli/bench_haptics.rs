@@ -21,8 +21,8 @@ const TICKS: u32 = 20_000;
 /// Ticks between two frames, as the loop hears of them.
 const FRAME: u32 = 16;
 
-/// How far the handle moves, as a part of the body's size, and turns, rad: so that most ticks find a column of the body's
-/// stiffness too.
+/// Motion of the handle, as a part of the body's size, and its turn, rad: large enough that most ticks find a column of the
+/// body's stiffness too.
 const MOVES: f64 = 0.02;
 const TURNS: f64 = 0.25;
 
@@ -35,7 +35,7 @@ pub struct Row {
     work_p50_s: f64,
     work_p99_s: f64,
     work_p999_s: f64,
-    /// Taking over what a frame of the display tells the loop, beside a tick.
+    /// Time to take over a frame of the display in the loop, in addition to a tick, s.
     take_p50_s: f64,
     take_p99_s: f64,
     busy_p50_s: f64,

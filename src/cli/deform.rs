@@ -112,7 +112,7 @@ fn updated(mut scene: Scene, args: &Args) -> Result<Scene, Failure> {
     Ok(scene.checked()?)
 }
 
-/// Of a name that may have been written as a key of the scene, body.NAME.CONTROL.
+/// Error for an unknown body, whose name may have been written as a key of the scene, body.NAME.CONTROL.
 fn unknown_body(scene: &Scene, name: &str, what: &str) -> String {
     let meant = what.split_once('.').filter(|(body, _)| name == "body" && scene.body.contains_key(*body));
     match meant {
@@ -123,7 +123,7 @@ fn unknown_body(scene: &Scene, name: &str, what: &str) -> String {
     }
 }
 
-/// Why a modulus cannot be changed: the mesh has no such region, or it was not prepared.
+/// The reason why a modulus cannot be changed: the mesh has no such region, or it was not prepared.
 fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
     let told = scene.body[name].cannot_change(name, region);
     let findings = |scene: &Scene| -> Vec<String> {
@@ -153,7 +153,7 @@ fn try_outputs(args: &Args, files: &Files, scene: &Resolved, has_found: bool) ->
     }
 }
 
-/// Which poses have no equilibrium, and why.
+/// Failure that lists the poses without an equilibrium, and why.
 fn missed(set: &ResultSet, asked: usize) -> Failure {
     let reasons: Vec<&str> = set.missed.iter().map(|missed| missed.why.as_str()).collect();
     let rest = if set.results.is_empty() { "nothing is written" } else { "all else is written" };

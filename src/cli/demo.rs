@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     print(&request.make()?)
 }
 
-/// Where pictures go unless told otherwise: here, or among the temporary files where this folder takes none.
+/// Default folder of the pictures: here, or among the temporary files where this folder takes none.
 fn folder() -> PathBuf {
     let here = PathBuf::from(FOLDER);
     let takes =

@@ -1,4 +1,4 @@
-//! What errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a sentence for each body.
+//! Errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a sentence for each body.
 
 use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
@@ -16,7 +16,7 @@ const PULLED: &str = "pulled away";
 
 type Of = fn(&MovedErrors) -> &[ErrorsAt];
 
-/// What is done to a control element, as the table says it, and what of its errors that is.
+/// Motions of a control element, by their names in the table, with the errors that belong to each.
 const MOTIONS: [(&str, Of); 4] = [
     ("bent, twisted", |moved| &moved.bent),
     ("turned in place, shifted", |moved| &moved.shifted),
@@ -55,7 +55,7 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
     table
 }
 
-/// How far a motion goes in its row `i`.
+/// Reach of a motion in its row `i`.
 fn far(motion: &str, i: usize, at: &ErrorsAt) -> String {
     match PULLS.get(i).filter(|_| motion == PULLED) {
         Some(part) => format!("by {}", percent(*part)),
@@ -63,7 +63,7 @@ fn far(motion: &str, i: usize, at: &ErrorsAt) -> String {
     }
 }
 
-/// What the table's numbers are parts of.
+/// Explanation of the table's numbers: the wholes of which they are parts.
 pub const PARTS: &str = "model: force, and torque over the length, as parts of the largest of both in static equilibrium on the \
                          same mesh, shape as a part of the length; mesh: relative, by a better solution of the linear body";
 
@@ -113,7 +113,7 @@ fn within(far: &str, at: &ErrorsAt) -> String {
     format!("{far} expect {forces} and of {} in shapes", percent(at.shape))
 }
 
-/// What is known of a scene's body by its .green file; or what to do to know it.
+/// Expected errors of a scene's body from its .green file; the error says how to obtain them.
 pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<ExpectedErrors, String> {
     let body = &scene.body[name];
     let Ok(requirements) = resolved.requirements(scene, name, body) else {

@@ -37,7 +37,7 @@ pub fn run(json: bool, readme: Option<&Path>) -> Result<(), Failure> {
 
 type WriteModel = fn(&ModelAtPose) -> String;
 
-/// What stands in a table of forces, and how it is written.
+/// Titles of the tables of forces, and the function that writes the cells of each.
 const FORCE_TABLES: &[(&str, WriteModel)] = &[
     ("errors of force and torque in parts of the largest wrench of the equilibrium, %", |at| {
         match (at.deviation.force, at.deviation.torque) {

@@ -21,7 +21,7 @@ pub fn write_between(path: &Path, name: &str, text: &str) -> Result<(), Failure>
     Ok(output::write(path, &MARKED, |file| file.write_all(format!("{before}{text}{after}").as_bytes()))?)
 }
 
-/// What stands before and behind the lines between the marks, with the marks.
+/// Text before and behind the lines between the marks, with the marks.
 fn around(path: &Path, name: &str) -> Result<[String; 2], Failure> {
     let (first, last) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
     let text = input::open(path)

@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     ))
 }
 
-/// What the columns of each body of the written file lost, as it says itself; nothing of single precision.
+/// Storage of the columns of each body of the written file, with its error as the file states it; nothing for single precision.
 fn stored(path: &Path) -> Result<String, Failure> {
     let file = GreenFile::open(path)?;
     let coarse = file.meta.bodies.iter().filter(|(_, body)| body.accuracy.storage != Storage::F32);

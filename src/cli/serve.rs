@@ -13,9 +13,9 @@ use crate::track::{Script, StandIn};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-/// Where `--serve` listens unless told otherwise: this machine alone can reach it.
+/// Default address of `--serve`: this machine alone can reach it.
 pub const DEFAULT_PLACE: &str = "127.0.0.1:3883";
-/// How often sources and clients are polled while serving, s.
+/// Time between two polls of sources and clients while serving, s.
 pub const STEP_S: f64 = 0.001;
 
 /// A running server, and the notices that were given about its clients.
@@ -35,7 +35,7 @@ pub fn place(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl Service {
-    /// Listens, and tells how a client names each device.
+    /// Listens, and prints the address by which a client names each device.
     pub fn open<'a>(
         place: SocketAddr,
         devices: impl IntoIterator<Item = &'a str>,

@@ -1,4 +1,4 @@
-//! What `view` and `render` have in common: the session that they open, and what they look at before anything is solved.
+//! Arguments that `view` and `render` share: the session that they open, and their checks before anything is solved.
 
 use super::opening::Guess;
 use super::print::print;

@@ -1,7 +1,7 @@
 //! `greenstage bench --sizes`: measures frames by the size of the model, with bodies deformed on the CPU and on the device.
 //!
-//! Each body is a generated tube of so many surface nodes with 24 columns, drawn for both eyes on every screen of a stage. It
-//! needs no offline stage. All coefficients change in every frame.
+//! Each body is a generated tube with 24 columns, whose surface nodes are the size, drawn for both eyes on every screen of a
+//! stage. It needs no offline stage. All coefficients change in every frame.
 
 use super::print::print;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
@@ -25,7 +25,7 @@ use std::time::Instant;
 /// Control elements, of twelve columns each.
 const ELEMENTS: usize = 2;
 
-/// An open tube along x, 1 m long, of about so many nodes, and its stored columns.
+/// An open tube along x, 1 m long, of about the nodes asked for, and its stored columns.
 struct Tube {
     rest: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
@@ -75,7 +75,7 @@ struct Parts {
     draw_s: f64,
 }
 
-/// What was measured of one size in one place.
+/// Measurement of one size, with bodies deformed on the CPU or on the device.
 struct Row {
     nodes: usize,
     on_device: bool,
@@ -87,7 +87,7 @@ struct Row {
     buffer_bytes: u64,
 }
 
-/// What all rows have in common.
+/// Settings and devices that all rows have in common.
 struct Header<'a> {
     stage: &'a Stage,
     storage: Storage,
@@ -98,7 +98,7 @@ struct Header<'a> {
     attachments: [u64; 2],
 }
 
-/// What is measured.
+/// Settings of the measurement.
 pub struct Request<'a> {
     /// Surface nodes of each body.
     pub sizes: &'a [usize],

@@ -166,7 +166,7 @@ fn delayed(measures: Measures, hands: &[Named]) -> (Table, Vec<serde_json::Value
 
 /// Moved by less than this in the last second it is at rest, m: a sensor resolves no less.
 const REST_M: f64 = 2e-3 * START_M;
-/// And turned by less than this, rad: as much, a tenth of a metre away.
+/// Turn below which it is at rest, rad: as much, a tenth of a metre away.
 const REST_RAD: f64 = 1e-4;
 
 /// One digit, because a limit cycle does not repeat exactly.
@@ -189,7 +189,8 @@ pub(super) fn settled_cell(settled: &SettlingResult) -> String {
     format!("{swing}, {made}")
 }
 
-/// With all measures no loop may be unstable or generate energy, and without them the boundary must be that of theory.
+/// Judges the runs: with all measures no loop may be unstable or generate energy, and without them the boundary must be that of
+/// theory.
 fn judge(
     all: &[serde_json::Value],
     boundaries: &[serde_json::Value],

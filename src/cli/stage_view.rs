@@ -1,4 +1,4 @@
-//! `greenstage stage-view`: shows the room from outside, in a window of its own or as a picture.
+//! `greenstage stage-view`: shows the room from outside, in a window or as a picture.
 
 use super::inspect::{is_built_in_scene, is_stage};
 use super::parsers;

@@ -77,7 +77,7 @@ impl Redirects {
     }
 }
 
-/// How often the sources are asked, s: what comes between two frames of a display is not missed.
+/// Time between two polls of the sources, s, so short that no report between two frames of a display is missed.
 const STEP_S: f64 = 0.005;
 
 pub fn run(args: &Args) -> Result<(), Failure> {

@@ -50,14 +50,14 @@ struct Shared {
 
 #[derive(Clone)]
 struct Asked {
-    /// Of these poses; they are asked for one after another.
+    /// Number of these poses, in the order in which poses are asked for.
     number: u64,
     poses: ControlPoses,
     loads: StaticForces,
     since: Instant,
     /// The way from rest to these poses, to be gone anew.
     anew: Option<VecDeque<ControlPoses>>,
-    /// From where to go on, whatever was found before, and how often that was set.
+    /// Warm start to go on from, whatever was found before, and how often one was set.
     restored: Option<(Arc<Warm>, u64)>,
     is_felt: bool,
     /// A force loop feels it, between the frames, too.
@@ -78,10 +78,10 @@ pub struct Found {
     /// Whether they were reached, or no equilibrium was found beyond this one.
     pub is_reached: bool,
     pub is_lost: bool,
-    /// No equilibrium comes any more.
+    /// Whether the thread has ended, so that no equilibrium comes any more.
     has_ended: bool,
     pub asked_at: Instant,
-    /// Where the next search begins, and how often that was set from outside.
+    /// Warm start of the next search, and how often it was set from outside.
     warm: Arc<Warm>,
     epoch: u64,
     /// The poses of this equilibrium.
@@ -90,10 +90,10 @@ pub struct Found {
     pub field: Vec<[f32; 3]>,
     /// Strain energy less the work of the loads, J.
     pub energy: f64,
-    /// Its derivatives by the poses, the loads that follow the body held.
+    /// Derivatives of the energy by the poses, the loads that follow the body held.
     pub slopes: Vec<PoseSlope>,
-    /// Its second derivatives by the coefficients of the poses, at the equilibrium at which they were last made, and
-    /// which one that was.
+    /// Second derivatives of the energy by the coefficients of the poses, at the equilibrium at which they were last made, and
+    /// the version of that equilibrium.
     pub stiffness: DMatrix<f64>,
     pub stiffness_version: u64,
 }
@@ -164,7 +164,7 @@ impl Background {
         self.shared.wake.notify_all();
     }
 
-    /// What was found last belongs to `memory`, with the poses that were asked for.
+    /// Memory of the thread: the poses that were asked for, whether the newest equilibrium is theirs, and the warm start.
     pub fn keep(&self) -> (ControlPoses, bool, Arc<Warm>) {
         let (asked, found) = (lock(&self.shared.asked), lock(&self.shared.found));
         (asked.poses.clone(), self.is_up_to_date(&found), found.warm.clone())
@@ -227,7 +227,7 @@ impl Background {
         self.shared.wake.notify_all();
     }
 
-    /// The same by a force loop.
+    /// Keeps the stiffness up to date for a force loop, which feels the body between the frames, too.
     pub fn feel_in_loop(&self) {
         lock(&self.shared.asked).is_in_loop = true;
         self.feel();
@@ -244,7 +244,7 @@ impl Background {
         lock(&self.shared.found)
     }
 
-    /// The same where nobody else looks at it.
+    /// The newest equilibrium, or `None` while another thread holds it.
     pub fn newest_at_once(&self) -> Option<MutexGuard<'_, Found>> {
         match self.shared.found.try_lock() {
             Ok(found) => Some(found),
@@ -276,7 +276,7 @@ impl Drop for Background {
     }
 }
 
-/// Tells those who wait that no equilibrium comes any more, however the thread ended.
+/// Guard that announces, however the thread ends, that no equilibrium comes any more.
 struct Ending<'a>(&'a Shared);
 
 impl Drop for Ending<'_> {
@@ -287,7 +287,7 @@ impl Drop for Ending<'_> {
     }
 }
 
-/// What a thread that panicked left behind is whole: nothing is written in parts.
+/// Locks a mutex even after a panic: nothing is written in parts, so a thread that panicked left it whole.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -307,7 +307,7 @@ struct HeldVolume {
     size: f64,
 }
 
-/// What the thread does next.
+/// The next task of the thread.
 enum Next {
     Poses(Asked),
     Restored((Arc<Warm>, u64)),
@@ -316,7 +316,7 @@ enum Next {
     End,
 }
 
-/// Why the factor is made anew.
+/// The reason why the factor is made anew.
 enum Renewal {
     Tired,
     Anew(VecDeque<ControlPoses>),
@@ -373,7 +373,7 @@ impl HeldVolume {
         Ok(last.1.clone())
     }
 
-    /// Until nobody wants equilibria any more. A body of which no factor can be made is lost where it is.
+    /// Finds equilibria until nobody wants them any more. A body of which no factor can be made is lost where it is.
     fn run(&self, shared: &Shared) {
         let rest = Warm::at(at_rest(&self.volume));
         let body = self.body.borrow().1.clone();
@@ -610,7 +610,7 @@ impl Warm {
     }
 }
 
-/// No equilibrium was found beyond the newest, on the way to the poses of this number.
+/// Records that no equilibrium was found beyond the newest, on the way to the poses with `number`.
 fn lose(shared: &Shared, number: u64, (epoch, warm): (u64, &Warm)) {
     let mut found = lock(&shared.found);
     if found.epoch != epoch {

@@ -1,4 +1,4 @@
-//! What happens where a body loses its equilibrium: the critical pose and the mode, in words and numbers.
+//! Loss of a body's equilibrium: the critical pose and the mode, in words and numbers.
 //!
 //! In: the tangent's least eigenvalue and its mode ([`Stability`]) at the last equilibrium before it, and the ways of the
 //! control elements. Out: how far an element has turned there, and where and how the body gives way. The mode is seen from
@@ -16,10 +16,10 @@ use std::fmt;
 /// A least eigenvalue below this part of that at rest is on its way to zero.
 const CRITICAL: f64 = 0.2;
 
-/// Where a path through static equilibria ends, and how.
+/// The pose in which a path through static equilibria ends, and the mode in which the body gives way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CriticalPose {
-    /// How the elements stand there, in words.
+    /// Poses of the control elements there, in words.
     pub pose: String,
     /// The largest angle by which two control elements have turned against each other there, rad.
     pub turn: f64,
@@ -101,14 +101,14 @@ impl fmt::Display for CriticalPose {
 pub(super) struct Ways<'a> {
     pub controls: &'a [ControlElement],
     pub ways: &'a [Way],
-    /// By how much each had turned before.
+    /// Turn of each control element before the way.
     pub before: &'a [FollowedTurn],
     /// Steps in which no element turns by more than 30°.
     pub steps: usize,
 }
 
 impl Ways<'_> {
-    /// By how much every control element has turned at `share` of the way.
+    /// Turn of every control element at `share` of the way.
     pub fn turns(&self, share: f64) -> Vec<FollowedTurn> {
         let mut turns = self.before.to_vec();
         for step in 1..=self.steps {
@@ -131,7 +131,7 @@ impl Ways<'_> {
         Some(if own(i) >= own(j) { (i, j, angle) } else { (j, i, angle) })
     }
 
-    /// How the control elements stand at `share`, and the largest angle between two.
+    /// Poses of the control elements at `share`, in words, and the largest angle between two, rad.
     fn pose(&self, share: f64) -> (String, f64) {
         let name = |e: usize| self.controls[e].name.as_str();
         if let Some((i, j, angle)) = self.farthest(share).filter(|(_, _, angle)| *angle > 1e-6) {
@@ -145,7 +145,7 @@ impl Ways<'_> {
         (told.unwrap_or_else(|| "its only control element".into()), 0.0)
     }
 
-    /// What is told of the end of the way at `share`.
+    /// The critical pose if the way ends at `share`.
     pub fn critical(
         &self,
         share: f64,

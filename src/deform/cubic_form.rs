@@ -1,6 +1,6 @@
 //! A symmetric cubic form Θ(c) = Σ_{p≤q≤r} θ_pqr c_p c_q c_r, and its gradient.
 
-/// Its coefficients.
+/// A symmetric cubic form by its coefficients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CubicForm {
     variables: usize,
@@ -9,7 +9,7 @@ pub struct CubicForm {
 }
 
 impl CubicForm {
-    /// How many coefficients n variables have: n (n + 1)(n + 2)/6.
+    /// Number of coefficients of a form in n variables: n (n + 1)(n + 2)/6.
     pub const fn coefficients_of(variables: usize) -> usize {
         variables * (variables + 1) * (variables + 2) / 6
     }

@@ -1,4 +1,4 @@
-//! All of a deformer that changes from frame to frame, as plain data.
+//! The state of a deformer: all of it that changes from frame to frame, as plain data.
 
 use super::contribution::Contribution;
 use super::followed::FollowedTurn;
@@ -9,7 +9,8 @@ use super::model::{BodyState, Response};
 use super::pose::ControlPoses;
 use serde::{Deserialize, Serialize};
 
-/// What [`Deformer::restore`](super::Deformer::restore) makes the same surface of, and all later frames with the same bits.
+/// State from which [`Deformer::restore`](super::Deformer::restore) makes the same surface, and all later frames with the same
+/// bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeformerState {
@@ -18,7 +19,7 @@ pub struct DeformerState {
     pub loads: AppliedLoads,
     pub loads_changed: bool,
     pub contribution: Contribution,
-    /// What the model made of the poses, and what the surface was last summed of.
+    /// The model's state for the poses, and the one for which the surface was last summed.
     pub state: BodyState,
     pub summed: BodyState,
     /// The energy of the poses and its slopes, where the model has them.

@@ -28,7 +28,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
-/// A body whose turns were set anew goes there from rest in so many legs, of 90° at most.
+/// Number of legs, of 90° at most, in which a body whose turns were set anew goes there from rest.
 const LEGS: usize = 4;
 
 /// The model of a body under `law`; the error says why this body cannot have it.
@@ -52,7 +52,7 @@ struct Equilibria {
     set: Vec<Option<UnitQuaternion<f64>>>,
     is_forgotten: bool,
     waits: bool,
-    /// What is applied, and the mesh's node of every surface node.
+    /// The loads that are applied, and the mesh's node of every surface node.
     loads: Option<SharedLoads>,
     surface: Vec<u32>,
     acting: StaticForces,
@@ -247,7 +247,7 @@ impl DeformationModel for Equilibria {
         }
     }
 
-    /// It waits for all or for nothing.
+    /// Waits for every equilibrium if `patience` is [`Duration::MAX`], and for none otherwise.
     fn be_patient(&mut self, patience: Duration) {
         self.waits = patience == Duration::MAX;
         self.background.be_awaited(self.waits);
@@ -275,7 +275,7 @@ impl DeformationModel for Equilibria {
     }
 }
 
-/// The same body for a force loop: it asks for no equilibria of its own, and feels those that are shown.
+/// A body's equilibria for a force loop: it asks for none itself, and feels those that are shown.
 struct Felt {
     of: Equilibria,
 }
@@ -304,7 +304,7 @@ impl Quadratic {
     }
 }
 
-/// From ∂V/∂c, in the order of the coefficients.
+/// The slope by a pose, from ∂V/∂c in the order of the coefficients.
 fn slope_of(g: &[f64]) -> PoseSlope {
     PoseSlope { translation: Vector3::new(g[0], g[1], g[2]), matrix: Matrix3::from_row_slice(&g[3..]) }
 }

@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorsAt {
-    /// Of the turns, °.
+    /// Angle of the turns, °.
     pub angle: f64,
     /// The reach, rad and 1.
     pub turn: f64,
     pub stretch: f64,
     pub off: f64,
-    /// As [`Deviation`] has them; `None` where the model has no forces.
+    /// The errors as in [`Deviation`]; `None` where the model has no forces.
     pub force: Option<f64>,
     pub torque: Option<f64>,
     pub shape: f64,
@@ -58,7 +58,7 @@ impl ErrorsAt {
         }
     }
 
-    /// All of them.
+    /// All reaches and errors, with 0 for forces that the model does not have.
     pub(super) fn numbers(&self) -> [f64; 7] {
         let ErrorsAt { angle, turn, stretch, off, force, torque, shape } = *self;
         [off, angle, turn, stretch, shape, force.unwrap_or(0.0), torque.unwrap_or(0.0)]
@@ -80,7 +80,7 @@ pub fn percent(part: f64) -> String {
     }
 }
 
-/// The part of an equilibrium's force that a model is taken to have at least, where less is not told from nothing.
+/// The least part of an equilibrium's force that a model is taken to have, where a smaller one cannot be distinguished from zero.
 const LEAST: f64 = 0.01;
 
 /// An error that is nothing at rest, at a share of the way to where it is `e`: not larger than the forces that the model has too
@@ -93,7 +93,7 @@ fn begun(e: f64, share: f64) -> f64 {
 }
 
 impl ErrorsAt {
-    /// Nothing.
+    /// No errors, at rest.
     pub(super) const NONE: ErrorsAt = ErrorsAt {
         angle: 0.0,
         turn: 0.0,
@@ -104,7 +104,7 @@ impl ErrorsAt {
         shape: 0.0,
     };
 
-    /// At the share of the way from rest at which the reach stands, of errors that begin there with these.
+    /// Errors at `reach`, nearer to rest than these, by its share of the way; they start with `begin` at rest.
     pub(super) fn begun(&self, reach: Reach, begin: &ErrorsAt) -> ErrorsAt {
         let share = |x: f64, whole: f64| if x > 0.0 { x / whole } else { 0.0 };
         let shares =
@@ -112,7 +112,7 @@ impl ErrorsAt {
         self.begun_by(shares.into_iter().fold(0.0, f64::max).min(1.0), begin)
     }
 
-    /// The same at this share of the way from rest.
+    /// Errors at `share` of the way from rest, where they start with `begin`.
     pub(super) fn begun_by(&self, share: f64, begin: &ErrorsAt) -> ErrorsAt {
         let left = 1.0 - share;
         let of = |error: Option<f64>, begin: Option<f64>| {
@@ -155,7 +155,8 @@ mod tests {
         assert_eq!(told, ["<0.1 %", "<0.1 %", "0.4 %", "9.9 %", "10 %", "13 %", "940 %", ">1000 %"]);
     }
 
-    /// Where a body of forces x + a x² is shown as x, or one of x as x + a x², the error at a part of the way is no larger than told.
+    /// A body with forces x + a x² that is shown with x, or the reverse, has no larger error at a part of the way than is
+    /// foreseen.
     #[test]
     fn errors_that_begin_at_zero_are_no_smaller_than_those_of_forces_of_second_order() {
         for a in [1e-3, 0.2, 3.0, 80.0_f64] {

@@ -1,4 +1,4 @@
-//! What errors to expect of a body, as they were measured on it.
+//! Errors to expect of a body, as they were measured on it.
 //!
 //! In: [`Trial`](super::Trial)s of a body with their [`Deviation`](super::Deviation)s and [`Reach`]es, and what the mesh adds. Out: the errors to expect
 //! at a reach and in a pose, between the measured ones ([`ErrorsAt`]), and nothing beyond them.
@@ -14,7 +14,7 @@ use super::turn::{Reach, reach, rests};
 use crate::fem::nearest_turn;
 use serde::{Deserialize, Serialize};
 
-/// What was measured on a body for its model, by moving some of its control elements alone.
+/// Errors of a body's model, measured by moving some of its control elements alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExpectedErrors {
@@ -27,20 +27,20 @@ pub struct ExpectedErrors {
     /// The coefficients of the loads' columns under which all of this was measured; none of a body without loads.
     #[serde(default)]
     pub loads: Vec<f64>,
-    /// Where all control elements rest, under these loads.
+    /// Errors where all control elements rest, under these loads.
     #[serde(default)]
     pub loaded: Option<ErrorsAt>,
-    /// What could not be measured, and why, in sentences.
+    /// Measurements that could not be made, and why, in sentences.
     pub left_out: Vec<String>,
 }
 
-/// Of one control element.
+/// Errors measured by moving one control element.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MovedErrors {
     pub control: String,
-    /// Of the model against static equilibrium on the same mesh, each as far as the one before and farther: bent along an arc
-    /// and twisted, so that the body keeps its length …
+    /// Errors of the model against static equilibrium on the same mesh, in order of increasing reach: bent along an arc and
+    /// twisted, so that the body keeps its length …
     pub bent: Vec<ErrorsAt>,
     /// … and turned in place or shifted, so that it is stretched.
     pub shifted: Vec<ErrorsAt>,
@@ -50,19 +50,19 @@ pub struct MovedErrors {
     /// Pushed along one axis of the body, free in all else.
     #[serde(default)]
     pub hung: Option<Hung>,
-    /// What mesh and element add, relative, where it could be told.
+    /// Errors that mesh and element add, relative, where they could be measured.
     pub mesh: Option<MeshErrors>,
 }
 
-/// Of a control element that is free but for one shift: its pose is found, by the model and by the body.
+/// Errors of a control element that is free but for one shift: its pose is found, by the model and by the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hung {
     /// The axis of the body along which it is pushed, 0 to 2.
     pub along: usize,
-    /// Each as far as the one before and farther.
+    /// Errors in order of increasing reach.
     pub at: Vec<ErrorsAt>,
-    /// What the mesh adds to the force in this motion, relative.
+    /// Error of the force in this motion that is due to the mesh, relative.
     pub mesh: Option<f64>,
 }
 
@@ -82,12 +82,12 @@ impl Hung {
     }
 }
 
-/// So near an arc a body counts as bent along it.
+/// Distance from an arc below which a body counts as bent along it, as a part of its length.
 const ARC: f64 = 0.001;
 
 impl MovedErrors {
-    /// Of a pull its own; else, on an arc those of bends. Off it those of the bend that is in the motion and of the first shift that
-    /// is off as far, and beyond that on the way to those of the shifts that go as far.
+    /// Errors at a reach. A pull has its own, an arc those of bends. Off the arc they are those of the bend that is in the motion
+    /// and of the first shift that is off as far, and beyond that on the way to those of the shifts that go as far.
     fn at(&self, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
         let Reach { turn, arc, stretch, off, is_pulled } = reach;
         let pull = Reach { turn: 0.0, ..reach };
@@ -124,7 +124,7 @@ impl ExpectedErrors {
         self.at(reach(deformer)).filter(|_| load_share::is_whole(share))
     }
 
-    /// With what errors begin where the control elements rest; `None` where that is not known.
+    /// Errors where the control elements rest, with which all others begin; `None` where they are not known.
     fn begin(&self) -> Option<ErrorsAt> {
         let at_rest = if self.loads.is_empty() { Some(ErrorsAt::NONE) } else { self.loaded };
         at_rest.filter(|_| self.begin_at_zero)
@@ -152,7 +152,8 @@ impl ExpectedErrors {
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
-    /// Those of a body of whose control elements `names` one alone is moved, and so free as one that was measured; `None` of others.
+    /// Errors of a body of which one of the control elements `names` alone is free, in the way that was measured; `None` for
+    /// others.
     pub fn hung(&self, names: &[&str], freedom: &[Freedom]) -> Option<&Hung> {
         let mut moved = names.iter().zip(freedom).filter(|(_, freedom)| freedom.is_any());
         let ((name, freedom), None) = (moved.next()?, moved.next()) else { return None };
@@ -160,14 +161,15 @@ impl ExpectedErrors {
         measured.hung.as_ref().filter(|hung| hung.is_of(freedom))
     }
 
-    /// The largest that the mesh adds in any small motion; `None` where it could not be told of one of the control elements.
+    /// The largest errors that the mesh adds in any small motion; `None` where they could not be measured for one of the control
+    /// elements.
     pub fn mesh(&self) -> Option<MeshErrors> {
         let found = self.moved.iter().map(|moved| moved.mesh.clone()).collect::<Option<Vec<_>>>()?;
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
-    /// The part of a body's wrenches that is the mesh's, in the pose as it is; that of the worst motion where it was not measured of
-    /// this one. `None` where it could not be told.
+    /// The part of a body's wrenches that is the mesh's, in the present pose; that of the worst motion where this one was not
+    /// measured. `None` where it could not be measured.
     pub fn mesh_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<f64> {
         let most = self.mesh()?.wrench;
         let of_one = |moved: &MovedErrors| {

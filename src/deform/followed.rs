@@ -23,10 +23,10 @@ pub struct FollowedTurn {
     /// The rotation, with the sign that continues the one before.
     #[serde(with = "crate::field::numbers")]
     pub quaternion: UnitQuaternion<f64>,
-    /// Of length 1; zero before the turn has an axis.
+    /// Unit axis; zero before the turn has an axis.
     #[serde(with = "crate::field::numbers")]
     axis: Vector3<f64>,
-    /// About the axis, rad, not reduced.
+    /// Angle about the axis, rad, not reduced.
     #[serde(with = "crate::field::numbers")]
     angle: f64,
 }
@@ -38,7 +38,7 @@ impl FollowedTurn {
         angle: 0.0,
     };
 
-    /// The turn, of up to 360°, that a quaternion tells by its sign.
+    /// The turn of a quaternion, of up to 360° by its sign.
     pub fn of(quaternion: UnitQuaternion<f64>) -> FollowedTurn {
         let sine = quaternion.imag();
         let axis = sine.try_normalize(1e-9).unwrap_or_default();
@@ -71,7 +71,7 @@ impl FollowedTurn {
     }
 }
 
-/// Of `angle` + 4π k the one nearest to `last`.
+/// The angle `angle` + 4π k nearest to `last`.
 fn nearest(angle: f64, last: f64) -> f64 {
     angle + 4.0 * PI * ((last - angle) / (4.0 * PI)).round()
 }

@@ -1,38 +1,38 @@
-//! What a hand must apply to hold a control element: force and torque from the slope of the energy.
+//! Force and torque that a hand must apply to hold a control element, from the slope of the energy.
 
 use super::frames::{PoseSlope, axial};
 use super::pose::ControlPose;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// What holds a control element where it is.
+/// Force and moment that hold a control element where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wrench {
     /// N.
     #[serde(with = "crate::field::numbers")]
     pub force: Vector3<f64>,
-    /// About where the element's origin rested, N·m, with the lever arms of the deformed body.
+    /// Moment about where the element's origin rested, N·m, with the lever arms of the deformed body.
     #[serde(with = "crate::field::numbers")]
     pub moment: Vector3<f64>,
 }
 
 impl Wrench {
-    /// That which does the work ∂V in every rigid motion of the element from `pose`: a turn by δω about the origin o moves
-    /// T by δω × T and M by \[δω\] M.
+    /// The wrench that does the work ∂V in every rigid motion of the element from `pose`: a turn by δω about the origin o moves T
+    /// by δω × T and M by \[δω\] M.
     pub fn of(slope: &PoseSlope, pose: &ControlPose) -> Wrench {
         let force = slope.translation;
         let moment = axial(&(slope.matrix * pose.matrix.transpose())) + pose.translation.cross(&force);
         Wrench { force, moment }
     }
 
-    /// What holds the element in the theory of small strain, which writes equilibrium on the body at rest: whatever the pose, with
-    /// the moment about where its origin rested.
+    /// The wrench that holds the element in the theory of small strain, which writes equilibrium on the body at rest: whatever
+    /// the pose, with the moment about where its origin rested.
     pub fn of_small_strain(slope: &PoseSlope) -> Wrench {
         Wrench::of(slope, &ControlPose::REST)
     }
 
-    /// With the moment about where the element's origin is at `pose`.
+    /// This wrench with the moment about where the element's origin is at `pose`.
     pub fn about_the_place(&self, pose: &ControlPose) -> Wrench {
         Wrench { moment: self.moment - pose.translation.cross(&self.force), ..*self }
     }

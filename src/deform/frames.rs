@@ -13,7 +13,7 @@ use super::pose::ControlPose;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Of X the vector a with a · ω = X : \[ω\]; of Σ f r the moment Σ r × f.
+/// The axial vector a of X, with a · ω = X : \[ω\]; for Σ f r it is the moment Σ r × f.
 pub fn axial(x: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(x[(2, 1)] - x[(1, 2)], x[(0, 2)] - x[(2, 0)], x[(1, 0)] - x[(0, 1)])
 }
@@ -23,7 +23,7 @@ pub fn axial(x: &Matrix3<f64>) -> Vector3<f64> {
 pub struct ControlFrame {
     /// o + T, m.
     pub place: Vector3<f64>,
-    /// R, with the sign that continues the rotation before: it tells a turn by 200° from one by -160°.
+    /// R, with the sign that continues the rotation before: it distinguishes a turn by 200° from one by -160°.
     pub turn: UnitQuaternion<f64>,
     /// U.
     pub stretch: Matrix3<f64>,
@@ -32,11 +32,11 @@ pub struct ControlFrame {
 /// Derivatives of an energy by a [`ControlFrame`], in the body's axes but for that by U.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSlope {
-    /// By the place, N.
+    /// Slope by the place, N.
     pub force: Vector3<f64>,
-    /// By a turn exp(\[δ\]) R about the place, N·m.
+    /// Slope by a turn exp(\[δ\]) R about the place, N·m.
     pub torque: Vector3<f64>,
-    /// By U: symmetric, in the element's own axes, N·m.
+    /// Slope by U: symmetric, in the element's own axes, N·m.
     pub stretch: Matrix3<f64>,
 }
 

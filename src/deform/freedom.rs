@@ -1,7 +1,7 @@
 //! Control elements that are free in some directions, or pushed there by a force: their poses are found.
 //!
 //! In: poses as they are asked for, which shifts and turns of which element are free ([`Freedom`]) with what pushes along
-//! them, and a body that tells the wrenches of any pose. Out: poses in which the body holds those forces and moments. With q the
+//! them, and a body that gives the wrenches of any pose. Out: poses in which the body holds those forces and moments. With q the
 //! free shifts and turns, each element at T + q_T and exp(\[q_ω\]) M, Newton's iteration solves
 //!
 //! ```text
@@ -19,11 +19,11 @@ use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 /// Shifts along the body's axes, then turns about them.
 pub const COMPONENTS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// In what a control element is free.
+/// Free directions of a control element, and the loads along them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Freedom {
     pub free: [bool; 6],
-    /// What pushes along those that are free, N and N·m.
+    /// Forces and moments along the free directions, N and N·m.
     pub load: [f64; 6],
 }
 
@@ -45,7 +45,7 @@ const ITERATIONS: usize = 30;
 /// The first part of the way, and the smallest.
 const FIRST_PART: f64 = 0.25;
 const LEAST_PART: f64 = 1.0 / 128.0;
-/// Below this ratio of the least to the largest stiffness nothing holds the body.
+/// Ratio of the least to the largest stiffness below which nothing holds the body.
 const LOOSE: f64 = 1e-9;
 
 /// "1st", "2nd", "3rd", "4th" …
@@ -63,18 +63,18 @@ fn ordinal(n: usize) -> String {
 /// The wrenches that hold a body in poses, each with the moment about where the element's origin is; the error says why there are none.
 pub type Wrenches<'a> = dyn FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a;
 
-/// What is looked for.
+/// A search for poses in which the free directions hold their loads.
 pub struct Search<'a> {
     pub freedom: &'a [Freedom],
     /// Size of the body, m.
     pub length: f64,
     /// Whether the body's model takes matrices as they are.
     pub is_linear: bool,
-    /// So near the loads are met, as a part of the largest wrench.
+    /// Largest difference between wrenches and loads, as a part of the largest wrench.
     pub tolerance: f64,
     /// The poses as they are asked for, at a share of the way to them.
     pub way: &'a dyn Fn(f64) -> ControlPoses,
-    /// What holds the free directions where the way begins: nothing at rest.
+    /// Wrench that holds each control element where the way begins: zero at rest.
     start: Vec<[f64; 6]>,
     jacobian: Option<DMatrix<f64>>,
     /// The last that was found, as a start for others: its share and q.
@@ -101,7 +101,7 @@ impl<'a> Search<'a> {
         Search { freedom, length, is_linear, tolerance: TOLERANCE, way, start, jacobian: None, last }
     }
 
-    /// The same from another pose than rest: loads grow from what holds the body there.
+    /// Begins the way at another pose than rest: loads grow from the wrenches that hold the body there.
     pub fn going_on(mut self, of: &mut Wrenches<'_>) -> Result<Search<'a>, String> {
         let poses = (self.way)(0.0);
         let of_six = |w: &Wrench| [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];

@@ -1,4 +1,4 @@
-//! What a tracked hand may not do to a body: poses are admitted, clamped, slowed or held before anything is summed.
+//! Limits on the poses of a tracked hand: they are admitted, clamped, slowed or held before anything is summed.
 //!
 //! In: control poses as hands made them. Out: poses that are finite, proper and no wilder than the limits below,
 //! and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 pub const STRETCH: [f64; 2] = [0.05, 20.0];
 /// A turn by more than this between two frames is a sensor's jump, not a hand's, rad.
 pub const JUMP: f64 = 150.0 * std::f64::consts::PI / 180.0;
-/// After a jump the pose follows by at most this much a frame, rad.
+/// Largest turn in a frame by which the pose follows after a jump, rad.
 pub const CATCH_UP: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
-/// What was wrong with a pose.
+/// A fault of a pose, and its remedy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PoseFault {
     /// A number is not finite: the last pose is held.
@@ -43,7 +43,7 @@ impl PoseFault {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseLimiter {
-    /// It is catching up after a jump.
+    /// Whether the pose is catching up after a jump.
     behind: bool,
 }
 

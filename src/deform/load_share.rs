@@ -1,4 +1,4 @@
-//! What part of the loads that errors were measured under acts on a body now.
+//! The part of the loads under which errors were measured that acts on a body now.
 //!
 //! In: the coefficients of the loads' columns then, what acts, and how the body is turned. Out: the part, the same of each load and
 //! in its direction to the body; nothing of other loads, nor where forces at points act, under which nothing was measured.

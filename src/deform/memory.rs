@@ -1,4 +1,4 @@
-//! What a model keeps from one frame to the next, as plain data.
+//! The memory of a model: all that it keeps from one frame to the next, as plain data.
 //!
 //! A model that is given the memory of another one of the same body answers all further poses with the same bits. Scratch
 //! and whatever follows from the memory, such as a factor or the shape that is drawn, is no part of it.
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelMemory {
-    /// By which the control elements have turned; the next poses continue them.
+    /// Rotations of the control elements; the next poses continue them.
     #[serde(with = "crate::field::numbers::list")]
     pub turns: Vec<UnitQuaternion<f64>>,
     /// The poses that were evaluated last. Without them the next evaluation is not skipped, whatever its poses.
@@ -29,7 +29,7 @@ pub struct ModelMemory {
     /// Mean frames, equilibria and where the next search begins, in the order in which the model reads them.
     #[serde(with = "crate::field::numbers::flat")]
     pub unknowns: Vec<f64>,
-    /// What acted then, of a model that has loads in its equilibrium.
+    /// Loads that acted then, for a model that has loads in its equilibrium.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loads: Option<AppliedLoads>,
     /// An equilibrium that was found in the background, where there is one.
@@ -37,7 +37,7 @@ pub struct ModelMemory {
     pub found: Option<Box<FoundMemory>>,
 }
 
-/// What a thread that finds equilibria has found, and from where it goes on.
+/// The newest equilibrium of a thread that searches for them, and the warm start from which it goes on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FoundMemory {
@@ -50,11 +50,11 @@ pub struct FoundMemory {
     /// The second derivatives of V by the coefficients of the poses, column by column.
     #[serde(with = "crate::field::numbers::flat")]
     pub stiffness: Vec<f64>,
-    /// Where the next search begins.
+    /// Warm start of the next search.
     pub warm: Warm,
 }
 
-/// Where a search for equilibria begins.
+/// Warm start of a search for equilibria.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Warm {
@@ -74,15 +74,16 @@ pub struct HeldNodes {
     /// Displacements, three for each node, m.
     #[serde(with = "crate::field::numbers::flat")]
     pub u: Vec<f64>,
-    /// By which the control elements have turned since rest.
+    /// Rotations of the control elements since rest.
     #[serde(with = "crate::field::numbers::list")]
     pub turns: Vec<UnitQuaternion<f64>>,
-    /// What acts beside the control elements.
+    /// Loads beside the control elements.
     pub loads: StaticForces,
 }
 
 impl ModelMemory {
-    /// The error says how the memory differs from that of a model of so many control elements and unknowns.
+    /// Checks that the memory is that of a model with `elements` control elements and `unknowns` unknowns; the error says how it
+    /// differs.
     pub(super) fn suits(&self, elements: usize, unknowns: usize) -> Result<(), String> {
         let lists = [("turns", self.turns.len()), ("poses", self.poses.len()), ("slopes", self.slopes.len())];
         if let Some((what, count)) = lists.iter().find(|(_, count)| *count != 0 && *count != elements) {

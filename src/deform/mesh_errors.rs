@@ -1,4 +1,4 @@
-//! What the mesh adds to the forces of a body: at most, and in the motion that brings it to a pose.
+//! Errors that the mesh adds to the forces of a body: at most, and in the motion that brings it to a pose.
 //!
 //! In: the stiffness K of a control element against its small rigid motions x, all others resting, and K' of a better mesh. Out: the
 //! part of the wrench that is the mesh's. Of the linear wrench K x this is |(K - K') x| / |K' x|, of each load what was measured of it;
@@ -19,14 +19,14 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshErrors {
-    /// Of force and torque, relative.
+    /// Error of force and torque, relative.
     pub wrench: f64,
-    /// Of the displacements of the surface, relative, root mean square.
+    /// Error of the displacements of the surface, relative, root mean square.
     pub shape: f64,
-    /// For the error of each motion.
+    /// Stiffness by both meshes, for the error of each motion.
     #[serde(default)]
     pub stiffness: Option<RigidStiffness>,
-    /// Of the wrench by a unit of each column of loads: the larger of the errors of force and of torque over the length, N.
+    /// Error of the wrench by a unit of each column of loads: the larger of the errors of force and of torque over the length, N.
     #[serde(default)]
     pub loads: Vec<f64>,
 }
@@ -43,9 +43,9 @@ impl MeshErrors {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigidStiffness {
-    /// By the body's own.
+    /// Stiffness by the body's own mesh.
     pub own: [[f64; 6]; 6],
-    /// By the better one.
+    /// Stiffness by the better mesh.
     pub better: [[f64; 6]; 6],
 }
 
@@ -55,8 +55,8 @@ impl RigidStiffness {
         RigidStiffness { own: rows(own), better: rows(better) }
     }
 
-    /// To twelve digits, for what bends a slender body can be a hundred-thousandth of what stretches it, and 0 for what is nothing
-    /// beside its row and column.
+    /// Rounds to twelve digits, for a slender body can be a hundred thousand times softer in bending than in stretching, and to 0
+    /// where an entry is nothing beside its row and column.
     pub fn rounded(&self) -> RigidStiffness {
         let round = |k: [[f64; 6]; 6]| {
             let is_noise = |i: usize, j: usize| k[i][j].powi(2) < 1e-16 * (k[i][i] * k[j][j]).abs();
@@ -109,16 +109,17 @@ impl MeshErrors {
     }
 }
 
-/// How one control element is moved against all others, and the wrench on it.
+/// Motion of one control element against all others, and the wrench on it.
 struct Against {
-    /// By the axes of the body that lies half-way between the two: the shift beside that of the arc, m, and the turn, rad.
+    /// Motion along the axes of the body that lies half-way between the two: the shift beside that of the arc, m, and the turn,
+    /// rad.
     motion: Vector6<f64>,
     wrench: Vector6<f64>,
     length: f64,
     loads: Loads,
 }
 
-/// What loads act, and what they do to the control element while all rest, by the same axes.
+/// Loads that act, and their wrench on the control element while all rest, along the same axes.
 struct Loads {
     coefficients: Vec<f64>,
     wrench: Vector6<f64>,

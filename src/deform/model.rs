@@ -73,8 +73,8 @@ pub trait DeformationModel: Send {
         None
     }
 
-    /// Limits the time that a state waits for the background to `patience`. With [`Duration::MAX`] every state is that of its own
-    /// poses: for pictures and recordings.
+    /// Limits the time that a state waits for the background to `patience`. With [`Duration::MAX`] every state is exactly that of
+    /// the poses asked for, as pictures and recordings need it.
     fn be_patient(&mut self, _patience: Duration) {}
 
     /// A second model of the same body for a force loop, which shares the computation in the background; `None` if the caller can

@@ -36,7 +36,7 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
 }
 
-/// What a body has that asks for no model.
+/// The model of a body that asks for none.
 impl Default for &'static ModelEntry {
     fn default() -> &'static ModelEntry {
         &linear::ENTRY

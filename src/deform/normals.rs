@@ -18,12 +18,12 @@ pub struct SurfaceNormals {
     sums: Vec<[f32; 4]>,
     /// The triangles of each strip, one strip after the other; empty for a small surface.
     triangles: Vec<[u32; 3]>,
-    /// Where each strip's triangles end.
+    /// End of each strip's triangles.
     ends: Vec<usize>,
 }
 
 impl SurfaceNormals {
-    /// Of a surface of so many vertices.
+    /// Normals of a surface with `vertices` vertices.
     pub fn new(triangles: &[[u32; 3]], vertices: usize) -> SurfaceNormals {
         let mut normals =
             SurfaceNormals { sums: vec![[0.0; 4]; vertices], triangles: Vec::new(), ends: Vec::new() };
@@ -52,7 +52,8 @@ impl SurfaceNormals {
         normals
     }
 
-    /// What [`vertex_normals`] writes; `triangles` and the number of positions are those of [`SurfaceNormals::new`].
+    /// Writes the normals as [`vertex_normals`] does; `triangles` and the number of positions are those of
+    /// [`SurfaceNormals::new`].
     pub fn write(&mut self, positions: &[[f32; 3]], triangles: &[[u32; 3]], normals: &mut [[f32; 3]]) {
         if self.ends.is_empty() {
             return vertex_normals(positions, triangles, &mut self.sums, normals);

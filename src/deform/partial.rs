@@ -6,14 +6,14 @@ use crate::base::columns::ColumnGroup;
 /// The columns of some nodes, read once, and their sum.
 pub(super) struct PartialSum {
     pub(super) nodes: Vec<u32>,
-    /// Per group, the columns of these nodes.
+    /// The columns of these nodes, group by group.
     columns: Vec<Vec<f32>>,
     sum: Superposition,
     u: Vec<[f32; 3]>,
 }
 
 impl PartialSum {
-    /// For `nodes` of a surface of `all` nodes.
+    /// A sum at `nodes` of a surface of `all` nodes.
     pub(super) fn new(nodes: Vec<u32>, groups: &[ColumnGroup<'_>], all: usize) -> PartialSum {
         let gathered = |group: &ColumnGroup<'_>| {
             let of =

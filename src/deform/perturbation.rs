@@ -45,7 +45,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     fits: None,
 };
 
-/// Up to this part of the radius of convergence the series stands alone.
+/// Part of the radius of convergence up to which the series stands alone.
 const ALONE: f64 = 0.7;
 
 pub struct Perturbation {
@@ -71,7 +71,7 @@ pub struct Perturbation {
     /// r, and ∂V by it.
     answers: Vec<f64>,
     by_answers: Vec<f64>,
-    /// Of the last poses that had a mean frame.
+    /// Energy and slopes of the last poses that had a mean frame.
     energy: f64,
     by_poses: Vec<PoseSlope>,
 }
@@ -199,7 +199,7 @@ impl Perturbation {
         energy
     }
 
-    /// The same from where it was evaluated last: slopes to first order of the way from there.
+    /// Evaluates V(z) near the z of the last evaluation: slopes to first order of the way from there.
     fn evaluate_beside(&mut self) -> f64 {
         let (last_z, last_slopes, last) = &self.last;
         let n = last_z.len();
@@ -393,8 +393,8 @@ mod tests {
         poses([0.0; 3], [0.0, 0.3 * degrees.to_radians(), degrees.to_radians()], &Isometry3::identity())
     }
 
-    /// What it misses of the least energy in the same fields falls with at least the sixth power of the motion; a bend by 30° is
-    /// good to a thousandth of it.
+    /// The series exceeds the least energy in the same fields by an amount that falls with at least the sixth power of the
+    /// motion; a bend by 30° is good to a thousandth of the energy.
     #[test]
     fn it_is_the_series_of_the_equilibrium() {
         let solution = solution();

@@ -29,16 +29,16 @@ struct PoseFile {
 #[serde(deny_unknown_fields)]
 pub struct Pose {
     pub name: String,
-    /// Which body; may be left out where the scene has one.
+    /// Name of the body; may be left out where the scene has one.
     pub body: Option<String>,
     /// The pose of the same body that this one goes on from; rest, where there is none.
     after: Option<Spanned<String>>,
-    /// Where that stands in the file.
+    /// Index of that pose in the file.
     #[serde(skip)]
     pub goes_on_from: Option<usize>,
     #[serde(default)]
     pub control: BTreeMap<String, Affine>,
-    /// What loads of the body come to in this pose; those that it does not name are as the scene has them.
+    /// Values of the body's loads in this pose; loads that it does not name are as the scene has them.
     #[serde(default)]
     load: BTreeMap<String, LoadValue>,
     /// Forces at single points, with the body's `surface_compliance`.
@@ -58,7 +58,7 @@ pub struct Affine {
     matrix: Option<Spanned<[[f64; 3]; 3]>>,
     /// Shifts and turns that are found, not given.
     free: Option<Free>,
-    /// What pushes it where it is free, N and N·m, along the body's axes; alone they free it in every direction.
+    /// Force and moment that push it where it is free, N and N·m, along the body's axes; alone they free it in every direction.
     force: Option<[f64; 3]>,
     moment: Option<[f64; 3]>,
 }
@@ -102,8 +102,7 @@ impl Affine {
         self.matrix.as_ref().map_or_else(identity, |matrix| *matrix.get_ref())
     }
 
-    /// Where M stands in the file and what is wrong with it: with det M ≤ 0 it mirrors or flattens what it moves, which no motion
-    /// of a body does.
+    /// Offset of M in the file and its fault: with det M ≤ 0 it mirrors or flattens the nodes, which no motion of a body does.
     fn improper(&self) -> Option<(usize, String)> {
         let matrix = self.matrix.as_ref()?;
         let rows = matrix.get_ref();
@@ -125,7 +124,7 @@ impl Affine {
         Some((matrix.span().start, message))
     }
 
-    /// In what the element is free; the error says what is given and free at once, or pushed and held.
+    /// The directions in which the element is free; the error names what is given and free at once, or pushed and held.
     fn freedom(&self) -> Result<Freedom, String> {
         let pushed = self.force.is_some() || self.moment.is_some();
         let free = self.free.map_or([pushed; 6], |free| free.0);
@@ -195,7 +194,7 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
     Ok(poses)
 }
 
-/// Where the pose stands that pose `place` goes on from: before it, so that none goes on from itself.
+/// Index of the pose that pose `place` goes on from: before it, so that none goes on from itself.
 fn goes_on_from(poses: &[Pose], place: usize) -> Result<Option<usize>, (usize, String)> {
     let pose = &poses[place];
     let Some(after) = &pose.after else { return Ok(None) };
@@ -269,7 +268,7 @@ pub fn loads(
     loads.and_then(|loads| loads.with_forces(forces.collect(), body, model)).map_err(wrong)
 }
 
-/// In what the control elements of the body called `name` are free in the pose, in its order; none where none is.
+/// Freedom in the pose of each control element of the body called `name`, in its order; empty where none is free.
 pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<Freedom>, Failure> {
     let of = |control: &String| match pose.control.get(control) {
         None => Ok(Freedom::default()),
@@ -282,8 +281,8 @@ pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<
     Ok(if found.iter().any(Freedom::is_any) { found } else { Vec::new() })
 }
 
-/// Which turn was taken, where two control elements of `body` are so far turned against each other that their matrices,
-/// which are the same after whole turns, leave a doubt.
+/// Description of the turn that was taken, where two control elements of `body` are turned so far against each other that their
+/// matrices, which are the same after whole turns, leave a doubt.
 pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
     let turns: Vec<Vector3<f64>> = poses.iter().map(|pose| Screw::of(pose).turn).collect();
     let pairs = (0..turns.len()).flat_map(|i| (0..i).map(move |j| (i, j)));

@@ -42,14 +42,14 @@ pub struct PointForce {
 pub struct PoseLoads {
     /// Every load of the body as a pose file has it, with its name.
     pub written: Vec<(String, LoadValue)>,
-    /// For each column of the body's loads, along the mesh's axes.
+    /// Coefficients of the columns of the body's loads, along the mesh's axes.
     pub coefficients: Vec<f64>,
     pub forces: Vec<PointForce>,
-    /// Of each of them, where it stands: file, line and column.
+    /// Place of each force: file, line and column.
     places: Vec<String>,
 }
 
-/// What a load of the scene is in a pose that does not name it, as a pose file would.
+/// Value of a scene's load in a pose that does not name it, as a pose file would give it.
 fn as_in_scene(load: &LoadEntry<'_>, body: &Body) -> LoadValue {
     match (load.source, &load.start[..]) {
         (LoadSource::Centrifugal(centrifugal), _) => LoadValue::One(centrifugal.speed),
@@ -65,12 +65,12 @@ fn as_in_scene(load: &LoadEntry<'_>, body: &Body) -> LoadValue {
 }
 
 impl PoseLoads {
-    /// All of a body as they are in the scene.
+    /// All loads of a body as they are in the scene.
     pub fn of_scene(body: &Body) -> PoseLoads {
         PoseLoads::of_pose(&BTreeMap::new(), "", body).unwrap_or_default()
     }
 
-    /// Those of the scene, but for what the pose says of `load`. The error says which is wrong, of the body `name`.
+    /// The scene's loads, with the values that the pose gives in `load`. The error names the wrong one, of the body `name`.
     pub(super) fn of_pose(
         load: &BTreeMap<String, LoadValue>,
         name: &str,
@@ -106,7 +106,7 @@ impl PoseLoads {
         Ok(PoseLoads { written, coefficients, ..PoseLoads::default() })
     }
 
-    /// The same with forces at points, each with its place in the file. The error says which the body cannot have.
+    /// Adds forces at points, each with its place in the file. The error names one that the body cannot have.
     pub(super) fn with_forces(
         self,
         forces: Vec<(PointForce, String)>,
@@ -137,7 +137,7 @@ impl PoseLoads {
         self.forces.is_empty() && self.coefficients.iter().all(|load| *load == 0.0)
     }
 
-    /// By how much warmth makes the body longer where it is free.
+    /// Factor by which warmth lengthens the body where it is free.
     pub fn free_stretch(&self, body: &Body) -> f64 {
         let columns = body.loads().into_iter().flat_map(|load| {
             std::iter::repeat_n(matches!(load.source, LoadSource::Thermal), load.source.columns())
@@ -146,7 +146,7 @@ impl PoseLoads {
         1.0 + warm.map(|(_, strain)| strain).sum::<f64>()
     }
 
-    /// As they are applied to a body that is summed from its columns; the error names a place that cannot take a force.
+    /// The loads as they are applied to a body that is summed from its columns; the error names a place that cannot take a force.
     pub fn applied(&self, body: &Deformer) -> Result<AppliedLoads, String> {
         let takes = body.bears_forces();
         let rest: Vec<V3> =
@@ -161,7 +161,7 @@ impl PoseLoads {
         self.on(&surface)
     }
 
-    /// As they are applied to a body that is solved anew.
+    /// The loads as they are applied to a body that is solved anew.
     pub fn on_mesh(&self, statics: &Statics) -> Result<StaticForces, String> {
         let (loads, nodes) = self.on_its_surface(statics)?;
         let forces = StaticForces::of(&loads, |node| nodes.get(node as usize).copied());
@@ -216,7 +216,7 @@ struct Taking<'a> {
     rest: &'a [V3],
     tags: &'a [u64],
     takes: &'a dyn Fn(u32) -> bool,
-    /// What is said of a place that takes none.
+    /// Error for a place that takes none.
     otherwise: &'static str,
 }
 

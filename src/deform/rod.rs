@@ -186,7 +186,7 @@ impl Rod {
         }
     }
 
-    /// By how much the body is longer where it is free.
+    /// Thermal strain: the relative elongation of the body where it is free.
     fn strain(&self) -> f64 {
         self.loads.as_ref().map_or(0.0, Lumped::strain)
     }
@@ -199,12 +199,12 @@ impl Rod {
         stretch
     }
 
-    /// From the origin of a control element to the end of the rod, where nothing strains it.
+    /// Vector from the origin of a control element to the end of the rod, where nothing strains it.
     fn arm(&self, e: usize) -> Vector3<f64> {
         (self.section.ends[e] - self.controls[e].origin) * (1.0 + self.strain())
     }
 
-    /// Where the rod's end is, by the frame of its control element: the end's place in it, moved by the stretch.
+    /// Frame of the rod's end by that of its control element: the end's place in it, moved by the stretch.
     fn clamp(&self, e: usize, frame: &ControlFrame) -> Isometry3<f64> {
         let offset = self.section.offsets[e] * self.stretch(frame);
         placed(frame) * Translation3::from(self.arm(e)) * exp(&offset)

@@ -36,9 +36,9 @@ pub struct Rotation {
     /// R̄ of the last evaluation in which it was defined.
     last: Rotation3<f64>,
     /// The rotation of every control element in the last evaluation, with the sign that continues the one before: it
-    /// tells a turn by 200° from one by -160°.
+    /// distinguishes a turn by 200° from one by -160°.
     turns: Vec<UnitQuaternion<f64>>,
-    /// Where forces were asked for: the energy, and what it had for the last poses that have one.
+    /// Energy, where forces were asked for, and its results for the last poses that have one.
     energy: Option<Helicoidal>,
     frames: Vec<ControlFrame>,
     slopes: Vec<FrameSlope>,
@@ -100,7 +100,7 @@ impl DeformationModel for Rotation {
         }
     }
 
-    /// Where the frames have no mean, the last one's forces go on.
+    /// Energy and forces at `poses`; where the frames have no mean, the last ones go on.
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         let energy = self.energy.as_mut()?;
         self.frames.clear();

@@ -27,7 +27,7 @@ pub struct Screw {
 }
 
 impl Screw {
-    /// Where M is too flat to have a rotation, it is all stretch.
+    /// The screw and stretch of a pose; where M is too flat to have a rotation, it is all stretch.
     pub fn of(pose: &ControlPose) -> Screw {
         let is_rotation = (pose.matrix.transpose() * pose.matrix - Matrix3::identity()).amax() < 1e-12;
         let rotation = match nearest(&pose.matrix) {
@@ -67,19 +67,19 @@ impl Screw {
 /// The way of a control element from one pose to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// What is turned and shifted along the way: R₀ and T₀; rest, where the screws are those of the poses themselves.
+    /// The pose that is turned and shifted along the way: R₀ and T₀; rest, where the screws are those of the poses themselves.
     base: ControlPose,
     start: Screw,
     end: Screw,
 }
 
 impl Way {
-    /// From one screw from rest to another.
+    /// The way between two screws from rest.
     pub fn between(start: Screw, end: Screw) -> Way {
         Way { base: ControlPose::REST, start, end }
     }
 
-    /// From the pose `from` onwards, by the shorter turn from there: R = exp(ω) R₀, T = V v + exp(ω) T₀.
+    /// The way from the pose `from` onwards, by the shorter turn from there: R = exp(ω) R₀, T = V v + exp(ω) T₀.
     pub fn onwards(from: &ControlPose, to: &ControlPose) -> Way {
         let (before, after) = (Screw::of(from), Screw::of(to));
         let base = ControlPose { translation: from.translation, matrix: *before.rotation().matrix() };

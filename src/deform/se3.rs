@@ -12,7 +12,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
-/// Below this θ² the coefficients are summed as series, which are exact to 1e-15 there.
+/// θ² below which the coefficients are summed as series, which are exact to 1e-15 there.
 const SERIES: f64 = 0.04;
 
 /// V(ω).
@@ -46,14 +46,14 @@ pub fn exp(screw: &Vector6<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(place), UnitQuaternion::from_scaled_axis(turn))
 }
 
-/// ξ of the rotation q and the translation t, where the sign of q tells turns up to 360° from those the other way round.
+/// ξ of the rotation q and the translation t, where the sign of q distinguishes turns up to 360° from those the other way round.
 pub fn log(rotation: &UnitQuaternion<f64>, translation: &Vector3<f64>) -> Vector6<f64> {
     let turn = long_turn(rotation);
     let slide = inverse_slide_matrix(&turn) * translation;
     Vector6::new(slide.x, slide.y, slide.z, turn.x, turn.y, turn.z)
 }
 
-/// The rotation vector of q with |ω| up to 2π, as its sign tells.
+/// The rotation vector of q with |ω| up to 2π, by the sign of q.
 pub fn long_turn(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let (imag, real) = (rotation.imag(), rotation.w);
     let sine = imag.norm();
@@ -124,7 +124,7 @@ mod tests {
             .to_vec()
     }
 
-    /// The quaternion that tells the whole turn.
+    /// Rotation and translation of a screw, whose quaternion keeps the whole turn.
     fn parts(screw: &Vector6<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
         let turn = screw.fixed_rows::<3>(3).into_owned();
         let half = 0.5 * turn.norm();

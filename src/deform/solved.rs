@@ -15,8 +15,8 @@ pub fn model_of(
     model_over(model, solution, &solution.surface.nodes, &solution.surface.triangles)
 }
 
-/// The same with all nodes of the mesh in place of the surface's, and no triangles: what a model with parts or a field of its
-/// own does inside a body.
+/// A model over all nodes of the mesh in place of the surface's, without triangles: what a model with parts or a field does
+/// inside a body.
 pub fn volume_model_of(
     model: &ModelEntry,
     solution: &Solution,

@@ -1,4 +1,4 @@
-//! What acts on a body that is solved anew, as plain data.
+//! Forces on a body that is solved anew, as plain data.
 //!
 //! In: the loads of a frame or of a pose, and the nodes of its mesh. Out: a coefficient for each column of the loads, and forces at
 //! single nodes.
@@ -11,20 +11,20 @@ use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
 
-/// What acts on a body beside its control elements.
+/// Loads and forces on a body beside its control elements.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StaticForces {
     /// One for each column of the body's loads, as in [`AppliedLoads`].
     #[serde(with = "crate::field::numbers::flat")]
     pub coefficients: Vec<f64>,
-    /// At nodes of the mesh, N, along the body's axes.
+    /// Forces at nodes of the mesh, N, along the body's axes.
     #[serde(with = "crate::field::numbers::list")]
     pub at_nodes: Vec<(u32, V3)>,
 }
 
 impl StaticForces {
-    /// Of loads whose points have forces; `node_of` tells which node of the mesh one of the surface is.
+    /// Forces by loads whose points have forces; `node_of` maps nodes of the surface to those of the mesh.
     pub fn of(loads: &AppliedLoads, node_of: impl Fn(u32) -> Option<u32>) -> Option<StaticForces> {
         let mut at_nodes = Vec::new();
         for point in &loads.points {

@@ -43,7 +43,7 @@ impl NodalLoads {
         Ok(NodalLoads(columns))
     }
 
-    /// Those of a file: the forces of each column over all nodes, x, y and z of one after another.
+    /// Loads from the table of a file: the forces of each column over all nodes, x, y and z of one after another.
     pub fn of_table(metas: &[LoadMeta], forces: &DMatrix<f64>) -> NodalLoads {
         let turnings = metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));
         let column = |(turning, forces): (Turning, &[f64])| Column {
@@ -54,7 +54,7 @@ impl NodalLoads {
         NodalLoads(turnings.zip(forces.as_slice().chunks_exact(rows)).map(column).collect())
     }
 
-    /// By how much the body is longer where it is free.
+    /// Factor by which warmth lengthens the body where it is free.
     pub fn stretch(&self, of: &StaticForces) -> f64 {
         let all = self.0.iter().zip(&of.coefficients);
         1.0 + all.filter(|(column, _)| column.turning == Turning::Inner).map(|(_, c)| c).sum::<f64>()

@@ -59,7 +59,7 @@ pub struct Statics {
     lame: Vec<Lame>,
     loads: NodalLoads,
     acting: StaticForces,
-    /// By how much warmth lengthens what is free.
+    /// Factor by which warmth lengthens the body where it is free.
     stretch: f64,
     size: f64,
     partition: Partition,
@@ -74,10 +74,10 @@ pub struct Statics {
 #[derive(Clone, Debug)]
 pub struct HeldBody {
     poses: ControlPoses,
-    /// By how much each control element has turned since rest, whole turns included.
+    /// Turn of each control element since rest, whole turns included.
     turns: Vec<FollowedTurn>,
     u: NodeFields,
-    /// Under these forces, N, and as warm.
+    /// Forces on the nodes, N, and stretch by warmth, in this equilibrium.
     forces: NodeFields,
     stretch: f64,
 }
@@ -85,9 +85,9 @@ pub struct HeldBody {
 /// A body held in a pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EquilibriumResult {
-    /// Of every node of the mesh, m.
+    /// Displacement of every node of the mesh, m.
     pub displacement: Vec<Vector3<f64>>,
-    /// Of every control element, about where its origin rested, with the lever arms of the deformed body.
+    /// Wrench on every control element, about where its origin rested, with the lever arms of the deformed body.
     pub wrenches: Vec<Wrench>,
     /// Strain energy of the body less the work of its loads, J.
     pub energy: f64,
@@ -125,10 +125,10 @@ pub enum StaticsError {
         share: f64,
         from: String,
         why: Setback,
-        /// How the body gives way there; `None` where that could not be told.
+        /// The pose in which the body gives way; `None` where it could not be found.
         critical: Option<Box<CriticalPose>>,
         law: &'static Law,
-        /// Of the corners of the tetrahedron with the least det F.
+        /// Tags of the corners of the tetrahedron with the least det F.
         tags: [u64; 4],
         tets: usize,
     },
@@ -149,7 +149,7 @@ fn detail(critical: &Option<Box<CriticalPose>>) -> String {
     critical.as_ref().map(|critical| format!("; {critical}")).unwrap_or_default()
 }
 
-/// Below this least det F a body gives way because it is pressed together.
+/// Least det F below which a body gives way because it is pressed together.
 const PRESSED: f64 = 0.8;
 
 fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
@@ -225,7 +225,7 @@ impl Statics {
         Ok(statics)
     }
 
-    /// From now on these loads act on the body; without a call none does.
+    /// Sets the loads that act on the body; without a call none does.
     pub fn apply(&mut self, acting: &StaticForces) -> Result<(), StaticsError> {
         let stretch = self.loads.stretch(acting);
         if stretch != self.stretch {
@@ -267,7 +267,7 @@ impl Statics {
         Ok(settled)
     }
 
-    /// The same from `before`, a pose called `name` that was solved earlier: each control element takes the shorter turn
+    /// Solves `poses` from `before`, a pose called `name` that was solved earlier: each control element takes the shorter turn
     /// from there, so that turns add up.
     pub fn solve_after(
         &mut self,
@@ -282,8 +282,8 @@ impl Statics {
         self.go(&format!("pose \"{name}\""), &ways, before.clone(), poses, shift, progress)
     }
 
-    /// The same where control elements may have turned by up to 360°, which the signs of these quaternions tell: where one has
-    /// turned by more than 180°, the body goes there from rest in legs of 90° at most. `progress` is advanced by 1000 a leg.
+    /// Solves `poses` in which control elements may have turned by up to 360°, by the signs of the quaternions `turns`: where one
+    /// has turned by more than 180°, the body goes there from rest in legs of 90° at most. `progress` is advanced by 1000 a leg.
     pub fn solve_turned(
         &mut self,
         poses: &ControlPoses,
@@ -323,7 +323,7 @@ impl Statics {
         }
     }
 
-    /// What acts on the nodes in poses to which the control elements have turned so.
+    /// Forces of the loads on the nodes in `poses`, which the control elements have reached by `turns`.
     fn forces(&self, poses: &ControlPoses, turns: &[FollowedTurn]) -> NodeFields {
         let rest = |control: &ControlElement| ControlRest {
             name: control.name.clone(),
@@ -407,7 +407,7 @@ impl Statics {
         }
     }
 
-    /// What is told of an equilibrium under `forces` that is shifted as a whole.
+    /// The result of an equilibrium under `forces` that is shifted as a whole.
     fn settled(
         &self,
         equilibrium: &Equilibrium,
@@ -445,7 +445,7 @@ impl Statics {
     }
 }
 
-/// In how many legs a body goes from rest to turns, as [`Statics::solve_turned`] does.
+/// Number of legs in which a body goes from rest to turns, as in [`Statics::solve_turned`].
 pub fn legs(turns: &[UnitQuaternion<f64>]) -> usize {
     let largest = turns.iter().map(|turn| long_turn(turn).norm()).fold(0.0, f64::max);
     if largest > PI { (largest / FRAC_PI_2).ceil() as usize } else { 1 }

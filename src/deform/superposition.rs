@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What one sum cost.
+/// Cost of one sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SumStats {
     /// Groups whose columns were summed again.
@@ -41,7 +41,7 @@ enum Terms<'a> {
 }
 
 impl<'a> Terms<'a> {
-    /// Those with a coefficient; a column has `n` numbers.
+    /// The columns with a coefficient that is not 0; a column has `n` numbers.
     fn new(group: &ColumnGroup<'a>, c: &[f32], n: usize) -> Terms<'a> {
         let used = c.iter().enumerate().filter(|(_, c)| **c != 0.0);
         let used = used.map(|(k, c)| (c * group.scale(k), k * n..(k + 1) * n));
@@ -72,7 +72,7 @@ impl<'a> Terms<'a> {
     }
 }
 
-/// Where the nodes of a surface come to: rest + u.
+/// Places of the nodes of a surface: rest + u.
 pub struct Places<'a> {
     pub rest: &'a [[f32; 3]],
     pub positions: &'a mut [[f32; 3]],
@@ -86,16 +86,16 @@ pub const BYTES_PER_THREAD: usize = 1 << 20;
 
 /// The partial sums of one body.
 pub struct Superposition {
-    /// Where the columns of each group stand among all.
+    /// Range of each group's columns among all.
     groups: Vec<Range<usize>>,
     /// The coefficients summed last, of all columns.
     coefficients: Vec<f32>,
-    /// Per block of numbers, the partial sum of every group, each `BLOCK` long.
+    /// Partial sums of every group for each block of numbers, each `BLOCK` long.
     partial: Vec<f32>,
 }
 
 impl Superposition {
-    /// For these groups of columns of `nodes` nodes, none of which has a coefficient yet.
+    /// A sum of these groups of columns of `nodes` nodes, none of which has a coefficient yet.
     pub fn new(groups: &[ColumnGroup<'_>], nodes: usize) -> Superposition {
         let mut end = 0;
         let range = |group: &ColumnGroup<'_>| {
@@ -121,8 +121,8 @@ impl Superposition {
         self.update_all(groups, c, u, None)
     }
 
-    /// The same, and brings `places` to rest + u while each part of u is still in the cache; on the first call they must be
-    /// at rest.
+    /// Updates u, and brings `places` to rest + u while each part of u is still in the cache; on the first call they must be at
+    /// rest.
     pub fn update_places(
         &mut self,
         groups: &[ColumnGroup<'_>],
@@ -235,7 +235,7 @@ fn combine_halves(out: &mut [f32], terms: &[Term<u16>], start: usize) {
     combine(out, terms, start, half_to_single);
 }
 
-/// The same bits as [`combine_avx2`] with [`half_to_single`].
+/// Computes the same bits as [`combine_avx2`] with [`half_to_single`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,f16c")]
 fn combine_f16c(out: &mut [f32], terms: &[Term<u16>], start: usize) {
@@ -319,7 +319,7 @@ mod tests {
 
     const NODES: usize = 1501;
 
-    /// Groups of so many columns each.
+    /// Groups of columns, with `counts` columns each.
     fn data(counts: &[usize], nodes: usize) -> Vec<Vec<f32>> {
         let value = |i: usize| ((i * 2654435761 % 1000) as f32 - 500.0) * 1e-3;
         let group = |(g, count): (usize, &usize)| (0..count * 3 * nodes).map(|i| value(i + 7 * g)).collect();
@@ -331,7 +331,7 @@ mod tests {
         columns.zip(c).map(|(column, c)| c * f64::from(column[i])).sum()
     }
 
-    /// Over several blocks, and still where nothing changes.
+    /// Places over several blocks, and still where nothing changes.
     #[test]
     fn places_are_rest_plus_u() {
         let data = data(&[12, 7], NODES);

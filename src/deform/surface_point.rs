@@ -10,7 +10,7 @@ pub struct NearestPoint {
     pub away: f64,
 }
 
-/// Of triangles whose corners are where `at` says; `None` where none has an area.
+/// The point nearest to `place` of triangles whose corners are where `at` says; `None` where none has an area.
 pub fn nearest_point(
     triangles: &[[u32; 3]],
     at: &dyn Fn(u32) -> Vector3<f64>,
@@ -23,7 +23,7 @@ pub fn nearest_point(
     triangles.iter().filter_map(of).min_by(|a, b| a.away.total_cmp(&b.away))
 }
 
-/// How much of each corner the point of a triangle has that is nearest to a place, and how far it is; `None` without area.
+/// Weights of the corners in the point of a triangle that is nearest to a place, and its distance; `None` without area.
 fn nearest_in(corners: &[Vector3<f64>; 3], place: &Vector3<f64>) -> Option<([f64; 3], f64)> {
     let [a, b, c] = corners;
     let normal = (b - a).cross(&(c - a));

@@ -28,12 +28,12 @@ use rayon::prelude::*;
 
 /// A surface and what lies behind it.
 pub struct SurfaceParts<'a> {
-    /// About any origin, m.
+    /// Nodes at rest about any origin, m.
     pub rest: &'a [[f32; 3]],
     pub triangles: &'a [[u32; 3]],
-    /// Of each triangle, which of the materials; of all the first where it is empty.
+    /// Index of each triangle's material; where it is empty, all have the first.
     pub material: &'a [u8],
-    /// By material.
+    /// Lamé's moduli of each material.
     pub lame: &'a [Lame],
     /// The nodes of each control element.
     pub held: &'a [Vec<u32>],
@@ -49,42 +49,42 @@ pub struct SurfaceStress {
     lame: Vec<Lame>,
     law: fn([f64; 2], Lame) -> FreeFace,
     nodes: usize,
-    /// Of each node a third of the triangles around it, at rest, m².
+    /// Area of each node: a third of the triangles around it, at rest, m².
     pub areas: Vec<f64>,
 }
 
-/// Which strain is meant by displacements.
+/// The strain that follows from displacements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strain {
-    /// That of small-strain theory, whose displacements they are.
+    /// Strain of small-strain theory, to which the displacements belong.
     Small,
-    /// That of the shape that they make.
+    /// Strain of the shape that the displacements make.
     Finite,
 }
 
 /// Tractions on the triangles of a surface, Pa on the area at rest; either list may be empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FaceLoads {
-    /// Those that turn with their triangle, on the axes of the body at rest, …
+    /// Tractions that turn with their triangle, on the axes of the body at rest, …
     pub follows: Vec<Vector3<f64>>,
     /// … and those that keep their direction.
     pub fixed: Vec<Vector3<f64>>,
 }
 
-/// What is known at one node.
+/// Stress and strain at one node.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NodeStress {
     /// Pa.
     pub von_mises: f64,
     /// The largest of λ₁, λ₂, λ₃, less 1.
     pub strain: f64,
-    /// Of which material both are.
+    /// Material of both.
     pub material: u8,
 }
 
 /// A triangle that no control element holds.
 struct Face {
-    /// Among all of the surface.
+    /// Index of the triangle in the surface.
     number: usize,
     nodes: [u32; 3],
     /// e₁, e₂ and the normal e₁ × e₂.
@@ -141,9 +141,9 @@ impl SurfaceStress {
         SurfaceStress { faces, rows, around, lame: parts.lame.to_vec(), law: parts.law, nodes, areas }
     }
 
-    /// At every node, of the displacements u of all, by this strain, where warmth lengthens what is free by `stretch` and `loads` act;
-    /// `None` amid control elements. `share` is how much of its limit a node of a material has reached, or anything else by which the larger
-    /// is shown.
+    /// Stress at every node by the displacements u of all, with this strain, where warmth lengthens what is free by the factor
+    /// `stretch` and `loads` act; `None` amid control elements. `share` is the part of its limit that a node of a material has
+    /// reached, or another measure: where materials meet, the larger one is shown.
     pub fn at_nodes(
         &self,
         u: &[Vector3<f64>],

@@ -14,16 +14,16 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 use std::time::Instant;
 
-/// How one control element moves against the others, which rest, along an axis towards it.
+/// Motion of one control element against the others, which rest, along an axis towards it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Along a circular arc that keeps its length, °.
+    /// Bend along a circular arc that keeps its length, °.
     Bend(f64),
-    /// About the axis, °.
+    /// Twist about the axis, °.
     Twist(f64),
-    /// About an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
+    /// Turn about an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
     Skew(f64),
-    /// By parts of the length, along and across.
+    /// Shift by parts of the length, along and across.
     Shift([f64; 2]),
     /// Turned across the axis, °, and shifted across it.
     Mixed(f64, f64),
@@ -71,15 +71,15 @@ pub struct Moved {
     pub element: usize,
     pub elements: usize,
     pub axis: Vector3<f64>,
-    /// About which it is bent and turned, and along which it is shifted; perpendicular to the axis.
+    /// Direction about which it is bent and turned, and along which it is shifted; perpendicular to the axis.
     pub across: Vector3<f64>,
     /// m.
     pub length: f64,
 }
 
 impl Moved {
-    /// `None` where there are no others, or their mean origin is too near its own to tell an axis, such as that of two at
-    /// either side of it.
+    /// A control element for trials; `None` where there are no others, or their mean origin is too near its own to fix an axis,
+    /// as it is for one between two others.
     pub fn new(origins: &[Vector3<f64>], element: usize) -> Option<Moved> {
         let others = origins.iter().enumerate().filter(|(e, _)| *e != element).map(|(_, origin)| origin);
         let mean = others.sum::<Vector3<f64>>() / (origins.len() - 1) as f64;
@@ -94,7 +94,7 @@ impl Moved {
         })
     }
 
-    /// The same, bent about another direction, as far as it is perpendicular to the axis.
+    /// This control element, bent about another direction, as far as that is perpendicular to the axis.
     pub fn about(self, across: Vector3<f64>) -> Moved {
         let across = across - self.axis * self.axis.dot(&across);
         Moved { across: across.try_normalize(1e-9).unwrap_or(self.across), ..self }
@@ -142,8 +142,8 @@ pub struct Trial {
 }
 
 /// Solves the motions one after the other; a bend or twist goes on from the one before where it is of the same kind, so that
-/// turns add up; where that one has no equilibrium, neither is it solved. `told` hears of motions without an equilibrium, and of
-/// those that turn tetrahedra inside out. `progress` is advanced by 1000 for each motion.
+/// turns add up; where that one has no equilibrium, neither is it solved. `told` is called for motions without an equilibrium,
+/// and for those that turn tetrahedra inside out. `progress` is advanced by 1000 for each motion.
 pub fn trials(
     statics: &mut Statics,
     moved: &Moved,
@@ -187,7 +187,7 @@ pub fn trials(
     Ok(found)
 }
 
-/// How far a model is from static equilibrium.
+/// Deviation of a model from static equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Deviation {
     /// Largest error of a control element's force, and of its torque over the length, as parts of the largest force or
@@ -232,7 +232,7 @@ impl Trial {
         Deviation { force, torque, energy, shape }
     }
 
-    /// About 10° a step at most.
+    /// Takes the deformer to the poses from rest in steps of about 10° at most.
     fn follow(&self, deformer: &mut Deformer) {
         const STEPS: u32 = 36;
         deformer.forget();

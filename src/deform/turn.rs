@@ -1,5 +1,5 @@
-//! How far linear theory is strained, by the largest rotation in the part of a deformation that it computes, and how far a body
-//! is deformed.
+//! Measures of a deformation: how far linear theory is strained, by the largest rotation in the part that it computes, and how
+//! far a body is deformed.
 
 use super::deformer::Deformer;
 use super::se3::slide_matrix;
@@ -30,7 +30,7 @@ fn frame(corners: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
     Some(Matrix3::from_columns(&[a, b, a.cross(&b).try_normalize(0.0)?]))
 }
 
-/// How far a body is deformed: what tells one pose from another where errors are asked for.
+/// Reach of a deformation: the measures by which errors are looked up for a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reach {
     /// The largest turn of a piece of the surface, or of another control element, against the first control element, rad.
@@ -40,16 +40,16 @@ pub struct Reach {
     pub arc: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
-    /// How far two control elements are at most from where an arc of their own length would bring them with their turn, as a
-    /// part of it: with V(φ) d of the helicoidal motion with the turn φ between them.
+    /// Largest distance of two control elements from where an arc of their own length would bring them with their turn, as a part
+    /// of that length: with V(φ) d of the helicoidal motion with the turn φ between them.
     pub off: f64,
     /// Whether one control element is pulled away from the others, which rest, and neither turned nor shifted aside.
     pub is_pulled: bool,
 }
 
-/// How one control element stands to another, by the axes of that one.
+/// Pose of one control element against another, by the axes of that one.
 pub(super) struct Relative {
-    /// From the origin of that one to its own at rest, m.
+    /// Vector from the origin of that one to its own at rest, m.
     pub way: Vector3<f64>,
     /// rad.
     pub turn: Vector3<f64>,
@@ -58,7 +58,7 @@ pub(super) struct Relative {
 }
 
 impl Relative {
-    /// Of control element `b` to `a`.
+    /// Pose of control element `b` against `a`.
     pub fn of(deformer: &Deformer, a: usize, b: usize) -> Relative {
         let Deformer { controls, poses, .. } = deformer;
         let way = controls[b].origin - controls[a].origin;
@@ -81,7 +81,7 @@ impl Relative {
         along > 0.0 && aside <= most && self.turn.norm() * self.way.norm() <= most
     }
 
-    /// How far the shift is from that of an arc, as a part of the way.
+    /// Distance of the shift from that of an arc, as a part of the way.
     fn off_the_arc(&self) -> f64 {
         (self.shift - self.arc_shift()).norm() / self.way.norm()
     }
@@ -96,15 +96,15 @@ impl Relative {
         twist.hypot(if part.is_finite() { bend * part.clamp(0.0, 1.0) } else { bend })
     }
 
-    /// Where an arc of the way's length brings its end with this turn, against where it was.
+    /// Shift of the end of an arc of the way's length that bends by this turn.
     fn arc_shift(&self) -> Vector3<f64> {
         slide_matrix(&self.turn) * self.way - self.way
     }
 }
 
-/// What turns an element that is pulled away from the others, in rad, and shifts it aside is at most this part of the pull.
+/// Largest turn, rad, and shift aside of an element that counts as pulled away from the others, as parts of the pull.
 const ASIDE: f64 = 0.02;
-/// Others may move so much against each other and count as resting, of their distance and in rad.
+/// Largest motion of others against each other with which they count as resting, of their distance and in rad.
 pub(super) const RESTS: f64 = 1e-6;
 
 fn is_pulled(deformer: &Deformer) -> bool {
@@ -137,7 +137,7 @@ pub fn rests(deformer: &Deformer) -> bool {
     })
 }
 
-/// So many triangles are looked at, spread over the surface: where errors are measured and where they are told.
+/// Number of triangles that are looked at, spread over the surface: where errors are measured and where they are shown.
 const PIECES: usize = 256;
 
 /// The reach of a body in its pose, whatever its model.

@@ -1,4 +1,4 @@
-//! What is to act on a body, judged before anything is solved: loads, and the surface that takes forces.
+//! Loads on a body and the surface that takes forces, judged before anything is solved.
 
 use super::control::ControlElement;
 use super::error::GreenError;

@@ -1,4 +1,4 @@
-//! From a scene's body to its Green's functions: assembly, partition, factorization, solves, surface rows.
+//! Green's functions of a scene's body: assembly, partition, factorization, solves, surface rows.
 
 use super::acting::acting;
 use super::check::refuse;

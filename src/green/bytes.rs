@@ -94,7 +94,7 @@ mod tests {
         assert!(error.to_string().contains("it grew"), "{error}");
     }
 
-    /// An allocation that fails ends no program: the size is named. A file of holes is told before memory is taken.
+    /// An allocation that fails ends no program: the error names the size. A file of holes is refused before memory is taken.
     #[test]
     fn what_memory_cannot_hold_is_told_with_its_size() {
         let length = u64::MAX >> 1;

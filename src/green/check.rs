@@ -1,5 +1,5 @@
-//! What must be right before anything is factorised: a Cholesky factorization that succeeds proves nothing. It passes
-//! flat and swapped tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
+//! Checks before anything is factorised: a Cholesky factorization that succeeds proves nothing. It passes flat and swapped
+//! tetrahedra, pieces held at two points and bodies cracked open, and answers with nonsense.
 
 use super::control::ControlElement;
 use super::error::GreenError;
@@ -20,14 +20,14 @@ const LOCKING: f64 = 0.45;
 /// Stiffness of a floating inclusion over that around it: above the first, digits are lost; above the second, all.
 const STIFF: [f64; 2] = [1e8, 1e12];
 
-/// What is wrong with the mesh itself; pieces are judged by [`support`].
+/// Faults of the mesh itself; pieces are judged by [`support`].
 pub fn mesh(entity: &str, mesh: &TetMesh, material: &Material) -> Vec<Diagnostic> {
     let found = diagnostics::find(mesh).into_iter().filter(|found| found.severity < Severity::Note);
     let found = found.map(|found| Diagnostic::new(found.severity, entity, found.message));
     found.chain(unit(entity, mesh, material)).collect()
 }
 
-/// A word about bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
+/// Note on bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
 fn unit(entity: &str, mesh: &TetMesh, material: &Material) -> Option<Diagnostic> {
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let side = (high - low).max();
@@ -136,8 +136,8 @@ pub fn materials(
     findings
 }
 
-/// What to expect of an element near ν = 1/2, and what to do. Every model takes every element, so the advice leads to
-/// none that a model refuses.
+/// Warning or note for an element near ν = 1/2, with its expected error and a remedy. Every model takes every element, so the
+/// advice leads to none that a model refuses.
 fn nearly_incompressible(element: &Element) -> (Severity, &'static str) {
     if element.locks {
         let advice = "linear tetrahedra lock and the body is too stiff, the more the nearer to 0.5 and the coarser the \

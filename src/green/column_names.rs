@@ -1,8 +1,8 @@
-//! What the columns of a body are called, for other programs and for people.
+//! Names of the columns of a body, for other programs and for people.
 //!
 //! In: a .green file. Out: a name and a unit for every column, in the order of [`GreenFile::groups`]: `right.m12` of a control
-//! element, `gravity.x` or `press` of a load, `reduced.3` of a family whose columns have no names of their own. The names of
-//! control elements and loads a scene alone tells.
+//! element, `gravity.x` or `press` of a load, `reduced.3` of a family that does not name its columns. The names of control
+//! elements and loads follow from a scene alone.
 
 use super::families::{FAMILIES, names_of_fields, names_of_loads};
 use super::family::{ColumnName, ColumnSource};
@@ -30,7 +30,7 @@ impl GreenFile {
     }
 }
 
-/// Those of a body's control elements and loads, which its scene tells before anything is solved.
+/// Names of the columns of a body's control elements and loads, which are known from its scene before anything is solved.
 pub fn column_names_of(body: &Body) -> Vec<ColumnName> {
     let loads: Vec<LoadMeta> = body.loads().iter().map(LoadMeta::of).collect();
     let mut names = names_of_fields(body.control.keys().map(String::as_str));

@@ -46,7 +46,7 @@ impl ControlElement {
         3 + 3 * self.rank
     }
 
-    /// What a user should know of a control element that does not span a volume.
+    /// Notice to the user about a control element that does not span a volume.
     pub fn notice(&self) -> Option<String> {
         let shape = match self.rank {
             0 => "a single point: its rotation and scale move nothing",

@@ -1,4 +1,4 @@
-//! Why a body could not be precomputed, or a .green file not be used.
+//! Errors for bodies that could not be precomputed, and .green files that cannot be used.
 
 use super::substructure::BodyError;
 use crate::base::failure::Failure;

@@ -1,4 +1,4 @@
-//! What a column family is: one entry says how its numbers are made, written, checked and read again.
+//! Column families: one entry says how the numbers of a family are made, written, checked and read again.
 
 use super::error::GreenError;
 use super::file::{BodyMeta, GreenFile};
@@ -15,12 +15,12 @@ use crate::solve::{Factor, Progress};
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnName {
     pub name: String,
-    /// Of its coefficient; "1" of a pure number.
+    /// Unit of its coefficient; "1" of a pure number.
     pub unit: String,
     pub source: ColumnSource,
 }
 
-/// What a column is the answer to.
+/// The cause to which a column is the response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnSource {
     /// A field of a control element.
@@ -29,11 +29,11 @@ pub enum ColumnSource {
         field: usize,
     },
     Load,
-    /// Nothing by itself: its coefficient follows from the others by the model's equilibrium.
+    /// No cause alone: its coefficient follows from the others by the model's equilibrium.
     Model,
 }
 
-/// What a family is made from beside the affine fields.
+/// The assembled system and the settings from which a family is made, beside the affine fields.
 pub struct Assembled<'a> {
     /// `scene: body.name`, for errors.
     pub place: &'a str,
@@ -45,7 +45,7 @@ pub struct Assembled<'a> {
     pub lame: &'a [Lame],
     pub k: &'a StiffnessMatrix,
     pub partition: &'a Partition,
-    /// That of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
+    /// The factor of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
     pub factor: Option<&'a dyn Factor>,
     /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
@@ -60,7 +60,7 @@ pub type Suits = fn(place: &str, body: &Body, prepared: &Prepared) -> Result<(),
 /// One entry of the list of families.
 pub struct FamilyEntry {
     pub family: Family,
-    /// What its numbers are, in one line.
+    /// Description of its numbers, in one line.
     pub holds: &'static str,
     /// Refuses bodies that cannot have the family; `None` where every body can.
     pub suits: Option<Suits>,
@@ -68,17 +68,17 @@ pub struct FamilyEntry {
     pub compute: Option<Compute>,
     /// Whether it solves with A, whose factor is then kept until it is made.
     pub solves: bool,
-    /// Its tensors in the .green file, by their names within the body; what it knows of their accuracy goes into the
+    /// Makes its tensors for the .green file, by their names within the body; what it knows of their accuracy goes into the
     /// metadata.
     pub write: fn(&Precomputed, &mut BodyMeta) -> Vec<(String, Tensor)>,
     /// Whether the tensors of a body of this name are there and can be used; the error names the first fault.
     pub check: fn(&GreenFile, &str, &BodyMeta) -> Result<(), String>,
     /// The columns that are summed online, group by group.
     pub groups: for<'a> fn(&'a GreenFile, &str) -> Vec<ColumnGroup<'a>>,
-    /// Bytes of those of its numbers that do not grow with the surface, of a body of so many control elements.
+    /// Bytes of those of its numbers that do not grow with the surface, by the number of control elements.
     pub fixed_bytes: fn(usize) -> usize,
     /// Whether it is found again when a control element is released or a modulus changed.
     pub is_derived: bool,
-    /// What its columns are called in a body; `None` where they are numbered, or where there are none.
+    /// Names of its columns in a body; `None` where they are numbered, or where there are none.
     pub column_names: Option<fn(&BodyMeta) -> Vec<ColumnName>>,
 }

@@ -27,7 +27,7 @@ use std::sync::Arc;
 pub const FORMAT: u32 = 3;
 pub(super) const KEY: &str = "greenstage";
 
-/// What the file says of itself.
+/// Metadata of a .green file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Meta {
     pub format: u32,
@@ -44,7 +44,7 @@ pub struct BodyMeta {
     pub requirements: Requirements,
     /// Mesh coordinates of the origin of `rest`, m.
     pub centre: [f64; 3],
-    /// As scenes name it.
+    /// Name of the element in scenes.
     pub element: String,
     /// Nodes of the whole mesh; the file holds the surface's only.
     pub mesh_nodes: usize,
@@ -53,16 +53,16 @@ pub struct BodyMeta {
     pub surface_triangles: usize,
     pub controls: Vec<ControlMeta>,
     pub accuracy: Accuracy,
-    /// What was measured to choose the body's settings, where the scene asks for an accuracy or a budget.
+    /// Measurements from which the body's settings were chosen, where the scene asks for an accuracy or a budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plan: Option<serde_json::Value>,
-    /// In the order of their columns.
+    /// Loads, in the order of their columns.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<LoadMeta>,
     /// Nodes of the surface that take forces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compliance_nodes: Option<usize>,
-    /// Of a compressed compliance.
+    /// Errors of a compressed compliance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compressed: Option<CompressedMeta>,
 }
@@ -74,11 +74,11 @@ impl BodyMeta {
     }
 }
 
-/// How exact a compressed compliance is, in parts of the displacement of a pressed node.
+/// Errors of a compressed compliance, in parts of the displacement of a pressed node.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompressedMeta {
     pub asked: f64,
-    /// The largest error of displacements anywhere for forces at so many nodes, against columns solved anew.
+    /// The largest error of displacements anywhere for forces at `nodes` nodes, against columns solved anew.
     pub measured: f64,
     pub nodes: usize,
 }
@@ -101,19 +101,19 @@ pub struct LoadMeta {
     /// Three for a vector, else one.
     pub columns: usize,
     pub turning: Turning,
-    /// Of its coefficients.
+    /// Unit of its coefficients.
     pub unit: String,
 }
 
-/// What a load does when the body turns.
+/// Behaviour of a load when the body turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Turning {
-    /// Its direction stays: a vector.
+    /// A vector whose direction stays.
     Fixed,
-    /// It turns along.
+    /// A load that turns along.
     Follows,
-    /// It turns along, and does no work where the body turns as a whole: forces of the body on itself.
+    /// Forces of the body on itself, which turn along and do no work where the body turns as a whole.
     Inner,
 }
 
@@ -132,7 +132,7 @@ pub struct ControlMeta {
     pub storage_errors: Vec<f64>,
 }
 
-/// What is known of the numbers' accuracy.
+/// Accuracy of the numbers, as far as it is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {
     pub solver: String,
@@ -141,7 +141,7 @@ pub struct Accuracy {
     pub residuals: Vec<f64>,
     /// Estimate of the condition number of A scaled by its diagonal; absent where nothing had to be solved.
     pub scaled_condition: Option<f64>,
-    /// How far the solution may be from the exact one of the same mesh, relative to the largest displacement.
+    /// Bound on the distance of the solution from the exact one of the same mesh, relative to the largest displacement.
     pub forward_error: Option<f64>,
     /// max |S - Sᵀ| / max |S| as solved.
     pub asymmetry: Option<f64>,
@@ -151,14 +151,14 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// How the columns are stored, and what that cost, as measured.
+    /// Storage of the columns and its measured error, in a phrase.
     pub fn stored(&self) -> String {
         let (storage, error) = (self.storage.name(), self.storage_error);
         format!("stored as {storage}: at most {error:.1e} of each field's largest displacement")
     }
 }
 
-/// Metadata as it stands in the file: its own hash beside it, so that a flipped bit in a number is found too.
+/// Metadata as it stands in the file, with its hash, so that a flipped bit in a number is found too.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Sealed<'a> {
     pub(super) blake3: String,
@@ -324,7 +324,7 @@ impl GreenFile {
 /// Type, shape and place in the file of every tensor.
 pub(super) type Tensors = BTreeMap<String, (Dtype, Vec<usize>, Range<usize>)>;
 
-/// What a container of so many bytes says of itself and where its tensors lie, from its beginning.
+/// Reads the metadata of a container of `length` bytes, and the places of its tensors, from its beginning.
 fn read_container(bytes: &[u8], length: u64) -> Result<(Meta, Tensors), String> {
     let text = |error: &dyn std::fmt::Display| format!("it is cut short or damaged ({error})");
     let (head, rest) = bytes.split_first_chunk::<8>().ok_or("it is cut short")?;

@@ -7,18 +7,18 @@
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
-/// What is added to the spread of the nodes that are fitted in every direction, as a part of it: they lie nearly in a plane.
+/// Part of the spread of the fitted nodes that is added to it in every direction: they lie nearly in a plane.
 const RIDGE: f64 = 1e-3;
-/// The same for the squares of distances.
+/// Part of the largest squared distance that is added to each one, so that no weight is infinite.
 const NEAR: f64 = 1e-3;
-/// So many neighbours of a node are looked at, and so many nodes fitted: a fan of a million triangles must take neither a million
-/// squared steps nor the memory of as many weights.
+/// Most neighbours of a node that are looked at, and most nodes that are fitted: a fan of a million triangles must take neither a
+/// million squared steps nor the memory of as many weights.
 const MOST: usize = 64;
 
-/// In which order the nodes of a surface come, and what each is guessed from.
+/// The order of a surface's nodes, and the earlier nodes from which each is guessed.
 pub struct Guesses {
     order: Vec<u32>,
-    /// Where the terms of each of them begin.
+    /// Start of the terms of each node.
     starts: Vec<usize>,
     /// Nodes that came before, and their weights.
     terms: Vec<(u32, f64)>,
@@ -33,7 +33,7 @@ impl Guesses {
         Guesses { order, starts, terms }
     }
 
-    /// From neighbour to neighbour over the surface, each node by the affine field that fits best at the nodes up to two
+    /// Guesses from neighbour to neighbour over the surface, each node by the affine field that fits best at the nodes up to two
     /// edges away that came before. `None` where a triangle names a node that is not there.
     pub fn fitted(rest: &[[f32; 3]], triangles: &[[u32; 3]]) -> Option<Guesses> {
         let neighbours = neighbours(rest.len(), triangles)?;
@@ -58,7 +58,7 @@ impl Guesses {
         Some(guesses)
     }
 
-    /// What is guessed for an axis of the node that comes `at`-th.
+    /// The guess for an axis of the node that comes `at`-th.
     fn guess(&self, at: usize, axis: usize, number: impl Fn(usize) -> i16) -> i16 {
         let terms = &self.terms[self.starts[at]..self.starts[at + 1]];
         let sum = terms
@@ -105,7 +105,7 @@ fn place(rest: &[[f32; 3]], node: u32) -> Vector3<f64> {
     rest[node as usize].map(f64::from).into()
 }
 
-/// Of each node those with which it has an edge, ascending.
+/// Nodes with which each node shares an edge, ascending.
 fn neighbours(nodes: usize, triangles: &[[u32; 3]]) -> Option<Vec<Vec<u32>>> {
     let mut neighbours = vec![Vec::new(); nodes];
     for &[a, b, c] in triangles {

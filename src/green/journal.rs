@@ -1,4 +1,4 @@
-//! What a precomputation has finished, kept beside its .green file until that is written: `tube.green.part`.
+//! Finished results of a precomputation, kept next to its .green file until that is written: `tube.green.part`.
 //!
 //! In: results of solves, each with a key that says what was solved. Out: those of a run that was killed, in the next one.
 //! The file holds a head and records, one behind the other, and is only ever appended to:
@@ -37,7 +37,7 @@ fn is_journal(head: &[u8]) -> bool {
     head.starts_with(MAGIC)
 }
 
-/// What a result is known by.
+/// Key of a result.
 pub type Key = [u8; 32];
 
 /// The finished results of a run and of those before it that were killed.
@@ -51,24 +51,24 @@ pub struct Journal<'a> {
 }
 
 enum State {
-    /// No file yet.
+    /// A journal without a file yet.
     Empty,
     Open(Records),
-    /// Nothing is kept in this run.
+    /// A journal that keeps nothing in this run.
     Closed,
 }
 
 struct Records {
     file: File,
-    /// Where the next record goes.
+    /// Offset of the next record.
     end: u64,
-    /// Where each content stands.
+    /// Offset and length of each content.
     contents: BTreeMap<Key, (u64, usize)>,
 }
 
 impl<'a> Journal<'a> {
-    /// The journal beside a .green file, with what a killed run left there; of that a sentence is told. `identity` tells the
-    /// state of the scene.
+    /// The journal next to a .green file, with the results that a killed run left there, which a notice reports. `identity`
+    /// computes the hash of the scene's state.
     pub fn of(green: &Path, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
         let path = path_of(green);
         let is_place =
@@ -169,7 +169,7 @@ fn lock(file: &File) -> Result<()> {
     }
 }
 
-/// What stands there already.
+/// The journal that stands there already, as a state.
 fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
     // Opening a pipe waits.
     let opened = input::regular(path).and_then(|_| File::options().read(true).write(true).open(path));

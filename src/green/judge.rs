@@ -46,7 +46,7 @@ pub fn judge(
     Ok(findings)
 }
 
-/// The same of a body as it stands in a .green file: of its columns and S, and of the forward error that the file states.
+/// Judges a body as it stands in a .green file: by its columns and S, and the forward error that the file states.
 pub fn judge_file(file: &GreenFile, body: &str) -> Result<Vec<Diagnostic>, GreenError> {
     let Some(meta) = file.meta.bodies.get(body) else { return Ok(Vec::new()) };
     let method = find_method(&meta.accuracy.solver).unwrap_or_default();
@@ -55,7 +55,7 @@ pub fn judge_file(file: &GreenFile, body: &str) -> Result<Vec<Diagnostic>, Green
     judge(&format!("body.{body}"), method, meta.accuracy.forward_error, &rigid).map_err(failed)
 }
 
-/// What the stored columns and S make of rigid motions.
+/// Errors of the stored columns and S in rigid motions.
 fn rigid_motion(file: &GreenFile, body: &str, meta: &BodyMeta) -> RigidMotion {
     if !meta.requirements.has(AFFINE) {
         return RigidMotion::default();

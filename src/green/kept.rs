@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use std::cell::{Cell, OnceCell};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
-/// Where the solves of a body are kept.
+/// The journal that keeps the solves of a body.
 #[derive(Clone, Copy)]
 pub struct Keep<'a> {
     pub journal: &'a Journal<'a>,
@@ -27,13 +27,13 @@ pub struct Kept<'a> {
     a: &'a StiffnessMatrix,
     make: Make<'a>,
     factor: OnceCell<Box<dyn Factor + 'a>>,
-    /// What the columns that were there were solved with.
+    /// Method by which the columns that were there had been solved.
     method: Cell<Option<&'static Method>>,
-    /// Of body and A.
+    /// Key of body and A.
     of_body: OnceCell<Key>,
 }
 
-/// What is solved for.
+/// Kinds of solves.
 #[derive(Clone, Copy)]
 enum Asked<'a> {
     Fields,
@@ -83,7 +83,7 @@ impl<'a> Kept<'a> {
         hasher
     }
 
-    /// What was kept of the part `number` of it: what is said of it, and its numbers.
+    /// Finds the part `number` of a solve in the journal: the description kept with it, and its numbers.
     fn find<T: DeserializeOwned>(&self, of: &blake3::Hasher, number: usize) -> Option<(T, Vec<f64>)> {
         let content = self.keep.journal.find(&part(of, number))?;
         let (size, rest) = content.split_first_chunk::<8>()?;
@@ -163,7 +163,7 @@ impl<'a> Kept<'a> {
     }
 }
 
-/// Tells of the body's own columns; of the others a run has many blocks.
+/// Reports that columns of the body were there already; other solves have too many blocks to report.
 fn told(asked: Asked<'_>, known: usize, all: usize, progress: &dyn Progress) {
     if known > 0 && matches!(asked, Asked::JudgedFields) {
         progress.tell(&format!("resumes: {known} of {all} columns were there"));
@@ -266,7 +266,7 @@ impl Factor for Kept<'_> {
     }
 }
 
-/// Several solves told as one step.
+/// Several solves shown as one step.
 struct Joined<'a> {
     progress: &'a dyn Progress,
     parts: AtomicU64,

@@ -14,7 +14,7 @@ fn is_green(head: &[u8]) -> bool {
     head.get(8..).is_some_and(|json| json.starts_with(METADATA))
 }
 
-/// What is packed is known by what comes out.
+/// Whether the unpacked head is that of a .green file: packed files are known by their content.
 fn is_packed(head: &[u8]) -> bool {
     let mut unpacked = Vec::new();
     let Ok(mut context) = zstd_context::decompressing() else { return false };

@@ -16,11 +16,11 @@ pub type Yield = Vec<[[f32; 3]; 3]>;
 const KEPT_BYTES: usize = 64 << 20;
 const KEPT: usize = 12;
 
-/// Of all bodies of a file.
+/// Columns of all bodies of a file.
 #[derive(Debug, Default)]
 pub struct OnDemand(Mutex<BTreeMap<String, Arc<OfBody>>>);
 
-/// Of one body.
+/// Columns of one body.
 #[derive(Debug, Default)]
 pub struct OfBody {
     factor: Mutex<Option<Arc<LoadedFactor>>>,
@@ -30,12 +30,12 @@ pub struct OfBody {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Those that were asked for last in front.
+    /// Columns with their places, those that were asked for last in front.
     columns: VecDeque<(usize, Arc<Yield>)>,
     /// The thread's next places.
     wanted: Vec<usize>,
     is_at_work: bool,
-    /// What the thread failed with: it will again.
+    /// Error with which the thread failed: it would fail again.
     fault: Option<Arc<GreenError>>,
 }
 
@@ -79,8 +79,8 @@ impl OfBody {
         Ok(places.iter().filter_map(|place| found.get(place).cloned()).collect())
     }
 
-    /// The same where nobody can wait for longer than `patience`: those that are not there then come later, by `work` on a
-    /// thread, which leaves them here.
+    /// The columns at `places`, or `None` where they are not there within `patience`: they come later, by `work` on a thread,
+    /// which leaves them here.
     pub fn columns_within(
         self: &Arc<Self>,
         places: &[usize],
@@ -125,7 +125,7 @@ impl OfBody {
         }
     }
 
-    /// What the thread does next; with nothing it ends.
+    /// The next places of the thread; with none it ends.
     fn next(&self) -> Option<Vec<usize>> {
         let mut state = lock(&self.state);
         let wanted = std::mem::take(&mut state.wanted);
@@ -158,7 +158,7 @@ impl State {
     }
 }
 
-/// Tells those who wait that the thread has ended, however it did.
+/// Guard that announces the end of the thread, however it ended.
 struct Ending<'a>(&'a OfBody);
 
 impl Drop for Ending<'_> {
@@ -168,7 +168,7 @@ impl Drop for Ending<'_> {
     }
 }
 
-/// What a thread that panicked left behind is whole: nothing is written in parts.
+/// Locks a mutex even after a panic: nothing is written in parts, so a thread that panicked left it whole.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

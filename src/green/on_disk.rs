@@ -41,7 +41,7 @@ impl OnDisk {
         Ok(bytes)
     }
 
-    /// The rest of the file, from its beginning.
+    /// A reader of the file without these tensors, from its beginning.
     pub fn others(&self) -> impl Read {
         let mut left: Vec<Range<u64>> = self.places.values().cloned().collect();
         left.sort_by_key(|place| place.start);

@@ -12,7 +12,7 @@ use crate::mesh::{TetMesh, quality};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
-/// Distances are looked for of so many pieces; a mesh of dust has thousands.
+/// Most pieces whose distances are looked for; a mesh of dust has thousands.
 const MEASURED: usize = 8;
 /// A gap below this part of the body's extent is taken for one that was not meant.
 const GAP: f64 = 1e-2;
@@ -31,7 +31,7 @@ impl Pieces {
         Pieces { components, part }
     }
 
-    /// Of each control element, whether another one holds nodes of the same part: only then is a motion of it alone felt.
+    /// Whether another control element holds nodes of the same part, for each one: only then is a motion of it alone felt.
     pub fn is_joined(&self, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<bool> {
         let mut part_of = vec![usize::MAX; mesh.nodes.len()];
         for (nodes, &part) in self.components.nodes.iter().zip(&self.part) {
@@ -51,7 +51,7 @@ impl Pieces {
     }
 }
 
-/// Of each set of parts, whether another one has a part in common with it.
+/// Whether each set of parts has a part in common with another one.
 pub fn shares_a_part<T: Ord>(sets: &[BTreeSet<T>]) -> Vec<bool> {
     let shared = |e: usize, f: usize| e != f && !sets[e].is_disjoint(&sets[f]);
     (0..sets.len()).map(|e| (0..sets.len()).any(|f| shared(e, f))).collect()
@@ -121,7 +121,7 @@ fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
     findings
 }
 
-/// Why `nodes` do not stay in place though those that are `held` do, if they do not.
+/// The reason why `nodes` do not stay in place though those that are `held` do; `None` if they do.
 pub fn how_it_turns(mesh: &TetMesh, nodes: &[u32], held: &[u32]) -> Option<String> {
     let (all, offsets) = (offsets_from_centroid(mesh, nodes), offsets_from_centroid(mesh, held));
     let size = all.iter().map(Vector3::norm).fold(0.0, f64::max);
@@ -180,7 +180,7 @@ fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
     Some(Diagnostic::new(Severity::Warning, entity, message))
 }
 
-/// How far some nodes are from all others.
+/// The gap between some nodes and all others.
 struct Gap {
     told: String,
     is_narrow: bool,

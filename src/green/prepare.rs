@@ -9,7 +9,7 @@ use crate::mesh::{Loaded, TetMesh, quality};
 use crate::scene::{Body, Material, Method, Nodes, Scene, SceneError};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What a body is, before anything is assembled.
+/// A body before anything is assembled.
 pub struct Prepared {
     pub mesh: TetMesh,
     pub controls: Vec<ControlElement>,
@@ -86,7 +86,7 @@ pub fn unjudged(scene: &Scene, name: &str) -> Vec<SceneError> {
     found
 }
 
-/// Of each tetrahedron, which of [`Body::materials`] it is made of.
+/// Index of each tetrahedron's material among [`Body::materials`].
 pub fn materials_of_tets(
     scene: &Scene,
     name: &str,
@@ -98,7 +98,7 @@ pub fn materials_of_tets(
     Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&0)).collect())
 }
 
-/// For each region of the body that of the mesh which is meant, or why there is none.
+/// The mesh's region for each region of the body, or why there is none.
 fn regions(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Vec<Result<u32, SceneError>> {
     let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();
     let called = |id: u32| mesh.region_names.get(&id);
@@ -138,8 +138,7 @@ mod tests {
     use super::*;
     use crate::mesh::{Block, block};
 
-    /// Of a block whose tetrahedra lie in the regions 3, called "7", 7, called "core", and 9: Young's moduli there, or
-    /// what is wrong.
+    /// Young's moduli of a block whose tetrahedra lie in the regions 3, called "7", 7, called "core", and 9, or the error.
     fn young(regions: &str) -> Result<Vec<f64>, String> {
         let mut mesh = block(&Block { size: [1.0; 3], cells: [2; 3] }).unwrap();
         mesh.regions = (0..mesh.tets.len()).map(|tet| [3, 7, 9][tet % 3]).collect();

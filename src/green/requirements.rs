@@ -1,4 +1,4 @@
-//! What must be precomputed for a body: column families by name, and the sections of effects.
+//! Requirements of a body on the precomputation: column families by name, and the sections of effects.
 //!
 //! In: the families that a model and effects declare. Out: [`Requirements`], their union with all that they are made from.
 //! The precomputation, the .green file, its fingerprint and the online stage know a body's families from nowhere else.
@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 /// A family of precomputed numbers, as models and effects name it.
 #[derive(Clone, Copy, Debug)]
 pub struct Family {
-    /// As the .green file names it.
+    /// Name in the .green file.
     pub name: &'static str,
     /// The families that it is made from.
     pub from: &'static [Family],
 }
 
-/// What a body's model and effects need; nothing else is computed, stored or uploaded.
+/// Requirements of a body's model and effects; nothing else is computed, stored or uploaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requirements {
     families: BTreeSet<String>,
@@ -25,7 +25,7 @@ pub struct Requirements {
 }
 
 impl Requirements {
-    /// These families, and those that they are made from.
+    /// Requirements for `families`, and for those from which they are made.
     pub fn of(families: &[Family]) -> Requirements {
         let mut all = Requirements::default();
         families.iter().for_each(|family| all.add(*family));
@@ -37,13 +37,13 @@ impl Requirements {
         family.from.iter().for_each(|other| self.add(*other));
     }
 
-    /// With a section of the .green file that the effect of this name fills.
+    /// Adds a section of the .green file that the effect of this name fills.
     pub fn with_section(mut self, effect: &str) -> Requirements {
         self.sections.insert(effect.to_owned());
         self
     }
 
-    /// What either asks for.
+    /// Union of both.
     pub fn and(mut self, other: Requirements) -> Requirements {
         self.families.extend(other.families);
         self.sections.extend(other.sections);
@@ -76,7 +76,7 @@ impl Requirements {
         self.sections.iter().map(String::as_str)
     }
 
-    /// For messages: `affine, stiffness`.
+    /// List of the names for messages: `affine, stiffness`.
     pub fn describe(&self) -> String {
         self.families().chain(self.sections()).collect::<Vec<_>>().join(", ")
     }

@@ -18,13 +18,13 @@ use std::ops::Range;
 pub struct RigidMotion {
     /// max |Σ_e u⁽ᵀ⁾ - t| over all nodes for unit shifts t along the axes: displacement per displacement.
     pub shift: f64,
-    /// The same for turns of all control elements about the body's middle, over the displacement at half the body's extent.
+    /// Error of turns of all control elements about the body's middle, over the displacement at half the body's extent.
     pub turn: f64,
     /// The largest force that a shift of all control elements costs one of them, over what it costs to shift that one
     /// alone. `None` without S, or where no two control elements hold one piece.
     pub shift_force: Option<f64>,
-    /// The same where forces and moments of shifts and turns are taken together, lengths measured in half the body's
-    /// extent; at most 1, which says that no digit is left.
+    /// The largest force or moment that a shift or turn of all control elements costs one of them, over what it costs to move
+    /// that one alone, lengths measured in half the body's extent; at most 1, which means that no digit is left.
     pub turn_force: Option<f64>,
 }
 
@@ -33,7 +33,7 @@ struct Columns<'a> {
     nodes: &'a [Vector3<f64>],
     /// o_e of every control element.
     origins: &'a [Vector3<f64>],
-    /// Of every control element, whether another one holds nodes of the same part.
+    /// Whether another control element holds nodes of the same part, for each one.
     joined: &'a [bool],
     /// Entry (3 node + axis, 12 e + k).
     value: &'a dyn Fn(usize, usize) -> f64,
@@ -57,8 +57,8 @@ impl RigidMotion {
 }
 
 impl GreenFile {
-    /// What columns on the surface of a body, entry (3 node + axis, 12 e + k), for some of its control elements, and S make of rigid
-    /// motions. Parts of the body are told apart by its surface.
+    /// Errors of rigid motions by S and by columns on the surface of a body, entry (3 node + axis, 12 e + k), for some of its
+    /// control elements. The parts of the body are found by its surface.
     pub(super) fn rigid_motion_of(
         &self,
         body: &str,

@@ -1,4 +1,4 @@
-//! What was computed of one body: its f64 solution, and what of it goes into the .green file.
+//! Results for one body: its f64 solution, and the part of it that goes into the .green file.
 
 use super::compressed::{Block, Compressed};
 use super::control::ControlElement;
@@ -20,12 +20,12 @@ use std::collections::BTreeMap;
 pub struct StepTimes {
     pub mesh_s: f64,
     pub assembly_s: f64,
-    /// Of each family that is made from the solved fields, by its name; of some of it in the solver.
+    /// Time of each family that is made from the solved fields, by its name; part of some is spent in the solver.
     pub families_s: BTreeMap<String, f64>,
 }
 
 impl StepTimes {
-    /// Of a family; 0 where it was not made.
+    /// Time of a family, s; 0 where it was not made.
     pub fn of(&self, family: Family) -> f64 {
         self.families_s.get(family.name).copied().unwrap_or(0.0)
     }
@@ -35,18 +35,18 @@ impl StepTimes {
 #[derive(Clone)]
 pub struct Solution {
     pub element: &'static Element,
-    /// Of boundary elements, the element means nothing.
+    /// Method of the solution; with boundary elements, the element means nothing.
     pub method: Method,
     pub mesh: TetMesh,
     pub surface: Surface,
     pub controls: Vec<ControlElement>,
     /// Column 12 e + k is u⁽ᵏ⁾ of control element e over all nodes, its own nodes included.
     pub fields: NodeFields,
-    /// What the other families hold, by family: a column of the matrix for each of their columns.
+    /// Tables of the other families, by family: a column of the matrix for each of their columns.
     pub tables: BTreeMap<&'static str, DMatrix<f64>>,
-    /// What the columns of the family `loads` are.
+    /// Loads of the columns of the family `loads`.
     pub loads: Vec<LoadMeta>,
-    /// How the surface yields, where it was required.
+    /// Compliance of the surface, where it was required.
     pub compliance: Option<SurfaceInverse>,
     pub kept_factor: Option<SurfaceFactor>,
     pub compressed: Option<SurfaceCompressed>,
@@ -62,7 +62,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// As .green files name it.
+    /// Name of the element or method in .green files.
     pub fn element_name(&self) -> &'static str {
         match self.method {
             Method::Fem => self.element.name,
@@ -85,10 +85,10 @@ impl Solution {
     }
 }
 
-/// How the surface yields to forces at its nodes, as the family `compliance` lays it out.
+/// The compliance of the surface, as the family `compliance` lays it out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceInverse {
-    /// How many nodes take forces.
+    /// Number of nodes that take forces.
     pub nodes: usize,
     /// Indices into the surface's nodes.
     pub order: Vec<u32>,
@@ -96,20 +96,20 @@ pub struct SurfaceInverse {
     pub bytes: Vec<u8>,
 }
 
-/// The factor that tells how the surface yields, as the family `kept_factor` has it.
+/// The factor from which the compliance of the surface follows, as the family `kept_factor` has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceFactor {
-    /// How many nodes take forces.
+    /// Number of nodes that take forces.
     pub nodes: usize,
     /// Indices into the surface's nodes.
     pub order: Vec<u32>,
     pub kept: KeptFactor,
 }
 
-/// The same within an error, as the family `compressed` has it.
+/// The compliance of the surface within an error, as the family `compressed` has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceCompressed {
-    /// How many nodes take forces.
+    /// Number of nodes that take forces.
     pub nodes: usize,
     /// Indices into the surface's nodes.
     pub order: Vec<u32>,
@@ -119,13 +119,13 @@ pub struct SurfaceCompressed {
     pub compressed: Compressed,
 }
 
-/// What goes into the .green file for one body.
+/// The contents of the .green file for one body.
 pub struct Precomputed {
     pub name: String,
     pub storage: Storage,
     pub fingerprint: String,
     pub requirements: Requirements,
-    /// What its settings were chosen from; kept in the file.
+    /// Measurements from which its settings were chosen; kept in the file.
     pub plan: Option<serde_json::Value>,
     pub solution: Solution,
     /// Tensors of effects that own some, by `EFFECT/TENSOR`.

@@ -1,7 +1,7 @@
 //! Whether a .green file can be used: its parts fit together, its numbers are numbers, and it belongs to the scene.
 //!
-//! In: a container that was read. Out: the first fault, by the name of its tensor or field. A hash tells that a file is as
-//! it was written, and nothing of who wrote it: nothing that is used later is taken on trust.
+//! In: a container that was read. Out: the first fault, by the name of its tensor or field. A hash proves that a file is as it
+//! was written, and nothing of who wrote it: nothing that is used later is taken on trust.
 
 use super::control::{FIELD_NAMES, FIELDS};
 use super::error::GreenError;
@@ -182,7 +182,7 @@ impl GreenFile {
     }
 }
 
-/// What the file says of its own errors can be: an error that is negative or above that of no solution is none.
+/// Checks that the errors that a file states are possible: none is negative or above that of no solution.
 fn check_accuracy(name: &str, body: &BodyMeta) -> Result<(), String> {
     let accuracy = &body.accuracy;
     let residuals = [accuracy.residual].into_iter().chain(accuracy.residuals.iter().copied());

@@ -25,7 +25,7 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
     write_with(path, bodies, &[])
 }
 
-/// The same with bodies, by their names, that are copied from other files as they are there.
+/// Writes `bodies` into a .green file, and copies the bodies `kept`, by their names, from other files as they are there.
 pub fn write_with(
     path: &Path,
     bodies: &[Precomputed],
@@ -136,7 +136,7 @@ fn sealed(
     Ok(safetensors::serialize(views, Some([(KEY.to_owned(), sealed)].into()))?)
 }
 
-/// What is known before the families are written.
+/// Metadata of a body that is known before the families are written.
 fn body_meta(body: &Precomputed) -> BodyMeta {
     let solution = &body.solution;
     let centre = rest_centre(body);
@@ -186,7 +186,7 @@ fn rest_centre(body: &Precomputed) -> Vector3<f64> {
     low + (high - low) * 0.5
 }
 
-/// What a file says of a body, and its tensors: the surface, the families that the body requires, and the sections of its
+/// Metadata of a body in the file, and its tensors: the surface, the families that the body requires, and the sections of its
 /// effects.
 pub(super) fn contents(body: &Precomputed) -> (BodyMeta, Vec<(String, Tensor)>) {
     let mut meta = body_meta(body);

@@ -35,7 +35,8 @@ pub enum AccuracyTarget {
 impl std::str::FromStr for AccuracyTarget {
     type Err = String;
 
-    /// As in a scene, without braces: "displacement = 0.05, force = 0.1", or "frame_ms = 0.05". Numbers may be in percent.
+    /// Parses a target as in a scene, without braces: "displacement = 0.05, force = 0.1", or "frame_ms = 0.05". Numbers may be in
+    /// percent.
     fn from_str(text: &str) -> Result<AccuracyTarget, String> {
         let (mut accuracy, mut budget) = ([None; 2], [None; 3]);
         for pair in text.split(',') {
@@ -85,7 +86,7 @@ pub(super) fn no_more_than_all(displacement: f64) -> Result<(), String> {
 }
 
 impl AccuracyTarget {
-    /// Its key in the scene file.
+    /// Key of the target in the scene file.
     pub fn key(&self) -> &'static str {
         match self {
             AccuracyTarget::Accuracy(_) => "accuracy",

@@ -33,7 +33,7 @@ impl Body {
         all
     }
 
-    /// The same body without loads: what measurements of models compare.
+    /// This body without loads, for measurements that compare models.
     pub fn unloaded(&self) -> Body {
         Body {
             gravity: None,

@@ -1,4 +1,4 @@
-//! What cannot be meant by the keys of a scene.
+//! Checks of a scene's keys for values that cannot be meant.
 //!
 //! In: a scene as it was read. Out: what is wrong, with its key and the remedy: of each section of a body the first fault. What
 //! needs the mesh (empty selections, unknown regions) is found where the mesh is loaded.
@@ -24,8 +24,8 @@ fn wrong<T>(key: &str, message: impl Into<String>) -> Result<T, Wrong> {
 const CHOSEN: [&str; 5] = ["element", "refine", "storage", "solver", "model"];
 
 impl Scene {
-    /// Keys that the scene's text writes although the body's `accuracy` or `budget` chooses them: defaults, which the parsed
-    /// scene does not tell from what is left out.
+    /// Keys that the scene's text writes although the body's `accuracy` or `budget` chooses them: defaults, which look like
+    /// omitted keys in the parsed scene.
     pub(super) fn chosen_and_written(&self, text: &str) -> Vec<SceneError> {
         let table = text.parse::<toml::Table>().unwrap_or_default();
         let body = |name: &String| table.get("body")?.get(name)?.as_table();

@@ -20,7 +20,7 @@ pub enum Grab {
 }
 
 impl Grab {
-    /// As scene files write it.
+    /// Name in scene files.
     pub fn name(self) -> &'static str {
         match self {
             Grab::Fixed => "fixed",

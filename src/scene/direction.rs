@@ -18,13 +18,13 @@ use std::path::{Path, PathBuf};
 
 type V3 = Vector3<f64>;
 
-/// As a scene names it.
+/// A file of directions, as a scene names it.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionFile {
     /// Relative to the scene.
     pub file: PathBuf,
-    /// Of a `.vtu` file, the array of the points; may be left out where it has one of three components.
+    /// Array of the points in a `.vtu` file; may be left out where it has one of three components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array: Option<String>,
 }
@@ -32,18 +32,18 @@ pub struct DirectionFile {
 /// Vectors at places.
 #[derive(Clone, Debug)]
 pub struct DirectionField {
-    /// For errors.
+    /// Path of the file, for errors.
     path: PathBuf,
     /// Places, m, with their vectors.
     points: RTree<GeomWithData<[f64; 3], V3>>,
-    /// Nothing is known farther than this from the nearest place, m.
+    /// Distance from the nearest place beyond which nothing is known, m.
     reach: f64,
 }
 
-/// As part of the mesh's diagonal.
+/// The reach, as part of the mesh's diagonal.
 const REACH: f64 = 0.1;
 const NEAREST: usize = 4;
-/// What is nearer than this part of the reach is at the place: single precision has 1e-7 of the coordinates.
+/// Distance, as part of the reach, within which a point is at a place: single precision has 1e-7 of the coordinates.
 const AT: f64 = 1e-5;
 
 impl DirectionFile {

@@ -1,4 +1,4 @@
-//! What is wrong with a scene, with the file that says it.
+//! Errors in a scene, with the file that has them.
 
 use crate::base::failure::Failure;
 use crate::config::ConfigError;

@@ -1,4 +1,4 @@
-//! Tells a mesh or surface file from a scene file.
+//! Distinguishes mesh and surface files from scene files.
 
 use crate::base::{input, output};
 use crate::mesh::{formats, surface_files};

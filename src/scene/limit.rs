@@ -1,4 +1,4 @@
-//! What a material bears, and which of its fields is shown in colours.
+//! Limits of a material, and the field that is shown in colours.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Limit {
-    /// Of the von Mises stress, Pa: yield.
+    /// Limit of the von Mises stress, Pa: yield.
     Stress(f64),
-    /// Of the largest principal strain: elongation at which it yields or tears.
+    /// Limit of the largest principal strain: elongation at which it yields or tears.
     Strain(f64),
 }
 
@@ -19,7 +19,7 @@ impl Limit {
         }
     }
 
-    /// Of what it is the limit.
+    /// Quantity that is limited.
     pub fn quantity(self) -> Quantity {
         match self {
             Limit::Stress(_) => Quantity::VonMises,
@@ -59,7 +59,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// In the order in which a key goes through them.
+    /// All quantities, in the order in which a key goes through them.
     pub const ALL: [Quantity; 3] = [Quantity::VonMises, Quantity::Strain, Quantity::Displacement];
 
     pub fn title(self) -> &'static str {
@@ -84,7 +84,7 @@ impl Quantity {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LegendSettings {
-    /// What is shown first; a key shows the others.
+    /// Quantity that is shown first; a key shows the others.
     #[serde(default)]
     pub show: Quantity,
     /// The value at the end of the colours, Pa, ratio or m. Without it the limit, else it grows with the session.

@@ -1,4 +1,4 @@
-//! What a scene says of forces on a body: body loads, force patterns over regions, and the compliance of its surface.
+//! Forces on a body, as a scene writes them: body loads, force patterns over regions, and the compliance of its surface.
 //!
 //! In: the keys `gravity`, `centrifugal`, `thermal`, `load.NAME` and `surface_compliance`. Out: their values, and the
 //! [`LoadEntry`] that each load of a body becomes.
@@ -25,7 +25,7 @@ pub enum Gravity {
 }
 
 impl Gravity {
-    /// In the room's axes, y up; `None` where there is none.
+    /// Acceleration in the room's axes, y up, m/s²; `None` where there is none.
     pub fn in_room(self) -> Option<[f64; 3]> {
         match self {
             Gravity::Earth(false) => None,
@@ -35,7 +35,7 @@ impl Gravity {
     }
 }
 
-/// The body turns about an axis of its own mesh.
+/// Rotation of the body about an axis in the mesh's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, expecting = "a table like { axis = [0, 0, 1], speed = 10.0 }")]
 pub struct Centrifugal {
@@ -63,13 +63,13 @@ pub struct Thermal {
 pub struct Load {
     pub nodes: Nodes,
     pub kind: LoadKind,
-    /// Of `stretch`, `twist` and `direction`, in the mesh's axes; the faces' mean normal where it is left out.
+    /// Axis of `stretch`, `twist` and `direction`, in the mesh's axes; the faces' mean normal where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
-    /// Of `direction`, in place of an axis: vectors that differ from place to place.
+    /// Vectors of `direction` that differ from place to place, instead of an axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<DirectionFile>,
-    /// What it has from the start: N, N·m or Pa; of `shift` three numbers.
+    /// Value from the start: N, N·m or Pa; three numbers for `shift`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<LoadValue>,
 }
@@ -102,7 +102,7 @@ impl LoadKind {
     }
 }
 
-/// What a load comes to.
+/// Value of a load.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged, expecting = "expected a number, or three of them for a shift or gravity")]
 pub enum LoadValue {
@@ -118,7 +118,7 @@ impl LoadValue {
         }
     }
 
-    /// As text gives them, "3.0" or "0, 0, -1".
+    /// The value of one or three numbers, as text gives them: "3.0" or "0, 0, -1".
     pub fn of(numbers: &[f64]) -> Option<LoadValue> {
         match *numbers {
             [one] => Some(LoadValue::One(one)),
@@ -128,7 +128,7 @@ impl LoadValue {
     }
 }
 
-/// As a pose file has it.
+/// Writes the value as in a pose file.
 impl std::fmt::Display for LoadValue {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -143,13 +143,14 @@ impl std::fmt::Display for LoadValue {
 #[serde(deny_unknown_fields, expecting = "a table like { nodes = \"surface\" }")]
 pub struct SurfaceCompliance {
     pub nodes: SurfaceNodes,
-    /// What hands take of the surface at first; a key changes it.
+    /// Way in which hands take the surface at first; a key changes it.
     #[serde(default, skip_serializing_if = "Take::is_usual")]
     pub take: Take,
-    /// Of the spring by which a hand pulls a point, N/m in the body's own metres; as stiff as the point itself without.
+    /// Stiffness of the spring by which a hand pulls a point, N/m in the body's own metres; without it, the spring is as stiff as
+    /// the point itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spring: Option<f64>,
-    /// How its numbers are kept in the .green file.
+    /// Form in which its numbers are kept in the .green file.
     #[serde(default, skip_serializing_if = "Kept::is_usual")]
     pub kept: Kept,
 }
@@ -190,11 +191,11 @@ impl Kept {
     }
 }
 
-/// What a hand takes that points at the surface.
+/// Way in which a hand that points at the surface takes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Take {
-    /// Nothing: control elements alone.
+    /// Control elements alone.
     #[default]
     Elements,
     /// A point, by a spring.
@@ -250,7 +251,7 @@ pub struct LoadEntry<'a> {
 }
 
 impl LoadSource<'_> {
-    /// Its columns.
+    /// Number of columns.
     pub fn columns(&self) -> usize {
         match self {
             LoadSource::Gravity => 3,

@@ -1,5 +1,5 @@
-//! How a body looks: colour, picture, material lines, sharp edges. Nothing here changes a number of the mechanics, or asks
-//! for a new precomputation.
+//! The look of a body: colour, picture, material lines, sharp edges. Nothing here changes a number of the mechanics, or asks for
+//! a new precomputation.
 
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
@@ -13,7 +13,7 @@ pub struct Color(pub [u8; 3]);
 /// Lines that are fixed to the material: `true`, `false`, or their spacing, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Lines {
-    /// At a round spacing that fits the body's size ([`Lines::spacing`]).
+    /// Lines at a round spacing that fits the body's size ([`Lines::spacing`]).
     #[default]
     Fitted,
     /// `false`.
@@ -41,8 +41,8 @@ impl Default for Color {
 }
 
 impl Lines {
-    /// From line to line, m, for a body whose longest side is so long: the 1, 2 or 5 times a power of ten by which 10 to 25
-    /// lines cross that side.
+    /// Spacing of the lines, m, for a body whose longest side is `longest_side_m`: the 1, 2 or 5 times a power of ten by which 10
+    /// to 25 lines cross that side.
     pub fn spacing(self, longest_side_m: f64) -> Option<f64> {
         match self {
             Lines::Off => None,

@@ -18,7 +18,7 @@ use std::fmt;
 const GIGAPASCALS: std::ops::RangeInclusive<f64> = 2.0..=500.0;
 /// Entries of the library above this modulus have moduli that are often written in MPa, Pa.
 const STIFF: f64 = 1e9;
-/// Nothing heavier than this, kg/m³, is softer than that, Pa.
+/// Density, kg/m³, above which no material is softer than the modulus below it, Pa.
 const HEAVY: f64 = 2000.0;
 const SOFT: f64 = 1e6;
 
@@ -36,7 +36,7 @@ pub struct Material {
     pub poisson: f64,
     /// kg/m³, needed only by effects with inertia.
     pub density: Option<f64>,
-    /// What it bears; where that is passed, pictures and closing words say so.
+    /// Limit of the material; where it is passed, pictures and closing words say so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<Limit>,
 }

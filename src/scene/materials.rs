@@ -16,7 +16,7 @@ pub struct Known {
     pub yield_stress: Option<f64>,
     /// Longest sides of bodies made of it, m.
     pub largest_m: f64,
-    /// What exactly was measured, and what is only assumed.
+    /// Description of the material that was measured, and of what is only assumed.
     pub what: &'static str,
     /// Author, year, table.
     pub source: &'static str,
@@ -25,7 +25,7 @@ pub struct Known {
 /// Longest side of an organ or a bone, m.
 const ORGAN_M: f64 = 1.0;
 
-/// All of the library; a new one is an entry here and a row in the chapter `materials`.
+/// The library; a new material is an entry here and a row in the chapter `materials`.
 pub const MATERIALS: &[Known] = &[
     Known {
         name: "steel",

@@ -1,4 +1,4 @@
-//! By which method a body is solved.
+//! Methods by which a body is solved.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// As scenes and .green files name it.
+    /// Name in scenes and .green files.
     pub fn name(self) -> &'static str {
         match self {
             Method::Fem => "fem",

@@ -67,9 +67,9 @@ pub struct Scene {
     pub stage: String,
     /// A script that moves head and stylus when nobody does: a built-in name, or a path relative to the scene file.
     pub script: Option<PathBuf>,
-    /// What colours bodies that list an effect with colours, and up to which value.
+    /// Quantity in colours on bodies that list an effect with colours, and the value at the end of its scale.
     pub legend: Option<LegendSettings>,
-    /// In the order of the file.
+    /// Bodies, in the order of the file.
     pub body: IndexMap<String, Body>,
     /// The scene's own path; relative paths start at its folder.
     #[serde(skip)]
@@ -97,9 +97,9 @@ pub struct Body {
     pub method: Method,
     /// Triangles of boundary elements are cut until no edge is longer, m.
     pub longest_edge: Option<f64>,
-    /// How a surface file is filled with tetrahedra.
+    /// Settings by which a surface file is filled with tetrahedra.
     pub tetrahedralise: Option<Tetrahedralise>,
-    /// How often every tetrahedron is divided into eight, 0 to [`crate::mesh::refine::MOST`].
+    /// Number of times that every tetrahedron is divided into eight, 0 to [`crate::mesh::refine::MOST`].
     #[serde(default)]
     pub refine: u32,
     #[serde(default)]
@@ -110,10 +110,10 @@ pub struct Body {
     pub region: BTreeMap<String, Material>,
     #[serde(default = "linear")]
     pub model: String,
-    /// What may be changed while the body is shown, without computing it anew.
+    /// Changes that are possible while the body is shown, without computing it anew.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub updates: Option<Updates>,
-    /// How the model `substructured` cuts the body; `{ along = 8 }` where it is left out.
+    /// Parts into which the model `substructured` cuts the body; `{ along = 8 }` where it is left out.
     pub parts: Option<Parts>,
     #[serde(default)]
     pub effects: Vec<String>,
@@ -131,20 +131,20 @@ pub struct Body {
     /// The measurements from which the settings were chosen; not a key of the file.
     #[serde(skip)]
     pub plan: Option<serde_json::Value>,
-    /// Its weight, where it hangs in the room.
+    /// Gravity on the body, where it hangs in the room.
     pub gravity: Option<Gravity>,
     pub centrifugal: Option<Centrifugal>,
     pub thermal: Option<Thermal>,
     /// Force patterns, in the order of the file.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub load: IndexMap<String, Load>,
-    /// Where a stylus and pose files can apply forces to single points.
+    /// Nodes of the surface at which a stylus and pose files can apply forces.
     pub surface_compliance: Option<SurfaceCompliance>,
-    /// In the order of the file, which is the order of all results.
+    /// Control elements, in the order of the file, which is the order of all results.
     pub control: IndexMap<String, Control>,
     /// The body's place in the room; without it, the body is fitted into the stage's workspace.
     pub place: Option<Place>,
-    /// Of what is no control element.
+    /// Colour of all but the control elements.
     #[serde(default)]
     pub color: Color,
     pub texture: Option<Texture>,
@@ -165,12 +165,12 @@ fn linear() -> String {
 }
 
 impl Body {
-    /// By what the mesh file's coordinates become metres.
+    /// Scale from the mesh file's coordinates to metres.
     pub fn mesh_scale(&self) -> Scale {
         self.unit.map_or(self.scale.map_or(Scale::ONE, Scale), |unit| Scale(unit.metres))
     }
 
-    /// That of the body, then those of its regions.
+    /// The body's own material, then those of its regions.
     pub fn materials(&self) -> impl Iterator<Item = &Material> {
         std::iter::once(&self.material).chain(self.region.values())
     }
@@ -180,7 +180,7 @@ impl Body {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
     }
 
-    /// What it means where no control element is fixed, or none can be grabbed; nothing of a body that has both.
+    /// Consequence where no control element is fixed, or none can be grabbed; `None` for a body that has both.
     pub fn held_by(&self) -> Option<String> {
         let count = |grab: Grab| self.control.values().filter(|control| control.grab == grab).count();
         Some(match (count(Grab::Fixed), count(Grab::Dragger)) {
@@ -271,7 +271,7 @@ impl Scene {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }
 
-    /// Its stage, as it is found from where the program runs.
+    /// The stage's name, or the path of its file from where the program runs.
     pub fn stage_from_here(&self) -> String {
         match self.stage.ends_with(".toml") {
             true => self.resolve(Path::new(&self.stage)).display().to_string(),

@@ -1,4 +1,4 @@
-//! How the model `substructured` cuts a body.
+//! Parts into which the model `substructured` cuts a body.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Parts {
-    /// So many levels between the first control element and the others; branches come apart.
+    /// Number of levels between the first control element and the others; branches come apart.
     Along(u32),
     /// The mesh's regions, each joined piece of one by itself.
     Regions(bool),
-    /// So many pieces of about the same volume, by repeated bisection across their longest extent.
+    /// Number of pieces of about the same volume, by repeated bisection across their longest extent.
     Pieces(u32),
 }
 

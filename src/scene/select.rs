@@ -1,4 +1,4 @@
-//! Which nodes of a mesh a control element holds.
+//! Selections of the nodes of a mesh that a control element holds.
 
 use crate::base::input;
 use crate::config::unknown_name;
@@ -29,8 +29,8 @@ pub enum Nodes {
         normal: [f64; 3],
         distance: f64,
     },
-    /// From the surface node nearest to `from`: all nodes that a path of edges of tetrahedra of at most `radius`
-    /// reaches ([`geodesic::within`]).
+    /// All nodes that a path of edges of tetrahedra of at most `radius` reaches from the surface node nearest to `from`
+    /// ([`geodesic::within`]).
     #[serde(rename = "grow")]
     Geodesic {
         from: [f64; 3],

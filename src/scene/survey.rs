@@ -13,17 +13,17 @@ pub struct Survey {
     /// `None` where nothing of it can be looked at.
     pub scene: Option<Scene>,
     pub faults: Vec<SceneError>,
-    /// By body, in the order of the scene.
+    /// State of each body, in the order of the scene.
     pub states: Vec<State>,
 }
 
-/// What can be done with a body.
+/// State of a body: whether it is sound, or can be looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     Sound,
-    /// Its mesh is what the file says, and its selections and regions can be looked at.
+    /// The mesh is what the file says, and its selections and regions can be looked at.
     HasMesh,
-    /// Nothing.
+    /// A fault affects the mesh itself, so that the body cannot be looked at.
     Faulty,
 }
 
@@ -85,7 +85,7 @@ impl Scene {
     }
 }
 
-/// Of a body, by the keys that were taken out and by the faults of sections.
+/// State of a body, by the keys that were taken out and by the faults of sections.
 fn state(name: &str, taken: &[Vec<String>], faults: &[SceneError]) -> State {
     let is_own = |keys: &&Vec<String>| keys.len() > 1 && keys[0] == "body" && keys[1] == name;
     let lost = taken.iter().filter(is_own).map(|keys| keys.get(2).map_or("", String::as_str));
@@ -101,14 +101,14 @@ fn state(name: &str, taken: &[Vec<String>], faults: &[SceneError]) -> State {
     }
 }
 
-/// Which key of a body an entity is about, empty for the body itself; `None` for what is not of the body.
+/// Key of a body that an entity is about, empty for the body itself; `None` for an entity outside the body.
 fn key_of<'a>(entity: &'a str, body: &str) -> Option<&'a str> {
     let rest = entity.strip_prefix("body.")?.strip_prefix(body)?;
     if rest.is_empty() { Some("") } else { rest.strip_prefix('.')?.split('.').next() }
 }
 
 impl SceneError {
-    /// As a finding, with the file's line or the key as its place.
+    /// The error as a finding, with the file's line or the key as its place.
     pub fn finding(&self) -> Diagnostic {
         match self {
             SceneError::Invalid { entity, message, .. } => Diagnostic::new(Severity::Error, entity, message),
@@ -133,7 +133,7 @@ mod tests {
         (found.faults.iter().map(|fault| fault.to_string().replace(&name, "f")).collect(), found.states)
     }
 
-    /// Mistakes of five kinds in three bodies: all are told, and each once.
+    /// Mistakes of five kinds in three bodies: all are reported, and each once.
     #[test]
     fn all_faults_of_a_scene_are_told_at_once() {
         let a = SCENE.replace("young = 1.0", "young = -1.0")

@@ -1,4 +1,4 @@
-//! Scenes as they are read, and what is said of mistakes in them.
+//! Scenes as they are read, and the errors for mistakes in them.
 
 use super::*;
 use crate::fem::TET4;

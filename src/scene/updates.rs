@@ -1,4 +1,4 @@
-//! What of a body may be changed while it is shown, without computing it anew: `updates = { release = ["right"] }`.
+//! Changes to a body while it is shown, without computing it anew: `updates = { release = ["right"] }`.
 
 use super::control::Control;
 use serde::{Deserialize, Serialize};
@@ -13,13 +13,13 @@ pub struct Updates {
     /// Regions whose Young's modulus may be changed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub modulus: Vec<String>,
-    /// Those of `release` that hold nothing to begin with.
+    /// Control elements of `release` that hold nothing to begin with.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub released: Vec<String>,
     /// The control elements that hold nothing now, each with its place in the order of the body's.
     #[serde(skip)]
     pub(super) loose: Vec<(usize, String, Control)>,
-    /// Of every region of `modulus`, the one that the body is precomputed with, Pa.
+    /// Young's modulus with which the body is precomputed in every region of `modulus`, Pa.
     #[serde(skip)]
     pub(super) young: BTreeMap<String, f64>,
 }

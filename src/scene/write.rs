@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// What is said about keys: by "stage", "body.NAME.material", "body.NAME.control.NAME.grab"; under "" what heads the file,
-/// under "body.NAME" or "body.NAME.control.NAME" what stands over its table. Without `#`, on one line.
+/// Comments on keys: by "stage", "body.NAME.material", "body.NAME.control.NAME.grab"; under "" the head of the file, under
+/// "body.NAME" or "body.NAME.control.NAME" the lines over its table. Without `#`, on one line.
 pub type Comments = BTreeMap<String, String>;
 
 /// Widest line.
@@ -88,7 +88,7 @@ fn usual(scene: &Scene) -> Result<Table, SceneError> {
     Ok(table)
 }
 
-/// By its name in the library where it has one, with the numbers that differ from the library's.
+/// A material by its name in the library where it has one, with the numbers that differ from the library's.
 fn material(scene: &Scene, material: &Material) -> Result<Value, SceneError> {
     let table = entries(scene, material)?;
     let Some(known) = material.known else { return Ok(Value::Table(table)) };
@@ -145,7 +145,7 @@ impl<'a> Block<'a> {
     }
 }
 
-/// A comment of its own, over as many lines as it needs.
+/// Writes a comment that does not share its lines, over as many as it needs.
 fn wrap(text: &mut String, comment: &str) {
     text.push('#');
     let mut length = 1;
@@ -212,7 +212,7 @@ pub fn quoted_key(key: &str) -> String {
     }
 }
 
-/// On one line, between quotation marks.
+/// Writes text on one line, between quotation marks.
 fn string(text: &str) -> String {
     let escaped = text.chars().map(|c| match c {
         '"' | '\\' => format!("\\{c}"),

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-/// Reads all words on so many threads, each a part of its own.
+/// Reads all words on `threads` threads, each its own part.
 pub fn read(words: &[u32], threads: usize) -> u32 {
     let part = words.len().div_ceil(threads.max(1)).max(1);
     words.par_chunks(part).map(streams).reduce(|| 0, |a, b| a ^ b)
@@ -63,7 +63,7 @@ fn streams_of<const LANES: usize>(words: &[u32]) -> u32 {
 mod tests {
     use super::*;
 
-    /// On every instruction set that is here, whatever is left behind the last whole step.
+    /// Every word is read on every instruction set that is here, whatever is left behind the last whole step.
     #[test]
     fn every_word_is_read_once() {
         let words: Vec<u32> = (0..2000_u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();

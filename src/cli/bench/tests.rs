@@ -1,4 +1,4 @@
-//! What `bench` of a scene reports beside times: where bodies deform, why there, and how much was drawn.
+//! Report of `bench` on a scene beside the times: where bodies deform, why there, and how much was drawn.
 
 use super::*;
 use device::Choice;
@@ -35,7 +35,7 @@ fn the_choice_and_what_was_drawn_stand_in_the_table_and_in_the_json() {
     );
 }
 
-/// A reading loop that is slower than what it is the limit of is no limit, and no ratio is told.
+/// A reading loop that is slower than the loop it limits is no limit, and no ratio is shown.
 #[test]
 fn a_share_of_the_limit_is_at_most_1() {
     let of = |reading_s| Loop { name: "", time_s: 1e-4, bytes: 1e6, reading_s }.share();

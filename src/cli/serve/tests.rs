@@ -159,8 +159,8 @@ fn a_stylus_that_comes_by_vrpn_bends_the_tube_and_a_dead_server_lets_it_go() {
     assert!(shift < 1e-5 && turn < 1e-5, "{shift} m, {turn}, taken again at {taken}");
 }
 
-/// The held element has made the stylus' motion, in the room: x ↦ S S₀⁻¹ x; its nodes stand where that puts them, and
-/// the whole tube is what a deformer of its own makes of the pose.
+/// The held element has made the stylus' motion, in the room: x ↦ S S₀⁻¹ x; its nodes stand where that puts them, and another
+/// deformer makes the same tube from the pose.
 fn check(world: &World, taken: &Isometry3<f64>, now: &Isometry3<f64>) {
     let body = &world.bodies[0];
     let (deformer, motion) = (&body.deformer, now * taken.inverse());

@@ -1,4 +1,4 @@
-//! What acts on a body beside its control elements: loads and forces at points of its surface.
+//! Loads and forces at points of a body's surface, which act beside its control elements.
 
 use super::Deformer;
 use crate::deform::contribution::Contribution;
@@ -36,8 +36,8 @@ impl Deformer {
         (0..self.node_count() as u32).filter(|node| !held.contains(node)).collect()
     }
 
-    /// How far a force of 1 N at a point of the surface moves it along itself, in the mean over all directions, m/N; `None`
-    /// while its columns are on their way. The point's corners take forces.
+    /// Displacement along a force of 1 N at a point of the surface, in the mean over all directions, m/N; `None` while its
+    /// columns are on their way. The point's corners take forces.
     pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> Result<Option<f64>, GreenError> {
         let places = self.file.compliance(&self.body).map(|compliance| compliance.places());
         let corners = || nodes.iter().zip(weights).filter(|(_, w)| **w != 0.0);
@@ -61,12 +61,12 @@ impl Deformer {
         changed
     }
 
-    /// Nothing, in the shape of what effects add to this body.
+    /// An empty contribution, in the shape of those that effects make to this body.
     pub fn no_contribution(&self) -> Contribution {
         Contribution::none(self.contribution.coefficients.len(), self.controls.len())
     }
 
-    /// Where the coefficients of an effect's columns stand in [`Contribution::coefficients`]; empty of an effect without.
+    /// Range of an effect's columns in [`Contribution::coefficients`]; empty for an effect without columns.
     pub fn coefficients_of(&self, effect: &str) -> Range<usize> {
         self.file.range_of_effect(&self.body, effect)
     }
@@ -88,17 +88,17 @@ impl Deformer {
         true
     }
 
-    /// What effects add.
+    /// Contribution of the effects.
     pub fn contribution(&self) -> &Contribution {
         &self.contribution
     }
 
-    /// What the forces at single points came to.
+    /// Results of the forces at single points.
     pub fn point_results(&self) -> &[PointResult] {
         self.model.point_results()
     }
 
-    /// What was applied last.
+    /// The loads that were applied last.
     pub(super) fn applied(&self) -> AppliedLoads {
         let shared = self.loads.as_ref().map(|shared| shared.lock().unwrap_or_else(PoisonError::into_inner));
         shared.map_or_else(AppliedLoads::default, |applied| applied.clone())
@@ -170,7 +170,7 @@ impl Deformer {
         corners.filter(|(_, weight)| *weight != 0.0).map(|(node, _)| node).collect()
     }
 
-    /// By how much warmth makes the body longer where it is free.
+    /// Factor by which warmth lengthens the body where it is free.
     pub fn free_stretch(&self) -> f64 {
         let columns =
             self.load_metas().iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));

@@ -1,7 +1,7 @@
 //! One body of a .green file, deformed: poses in, positions and normals for drawing and picking out.
 //!
-//! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to
-//! date, and what is asked of the others is summed for the one who asks.
+//! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to date, and
+//! sums the others on request.
 
 mod loads;
 mod state;
@@ -46,20 +46,20 @@ pub struct Deformer {
     /// Mesh coordinates of the origin about which all of the following stands, m.
     pub centre: Vector3<f64>,
     pub poses: ControlPoses,
-    /// By how much every control element has turned on the way to its pose.
+    /// Turn of every control element on the way to its pose.
     turns: Vec<FollowedTurn>,
-    /// What the model made of the poses.
+    /// The model's state for the poses.
     pub state: BodyState,
     pub times: FrameTimes,
     /// Counts how often the surface was summed: whoever draws it compares this with what it has drawn.
     pub version: u64,
-    /// That for which the surface was last summed.
+    /// The state for which the surface was last summed.
     summed: BodyState,
-    /// How much each part moves each node, of a body of several parts.
+    /// Weights with which each part moves each node, for a body of several parts.
     weights: Option<PartWeights>,
     /// Displacements of the surface nodes, their positions, and unit normals of what is drawn; NaN where the CPU keeps nothing up to date.
     u: Vec<[f32; 3]>,
-    /// What the columns alone come to, of a model with a field of its own: it is brought up to date, not summed anew.
+    /// Sum of the columns alone, for a model that adds a field to it: it is brought up to date, not summed anew.
     of_columns: Vec<[f32; 3]>,
     positions: Vec<[f32; 3]>,
     /// Counts how often the surface got other triangles ([`Contribution::triangles`]): whoever draws or picks it compares this.
@@ -73,23 +73,23 @@ pub struct Deformer {
     drawn: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     model: Box<dyn DeformationModel>,
-    /// What is known of the model before it is made.
+    /// The model's entry, which is known before the model is made.
     pub entry: &'static ModelEntry,
     /// Loads as they are now, where something may act on the body.
     loads: Option<SharedLoads>,
     loads_changed: bool,
-    /// What effects add, and whether that has changed since the last evaluation.
+    /// Contribution of the effects, and whether it has changed since the last evaluation.
     contribution: Contribution,
     contribution_changed: bool,
     /// The energy of the poses and its slopes, where the model has them.
     response: Option<Response>,
     slopes: Vec<PoseSlope>,
     sum: Superposition,
-    /// Where the graphics device deforms the surface: the part that the CPU sums.
+    /// The part that the CPU sums, where the graphics device deforms the surface.
     partial: Option<PartialSum>,
     surface_normals: SurfaceNormals,
     evaluated: bool,
-    /// How long columns of the compliance may take.
+    /// Longest wait for columns of the compliance.
     patience: Duration,
 }
 
@@ -238,7 +238,7 @@ impl Deformer {
         self.weights.is_some() || self.entry.frame == Frame::Solved
     }
 
-    /// Whether the model computes displacements of its own, which are no sum of columns.
+    /// Whether the model computes displacements that are no sum of columns.
     pub fn has_field(&self) -> bool {
         self.model.field().is_some()
     }
@@ -248,13 +248,13 @@ impl Deformer {
         self.model.has_news()
     }
 
-    /// How old the state is, of a model that computes in the background.
+    /// Age of the state, for a model that computes in the background.
     pub fn age(&self) -> Option<StateAge> {
         self.model.age()
     }
 
-    /// From now on a state waits at most so long for what is computed in the background. With [`Duration::MAX`] every state is
-    /// that of its own poses: for pictures and recordings.
+    /// Limits the time that a state waits for the background to `patience`. With [`Duration::MAX`] every state is exactly that of
+    /// the poses asked for, as pictures and recordings need it.
     pub fn be_patient(&mut self, patience: Duration) {
         self.patience = patience;
         self.model.be_patient(patience);
@@ -265,7 +265,7 @@ impl Deformer {
         self.file.groups(&self.body)
     }
 
-    /// How much each part moves each node, of a body of several parts.
+    /// Weights with which each part moves each node, for a body of several parts.
     pub fn part_weights(&self) -> Option<&PartWeights> {
         self.weights.as_ref()
     }
@@ -275,8 +275,8 @@ impl Deformer {
         self.positions.len()
     }
 
-    /// What brings the positions into the body's frame, of the surface as it was last summed: the motion of a single part,
-    /// where the point X of the body comes to body_from_surface · (X + u). Several parts are moved already.
+    /// Transform into the body's frame of the positions as they were last summed: the motion of a single part, where the point X
+    /// of the body comes to body_from_surface · (X + u). Several parts are moved already.
     pub fn body_from_surface(&self) -> Isometry3<f64> {
         match self.weights {
             None => self.summed.body_from_surface(),
@@ -349,7 +349,7 @@ impl Deformer {
         self.evaluated = false;
     }
 
-    /// By how much control element `e` has turned on the way to its pose.
+    /// Turn of control element `e` on the way to its pose.
     pub fn turn(&self, e: usize) -> FollowedTurn {
         self.turns[e]
     }
@@ -405,7 +405,7 @@ impl Deformer {
         self.response
     }
 
-    /// Another model of this body, for a force loop: it follows poses of its own.
+    /// Makes another model of this body for a force loop, which follows poses independently of this one.
     pub fn another_model(&self) -> Result<Box<dyn DeformationModel>, String> {
         match self.model.for_force_loop() {
             Some(model) => Ok(model),

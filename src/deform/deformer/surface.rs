@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use std::borrow::Cow;
 
 impl Deformer {
-    /// From now on edges whose sides are more than `angle` (rad) apart at rest are drawn sharp.
+    /// Draws edges sharp from now on if their sides are more than `angle` (rad) apart at rest.
     pub fn keep_sharp(&mut self, angle: f64) {
         self.sharp = Some(angle);
         self.find_creases();
@@ -52,8 +52,8 @@ impl Deformer {
         }
     }
 
-    /// From now on the CPU sums these surface nodes only, and no normals: the graphics device makes the whole surface
-    /// from the coefficients.
+    /// Limits the CPU's sum to these surface nodes, without normals: the graphics device makes the whole surface from the
+    /// coefficients.
     pub fn sum_only_at(&mut self, nodes: Vec<u32>) {
         self.partial = Some(PartialSum::new(nodes, &self.groups(), self.positions.len()));
         for values in [&mut self.u, &mut self.positions, &mut self.normals] {
@@ -62,7 +62,7 @@ impl Deformer {
         self.deform();
     }
 
-    /// From now on the CPU sums the whole surface again, whatever the graphics device does.
+    /// Makes the CPU sum the whole surface again, whatever the graphics device does.
     pub fn sum_everywhere(&mut self) {
         if self.partial.take().is_none() {
             return;
@@ -93,7 +93,7 @@ impl Deformer {
         Cow::Owned(positions)
     }
 
-    /// The same without work: NaN but for the nodes of [`Deformer::sum_only_at`] where that was called.
+    /// The positions as they are, without work: NaN but for the nodes of [`Deformer::sum_only_at`] where that was called.
     pub fn kept_positions(&self) -> &[[f32; 3]] {
         &self.positions
     }

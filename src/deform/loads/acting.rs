@@ -1,4 +1,4 @@
-//! What acts on a body now, for a model that has it as forces in its own equilibrium.
+//! Loads that act on a body now, for a model that has them as forces in its own equilibrium.
 //!
 //! In: the [`AppliedLoads`] as frames set them, and tables with a column of vectors for each of the loads' columns. Out: sums of
 //! these columns. While a pose is settled all forces keep their directions: those that follow the body are turned beforehand.
@@ -13,7 +13,7 @@ type V3 = Vector3<f64>;
 pub struct Acting {
     shared: SharedLoads,
     metas: Vec<LoadMeta>,
-    /// As they were read last.
+    /// The loads as they were read last.
     pub applied: AppliedLoads,
 }
 
@@ -38,12 +38,12 @@ impl Acting {
         self.applied.points.is_empty() && self.applied.coefficients.iter().all(|c| *c == 0.0)
     }
 
-    /// How many columns the loads have.
+    /// Number of columns of the loads.
     pub fn columns(&self) -> usize {
         self.metas.iter().map(|meta| meta.columns).sum()
     }
 
-    /// By how much warmth makes the body longer where it is free.
+    /// Thermal strain: the relative elongation of the body where it is free.
     pub fn strain(&self) -> f64 {
         let inner = self.turnings().zip(&self.applied.coefficients);
         inner.filter(|(turning, _)| *turning == Turning::Inner).map(|(_, strain)| strain).sum()

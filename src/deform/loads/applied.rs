@@ -1,4 +1,4 @@
-//! What is applied to a body beside its control elements.
+//! Loads that are applied to a body beside its control elements.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct PointLoad {
 pub enum Pull {
     /// N, along the body's axes.
     Force(#[serde(with = "crate::field::numbers")] V3),
-    /// Towards a place, m about the body's centre, by a spring, N/m; without one the point is there.
+    /// A pull towards `place`, m about the body's centre, by a spring, N/m; without one the point is there.
     Towards {
         #[serde(with = "crate::field::numbers")]
         place: V3,

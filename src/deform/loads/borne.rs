@@ -35,7 +35,7 @@ impl Borne {
         -self.force.dot(place) - self.moments.dot(turn.to_rotation_matrix().matrix())
     }
 
-    /// The same load along the frame's own axes.
+    /// This load along the frame's own axes.
     pub fn along(&self, turn: &UnitQuaternion<f64>) -> Borne {
         let inverse = turn.inverse().to_rotation_matrix();
         Borne { force: inverse * self.force, moments: inverse.matrix() * self.moments }
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
     use crate::base::random::Random;
 
-    /// Against differences of the potential along a motion of the frame.
+    /// The derivatives against differences of the potential along a motion of the frame.
     #[test]
     fn derivatives_are_those_of_the_potential() {
         let mut random = Random::default();

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
 
-/// What loads make of V: (V - ε zᵀ T z)/s - g·z.
+/// Contribution of the loads to V, which becomes (V - ε zᵀ T z)/s - g·z.
 pub struct Burden {
     share: f64,
     strain: f64,
@@ -53,7 +53,7 @@ pub struct FrameForces {
 }
 
 impl FrameForces {
-    /// Of a body with so many fields Φ; `None` where nothing may act on it.
+    /// Forces on a body with `fields` fields Φ; `None` where nothing may act on it.
     pub fn of(input: &ModelInput<'_>, fields: usize) -> Result<Option<FrameForces>, String> {
         let Some(loads) = input.loads else { return Ok(None) };
         let (acting, lift) = (Acting::new(&loads), Lift::of(input.controls.len()));
@@ -156,7 +156,7 @@ impl FrameForces {
         self.first = std::mem::take(&mut self.burden.forces[0]);
     }
 
-    /// What the loads' potential has beside that of [`Burden`]: -N·(t - ō) - g_0 + tr D_0, and what warmth stores.
+    /// Potential of the loads beside that of [`Burden`]: -N·(t - ō) - g_0 + tr D_0, and the energy that warmth stores.
     pub fn beside(&self, m: &Isometry3<f64>) -> f64 {
         let shift = m.translation.vector - self.centre;
         self.stored - self.all[0].dot(&shift) - self.first + columns(&self.all, 0).trace()
@@ -168,7 +168,8 @@ impl FrameForces {
         joined(m, &self.all[0], &moments)
     }
 
-    /// The same of Σ p_k g_k over the fields Φ, whose forces that keep their directions turn against m.
+    /// Derivative of Σ p_k g_k over the fields Φ by a motion of m in its own axes: forces that keep their directions turn against
+    /// m.
     pub fn by_turn(&self, m: &Isometry3<f64>, q: &[f64]) -> Vector6<f64> {
         let start = 1 + self.lift.rigid;
         let moments = q.iter().enumerate().map(|(k, p)| columns(&self.fixed, start + k) * *p).sum();
@@ -215,7 +216,7 @@ impl Burden {
         (total - work, self.share * value.abs() + work.abs())
     }
 
-    /// The same of the slopes behind the first `active`.
+    /// Adds the loads to the slopes behind the first `active`.
     pub fn add_beyond(&mut self, z: &[f64], active: usize, slopes: &mut [f64]) {
         if self.strain != 0.0 {
             self.multiply(z, active..z.len());
@@ -223,7 +224,7 @@ impl Burden {
         self.turn(active, slopes);
     }
 
-    /// The same of the second derivatives against the first `active`, row by row.
+    /// Adds the loads to the second derivatives against the first `active`, row by row.
     pub fn add_second(&self, active: usize, second: &mut [f64]) {
         for (i, row) in second.chunks_exact_mut(active).take(active).enumerate() {
             for (j, value) in row.iter_mut().enumerate() {

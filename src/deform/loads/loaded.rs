@@ -17,7 +17,7 @@ use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
-/// Why a body of such a model cannot have a compliance of its surface, and what to choose.
+/// The reason why a body of such a model cannot have a compliance of its surface, and what to choose; `None` where it can.
 pub fn refusal(model: &ModelEntry, has_compliance: bool) -> Option<String> {
     let name = model.name;
     (has_compliance && model.takes_points()).then(|| {
@@ -37,7 +37,7 @@ pub struct Loaded {
     work: LoadWork,
     points: PointForces,
     results: Vec<PointResult>,
-    /// Of the last state.
+    /// Poses of the last state.
     poses: ControlPoses,
 }
 
@@ -77,7 +77,7 @@ impl Loaded {
         })
     }
 
-    /// What is applied now; that of the last time where a frame is just setting it.
+    /// Reads the loads that are applied now; keeps the last ones while a frame is just setting them.
     fn read(&mut self) {
         if let Ok(shared) = self.shared.try_lock() {
             self.applied.clone_from(&shared);
@@ -137,7 +137,7 @@ impl DeformationModel for Loaded {
         ModelMemory { poses: self.poses.clone(), ..self.model.memory() }
     }
 
-    /// With what is applied now.
+    /// Restores the model's memory, with the loads that are applied now.
     fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
         self.model.set_memory(memory)?;
         let poses = &memory.poses;

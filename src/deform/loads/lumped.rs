@@ -32,7 +32,7 @@ pub struct Lumped {
     fixed: Vec<V3>,
     follows: Vec<V3>,
     all: Vec<V3>,
-    /// With which loads that follow the body are turned.
+    /// Rotation by which loads that follow the body are turned.
     mean: Rotation3<f64>,
 }
 
@@ -81,7 +81,7 @@ impl Lumped {
         has_changed
     }
 
-    /// How many numbers [`Lumped::keep`] adds.
+    /// Count of the numbers that [`Lumped::keep`] adds.
     pub const KEPT: usize = 9;
 
     /// Adds what is applied, and how it is turned.
@@ -104,7 +104,7 @@ impl Lumped {
         self.acting.is_none()
     }
 
-    /// By how much warmth makes the body longer where it is free.
+    /// Thermal strain: the relative elongation of the body where it is free.
     pub fn strain(&self) -> f64 {
         self.acting.strain()
     }

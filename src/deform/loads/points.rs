@@ -22,7 +22,7 @@ const RIDGE: f64 = 1e-9;
 pub struct Point {
     nodes: [u32; 3],
     weights: [f64; 3],
-    /// Its place at rest, and with the displacements of all columns.
+    /// Place at rest, and with the displacements of all columns.
     pub rest: V3,
     pub now: V3,
     /// The affine columns' and the loads' displacements there: 3 × 12 E and 3 × K.
@@ -36,13 +36,13 @@ pub struct PointForces {
     body: String,
     /// Columns of the file before those of loads.
     before: usize,
-    /// Of nodes that take forces: where their columns stand, and those of nodes that are touched.
+    /// Places of the columns of all nodes that take forces; the columns of nodes that are touched.
     places: BTreeMap<u32, usize>,
     touched: BTreeMap<u32, Arc<Yield>>,
     /// Places of those whose columns are on their way, and how long a state waits for them.
     awaited: Vec<usize>,
     patience: Duration,
-    /// What the forces do to the whole surface, where it takes any; and the forces at nodes of which this is.
+    /// Displacements of the whole surface by the forces, where it takes any; the forces at nodes to which these belong.
     field: Option<Vec<[f32; 3]>>,
     field_of: Vec<(u32, V3)>,
     /// Columns came since then.
@@ -50,7 +50,7 @@ pub struct PointForces {
 }
 
 impl PointForces {
-    /// Of a body whose loads have so many columns.
+    /// Point forces on a body whose loads have `loads` columns.
     pub fn new(file: &Arc<GreenFile>, body: &str, loads: usize) -> PointForces {
         let nodes = file.rest(body).len();
         let columns: usize = file.groups(body).iter().map(|group| group.columns(nodes).unwrap_or(0)).sum();
@@ -74,12 +74,12 @@ impl PointForces {
         self.before
     }
 
-    /// What the forces do to the whole surface.
+    /// Displacements of the whole surface by the forces, m.
     pub fn field(&self) -> Option<&[[f32; 3]]> {
         self.field.as_deref()
     }
 
-    /// From now on a state waits at most so long for columns.
+    /// Limits the time that a state waits for columns to `patience`.
     pub fn be_patient(&mut self, patience: Duration) {
         self.patience = patience;
     }
@@ -218,7 +218,7 @@ impl PointForces {
         forces
     }
 
-    /// Where every point ends up, in the frame of the columns.
+    /// Places of all points under these forces, in the frame of the columns.
     pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
         let of = |a: &Point| {
             let pulled: V3 = points.iter().zip(forces).map(|(b, f)| self.between(a, b) * f).sum();

@@ -10,8 +10,8 @@
 //!
 //! Relative errors of all motions count alike, soft or stiff. ∂S/∂f_k are the energies of the answers, by the envelope theorem.
 //!
-//! Between two control elements, the body's energy to the third order ([`Helicoidal`]) also tells with which force it pulls at
-//! them when it is bent or twisted a little: p and q of the [`Point`]s are such that the shell pulls as strongly. Elements
+//! Between two control elements, the body's energy to the third order ([`Helicoidal`]) also gives the force with which it pulls
+//! at them when it is bent or twisted a little: p and q of the [`Point`]s are such that the shell pulls as strongly. Elements
 //! that lock in bending or twisting feel these stretches differently.
 
 use super::super::frames::{ControlFrame, FrameSlope, PoseSlope};
@@ -27,8 +27,8 @@ use nalgebra::{DMatrix, Matrix3, Matrix4, UnitQuaternion, Vector3, Vector4, Vect
 pub const POISSON: f64 = 0.3;
 /// The grips' springs, beside a cell's own stiffness.
 const GRIP: f64 = 300.0;
-/// What the square of a ratio's logarithm costs: of two moduli of one pair, and of bending's to stretching's. Locking
-/// makes twisting up to twenty times stiffer than bending, shearing hardly stiffer than stretching.
+/// Cost of the square of a ratio's logarithm: of the two moduli of either pair, and of bending's to stretching's. Locking makes
+/// twisting up to twenty times stiffer than bending, shearing hardly stiffer than stretching.
 const ALIKE: [f64; 3] = [1e-1, 1e-4, 1e-4];
 const ROUNDS: usize = 20;
 
@@ -53,7 +53,7 @@ pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
     }
 }
 
-/// Gives the shell the moduli with which it is nearest to S, and tells how far it then is: the root mean square of the
+/// Gives the shell the moduli with which it is nearest to S, and returns its distance from S: the root mean square of the
 /// relative errors of all motions. A body with one control element, which resists nothing, has moduli of 1 Pa.
 pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> (Moduli, f64) {
     let mut moduli = [1.0; 4];
@@ -92,7 +92,7 @@ pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>
     (moduli, off)
 }
 
-/// The quadratic form of the moduli's logarithms that [`ALIKE`] tells.
+/// The quadratic form of the moduli's logarithms with the costs [`ALIKE`].
 fn unlike() -> Matrix4<f64> {
     let ratios = [
         Vector4::new(1.0, -1.0, 0.0, 0.0),

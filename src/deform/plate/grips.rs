@@ -1,7 +1,7 @@
-//! Where a control element holds the middle surface.
+//! Grips: places where a control element holds the middle surface.
 //!
 //! In: the nodes that it holds. Out: [`Grip`]s: in each cell those of its places that lie farthest out in eight directions, which
-//! tell where the held region ends, and the one in the middle. Fibres are held as far as the nodes spread across the plate: a
+//! mark the edge of the held region, and the one in the middle. Fibres are held as far as the nodes spread across the plate: a
 //! face or a band holds them, nodes of one of its two faces alone do not.
 
 use super::middle::Middle;

@@ -1,8 +1,8 @@
 //! The middle surface of a thin body.
 //!
-//! In: the body's surface at rest. Out: a spline surface half-way between its two faces, places of integration with the
-//! thickness there, and how nodes stand beside it. The body is looked at along its thinnest direction: rays on a fine grid
-//! over its smallest bounding rectangle meet each face once. A body that is not thin, or lies over itself, is refused.
+//! In: the body's surface at rest. Out: a spline surface half-way between its two faces, places of integration with the thickness
+//! there, and the positions of nodes against it. The body is looked at along its thinnest direction: rays on a fine grid over its
+//! smallest bounding rectangle meet each face once. A body that is not thin, or lies over itself, is refused.
 
 use super::plane::Plane;
 use super::rays::{Faces, RAYS, Rays};
@@ -14,14 +14,14 @@ const THIN: f64 = 0.2;
 /// Rays through a fold, of all that meet the body, and the height that the splines leave, in thicknesses.
 const FOLDED: f64 = 0.01;
 const CRUMPLED: f64 = 0.25;
-/// Cells without material are filled with so much of it, so that all control points are held.
+/// Share of material with which cells without any are filled, so that all control points are held.
 const FILLING: f64 = 1e-4;
 
-/// Where a part of a cell is integrated.
+/// A place of integration in a part of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     pub place: [f64; 2],
-    /// Its area as seen along the thinnest direction, m², times the share of the material's stiffness that is there.
+    /// Area as seen along the thinnest direction, m², times the share of the material's stiffness that is there.
     pub seen: f64,
     pub thickness: f64,
 }

@@ -7,8 +7,8 @@
 //! The springs with which control elements hold the shell ([`point::Grip`]) are part of the energy, and take poses as they are,
 //! stretches included: forces are its exact gradient.
 //!
-//! Loads and forces at points act on the middle surface, each where it stands beside it; the moments of those above and below it are
-//! left out. Warmth lengthens the middle surface without stress.
+//! Loads and forces at points act on the middle surface, each at the place next to it; the moments of those above and below it
+//! are left out. Warmth lengthens the middle surface without stress.
 
 mod band;
 mod constants;
@@ -54,7 +54,7 @@ pub const ENTRY: ModelEntry = ModelEntry {
     fits: Some(fits),
 };
 
-/// So far its answers to small motions may be from those of the body, as the root mean square of relative errors.
+/// Largest distance of its answers to small motions from those of the body, as the root mean square of relative errors.
 const UNFIT: f64 = 0.15;
 
 /// A thin body.
@@ -63,9 +63,9 @@ pub struct Plate {
     sheet: Sheet,
     skin: Skin,
     loads: Option<Lumped>,
-    /// Of the whole body, with the first control element; what follows is seen from it.
+    /// Motion of the whole body, with the first control element; the state below is seen from it.
     motion: Isometry3<f64>,
-    /// How the control elements are held; the frames of the last state that was found, and of the next one.
+    /// Holds of the control elements; the frames of the last state that was found, and of the next one.
     holds: Vec<Hold>,
     frames: Vec<ControlFrame>,
     target: Vec<ControlFrame>,
@@ -193,7 +193,7 @@ impl Plate {
         motion
     }
 
-    /// From the last state to the target; where it fails, the sheet stands somewhere on the way.
+    /// Goes from the last state to the target; where that fails, the sheet stands somewhere on the way.
     fn go(&mut self) -> Option<Standing> {
         path::follow(&self.frames, &self.target, &mut self.holds, &mut self.sheet)
     }
@@ -213,7 +213,7 @@ impl Plate {
         self.go()
     }
 
-    /// By how much the body is longer where it is free.
+    /// Thermal strain: the relative elongation of the body where it is free.
     fn strain(&self) -> f64 {
         self.loads.as_ref().map_or(0.0, Lumped::strain)
     }
@@ -253,7 +253,7 @@ const AGAIN: f64 = 0.125;
 /// An equilibrium that takes more evaluations is a long one.
 const USUAL_WORK: usize = 8;
 
-/// How the shell stands at rest.
+/// The shell at rest.
 const REST: Standing = Standing { energy: 0.0, iterations: 0, buckled: false };
 
 fn at_rest(origin: Vector3<f64>) -> ControlFrame {

@@ -125,9 +125,9 @@ fn a_cantilever_under_end_shear_goes_where_sze_publishes() {
     assert!(most < 0.012, "{most}");
 }
 
-/// The same source, its values quoted from memory: an annular plate, slit, clamped along one side of the slit, the other lifted by a line
-/// load. R = 6 to 10, h = 0.03, E = 21e6, ν = 0, 0.8 per length: the corners at R = 6 and 10 rise by 13.891 and 17.528. With
-/// 80 × 8 cells they come to 13.812 and 17.450.
+/// An annular plate from the same source, its values quoted from memory: slit, clamped along one side of the slit, the other
+/// lifted by a line load. R = 6 to 10, h = 0.03, E = 21e6, ν = 0, 0.8 per length: the corners at R = 6 and 10 rise by 13.891 and
+/// 17.528. With 80 × 8 cells they come to 13.812 and 17.450.
 #[test]
 fn a_slit_annulus_is_lifted_as_sze_publishes() {
     let grid = Grid::even([40, 4]);

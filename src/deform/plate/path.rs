@@ -1,6 +1,7 @@
 //! The way of all control elements from one set of frames to another.
 //!
-//! In: frames before and after, whose quaternions tell turns up to 360° apart. Out: steps between them, each along a screw.
+//! In: frames before and after, whose quaternions distinguish turns up to 360° apart. Out: steps between them, each along a
+//! screw.
 
 use super::super::frames::ControlFrame;
 use super::super::se3::{exp, log, long_turn};
@@ -15,7 +16,7 @@ const MOVE: f64 = 0.2;
 const STRETCH: f64 = 0.1;
 const MOST_STEPS: f64 = 64.0;
 
-/// As the shell sees a control element.
+/// The hold of a control element on the shell.
 pub fn held(frame: &ControlFrame) -> Hold {
     Hold { place: frame.place, matrix: frame.turn.to_rotation_matrix() * frame.stretch }
 }
@@ -49,7 +50,7 @@ pub fn follow(
     None
 }
 
-/// How far the farthest control element goes, in the largest steps.
+/// Distance that the farthest control element goes, in largest steps.
 pub fn distance(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> f64 {
     let of = |(from, to): (&ControlFrame, &ControlFrame)| {
         let turn = long_turn(&(to.turn * from.turn.inverse())).norm() / TURN;
@@ -59,7 +60,7 @@ pub fn distance(from: &[ControlFrame], to: &[ControlFrame], size: f64) -> f64 {
     from.iter().zip(to).map(of).fold(0.0, f64::max)
 }
 
-/// So far on the way from one frame to another.
+/// The hold at `share` of the way from one frame to another.
 fn at(from: &ControlFrame, to: &ControlFrame, share: f64) -> Hold {
     let start = placed(from);
     let motion = placed(to) * start.inverse();

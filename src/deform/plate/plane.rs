@@ -1,4 +1,4 @@
-//! How a thin body is looked at: along its thinnest direction, over its smallest bounding rectangle, in cells.
+//! The view of a thin body: along its thinnest direction, over its smallest bounding rectangle, in cells.
 
 use super::spline::Grid;
 use nalgebra::{Matrix3, SymmetricEigen, Vector2, Vector3};
@@ -12,7 +12,7 @@ const NARROW: f64 = 0.15;
 const BESIDE: [f64; 2] = [0.2, 0.55];
 const LEVELS: usize = 1 + BESIDE.len();
 const MOST_CELLS: usize = 256;
-/// Where there are more, cells become wider, so many times by a fifth.
+/// Number of times, at most, that the cells are widened by a fifth while there are more than `MOST_CELLS`.
 const WIDER: i32 = 12;
 
 /// A rectangle around the body as it is seen along its thinnest direction: a corner, and the directions along it, across
@@ -21,7 +21,7 @@ pub struct Plane {
     pub corner: Vector3<f64>,
     pub axes: Matrix3<f64>,
     pub size: Vector2<f64>,
-    /// Of the body as it is seen so.
+    /// Area of the body in this view, m².
     pub area: f64,
 }
 
@@ -102,8 +102,8 @@ impl Plane {
     }
 }
 
-/// Of all rectangles around the points the one with the least area: one of its sides lies along their hull. Its longer
-/// direction, its corner and its size.
+/// The rectangle of least area around the points, one of whose sides lies along their hull: its longer direction, its corner and
+/// its size.
 fn smallest_rectangle(mut points: Vec<Vector2<f64>>) -> Option<(Vector2<f64>, Vector2<f64>, Vector2<f64>)> {
     points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     let half = |points: &mut dyn Iterator<Item = &Vector2<f64>>| {

@@ -90,7 +90,7 @@ pub struct Local {
 }
 
 impl Local {
-    /// What works on κ: M + (∂s/∂κ)ᵀ N.
+    /// The moment that works on κ: M + (∂s/∂κ)ᵀ N.
     #[inline(always)]
     fn moment(&self, [n, m]: &[[f64; 3]; 2]) -> [f64; 3] {
         let [x, y, z] = &self.by_bending;
@@ -150,7 +150,7 @@ impl Point {
         Some(point)
     }
 
-    /// What is bent is also stretched, by p and q.
+    /// Couples stretching to bending: what is bent is also stretched, by p and q.
     pub fn stretch_with_bending(&mut self, poisson: f64, shares: [f64; 2]) {
         self.contraction = poisson / (1.0 - poisson);
         self.second_order = shares.map(|share| share * self.thickness * self.thickness / 24.0);
@@ -344,7 +344,7 @@ impl Block {
     }
 }
 
-/// Where a control element holds the surface: with springs that are stiff beside the shell's own.
+/// A place where a control element holds the surface, with springs that are stiff beside the shell's own.
 ///
 /// ```text
 /// V = ½ k |r - (p + M y)|² + ½ k_t Σ_a (a_a·M N)²
@@ -358,7 +358,7 @@ pub struct Grip {
     /// y: from the control element's origin to the middle surface at rest, m; N there.
     pub arm: Vector3<f64>,
     pub normal: Vector3<f64>,
-    /// Its part of what a cell holds, times the thickness there, m; the mean square of the heights of what is held, m².
+    /// Part of the cell's hold, times the thickness there, m; the mean square of the heights that are held, m².
     pub share: f64,
     pub spread: f64,
     /// k, N/m, and k_t, N·m.
@@ -366,14 +366,14 @@ pub struct Grip {
     pub turn: f64,
 }
 
-/// How a control element is held: its origin's place p = o + T, and M.
+/// The hold of a control element: its origin's place p = o + T, and M.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hold {
     pub place: Vector3<f64>,
     pub matrix: Matrix3<f64>,
 }
 
-/// What a grip's springs do.
+/// A grip's springs as they are pulled and tilted.
 pub struct Pulled {
     /// r less where it should be, and both a_a·M N.
     pub off: Vector3<f64>,

@@ -9,16 +9,16 @@ pub const RAYS: usize = 16;
 /// Normals of opposite faces have a larger product, whatever their signs.
 const OPPOSITE: f64 = 0.8;
 
-/// Where a ray enters and leaves the body.
+/// Heights at which a ray enters and leaves the body.
 #[derive(Clone, Copy)]
 pub struct Faces {
     pub low: f64,
     pub high: f64,
-    /// They stand one behind the other: one of them is no side wall.
+    /// Whether the faces stand one behind the other, so that neither is a side wall.
     pub are_opposite: bool,
 }
 
-/// What the rays along the thinnest direction find: the heights of both faces, where they meet the body.
+/// Findings of the rays along the thinnest direction: the heights of both faces, where they meet the body.
 pub struct Rays {
     places: [Vec<f64>; 2],
     pub faces: Vec<Option<Faces>>,

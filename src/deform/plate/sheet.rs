@@ -21,21 +21,23 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
 const CONVERGED: f64 = 1e-9;
-/// The same of the next iteration with the factor of an earlier state, where each wins at most so much of the one before.
+/// Limit of the same kind on the next iteration with the factor of an earlier state, where each iteration wins at most `COASTS`
+/// of the one before.
 const COASTED: f64 = 1e-14;
 const COASTS: f64 = 0.5;
-/// So many times the energy that counts as none: below this part of it, rounding errors of thin shells begin.
+/// Multiple of the energy that counts as none: below this part of it, rounding errors of thin shells begin.
 const ROUNDED: f64 = 1e3;
 /// Equilibria are near where no control element turns by more, rad, or moves by more than this part of the thickness: in
 /// between, a loss of stability is not seen.
 const NEAR_TURN: f64 = 0.02;
 const NEAR_MOVE: f64 = 0.05;
-/// So far from that of its factor, in parts of this, the next one is begun; so far the old one serves meanwhile.
+/// Distances from the state of the factor, in parts of the two above, at which the next factor is begun, and up to which the
+/// old one serves meanwhile.
 const BEGIN: f64 = 0.25;
 const REACH: f64 = 2.0;
 /// Steps in which the Hessian of the next one is made.
 const PARTS: usize = 6;
-/// After so many of the first it is foreseen whether they suffice.
+/// Number of the first of these iterations after which it is foreseen whether they suffice.
 const TOLD: usize = 2;
 /// Evaluations of the slopes that take as long as a factor.
 const FACTOR_WORK: usize = 3;
@@ -53,7 +55,7 @@ pub struct Sheet {
     pub grips: Vec<Grip>,
     /// Dead forces on the control points, N.
     pub loads: Vec<Vector3<f64>>,
-    /// Where the stress of each point is led to.
+    /// Stress to which the last step led each point.
     stress: Vec<[[f64; 3]; 2]>,
     gradient: Vec<f64>,
     step: Vec<f64>,
@@ -97,22 +99,22 @@ struct Pair {
     change: Vec<f64>,
 }
 
-/// How the shell stands.
+/// An equilibrium of the shell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
     /// V, J, less the work of dead forces.
     pub energy: f64,
     pub iterations: usize,
-    /// It left a state that was not stable.
+    /// Whether it was reached from a state that was not stable.
     pub buckled: bool,
 }
 
-/// Which stress the Hessian is taken with.
+/// The stress with which the Hessian is taken.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Geometric {
-    /// That of the state.
+    /// The stress of the state.
     Own,
-    /// That which the last step led to.
+    /// The stress to which the last step led.
     Led,
 }
 
@@ -168,7 +170,7 @@ impl Sheet {
         self.relax();
     }
 
-    /// From now on the shell without stress is so much longer. A factor was that of another one.
+    /// Sets the thermal strain, by which the shell without stress is longer. A factor at another strain is dropped.
     pub fn warm(&mut self, strain: f64) {
         let green = 0.5 * strain * (2.0 + strain);
         if self.points.iter().any(|point| point.warmth != green) {
@@ -264,7 +266,7 @@ impl Sheet {
         self.descend(holds, iterations, buckled)
     }
 
-    /// How many numbers [`Sheet::keep`] adds for so many control elements.
+    /// Count of the numbers that [`Sheet::keep`] adds for `controls` control elements.
     pub fn kept(&self, controls: usize) -> usize {
         5 + 36 * controls + 9 * self.q.len() + 6 * self.points.len()
     }
@@ -347,7 +349,7 @@ impl Sheet {
         }
     }
 
-    /// So many parts of the next factor's Hessian.
+    /// Begins the Hessian of the next factor with its first `parts` parts.
     fn begin_next(&mut self, parts: usize) {
         self.hessian.clear();
         (0..parts).for_each(|part| self.make_part(part));
@@ -376,7 +378,7 @@ impl Sheet {
         self.next.parts = None;
     }
 
-    /// Whether no control element goes farther than so many times what counts as near.
+    /// Whether no control element goes farther than `reach` times what counts as near.
     fn is_near(&self, from: &[Hold], holds: &[Hold], reach: f64) -> bool {
         let near = |(from, to): (&Hold, &Hold)| {
             (to.matrix - from.matrix).amax() < reach * NEAR_TURN
@@ -571,7 +573,7 @@ impl Sheet {
         -self.step.iter().zip(&self.gradient).map(|(step, slope)| step * slope).sum::<f64>()
     }
 
-    /// [`Sheet::solve`] with a factor that so many pairs have mended.
+    /// [`Sheet::solve`] with a factor that `count` pairs have mended.
     fn solve_mended(&mut self, count: usize) -> f64 {
         let Sheet { pairs, step, gradient, factor, .. } = self;
         for (step, slope) in step.iter_mut().zip(&*gradient) {
@@ -603,7 +605,7 @@ impl Sheet {
         self.step.iter_mut().for_each(|x| *x /= excess);
     }
 
-    /// Where the stresses of the present state are led by the whole step.
+    /// Finds the stresses to which the whole step leads the present state.
     fn lead(&mut self) {
         let step = &self.step;
         for (point, led) in self.points.iter().zip(&mut self.stress) {
@@ -641,7 +643,7 @@ impl Sheet {
     }
 }
 
-/// Of dead forces, from rest on.
+/// Potential of dead forces, zero at rest.
 fn potential(loads: &[Vector3<f64>], q: &[Vector3<f64>], rest: &[Vector3<f64>]) -> f64 {
     -loads.iter().zip(q.iter().zip(rest)).map(|(load, (q, rest))| load.dot(&(q - rest))).sum::<f64>()
 }

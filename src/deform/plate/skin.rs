@@ -71,7 +71,7 @@ impl Skin {
         &self.field
     }
 
-    /// Displacements for these control points, of a body that is so much longer by warmth where it is free.
+    /// Displacements for these control points, of a body that warmth lengthens by `strain` where it is free.
     pub fn update(&mut self, q: &[Vector3<f64>], holds: &[Hold], strain: f64) {
         let warm = strain as f32;
         for (own, q) in self.control_points.iter_mut().zip(q) {
@@ -102,7 +102,7 @@ impl Skin {
     }
 }
 
-/// How much a force at x does on each control point: r + α_1 r,1 + α_2 r,2.
+/// Shares of a force at x that act on the control points: r + α_1 r,1 + α_2 r,2.
 pub fn shares(middle: &Middle, x: &Vector3<f64>) -> Vec<(usize, f64)> {
     let shape = middle.grid.at(middle.place_of(x));
     let [by_x, by_y] = shape.tangents(&middle.rest);

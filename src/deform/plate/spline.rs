@@ -9,18 +9,18 @@ use nalgebra::Vector3;
 /// A grid of n × m cells with (n + 2) × (m + 2) control points, those along the second axis side by side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Where cells begin and end, growing: n + 1 and m + 1 numbers, two at least.
+    /// Ends of the cells in growing order: n + 1 and m + 1 numbers, two at least.
     pub knots: [Vec<f64>; 2],
 }
 
-/// What the nine splines of a cell do at a place, control point after control point.
+/// The nine splines of a cell at a place, with their derivatives, control point after control point.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     pub nodes: [usize; 9],
     pub value: [f64; 9],
-    /// By x and by y.
+    /// Derivatives by x and by y.
     pub slope: [[f64; 2]; 9],
-    /// By xx, yy and xy.
+    /// Second derivatives by xx, yy and xy.
     pub second: [[f64; 3]; 9],
 }
 
@@ -97,7 +97,7 @@ impl Shape {
         (0..9).map(|k| of[self.nodes[k]] * self.value[k]).sum()
     }
 
-    /// Both tangents.
+    /// The tangents along x and y.
     pub fn tangents(&self, of: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
         [0, 1].map(|axis| (0..9).map(|k| of[self.nodes[k]] * self.slope[k][axis]).sum())
     }

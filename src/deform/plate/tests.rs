@@ -53,7 +53,7 @@ impl Body {
         (response.energy, slopes)
     }
 
-    /// Where every surface node goes, less where it was.
+    /// Displacement of every surface node, m.
     fn shape(&mut self, poses: &[ControlPose]) -> Vec<Vector3<f64>> {
         let state = self.model.state(poses);
         let motion = state.parts[0];
@@ -85,7 +85,7 @@ fn twist(degrees: f64) -> [ControlPose; 2] {
     pose(Vector3::x() * degrees.to_radians(), Vector3::zeros())
 }
 
-/// Of an element that does not lock, all four moduli are Young's.
+/// All four moduli of an element that does not lock are Young's.
 #[test]
 fn moduli_are_those_of_the_material() {
     let solution = solve(&scene(FINE, "tet10"));
@@ -228,7 +228,7 @@ fn slopes_are_those_of_the_energy_and_held_nodes_go_where_they_are_held() {
     }
 }
 
-/// A twist by 200° there and back, or told by a quaternion's sign; and a common motion, which costs nothing.
+/// A twist by 200° there and back, or given by a quaternion's sign; and a common motion, which costs nothing.
 #[test]
 fn long_turns_are_followed_and_rigid_motions_cost_nothing() {
     let mut body = Body::new(&scene(LEAF, "tet10"));

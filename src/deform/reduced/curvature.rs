@@ -31,7 +31,7 @@ pub struct Curvature {
     progress: Progress,
 }
 
-/// How far the derivatives are made.
+/// Progress of the derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Progress {
     None,
@@ -47,7 +47,7 @@ enum Progress {
 }
 
 impl Curvature {
-    /// Of a quartic of so many variables.
+    /// Derivatives of a quartic of `variables` variables, none of which is made yet.
     pub fn new(variables: usize) -> Curvature {
         let lanes = triangle(variables).div_ceil(SIDE);
         Curvature {
@@ -84,7 +84,7 @@ impl Curvature {
         self.progress == Progress::Made
     }
 
-    /// From now on there are none.
+    /// Drops the derivatives.
     pub fn forget(&mut self) {
         self.progress = Progress::None;
     }
@@ -99,7 +99,7 @@ impl Curvature {
         self.progress = Progress::Reading { first: 0, c: 0, quad: 0, lane: 0 };
     }
 
-    /// Reads so many quads, or makes the derivatives of what was read; true when they are made.
+    /// Reads `quads` quads, or makes the derivatives of what was read; true when they are made.
     fn go_on(&mut self, quartic: &Quartic, quads: usize) -> bool {
         match self.progress {
             Progress::None => return false,

@@ -23,10 +23,11 @@ const ROUNDING: f64 = 1e-12;
 /// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
 /// over so little, would be taken for its slope, and the next prediction would lead to another equilibrium.
 const SAYS_NOTHING: f64 = 1e-6;
-/// The way before tells how q bends away from its tangent where this one is so much as long, and leads within 27° in its direction.
+/// The way before shows how q bends away from its tangent if this one is 1/4 to 4 times as long and leads within 27° in its
+/// direction: the ratio of the lengths, and the square of the cosine.
 const AS_LONG: [f64; 2] = [0.25, 4.0];
 const AS_STRAIGHT: f64 = 0.8;
-/// An equilibrium that takes more evaluations is a long one, where the second derivatives that slopes beside it need are there, and
+/// Evaluations beyond which an equilibrium is a long one, where the second derivatives that slopes near it need are there, and
 /// where they are not; one of second derivatives counts as two.
 const USUAL_WORK: [usize; 2] = [3, 2];
 /// y beyond those of undeformed elements count as 0 below this; where loads are taken away, so does the energy of such a y.
@@ -47,7 +48,7 @@ pub struct ReducedBody {
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
     tangent: Vec<f64>,
     cross: Vec<f64>,
-    /// How many of z the factor and the tangent were made with, 0 where there are none.
+    /// Number of variables of z with which the factor and the tangent were made, 0 where there are none.
     active: usize,
     step: Vec<f64>,
     /// The last z, and the z that is tried.
@@ -68,7 +69,7 @@ pub struct ReducedBody {
 }
 
 impl ReducedBody {
-    /// `None` where the coefficients are not those of so many coordinates.
+    /// The body of a quartic's coefficients; `None` where they are not those of that number of coordinates.
     pub fn new(rigid: usize, others: usize, fields: usize, coefficients: &[f64]) -> Option<ReducedBody> {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
@@ -103,7 +104,7 @@ impl ReducedBody {
         })
     }
 
-    /// Whether the last equilibrium left little time for slopes beside it.
+    /// Whether the last equilibrium left little time for slopes near it.
     pub fn was_long(&self) -> bool {
         self.work > USUAL_WORK[usize::from(!self.curvature.is_made())]
     }
@@ -113,7 +114,7 @@ impl ReducedBody {
         &self.z[1 + self.rigid..][..self.fields]
     }
 
-    /// Where the k-th y stands in z.
+    /// Index of the k-th y in z.
     fn place(&self, k: usize) -> usize {
         if k < self.rigid { 1 + k } else { 1 + self.fields + k }
     }
@@ -123,7 +124,7 @@ impl ReducedBody {
         self.slopes[self.place(k)]
     }
 
-    /// How many numbers [`ReducedBody::keep`] adds.
+    /// Count of the numbers that [`ReducedBody::keep`] adds.
     pub fn kept(&self) -> usize {
         let [lower, tangent, cross] = [&self.factor.lower, &self.tangent, &self.cross].map(Vec::len);
         3 * self.z.len() + self.fields + 1 + lower + tangent + cross
@@ -149,7 +150,7 @@ impl ReducedBody {
         }
     }
 
-    /// From now on the search begins at q = 0.
+    /// Makes the next search begin at q = 0.
     pub fn forget(&mut self) {
         self.curvature.forget();
         self.change.fill(0.0);
@@ -385,7 +386,7 @@ impl ReducedBody {
         self.step.iter().zip(own).map(|(step, slope)| step * slope).sum()
     }
 
-    /// Factors ∂²V/∂q² at z, with so much added to its diagonal that it is positive definite, and finds the tangent.
+    /// Factors ∂²V/∂q² at z, its diagonal enlarged until it is positive definite, and finds the tangent.
     fn factorize(&mut self, active: usize, burden: &Option<&mut Burden>) -> Option<()> {
         let (n, q, fields) = (active, 1 + self.rigid, self.fields);
         self.work += 2;

@@ -43,9 +43,9 @@ pub struct Reduced {
     posed: Posed,
     body: ReducedBody,
     loads: Option<FrameForces>,
-    /// Those that were settled last; none where they had no equilibrium.
+    /// Poses that were settled last; none where they had no equilibrium.
     poses: Vec<ControlPose>,
-    /// Of the last poses that had an equilibrium.
+    /// Energy and slopes of the last poses that had an equilibrium.
     energy: f64,
     slopes: Vec<PoseSlope>,
 }
@@ -117,7 +117,7 @@ impl DeformationModel for Reduced {
         }
     }
 
-    /// Where there is no mean frame or no equilibrium, the last one's energy and forces go on.
+    /// Energy and forces at `poses`; where there is no mean frame or no equilibrium, the last ones go on.
     fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
         let found = self.settle(poses);
         let (body, posed) = (&self.body, &mut self.posed);

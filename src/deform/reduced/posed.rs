@@ -161,7 +161,7 @@ impl Posed {
         Some(())
     }
 
-    /// How many unknowns [`Posed::keep`] adds.
+    /// Count of the unknowns that [`Posed::keep`] adds.
     pub fn kept(&self) -> usize {
         Isometry3::<f64>::COUNT + self.coefficients.len()
     }

@@ -22,7 +22,7 @@ pub(super) const TEAM: usize = 4;
 #[repr(align(64))]
 pub(super) struct Lane(pub [f64; SIDE]);
 
-/// The same places (a, b) of [`TEAM`] triangles.
+/// [`SIDE`] places (a, b), the same in each of [`TEAM`] triangles.
 pub(super) type Quad = [Lane; TEAM];
 
 pub(super) const EMPTY: Lane = Lane([0.0; SIDE]);
@@ -30,7 +30,7 @@ pub(super) const EMPTY: Lane = Lane([0.0; SIDE]);
 /// The coefficients, and the memory for an evaluation.
 pub struct Quartic {
     pub(super) variables: usize,
-    /// For each team of d, and each c up to the last of them, the triangle of (c, d); 0 where d < c, and at its end.
+    /// Coefficients for each team of d and each c up to the last of them: the triangle of (c, d), 0 where d < c, and at its end.
     pub(super) coefficients: Vec<Quad>,
     /// z_a z_b of all pairs.
     products: Vec<Lane>,
@@ -241,7 +241,7 @@ mod tests {
     use super::super::curvature::Curvature;
     use super::*;
 
-    /// Against sums over all coefficients, and central differences.
+    /// Slopes and second derivatives against sums over all coefficients, and central differences.
     #[test]
     fn slopes_and_second_derivatives_are_those_of_the_sum() {
         let n = 6;

@@ -51,8 +51,8 @@ fn motion() -> Isometry3<f64> {
     )
 }
 
-/// What a model finds a little beside its state, and what it finds there by itself, differ by the square of the way; at 90° in
-/// the models' own fields, to which stretches of control elements belong. The state stays.
+/// A model's response a little beside its state differs from the one that it finds there directly by the square of the way; at
+/// 90° in the models' own fields, to which stretches of control elements belong. The state stays.
 #[test]
 fn slopes_beside_are_those_to_first_order() {
     let families = [AFFINE, REDUCED, PERTURBATION, STIFFNESS, CUBIC];
@@ -171,8 +171,8 @@ fn slopes_are_derivatives_of_the_energy() {
     }
 }
 
-/// What is put into the body on a closed way of the hand comes back: the trapezoidal rule over small steps has an error of
-/// third order in them, and nothing else is left.
+/// The work that is put into the body on a closed way of the hand comes back: the trapezoidal rule over small steps has an error
+/// of third order in them, and nothing else is left.
 #[test]
 fn a_closed_path_makes_no_energy() {
     let (mut model, _, _) = made(&bar(RIGHT));
@@ -228,8 +228,8 @@ fn a_common_motion_costs_nothing_and_forces_are_in_balance() {
     assert!((first - second).abs() < 1e-9 * first, "{first} {second}");
 }
 
-/// Beyond a whole turn there is no mean frame: the last forces go on, and it is told. One element alone feels nothing, three
-/// have an equilibrium, five are refused.
+/// No mean frame exists beyond a whole turn: the last forces go on, and the response is marked as not defined. One element alone
+/// feels nothing, three have an equilibrium, five are refused.
 #[test]
 fn it_says_where_it_is_not_defined() {
     let (mut model, _, _) = made(&bar(RIGHT));
@@ -265,8 +265,8 @@ fn it_says_where_it_is_not_defined() {
     assert!(refused.contains("has 5 control elements") && refused.contains("rotation"), "{refused}");
 }
 
-/// From the .green file, in every storage, the same state and the same forces come as from the solution, and the surface is
-/// where its columns say; one element alone has no columns beyond the affine ones.
+/// The .green file gives, in every storage, the same state and the same forces as the solution, and the surface is where its
+/// columns say; one element alone has no columns beyond the affine ones.
 #[test]
 fn the_file_holds_what_the_model_needs() {
     let folder = tempfile::tempdir().unwrap();

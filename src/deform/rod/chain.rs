@@ -35,7 +35,7 @@ const MOST_ITERATIONS: usize = 300;
 
 type Factor = Cholesky<f64, Const<6>>;
 
-/// How the rod stands between its clamps.
+/// An equilibrium of the rod between its clamps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
     /// J.
@@ -43,7 +43,7 @@ pub struct Standing {
     /// ∂V by a motion g exp(η) of the first and the last frame: force and torque in that frame's own axes.
     pub wrenches: [Vector6<f64>; 2],
     pub iterations: usize,
-    /// It was left for this state because it was not stable: the rod buckled.
+    /// Whether another state was left for this one because it was not stable: the rod buckled.
     pub buckled: bool,
 }
 
@@ -59,7 +59,7 @@ pub struct Chain {
     rest: Vector6<f64>,
     cold: Vector6<f64>,
     length: f64,
-    /// Of each section; empty where nothing acts. The strain energy of the last assembly.
+    /// Load on each section; empty where nothing acts. The strain energy of the last assembly.
     loads: Vec<Borne>,
     strained: f64,
     /// Frames of the n + 1 sections.
@@ -70,14 +70,14 @@ pub struct Chain {
     gradient: Vec<Vector6<f64>>,
     diagonal: Vec<Matrix6<f64>>,
     beside: Vec<Matrix6<f64>>,
-    /// Of the inner sections: the factors of the pivots, and pivot⁻¹ times the block beside.
+    /// Factors of the pivots of the inner sections, and pivot⁻¹ times the block beside.
     pivots: Vec<Factor>,
     upper: Vec<Matrix6<f64>>,
     step: Vec<Vector6<f64>>,
     /// Whether the factor is that of the present equilibrium, and the frames a last iteration before it at which it was made.
     is_factored: bool,
     factored: Vec<Isometry3<f64>>,
-    /// What the shift is measured in: a weight of each of the six motions of a section.
+    /// Measure of the shift: a weight of each of the six motions of a section.
     weight: Vector6<f64>,
 }
 
@@ -140,7 +140,7 @@ impl Chain {
         }
     }
 
-    /// From now on the sections bear these loads, none where there are none, and the rod at rest is so much longer.
+    /// Sets the loads on the sections, none where there are none, and the factor `stretch` by which the rod at rest is longer.
     pub fn bear(&mut self, loads: impl Iterator<Item = Borne>, stretch: f64) {
         let rest = self.cold * stretch;
         let mut has_changed = self.rest != rest;
@@ -163,7 +163,7 @@ impl Chain {
         self.is_factored &= !has_changed;
     }
 
-    /// How many numbers [`Chain::keep`] adds.
+    /// Count of the numbers that [`Chain::keep`] adds.
     pub fn kept(&self) -> usize {
         1 + 7 * (self.frames.len() + self.factored.len())
     }
@@ -210,7 +210,7 @@ impl Chain {
         (0.5 * whole.dot(&linear), linear + slope * force, slope, force)
     }
 
-    /// ∂²V/∂h² of a segment, of what [`Chain::law`] tells.
+    /// ∂²V/∂h² of a segment, from the last two results of [`Chain::law`].
     fn tangent(&self, slope: &Vector6<f64>, force: f64) -> Matrix6<f64> {
         let along = self.stiffness * self.axis;
         let mixed = (along + slope * (0.5 * along.dot(&self.axis))) * slope.transpose();
@@ -223,7 +223,7 @@ impl Chain {
     }
 
     /// Equilibrium with the clamps at `ends`, the way there from the present state continued in steps. The signs of the
-    /// quaternions tell turns up to 360°. `None`, and the state as it was, where none is found.
+    /// quaternions distinguish turns up to 360°. `None`, and the state as it was, where none is found.
     pub fn hold(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
         self.kept.clone_from_slice(&self.frames);
         let standing = self.approach(ends);

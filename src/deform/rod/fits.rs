@@ -1,4 +1,4 @@
-//! Whether a body is slender enough for a rod, told by its shape before it is solved.
+//! Check of a body's shape, before it is solved: whether it is slender enough for a rod.
 //!
 //! In: a body's mesh, moduli and control elements. Out: its length between the control elements over its radius of gyration r,
 //! from the tetrahedra between them (r⊥ is the distance from the axis through their middle, E Young's modulus):
@@ -16,7 +16,7 @@ use crate::fem::Lame;
 use crate::green::{ControlElement, Prepared};
 use nalgebra::Vector3;
 
-/// Below this part of the slenderness that is needed, the solved body will not have it either.
+/// Part of the slenderness that is needed, below which the solved body will not have it either.
 const SURELY: f64 = 0.8;
 
 pub fn fits(body: &Prepared) -> Result<(), (Severity, String)> {

@@ -13,7 +13,7 @@
 use super::super::se3::{self, halves};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Vector3, Vector6};
 
-/// Below this angle the series of F is shorter than its closed form, and more exact.
+/// Angle below which the series of F is shorter than its closed form, and more exact.
 const SMALL: f64 = 0.6;
 
 /// B₂ₖ/(2k)!, without signs: F(φ) = Σ `SERIES[k]` φᵏ.
@@ -57,7 +57,7 @@ fn bernoulli(square: f64) -> [f64; 3] {
     [value, slope, -(second + 2.0 * slope) / square]
 }
 
-/// log of the motion of a frame. The sign of its quaternion tells turns up to 360° apart.
+/// log of the motion of a frame. The sign of its quaternion distinguishes turns up to 360° apart.
 pub fn log(frame: &Isometry3<f64>) -> Vector6<f64> {
     se3::log(&frame.rotation, &frame.translation.vector)
 }
@@ -90,7 +90,7 @@ fn coadjoint(p: &Vector6<f64>) -> Matrix6<f64> {
     blocks(&Matrix3::zeros(), &force, &force, &moment)
 }
 
-/// How a relative screw h changes with its two frames.
+/// Derivatives of a relative screw h by its two frames.
 pub struct Tangent {
     /// P_a and P_b.
     pub first: Matrix6<f64>,

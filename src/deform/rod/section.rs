@@ -31,7 +31,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, SMatrix, SVector, Translati
 /// The nine numbers of U - I of an end, row by row.
 pub type Stretch = SVector<f64, 9>;
 
-/// A body must be so many radii of gyration long. A cube has 3.5, a solid round rod four for each diameter.
+/// Least length of a body, in radii of gyration. A cube has 3.5, a solid round rod four for each diameter.
 pub const SLENDER: f64 = 8.0;
 /// Numbers of an element's twelve in S.
 const FIELDS: usize = 12;
@@ -41,9 +41,9 @@ const FIELDS: usize = 12;
 pub struct Section {
     /// C in the body's axes: N, N·m, N·m².
     pub stiffness: Matrix6<f64>,
-    /// Where the rod begins and ends in the body at rest.
+    /// Places in the body at rest where the rod begins and ends.
     pub ends: [Vector3<f64>; 2],
-    /// Where an end of the rod goes, in its frame, for a stretch of its control element: E.
+    /// Displacement of either end of the rod, in its frame, by a stretch of its control element: E.
     pub offsets: [SMatrix<f64, 6, 9>; 2],
     /// The stiffness against stretches of both ends that leave the rod without strain: D.
     pub stretching: SMatrix<f64, 18, 18>,
@@ -172,7 +172,7 @@ impl Section {
         (at(step) - at(-step)) / (2.0 * step.powi(3) * chord.norm())
     }
 
-    /// Along the rod.
+    /// Direction along the rod.
     pub fn axis(&self) -> Vector3<f64> {
         (self.ends[1] - self.ends[0]).normalize()
     }

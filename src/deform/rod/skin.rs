@@ -28,7 +28,7 @@ const FIELDS: usize = 18;
 /// The rows and columns of the six numbers of a symmetric stretch.
 const STRETCHES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
 
-/// Which parts move a node, and how much: the first of three that stand side by side.
+/// Parts that move a node, and their weights: the first of three that stand side by side.
 struct Place {
     first: usize,
     weights: [f64; 3],
@@ -48,7 +48,7 @@ pub struct Skin {
     middle: Vector3<f64>,
     /// W and Y, node after node.
     fields: Vec<[[f32; 3]; FIELDS]>,
-    /// Of a node that is held, from its control element's origin; of another, from the axis.
+    /// Offset of each node: a held one's from its control element's origin, another's from the axis.
     offsets: Vec<[f32; 3]>,
     field: Vec<[f32; 3]>,
 }
@@ -126,7 +126,7 @@ impl Skin {
         }
     }
 
-    /// y of all nodes for the wrenches in the rod, and U - I of both ends, of a rod that is so much longer by warmth.
+    /// y of all nodes for the wrenches in the rod, and U - I of both ends, of a rod that warmth lengthens by `strain`.
     pub fn update(&mut self, chain: &Chain, stretches: [&Matrix3<f64>; 2], strain: f64) -> &[[f32; 3]] {
         let wrench = |i: usize| {
             let arm = self.axis * (chain.length() * ((i as f64 + 0.5) / self.segments as f64 - 0.5));
@@ -218,7 +218,7 @@ impl Skin {
         (0..rest.len()).map(node).collect()
     }
 
-    /// What the skin alone does at node `i` for unit wrench `k`.
+    /// Displacement of node `i` by the skin alone for unit wrench `k`.
     fn linear_skin(&self, linear: &LinearRod, k: usize, i: usize, x: &Vector3<f64>) -> Vector3<f64> {
         let place = &self.places[i];
         let part = |p: usize| {

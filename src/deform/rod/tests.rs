@@ -212,7 +212,7 @@ fn slopes_are_those_of_the_energy_and_held_nodes_go_where_they_are_held() {
     }
 }
 
-/// A twist by 360° there and back, and the same one told by a quaternion's sign: torque grows with the angle.
+/// A twist by 360° there and back, and the same one given by a quaternion's sign: torque grows with the angle.
 #[test]
 fn whole_turns_are_followed() {
     let mut body = Body::new(&scene(BAR));

@@ -14,7 +14,7 @@
 
 use nalgebra::DMatrix;
 
-/// What a part's energy is computed from, and memory for it.
+/// The coefficients of a part's energy, and memory for its evaluation.
 #[derive(Clone)]
 pub struct PartEnergy {
     /// Coordinates.
@@ -79,7 +79,7 @@ impl Value {
 const RANK: f64 = 1e-11;
 
 impl PartEnergy {
-    /// From S (m × m), Z (m rows, a column for each pair i ≤ j) and Q (of the pairs of the first coordinates alone).
+    /// The energy by S (m × m), Z (m rows, a column for each pair i ≤ j) and Q (of the pairs of the first coordinates alone).
     pub fn new(stiffness: &DMatrix<f64>, quadratic: &DMatrix<f64>, quartic: &DMatrix<f64>) -> PartEnergy {
         let m = stiffness.nrows();
         let pairs: Vec<(usize, usize)> = (0..m).flat_map(|i| (i..m).map(move |j| (i, j))).collect();

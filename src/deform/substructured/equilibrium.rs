@@ -9,7 +9,7 @@ use super::link::Twist;
 use super::linked_part::{LinkedPart, PartEnd, Places};
 use crate::deform::loads::Borne;
 
-/// How the search ended.
+/// Result of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Search {
     pub is_settled: bool,
@@ -22,7 +22,7 @@ pub struct Search {
 /// The parts, and memory for the search.
 pub struct Assembly {
     pub parts: Vec<LinkedPart>,
-    /// What each interface bears; empty where nothing acts.
+    /// Load on each interface; empty where nothing acts.
     loads: Vec<Borne>,
     /// A length against which shifts are measured, m.
     size: f64,
@@ -68,7 +68,7 @@ impl Assembly {
         }
     }
 
-    /// From now on the interfaces bear this.
+    /// Sets the loads on the interfaces.
     pub fn bear(&mut self, loads: impl Iterator<Item = Borne>) {
         self.loads.clear();
         self.loads.extend(loads);

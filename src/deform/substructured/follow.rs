@@ -17,9 +17,9 @@ const SHIFT: f64 = 0.15;
 const STRETCH: f64 = 0.2;
 const MOST_STEPS: f64 = 64.0;
 
-/// What moves interfaces with control elements, and memory for it.
+/// Motion of interfaces with control elements, and memory for it.
 pub struct Follower {
-    /// Of each interface the share of each control element in its motion.
+    /// Share of each control element in the motion of each interface.
     shares: Vec<Vec<f64>>,
     size: f64,
     motions: Vec<Vector6<f64>>,

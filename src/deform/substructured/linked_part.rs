@@ -8,10 +8,10 @@ use super::link::{EndFrame, ScrewSlopes, Twist, screw};
 use crate::deform::frames::FrameSlope;
 use nalgebra::{Matrix3, Vector3};
 
-/// What an end of a part is.
+/// An end of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartEnd {
-    /// To another part, by its number.
+    /// An interface to another part, by the interface's number.
     Interface(usize),
     /// A control element, by its number.
     Control(usize),
@@ -24,7 +24,7 @@ pub struct ControlState {
     pub stretch: [f64; 6],
 }
 
-/// Where all ends are.
+/// Frames of all ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Places {
     pub interfaces: Vec<EndFrame>,
@@ -44,9 +44,9 @@ impl Places {
 #[derive(Clone)]
 pub struct LinkedPart {
     pub ends: Vec<PartEnd>,
-    /// Where each other end rests from the first, m.
+    /// Place of each other end at rest, from the first, m.
     rest: Vec<Vector3<f64>>,
-    /// By how much warmth makes the part longer.
+    /// Thermal strain of the part.
     pub strain: f64,
     pub energy: PartEnergy,
     /// Coordinates: ω and d of each screw, then the stretches.

@@ -1,4 +1,4 @@
-//! How a part's ends share a force on it.
+//! Shares of a part's ends in a force on it.
 //!
 //! In: where the ends rest, and a place X. Out: the shares φ of the slots x and R of each end, N = Σ f φ and the three columns of
 //! Σ f ⊗ a. Between two ends a and b, d = b - a apart, X = a + t d + X⊥ goes as a beam's point does (Hermite's cubics):

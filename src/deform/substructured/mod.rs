@@ -1,11 +1,11 @@
 //! Method 3a of the paper's appendix: the body is cut into parts, each bends little, and between them large rotations are exact.
 //!
-//! Each part has Green's functions and a strain energy of its own ([`energy`]) in the screws between its ends: interfaces to
-//! other parts, and control elements ([`link`], [`linked_part`]). For every pose the frames of the interfaces go to where the
-//! sum V of all parts' energies is least ([`equilibrium`], [`follow`]); there ∂V by the control elements is the whole derivative
-//! (envelope theorem), so that forces and moments are in equilibrium. [`shape`] makes the surface. Loads and forces at points act on
-//! the ends of the part that they are on ([`loads`]); what they bend the part by between these is left out. Warmth lengthens parts
-//! at rest.
+//! Each part has its own Green's functions and strain energy ([`energy`]) in the screws between its ends: interfaces to other
+//! parts, and control elements ([`link`], [`linked_part`]). For every pose the frames of the interfaces go to where the sum V of
+//! all parts' energies is least ([`equilibrium`], [`follow`]); there ∂V by the control elements is the whole derivative (envelope
+//! theorem), so that forces and moments are in equilibrium. [`shape`] makes the surface. Loads and forces at points act on the
+//! ends of the part that they are on ([`loads`]); what they bend the part by between these is left out. Warmth lengthens parts at
+//! rest.
 
 mod energy;
 mod equilibrium;
@@ -60,7 +60,7 @@ pub struct Substructured {
     poses: Vec<ControlPose>,
     is_defined: bool,
     search: Search,
-    /// Of the last that was settled, J.
+    /// Energy of the last poses that were settled, J.
     energy: f64,
     /// The turns that the next poses continue.
     turns: Vec<UnitQuaternion<f64>>,
@@ -72,7 +72,7 @@ pub struct Substructured {
 const NO_TURN: FrameSlope =
     FrameSlope { force: Vector3::new(0.0, 0.0, 0.0), torque: Vector3::new(0.0, 0.0, 0.0), stretch: NOTHING };
 const NOTHING: Matrix3<f64> = Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-/// How much finer the steps are of a second try.
+/// Factor by which the steps of a second try are finer.
 const FINER: f64 = 4.0;
 
 impl Substructured {
@@ -184,7 +184,7 @@ impl Substructured {
         self.assembly.parts.iter_mut().for_each(|part| part.strain = strain);
     }
 
-    /// What the frames of control elements bear beside what these hold; empty where nothing acts.
+    /// Loads on the frames of control elements beside the wrenches that hold these; empty where nothing acts.
     fn on_controls(&self) -> impl Iterator<Item = Borne> + '_ {
         let slots = self.loads.as_ref().filter(|loads| !loads.is_none()).map_or(&[][..], Lumped::slots);
         slots.chunks_exact(SLOTS).skip(self.rest.interfaces.len()).map(Borne::of_slots)

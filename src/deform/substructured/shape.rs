@@ -39,7 +39,7 @@ pub struct PartShape {
 }
 
 impl PartShape {
-    /// From what is stored, the origins of the part's ends, the surface at rest and the body's size.
+    /// The shape of a stored part, by the origins of its ends, the surface at rest and the body's size.
     pub fn new(stored: &StoredPart, origins: &[Vector3<f64>], rest: &[[f32; 3]], size: f64) -> PartShape {
         let centre = match origins {
             [a, b] => (a + b) * 0.5,

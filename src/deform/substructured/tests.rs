@@ -1,4 +1,4 @@
-//! The whole model on small beams: against static equilibrium, the linear theory, differences of its own energy.
+//! The whole model on small beams: against static equilibrium, the linear theory and differences of the model's energy.
 
 use super::Substructured;
 use crate::deform::{ControlPose, ControlRest, DeformationModel, ModelInput, PoseSlope, Statics, axial};
@@ -268,8 +268,8 @@ fn branched_bodies_have_parts_with_three_ends() {
     }
 }
 
-/// Its first solution took the singular values of an empty matrix. Static equilibrium leaves what hangs there unstrained too, and
-/// a rigid motion of all carries it along.
+/// The first solution of such a part took the singular values of an empty matrix. Static equilibrium leaves what hangs there
+/// unstrained too, and a rigid motion of all carries it along.
 #[test]
 fn a_part_that_hangs_on_one_interface_has_no_coordinates() {
     let text = "[body.a]\n\

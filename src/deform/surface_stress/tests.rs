@@ -1,4 +1,4 @@
-//! Against closed forms: uniform extension, pure bending, the pressed tube of Lamé, two materials side by side.
+//! Stresses against closed forms: uniform extension, pure bending, the pressed tube of Lamé, two materials side by side.
 
 use super::*;
 use crate::fem::{COROTATIONAL, NEO_HOOKEAN, STVK, hooke_at_free_face};
@@ -28,7 +28,7 @@ impl Shape {
         self.mesh.nodes[self.surface.nodes[i] as usize]
     }
 
-    /// With what `held` says of a place held, the field `u` of places.
+    /// Stress of the field `u` of places, where the places for which `held` is true are held.
     fn stress(
         &self,
         lame: &[Lame],

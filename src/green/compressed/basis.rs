@@ -11,21 +11,22 @@ use crate::base::machine::{self, TooLarge};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
-/// Columns near a cluster's border matter most: the sum over all far columns is taken for that of so many.
+/// Number of columns for which the sum over all far columns is taken: those near a cluster's border matter most.
 const COLUMNS: f64 = 400.0;
 /// A basis of more fields than this part of its samples is not trusted.
 const TRUSTED: f64 = 0.6;
 
-/// What needs the memory, as a refusal names it.
+/// The purpose of the memory, as a refusal names it.
 pub const WHAT: &str = "the compressed compliance of the surface";
 
-/// What the heap takes for each byte in matrices of many sizes, measured as 1.05 to 1.1.
+/// Bytes that the heap takes for each byte in matrices of many sizes; measured as 1.05 to 1.1.
 pub const HEAP: f64 = 1.2;
 
-/// Of every cluster.
+/// The bases of all clusters.
 #[derive(Clone, Debug, Default)]
 pub struct Bases {
-    /// Of a leaf, over all components of its nodes, square; of another cluster, over the fields of its parts.
+    /// Basis of each cluster: of a leaf, over all components of its nodes, square; of another cluster, over the fields of its
+    /// parts.
     pub of: Vec<Mat<f64>>,
     /// The fields, in front, that represent a cluster where it is far away.
     pub ranks: Vec<usize>,
@@ -65,7 +66,7 @@ pub fn partners(tree: &Tree, blocks: &[Block]) -> Vec<Vec<usize>> {
     partners
 }
 
-/// What random forces do.
+/// Displacements by random forces.
 pub struct Samples {
     /// The leaves that each of them is on.
     pub leaves: Vec<Vec<usize>>,

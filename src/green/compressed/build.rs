@@ -28,13 +28,13 @@ type M3 = Matrix3<f64>;
 
 /// All blocks, as exact as the bases are.
 pub struct Built {
-    /// Of every leaf; of other clusters that of their first one.
+    /// Frame of every leaf; another cluster has that of its first one.
     pub frames: Vec<Frame>,
     pub bases: Bases,
-    /// In the order of the blocks: in the bases of both clusters.
+    /// Numbers of the blocks in the bases of both clusters, in the order of the blocks.
     pub near: Vec<Mat<f32>>,
     pub far: Vec<Mat<f64>>,
-    /// What of the error is allowed in a block, for an error of 1 of a pressed node's own displacement.
+    /// Tolerance of each block, for an error of 1 of a pressed node's own displacement.
     pub tolerances: Vec<f64>,
 }
 
@@ -56,7 +56,7 @@ impl From<TooLarge> for BuildError {
     }
 }
 
-/// What of the error is allowed in each block, for an error of 1 of a pressed node's own displacement.
+/// Tolerance of each block: the part of the error that is allowed in it, for an error of 1 of a pressed node's own displacement.
 pub fn tolerances(tree: &Tree, blocks: &[Block], frames: &[Frame]) -> Vec<f64> {
     let of_block = |block: &Block| {
         let spans = block.of.map(|cluster| spans(tree, frames, cluster));

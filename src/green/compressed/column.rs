@@ -1,4 +1,4 @@
-//! What a force at one node does to all nodes, from the blocks that its clusters are in.
+//! Displacements of all nodes by a force at one node, from the blocks that its clusters are in.
 //!
 //! In: [`Shape`], and blocks one by one. Out: displacements. A force at a node of the leaf t has the coefficients Q_tᵀ T_t f in
 //! its clusters, from the leaf to the root; each block turns them into coefficients of another cluster; and all these together
@@ -23,7 +23,7 @@ pub struct Shape {
     pub bases: Bases,
 }
 
-/// Those of the bodies of a file.
+/// The shapes of the bodies of a file.
 #[derive(Debug, Default)]
 pub struct Shapes(Mutex<BTreeMap<String, Arc<Shape>>>);
 
@@ -101,7 +101,7 @@ impl Shape {
         Ok(self.displacements(moved))
     }
 
-    /// Of all nodes, from the coefficients of every cluster.
+    /// Displacements of all nodes, from the coefficients of every cluster.
     pub fn displacements(&self, mut moved: Vec<Mat<f64>>) -> Vec<[[f64; 3]; 3]> {
         let Shape { tree, bases, .. } = self;
         let mut all = vec![[[0.0; 3]; 3]; tree.leaf_of.len()];

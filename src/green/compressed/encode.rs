@@ -30,13 +30,13 @@ const AIM: f64 = 0.4;
 /// Steps of rounding, in parts of the error of a block: where the trial begins, and how often it is halved or doubled.
 const FIRST: f64 = 0.5;
 const TRIALS: i32 = 8;
-/// A basis is rounded by so much finer steps than blocks.
+/// Factor by which the steps of a basis are finer than those of blocks.
 const FINER: f64 = 0.1;
-/// What the bases leave out, in parts of the error that is asked for, of a cluster's samples.
+/// Share of a cluster's samples that the bases may leave out, in parts of the error that is asked for.
 const LEFT_OUT: f64 = 0.04;
-/// How the bases are tightened where they leave out too much.
+/// Factors by which the bases are tightened where they leave out too much.
 const TIGHTNESS: [f64; 5] = [1.0, 2.5, 6.0, 15.0, 36.0];
-/// What they may leave out of the columns that were solved for, in parts of the error.
+/// Most that the bases may leave out of the columns that were solved for, in parts of the error.
 const SEEN: f64 = 0.15;
 
 type M3 = Matrix3<f64>;
@@ -53,12 +53,12 @@ pub struct Compressed {
     /// The blocks, one after the other, and where each ends.
     pub values: Vec<u8>,
     pub ends: Vec<u64>,
-    /// What was measured, at so many nodes.
+    /// Measured error, and the number of nodes at which it was measured.
     pub error: f64,
     pub measured: usize,
 }
 
-/// Why there is none.
+/// The reason why there is no compressed compliance.
 #[derive(Debug)]
 pub enum Trial {
     Build(BuildError),
@@ -93,7 +93,7 @@ pub fn compress(of: &Surface<'_>, error: f64, progress: &dyn Progress) -> Result
 }
 
 /// The first bases, from `first` of [`TIGHTNESS`] on, that leave out little enough of the columns that were solved for: else the
-/// last ones. Which they are is told too.
+/// last ones; with their index in [`TIGHTNESS`].
 fn fine_enough(
     of: &Surface<'_>,
     frames: &[Frame],
@@ -124,7 +124,7 @@ fn fine_enough(
     }
 }
 
-/// What the bases of each cluster may leave out: the least of what all blocks with it, or with what it is a part of, allow.
+/// Tolerance of the bases of each cluster: the least of what all blocks with it, or with what it is a part of, allow.
 fn of_clusters(of: &Surface<'_>, of_blocks: &[f64], by: f64) -> Vec<f64> {
     let Surface { tree, blocks, .. } = *of;
     let mut tolerance = vec![f64::INFINITY; tree.clusters.len()];
@@ -140,18 +140,18 @@ fn of_clusters(of: &Surface<'_>, of_blocks: &[f64], by: f64) -> Vec<f64> {
 
 /// Steps of everything.
 struct Steps {
-    /// In front of every basis' columns, powers of two.
+    /// Exponents of the powers of two in front of every basis' columns.
     exponents: Vec<Vec<i8>>,
     bases: Vec<f64>,
     blocks: Vec<f64>,
 }
 
-/// What was built, block by block.
+/// The numbers of the blocks that were built.
 struct Numbers<'a> {
     built: &'a Built,
     tree: &'a Tree,
     blocks: &'a [Block],
-    /// Where each block stands among those near or far.
+    /// Place of each block among those near or far.
     at: Vec<usize>,
 }
 

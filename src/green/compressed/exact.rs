@@ -14,7 +14,7 @@ use rayon::prelude::*;
 pub const MEASURED: usize = 64;
 
 type M3 = Matrix3<f64>;
-/// Of one column: `[node][axis][force]`.
+/// One column: `[node][axis][force]`.
 type Column = [[[f64; 3]; 3]];
 /// A column for a place, beside the exact one.
 type Found<'a> = &'a (dyn Fn(usize, &Column) -> Vec<[[f64; 3]; 3]> + Sync);
@@ -22,7 +22,7 @@ type Found<'a> = &'a (dyn Fn(usize, &Column) -> Vec<[[f64; 3]; 3]> + Sync);
 /// Columns that were solved for.
 pub struct Exact {
     pub places: Vec<usize>,
-    /// Of each: `[node][axis][force]`.
+    /// The column of each place: `[node][axis][force]`.
     columns: Vec<Vec<[[f64; 3]; 3]>>,
 }
 

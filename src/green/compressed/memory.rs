@@ -1,4 +1,4 @@
-//! What the compression takes, told before each of its two steps: the bases, and the blocks.
+//! Memory of the compression, estimated before each of its two steps: the bases, and the blocks.
 //!
 //! In: a surface, and its bases where they are known. Out: bytes beside what is there already.
 
@@ -8,8 +8,8 @@ use super::samples;
 use super::surface::{Surface, TOGETHER};
 use super::tree::{Block, Tree};
 
-/// Of the columns to compare with, of the samples, and of what the leaves see of these at most. Each thread has the rows of a
-/// leaf twice in f64. Of the clusters above, [`super::basis::bases`] tells level by level, when the ranks below are known.
+/// Bytes of the columns to compare with, of the samples, and of the leaves' rows of these at most. Each thread has the rows of a
+/// leaf twice in f64. The clusters above are counted by [`super::basis::bases`] level by level, when the ranks below are known.
 pub fn of_bases(of: &Surface<'_>) -> f64 {
     let Surface { factor, tree, .. } = *of;
     let size = 3.0 * of.nodes.len() as f64;
@@ -25,8 +25,8 @@ pub fn of_bases(of: &Surface<'_>) -> f64 {
     HEAP * (exact + far + 4.0 * size * count + solves.max(4.0 * size * count + work + bases))
 }
 
-/// Of the blocks, and of more: the strips of the inverse with what every cluster sees of one; or the bases and the bytes as they
-/// are rounded.
+/// Bytes of the blocks, and the larger of two more: the strips of the inverse with every cluster's coefficients of one; or the
+/// bases and the bytes as they are rounded.
 pub fn of_blocks(of: &Surface<'_>, bases: &Bases) -> f64 {
     let Surface { factor, tree, blocks, .. } = *of;
     let numbers = |is_far: bool| -> f64 {
@@ -47,7 +47,7 @@ pub fn of_blocks(of: &Surface<'_>, bases: &Bases) -> f64 {
     HEAP * (4.0 * near + 8.0 * far + strips.max(rounded))
 }
 
-/// Of the bases.
+/// Bytes of the bases.
 fn bytes(tree: &Tree, bases: &Bases) -> f64 {
     (0..tree.clusters.len())
         .map(|cluster| 8.0 * (bases.of[cluster].nrows() * bases.of[cluster].ncols()) as f64)

@@ -12,7 +12,7 @@ use faer::{Mat, MatRef};
 
 const TILE: usize = 8;
 const HEAD: usize = 8;
-/// Of a number, beyond which it is no longer told apart from its neighbours.
+/// Most bits of a number: with more it could not be distinguished from its neighbours.
 const MOST: u8 = 50;
 
 /// Numbers of the largest matrix that is read.
@@ -29,7 +29,7 @@ pub fn rounded(matrix: MatRef<'_, f64>, step: f64) -> Mat<f64> {
     Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| (matrix[(i, j)] / step).round() * step)
 }
 
-/// Where each tile stands: rows and columns.
+/// Rows and columns of each tile.
 fn tiles(rows: usize, columns: usize) -> impl Iterator<Item = [std::ops::Range<usize>; 2]> {
     let across = move |row: usize| {
         let part = move |column: usize| [row..rows.min(row + TILE), column..columns.min(column + TILE)];

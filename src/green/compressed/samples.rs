@@ -1,4 +1,4 @@
-//! What random forces do, from which the bases are made.
+//! Displacements by random forces, from which the bases are made.
 //!
 //! In: a surface and its frames. Out: [`Samples`], in f32.
 
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const SAMPLES: usize = 1536;
 const SAMPLES_OF_LEAF: usize = 24;
 
-/// How many samples are made.
+/// Number of samples.
 pub fn count(tree: &Tree) -> usize {
     (SAMPLES_OF_LEAF * tree.leaves().count()).min(SAMPLES)
 }
@@ -28,7 +28,7 @@ fn random(state: &mut u64) -> f64 {
     12f64.sqrt() * (unit - 0.5)
 }
 
-/// Some of so many, different ones, from `count` on the first.
+/// `count` different numbers below `all`, chosen at random from `seed`, ascending; all where there are no more.
 pub fn some(all: usize, count: usize, seed: u64) -> Vec<usize> {
     let mut state = seed;
     let mut numbers: Vec<(f64, usize)> = (0..all).map(|i| (random(&mut state), i)).collect();
@@ -38,8 +38,8 @@ pub fn some(all: usize, count: usize, seed: u64) -> Vec<usize> {
     chosen
 }
 
-/// What random forces do to the whole surface. Every second sample has them on one leaf, for clusters that are far from few
-/// leaves; the others on 2, 4, 8 and so on, which tell the more, the more leaves are far.
+/// Displacements of the whole surface by random forces. Every second sample has them on one leaf, for clusters that are far from
+/// few leaves; the others on 2, 4, 8 and so on, which matter more, the more leaves are far.
 pub fn samples(of: &Surface<'_>, frames: &[Frame], progress: &dyn Progress) -> Result<Samples, SolveError> {
     let tree = of.tree;
     let leaves: Vec<usize> = tree.leaves().collect();

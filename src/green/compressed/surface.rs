@@ -1,4 +1,4 @@
-//! Where a surface is compressed, and the frames in which a force moves the node under it by about 1.
+//! The surface that is compressed, and the frames in which a force moves the node under it by about 1.
 
 use super::tree::{Block, Tree};
 use crate::fem::NodeFields;
@@ -10,7 +10,7 @@ pub const TOGETHER: usize = 48;
 
 type M3 = Matrix3<f64>;
 
-/// Where a surface is compressed.
+/// The surface that is compressed, and the factor that solves for its columns.
 pub struct Surface<'a> {
     pub factor: &'a dyn Factor,
     /// The nodes of A, in the order of the tree; those in front take forces.
@@ -82,7 +82,7 @@ pub fn frames(of: &Surface<'_>, progress: &dyn Progress) -> Result<Vec<Frame>, S
     Ok(frames)
 }
 
-/// What unit forces at these places do from a place on.
+/// Displacements by unit forces at these places, at all places from `from` on.
 pub fn unit_columns(of: &Surface<'_>, places: &[usize], from: usize) -> Result<NodeFields, SolveError> {
     let nodes: Vec<u32> = places.iter().map(|&place| of.nodes[place]).collect();
     let mut unit = NodeFields::zeros(nodes.len(), 3 * nodes.len());

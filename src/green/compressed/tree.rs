@@ -26,7 +26,7 @@ pub struct Cluster {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tree {
     pub clusters: Vec<Cluster>,
-    /// Of every node.
+    /// Leaf of every node.
     pub leaf_of: Vec<usize>,
 }
 
@@ -38,7 +38,7 @@ pub struct Block {
 }
 
 impl Tree {
-    /// Of m nodes of which the n in front take forces. It depends on these numbers alone.
+    /// The tree of m nodes of which the n in front take forces. It depends on these numbers alone.
     pub fn new(n: usize, m: usize) -> Tree {
         let mut tree = Tree { clusters: Vec::new(), leaf_of: vec![0; m] };
         tree.add(0..n, None);

@@ -174,7 +174,7 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)]
 }
 
-/// How many nodes take forces, and how many the order names; the error says why they are none of the surface.
+/// Number of nodes that take forces, and of nodes that the order names; the error says why they are none of the surface.
 pub(super) fn check_order(file: &GreenFile, order: &str, body: &BodyMeta) -> Result<[usize; 2], String> {
     let m = file.count(order);
     file.expect(order, Dtype::U32, &[m])?;
@@ -201,15 +201,15 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
 /// The free nodes of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Order<'a> {
-    /// Among all nodes of the surface, …
+    /// Indices among all nodes of the surface, …
     pub nodes: &'a [u32],
-    /// … so many of which, in front, take forces.
+    /// … the first n of which take forces.
     pub n: usize,
     pub surface_nodes: usize,
 }
 
 impl<'a> Order<'a> {
-    /// As the tensor of a body has it.
+    /// The order as the tensor of a body has it.
     pub fn of(file: &'a GreenFile, tensor: &str, body: &BodyMeta) -> Option<Order<'a>> {
         let (nodes, surface_nodes) = (file.slice(tensor), body.surface_nodes);
         Some(Order { nodes, n: body.compliance_nodes?, surface_nodes })
@@ -223,13 +223,13 @@ impl<'a> Order<'a> {
         (all, n)
     }
 
-    /// Where each node of the surface stands that takes forces.
+    /// Place of each node of the surface that takes forces.
     pub fn places(&self) -> BTreeMap<u32, usize> {
         self.nodes[..self.n].iter().copied().zip(0..).collect()
     }
 
-    /// Over the whole surface, from the numbers of the j-th of these nodes along an axis for a force along another; nodes of
-    /// control elements stay.
+    /// Displacements of the whole surface, from the numbers of the j-th of these nodes along an axis for a force along another;
+    /// nodes of control elements stay.
     pub fn spread(&self, number: impl Fn(usize, usize, usize) -> f32) -> Yield {
         let mut all = vec![[[0.0; 3]; 3]; self.surface_nodes];
         for (j, &node) in self.nodes.iter().enumerate() {
@@ -242,7 +242,7 @@ impl<'a> Order<'a> {
 /// The tiles, read where they lie.
 pub struct Tiles<'a> {
     file: &'a GreenFile,
-    /// Of the values.
+    /// Tensor of the values.
     tensor: String,
     layout: TileLayout,
     pub(super) order: Order<'a>,
@@ -250,7 +250,7 @@ pub struct Tiles<'a> {
 }
 
 impl<'a> Tiles<'a> {
-    /// Of a body with this family.
+    /// The tiles of a body with this family.
     pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<Tiles<'a>> {
         let order = Order::of(file, &format!("{body}/{ORDER}"), meta)?;
         let layout = TileLayout { n: order.n, m: order.nodes.len() };

@@ -179,7 +179,7 @@ fn shape(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<Shape, String>
 /// The compressed compliance of a body, read where it lies.
 pub struct CompressedColumns<'a> {
     file: &'a GreenFile,
-    /// Of the values.
+    /// Tensor of the values.
     tensor: String,
     pub(super) order: Order<'a>,
     shape: Arc<Shape>,
@@ -188,7 +188,7 @@ pub struct CompressedColumns<'a> {
 }
 
 impl<'a> CompressedColumns<'a> {
-    /// Of a body with this family.
+    /// The compliance of a body with this family.
     pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<CompressedColumns<'a>> {
         let own = |tensor: &str| format!("{body}/{tensor}");
         Some(CompressedColumns {
@@ -207,7 +207,7 @@ impl<'a> CompressedColumns<'a> {
         Ok(self.order.spread(|j, axis, force| column[9 * j + 3 * axis + force]))
     }
 
-    /// Of one column, node after node of the order.
+    /// The numbers of one column, node after node of the order.
     fn numbers(&self, place: usize) -> Result<Vec<f32>, GreenError> {
         let touched: Vec<usize> = self.shape.touched(place);
         let read: Result<BTreeMap<usize, Mat<f64>>, GreenError> =

@@ -46,7 +46,7 @@ const ORDER: &str = "kept_factor/order";
 const SUPERNODES: &str = "kept_factor/supernodes";
 const ROWS: &str = "kept_factor/rows";
 const PLACES: &str = "kept_factor/places";
-/// Of a changed body, what is added to its columns.
+/// Tensors of a changed body, with the terms that are added to its columns.
 const FIELDS: &str = "kept_factor/fields";
 const BETWEEN: &str = "kept_factor/between";
 /// Bytes that are read and hashed at once.
@@ -119,10 +119,10 @@ pub struct KeptColumns<'a> {
     change: Option<Change<'a>>,
 }
 
-/// What is added to the columns of the body in another file: W M Wᵀ.
+/// Terms that are added to the columns of the body in another file: W M Wᵀ.
 struct Change<'a> {
     base: &'a GreenFile,
-    /// Columns of W in `all`, which has so many rows.
+    /// Columns of W in `all`, which has `rows` rows.
     fields: &'a [u32],
     all: &'a [f64],
     rows: usize,
@@ -158,7 +158,7 @@ impl Change<'_> {
 }
 
 impl<'a> KeptColumns<'a> {
-    /// Of a body with this family.
+    /// The compliance of a body with this family.
     pub(super) fn of(file: &'a GreenFile, body: &'a str, meta: &BodyMeta) -> Option<KeptColumns<'a>> {
         let own = |tensor: &str| format!("{body}/{tensor}");
         let order = Order::of(file, &own(ORDER), meta)?;

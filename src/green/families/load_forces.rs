@@ -5,7 +5,7 @@
 //! ```text
 //! load_forces/places   3 × N     where a node rests, m about the file's centre
 //! load_forces/held     1 × N     0, or one more than the number of the control element that holds it
-//! load_forces/forces   3 N × K   0 of warmth, which such a model has as a change of its own lengths
+//! load_forces/forces   3 N × K   0 for warmth, by which such a model changes its lengths
 //! ```
 
 use super::super::error::GreenError;
@@ -53,7 +53,8 @@ pub struct LoadForces {
 }
 
 impl LoadForces {
-    /// From the tables of a body with so many control elements and columns of loads; the error names the first fault.
+    /// The forces from the tables of a body with `control_elements` control elements and `columns` columns of loads; the error
+    /// names the first fault.
     pub fn of(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         control_elements: usize,

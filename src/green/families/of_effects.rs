@@ -61,7 +61,7 @@ impl GreenFile {
         self.effects_with_columns(body).into_iter().try_for_each(check)
     }
 
-    /// Where the coefficients of an effect's columns stand among those of all effects of the body.
+    /// Range of an effect's coefficients among those of all effects of the body.
     pub fn range_of_effect(&self, body: &str, effect: &str) -> Range<usize> {
         let mut start = 0;
         for (name, count) in self.effects_with_columns(body) {

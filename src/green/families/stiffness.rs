@@ -52,7 +52,7 @@ fn compute(
     Ok(())
 }
 
-/// How far the reactions' work Φᵀ f_b is from symmetric, relative to its largest number.
+/// Asymmetry of the reactions' work Φᵀ f_b, relative to its largest number.
 fn reciprocity(k: &StiffnessMatrix, partition: &Partition, fields: &NodeFields) -> f64 {
     let reaction = partition.reaction(k, fields);
     let m = fields.columns;

@@ -16,7 +16,7 @@ pub fn write(body: &Precomputed, name: &str) -> Vec<(String, Tensor)> {
     body.solution.tables.get(name).map(|table| (name.to_owned(), tensor(table))).into_iter().collect()
 }
 
-/// Table `name` of a body, of so many rows and columns of finite numbers; the error names the first fault.
+/// Table `name` of a body, of `rows` × `columns` finite numbers; the error names the first fault.
 pub fn check(
     file: &GreenFile,
     body: &str,

@@ -1,7 +1,7 @@
-//! How the compliance of a surface is laid out in tiles: the upper half of a symmetric matrix, stored once.
+//! Layout of the compliance of a surface in tiles: the upper half of a symmetric matrix, stored once.
 //!
-//! In: how many of m nodes take forces. Out: where each number stands, tile after tile as [`super::compliance`] draws them, and the
-//! hash of every tile.
+//! In: the number of nodes, m, and of those that take forces, n. Out: the place of each number, tile after tile as
+//! [`super::compliance`] draws them, and the hash of every tile.
 
 use super::super::tensor::Tensor;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ pub(super) const HASH: usize = blake3::OUT_LEN;
 /// Nodes of a block of rows, and of a tile's side.
 pub(super) const BLOCK: usize = 32;
 
-/// Where the numbers of m nodes stand, of which the first n take forces.
+/// Layout of the numbers of m nodes, of which the first n take forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TileLayout {
     pub n: usize,
@@ -21,7 +21,7 @@ pub(super) struct TileLayout {
 }
 
 impl TileLayout {
-    /// Where block `block` begins.
+    /// Place of the first number of block `block`.
     fn start(&self, block: usize) -> usize {
         // Each of the blocks before it has 32 rows.
         let before = BLOCK * block;
@@ -39,7 +39,7 @@ impl TileLayout {
         4 * self.len()
     }
 
-    /// Where row 3·`i` + `axis` of node `i` < n holds node `j`, which is of its block or behind it.
+    /// Place of the numbers of node `j` in row 3·`i` + `axis` of node `i` < n; `j` is of its block or behind it.
     pub fn at(&self, i: usize, axis: usize, j: usize) -> usize {
         let tile = self.tile(i / BLOCK, j / BLOCK);
         let [_, columns] = self.sides(i / BLOCK, j / BLOCK);
@@ -58,7 +58,7 @@ impl TileLayout {
         start..start + rows * columns
     }
 
-    /// Which of all tiles it is.
+    /// Number of a tile among all.
     pub fn number(&self, block: usize, other: usize) -> usize {
         let across = self.m.div_ceil(BLOCK);
         block * across - block * block.saturating_sub(1) / 2 + other - block

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
 
-/// At a point of a face, N/m² for 1 of the pattern's unit.
+/// Traction at a point of a face, N/m² for 1 of the pattern's unit.
 type Traction = Box<dyn Fn(&FacePoint) -> V3>;
 
 /// A field's vector at a point of a face, or why there is none.
@@ -56,7 +56,7 @@ impl Tractions {
         self.columns.iter().map(|column| traction(mesh, &self.faces, column)).collect()
     }
 
-    /// At the middle of every triangle of `surface`, that of `mesh`, for each column; zero beside the faces.
+    /// Tractions at the middle of every triangle of `surface`, that of `mesh`, for each column; zero beside the faces.
     pub fn at_triangles(&self, mesh: &TetMesh, surface: &Surface) -> Vec<Vec<V3>> {
         let of_face = if mesh.mids.is_empty() { 1 } else { 4 };
         let triangles = || self.numbers.iter().flat_map(|face| of_face * face..of_face * (face + 1));
@@ -135,8 +135,8 @@ fn vectors(mesh: &TetMesh, faces: &[Vec<u32>], field: DirectionField) -> VectorA
     Box::new(move |at| Ok(at.nodes.iter().zip(at.shapes).map(|(node, shape)| known[node] * *shape).sum()))
 }
 
-/// The vectors at the nodes of the faces; that between two corners is their mean where the field has none of its own. `None`
-/// where it lacks one of a corner.
+/// The vectors at the nodes of the faces; a node between two corners that the field does not give takes their mean. `None` where
+/// the field lacks one of a corner.
 fn at_nodes(mesh: &TetMesh, faces: &[Vec<u32>], field: &DirectionField) -> Option<BTreeMap<u32, V3>> {
     let own = |node: u32| field.just_at(&mesh.nodes[node as usize]);
     let mut known = BTreeMap::new();

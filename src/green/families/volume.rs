@@ -65,7 +65,7 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// From the tables of a body with so many control elements; the error names the first fault.
+    /// The volume from the tables of a body with `control_elements` control elements; the error names the first fault.
     pub fn of(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         control_elements: usize,

@@ -1,4 +1,4 @@
-//! How the surface of a body yields to forces at its single nodes, in the way in which its file has that.
+//! Compliance of the surface of a body under forces at its single nodes, in the way in which its file has it.
 //!
 //! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
 
@@ -30,13 +30,13 @@ impl Compliance<'_> {
         }
     }
 
-    /// Where each node of the surface stands that takes forces.
+    /// Place of each node of the surface that takes forces.
     pub fn places(&self) -> BTreeMap<u32, usize> {
         self.order().places()
     }
 
-    /// What a force at the node at `place` does to the whole surface; nodes of control elements stay. Errors where what is read
-    /// from the file is not what was written.
+    /// Displacements of the whole surface by a force at the node at `place`; nodes of control elements stay. Errors where the
+    /// bytes that are read from the file are not those that were written.
     pub fn column(&self, place: usize) -> Result<Yield, GreenError> {
         match self {
             Compliance::Tiles(tiles) => tiles.column(place),
@@ -47,7 +47,7 @@ impl Compliance<'_> {
         }
     }
 
-    /// How many nodes take forces after a change by which so many of the surface are held no more.
+    /// Number of nodes that take forces after a change by which the nodes `freed` of the surface are held no more.
     pub fn taking(&self, freed: &[u32]) -> usize {
         self.order().with(freed).1
     }
@@ -72,7 +72,7 @@ impl Compliance<'_> {
 }
 
 impl GreenFile {
-    /// How the surface of a body yields, where the scene asked for it.
+    /// The compliance of a body's surface, where the scene asked for it.
     pub fn compliance(&self, body: &str) -> Option<Compliance<'_>> {
         let (body, meta) = self.meta.bodies.get_key_value(body)?;
         if meta.requirements.has(KEPT_FACTOR) {

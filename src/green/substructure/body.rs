@@ -31,7 +31,7 @@ pub struct Body<'a> {
 /// An end of a solved part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Joint {
-    /// To another part, by its number among those that are used.
+    /// An interface to another part, by the interface's number among those that are used.
     Interface(usize),
     Control(usize),
 }
@@ -87,9 +87,10 @@ pub fn suits(element: &'static Element) -> Result<(), BodyError> {
 
 /// Pairs of coordinates grow with their square, and the fourth-order term with the square of that.
 const MOST_COORDINATES: usize = 30;
-/// How far what surrounds a part goes, in the root mean square radius of the interface.
+/// Extent of a part's surroundings, in the root mean square radius of the interface.
 const MARGIN: f64 = 1.75;
-/// Where two parts share nodes: so far from the interface, in parts of the margin and of the shortest way between two ends.
+/// Distance from an interface within which two parts share nodes, in parts of the margin and of the shortest way between two
+/// ends.
 const SHARED: [f64; 2] = [0.5, 0.15];
 
 /// An interface that holds a frame.
@@ -326,13 +327,13 @@ impl Surroundings {
     }
 }
 
-/// Where a part's fields lie in the mesh.
+/// Places of a part's fields in the mesh.
 struct Placed {
     /// Ascending mesh nodes of the fields.
     nodes: Vec<u32>,
-    /// Of the part itself, in any order.
+    /// Nodes of the part itself, in any order.
     own: Vec<u32>,
-    /// Its interfaces, and how far from each the nodes beyond are.
+    /// Interfaces of the part, and the distances from each of the nodes beyond.
     sides: Vec<(usize, Vec<f64>)>,
 }
 

@@ -17,13 +17,13 @@ use std::collections::BTreeMap;
 /// Parts of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
-    /// Of every tetrahedron.
+    /// Part of every tetrahedron.
     pub part: Vec<usize>,
     pub parts: usize,
     pub interfaces: Vec<Interface>,
 }
 
-/// Where two parts meet.
+/// The nodes in which two parts meet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interface {
     pub parts: [usize; 2],

@@ -1,8 +1,8 @@
-//! A body cut into parts, each with Green's functions and an energy of its own.
+//! Parts into which a body is cut, each with its own Green's functions and energy.
 //!
-//! In: mesh, materials, control elements, the scene's key `parts`. Out: what the model `substructured` is made from.
-//! [`cut()`] finds the parts, [`solve`] solves each with what surrounds it, and shares the
-//! surface among them; [`tables`] keeps them for the .green file.
+//! In: mesh, materials, control elements, the scene's key `parts`. Out: the tables from which the model `substructured` is made.
+//! [`cut()`] finds the parts, [`solve`] solves each with its surroundings, and shares the surface among them; [`tables`] keeps
+//! them for the .green file.
 
 mod body;
 mod cut;

@@ -26,7 +26,7 @@ use crate::fem::{NodeFields, Partition, StiffnessMatrix};
 use crate::solve::{Progress, SolveError, Solver};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// What holds one end of a part.
+/// An end of a part: the nodes that hold it.
 pub struct End {
     /// Nodes of the domain that the frame is fitted to, or the control element's; centroid of the interface, or the
     /// control element's origin.
@@ -47,14 +47,14 @@ pub struct Domain<'a> {
     pub ends: &'a [End],
 }
 
-/// How an end moves.
+/// Motion of an end.
 struct Motion {
     turn: Vector3<f64>,
     slide: Vector3<f64>,
     stretch: Matrix3<f64>,
 }
 
-/// What is known of a part; columns are coordinates y, or pairs (i ≤ j) of them in the order of [`pairs`].
+/// Solution of a part; columns are coordinates y, or pairs (i ≤ j) of them in the order of [`pairs`].
 pub struct PartSolution {
     pub stiffness: DMatrix<f64>,
     /// Z, a row for each coordinate, a column for each pair.
@@ -101,7 +101,7 @@ impl Domain<'_> {
         6 * self.ends.len().saturating_sub(1)
     }
 
-    /// Where the pole of two ends is: midway; of more, at the first.
+    /// The pole: midway between two ends; of more, at the first.
     fn pole(&self, origin: impl Fn(&End) -> Vector3<f64>) -> Vector3<f64> {
         match self.ends {
             [a, b] => (origin(a) + origin(b)) * 0.5,
@@ -110,7 +110,7 @@ impl Domain<'_> {
         }
     }
 
-    /// Of each end the turn, slide and stretch at y.
+    /// Turn, slide and stretch of each end at y.
     fn motions(&self, y: &[f64]) -> Vec<Motion> {
         let links = self.ends.len().saturating_sub(1);
         let mut stretches = y[6 * links..].chunks_exact(6);

@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 /// A value's part of first order, and that of second.
 pub type Orders = [Vector3<f64>; 2];
 
-/// How a frame has moved: R = exp ŵ, and its place by t.
+/// Motion of a frame: R = exp ŵ, and its place by t.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameSeries {
     pub turn: Orders,
@@ -87,7 +87,7 @@ impl FrameSeries {
     }
 }
 
-/// What fits a frame to moved points: their offsets y from their centroid at rest, and (tr J I - J)⁻¹ of J = Σ y yᵀ.
+/// Fit of a frame to moved points: their offsets y from their centroid at rest, and (tr J I - J)⁻¹ of J = Σ y yᵀ.
 #[derive(Clone, Debug)]
 pub struct FrameFit {
     offsets: Vec<Vector3<f64>>,

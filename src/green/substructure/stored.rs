@@ -18,7 +18,7 @@ pub const ENDS: &str = "substructures/ends";
 pub const ENERGY: &str = "substructures/energy";
 pub const SHARES: &str = "substructures/shares";
 pub const FIELDS: &str = "substructures/fields";
-/// All of them.
+/// Names of all tables.
 pub const TABLES: [&str; 5] = [INTERFACES, ENDS, ENERGY, SHARES, FIELDS];
 
 /// A part as it is stored.
@@ -86,7 +86,8 @@ pub fn tables(body: &SolvedBody, centre: &Vector3<f64>) -> BTreeMap<&'static str
 }
 
 impl StoredParts {
-    /// From the tables of a body with so many control elements and surface nodes; the error names the first fault.
+    /// Reads the parts from the tables of a body with `controls` control elements and `surface_nodes` surface nodes; the error
+    /// names the first fault.
     pub fn read(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         controls: usize,
@@ -192,7 +193,7 @@ fn read_shares(
 mod tests {
     use super::*;
 
-    /// What a damaged file might hold is refused, not computed with.
+    /// Contents that a damaged file might hold are refused, not computed with.
     #[test]
     fn damaged_tables_are_refused() {
         let [m, of_pairs, of_screws] = sizes(&[Joint::Control(0), Joint::Interface(0)]);

@@ -11,7 +11,7 @@ pub struct StrainPoint {
     /// m³.
     pub volume: f64,
     pub lame: Lame,
-    /// Of the part itself, not of what surrounds it.
+    /// Whether it belongs to the part itself, not to the surroundings.
     pub is_own: bool,
 }
 
@@ -37,7 +37,7 @@ pub fn gradients(point: &StrainPoint, fields: &NodeFields) -> Vec<Matrix3<f64>> 
     h
 }
 
-/// Of one point: stresses and strains of second order, a column for each pair, then H_iσ_j + H_jσ_i and ∇w.
+/// Rows of one point: stresses and strains of second order, a column for each pair, then H_iσ_j + H_jσ_i and ∇w.
 pub struct QuarticRows {
     left: DMatrix<f64>,
     right: DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! Where a body is to be held and where it is to be pulled if nothing says so: at two ends.
+//! Ends of a body: where it is to be held and where it is to be pulled if the user names nothing.
 //!
 //! In: a mesh. Out: two selections of nodes. A long body has its ends along the axis of least inertia, a body that fills
 //! its box at the far faces of it; any other, such as an organ, where two points of its surface are furthest apart through
@@ -37,10 +37,10 @@ const ALIGNED: f64 = 0.985;
 const ALONG: f64 = 0.08;
 const THROUGH: f64 = 0.12;
 const DEEPEST: f64 = 0.35;
-/// An end holds so many nodes at least, unless it would be deeper than the last depth.
+/// Least number of nodes of an end, unless it would be deeper than the last depth.
 const FEWEST: usize = 12;
 
-/// The ends of a body; `None` where no two can be told apart, as in a mesh of a few tetrahedra.
+/// The ends of a body; `None` where no two can be distinguished, as in a mesh of a few tetrahedra.
 pub fn find(mesh: &TetMesh) -> Option<Ends> {
     let shape = Shape::of(mesh);
     let surface = Surface::of(mesh);
@@ -65,7 +65,7 @@ pub fn length(mesh: &TetMesh) -> f64 {
     high - low
 }
 
-/// Of a body of uniform density: deviations along its principal axes, the greatest first.
+/// Shape of a body of uniform density: deviations along its principal axes, the greatest first.
 struct Shape {
     axes: [Vector3<f64>; 3],
     deviations: [f64; 3],
@@ -123,7 +123,7 @@ impl Shape {
     }
 }
 
-/// The same line, pointing along the coordinate axis that it is nearest to.
+/// Turns a line round where it points against the coordinate axis that it is nearest to.
 fn upward(axis: Vector3<f64>) -> Vector3<f64> {
     if axis[axis.iamax()] < 0.0 { -axis } else { axis }
 }
@@ -133,7 +133,7 @@ fn span(mesh: &TetMesh, axis: &Vector3<f64>) -> (f64, f64) {
     along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// Where the end lies towards which `axis` points: "right", "top", "front" or their opposites.
+/// Name of the end towards which `axis` points: "right", "top", "front" or their opposites.
 fn side(axis: &Vector3<f64>) -> &'static str {
     let at = axis.iamax();
     [["left", "right"], ["bottom", "top"], ["back", "front"]][at][usize::from(axis[at] > 0.0)]
@@ -189,7 +189,7 @@ fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End;
 /// The two surface nodes that are furthest apart along the mesh's edges, found by going to the furthest node twice.
 struct Tips {
     distance: f64,
-    /// Of every node, the way to each of the two.
+    /// Length of the way from every node to each of the two.
     lengths: [Vec<f64>; 2],
 }
 
@@ -310,7 +310,7 @@ pub fn are_apart(a: &[u32], b: &[u32]) -> bool {
     a.iter().all(|node| b.binary_search(node).is_err())
 }
 
-/// Into how many pieces a selection falls that edges of the mesh do not join.
+/// Number of pieces of a selection that edges of the mesh do not join.
 fn pieces(mesh: &TetMesh, selected: &[u32]) -> usize {
     let mut joined = DisjointSets::new(selected.len());
     for edge in geodesic::edges(mesh) {
@@ -321,7 +321,7 @@ fn pieces(mesh: &TetMesh, selected: &[u32]) -> usize {
     (0..selected.len() as u32).filter(|&i| joined.root(i) == i).count()
 }
 
-/// To a round number at most `coarse` away.
+/// Rounds to a round number at most `coarse` away.
 fn rounded(value: f64, coarse: f64) -> f64 {
     let step = 10f64.powf((2.0 * coarse).log10().floor());
     let steps = (value / step).round();

@@ -67,7 +67,7 @@ pub fn is_much(mesh: &TetMesh, by_m: f64) -> bool {
     by_m > MUCH * extent(mesh)
 }
 
-/// Of the nodes of the control elements of this kind, or of the one of this name.
+/// Middle of the nodes of the control elements of this kind, or of the one of this name.
 fn middle(
     scene: &Scene,
     mesh: &TetMesh,
@@ -85,7 +85,7 @@ fn middle(
     Ok(quality::centroid(mesh, &nodes).unwrap_or_default())
 }
 
-/// Beside a scene at this path: `part.poses.toml`.
+/// Path of the pose file next to a scene at this path: `part.poses.toml`.
 pub fn poses_path(scene_path: &Path) -> std::path::PathBuf {
     scene_path.with_extension("poses.toml")
 }
@@ -109,7 +109,7 @@ fn aligned(way: Vector3<f64>) -> Vector3<f64> {
     if axis.dot(&way) > ALIGNED { axis } else { way }
 }
 
-/// To a nanometre, or to five digits of less.
+/// Rounds to a nanometre, and below 0.1 mm to five digits.
 fn rounded(m: f64) -> f64 {
     let digits = if m.abs() < 1e-4 { format!("{m:.4e}") } else { format!("{m:.9}") };
     digits.parse().unwrap_or(m)

@@ -1,9 +1,9 @@
-//! What is said of the choices on the way to a proposal, and the control elements with what is said of them.
+//! Comments, reasons and warnings that explain the choices of a proposal, and its control elements with their comments.
 
 use super::super::write::Comments;
 use super::super::{Control, Grab, Nodes};
 
-/// What is said of the choices on the way.
+/// Comments, reasons and warnings that explain the choices of a proposal.
 #[derive(Default)]
 pub struct Telling {
     pub comments: Comments,
@@ -21,13 +21,13 @@ impl Telling {
     }
 }
 
-/// A control element of the proposal, with what is said of it.
+/// A control element of the proposal, with its comment.
 #[derive(Clone, Debug)]
 pub struct Held {
     pub name: String,
     pub nodes: Nodes,
     pub grab: Grab,
-    /// Behind `nodes`.
+    /// Comment behind `nodes`.
     pub comment: String,
 }
 

@@ -1,12 +1,12 @@
-//! What is asked of a proposal.
+//! Wishes for a proposal.
 
 use crate::mesh::length_unit::{LengthUnit, Scale};
 
-/// What is asked for; all else is guessed.
+/// Wishes of the user; all else is guessed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wishes {
     pub unit: Option<&'static LengthUnit>,
-    /// Or else `unit`.
+    /// Metres in one unit of the file; or else `unit`.
     pub scale: Option<f64>,
     /// A name of the library.
     pub material: Option<String>,
@@ -17,14 +17,14 @@ pub struct Wishes {
     /// Node groups of the file.
     pub fixed: Vec<String>,
     pub grab: Vec<String>,
-    /// How far the ends are to be pulled, m, where forces are asked for.
+    /// Distance by which the ends are to be pulled, m, where forces are asked for.
     pub pull_m: Option<f64>,
-    /// Of a surface: the cell that it is filled with, m.
+    /// Edge of the cells with which a surface is filled, m.
     pub cell: Option<f64>,
 }
 
 impl Wishes {
-    /// By what the file's coordinates become metres, if that was said.
+    /// Scale from the file's coordinates to metres, if it is given.
     pub fn asked_scale(&self) -> Option<Scale> {
         self.unit.map(|unit| Scale(unit.metres)).or(self.scale.map(Scale))
     }

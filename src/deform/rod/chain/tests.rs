@@ -17,7 +17,7 @@ fn straight(stiffness: [f64; 6], segments: usize) -> Chain {
 
 /// L = 1, EI = 1, ν = 0.3, as in the shared case `rod`.
 const ROUND: [f64; 6] = [1e4, 1e4 / 2.6 * 0.9, 1e4 / 2.6 * 0.9, 1.0 / 1.3, 1.0, 1.0];
-/// As good as inextensible and rigid in shear.
+/// Stiffness of a rod that is as good as inextensible and rigid in shear.
 const ELASTICA: [f64; 6] = [1e6, 1e6, 1e6, 1.0, 1.0, 1.0];
 
 /// The rod clamped at its start, its end free and under a dead force F and a moment M in the room's axes: Newton's
@@ -281,7 +281,7 @@ fn a_rod_between_clamps_sags_and_presses_as_the_book_says() {
     assert!(chain.frames[n / 2].translation.vector.y.abs() < 1e-9, "nothing of the load is left");
 }
 
-/// With loads on every section, energy, gradient and Hessian against differences along a motion of all inner sections.
+/// Energy, gradient and Hessian with loads on every section, against differences along a motion of all inner sections.
 #[test]
 fn loads_are_part_of_the_slopes_and_the_hessian() {
     let mut chain = straight([1e2, 50.0, 50.0, 0.8, 1.0, 1.2], 6);

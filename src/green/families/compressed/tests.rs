@@ -63,7 +63,8 @@ fn error(found: &BTreeMap<u32, Yield>, exact: &BTreeMap<u32, Yield>) -> f64 {
 
 const LONG: [&str; 2] = ["[4, 1, 1]", "[24, 6, 6]"];
 
-/// Against the whole inverse, at every node and not only at those that were measured; for forces on a part of the surface too.
+/// The compressed compliance against the whole inverse, at every node and not only at those that were measured; for forces on a
+/// part of the surface too.
 #[test]
 fn a_compressed_compliance_is_the_inverse_within_its_error() {
     let [size, cells] = LONG;
