@@ -39,7 +39,7 @@ fn of_result(set: &ResultSet, result: &PoseResult) -> String {
 pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     let mut lines = size.map_or_else(Vec::new, |size| far(result, size));
     lines.extend(loads(result));
-    lines.extend(result.told.beyond.iter().map(|bent| format!("warning: bent by {bent}")));
+    lines.extend(result.told.beyond.iter().map(|bent| format!("warning: {bent}")));
     lines.extend(result.told.pushed.iter().map(pushed));
     lines.extend(stress(result));
     lines.extend(sureness(result));

@@ -82,7 +82,7 @@ impl Verdict {
             Verdict::Fair => "fair",
             Verdict::Poor => "poor",
             Verdict::NotMeasured => "not measured",
-            Verdict::Beyond => "beyond",
+            Verdict::Beyond => "too far",
         }
     }
 }
@@ -99,12 +99,33 @@ pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
 
 fn words((turn, limits): (f64, TurnLimits), ModelEntry { name, .. }: &ModelEntry) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
+    let held = format!("the model {name} holds up to {most:.0}°");
     match limits.verdict(turn) {
         Verdict::Good | Verdict::Fair => None,
-        Verdict::Beyond => {
-            Some(format!("{:.1} turns: beyond the model {name}, for up to {most:.0}°", turn / (2.0 * PI)))
+        Verdict::Beyond => Some(format!("turned {:.1} times round; {held}", turn / (2.0 * PI))),
+        Verdict::NotMeasured => {
+            Some(format!("turned by {turned:.0}°; its error was measured up to {most:.0}°"))
         }
-        Verdict::NotMeasured => Some(format!("{turned:.0}°: its error was measured up to {most:.0}°")),
-        Verdict::Poor => Some(format!("{turned:.0}°: beyond the model {name}, for up to {most:.0}°")),
+        Verdict::Poor => Some(format!("turned by {turned:.0}°; {held}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::ROTATION;
+
+    /// "51°: beyond the model rotation, for up to 45°" made readers stop.
+    #[test]
+    fn a_body_that_is_bent_too_far_says_how_far_and_how_far_its_model_holds() {
+        let table = TurnLimits::of_model(&ROTATION);
+        let measured = TurnLimits { good: 0.7, fair: 0.7, is_measured: true };
+        let told = |degrees: f64, limits| words((degrees.to_radians(), limits), &ROTATION);
+        assert_eq!(told(44.0, table), None);
+        let holds = "; the model rotation holds up to 45°";
+        assert_eq!(told(51.0, table), Some(format!("turned by 51°{holds}")));
+        assert_eq!(told(720.0, table), Some(format!("turned 2.0 times round{holds}")));
+        let error = "turned by 51°; its error was measured up to 40°";
+        assert_eq!(told(51.0, measured).as_deref(), Some(error));
     }
 }

@@ -80,7 +80,7 @@ pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     };
     let turned = format!("{}°  ", fixed(turn.to_degrees(), 6, 1));
     let told = match verdict {
-        Verdict::Beyond => format!("{} turns · beyond", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
+        Verdict::Beyond => format!("{} turns · too far", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
         _ => match doubtful_force(body) {
             // No longer than the column.
             Some(part) if part >= 9.99 => format!("shape {}, forces wrong", verdict.name()),

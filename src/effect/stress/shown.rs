@@ -205,7 +205,7 @@ impl Shown {
         for shown in &self.bodies {
             let name = &shown.name;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
-                _ if shown.is_beyond => format!("{name}: beyond its model, values not reliable"),
+                _ if shown.is_beyond => format!("{name}: bent too far for its model, values not reliable"),
                 Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };
@@ -308,7 +308,8 @@ impl RunningEffect for Shown {
 
     fn summary(&mut self) -> String {
         let line = |body: &ShownBody| {
-            let left_out = if body.was_beyond { "; poses beyond its model are left out" } else { "" };
+            let left_out =
+                if body.was_beyond { "; poses too far bent for its model are left out" } else { "" };
             format!("body.{}: {}{left_out}\n", body.name, body.worst.sentence())
         };
         self.bodies.iter().map(line).collect()

@@ -269,7 +269,8 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     assert!(large > 5.0 * small, "it grows: {small}, {large}");
     let beyond = pose(120.0, 0.0, &mut world, effect);
     assert_eq!(beyond.to, large);
-    assert!(beyond.lines[0].warns && beyond.lines[0].text == "b: beyond its model, values not reliable");
+    let told = "b: bent too far for its model, values not reliable";
+    assert!(beyond.lines[0].warns && beyond.lines[0].text == told, "{:?}", beyond.lines[0]);
     assert!(
         world.frame.bodies[0].colours.as_ref().unwrap().iter().any(|code| code[0] > 0),
         "its colours remain"
@@ -279,7 +280,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     world.show_by(effect.as_mut());
     assert_eq!(legend_of(&world).to, small);
     let summary = effect.summary();
-    assert!(summary.contains("poses beyond its model are left out"), "{summary}");
+    assert!(summary.contains("poses too far bent for its model are left out"), "{summary}");
 }
 
 #[test]
