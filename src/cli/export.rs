@@ -8,6 +8,7 @@ use crate::base::table::{bytes, count};
 use crate::config::unknown_name;
 use crate::deform::Frame;
 use crate::deform::pose_file::{self, Pose};
+use crate::export::csv::DISPLACEMENTS;
 use crate::export::{
     Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, VIEWER_MOTIONS, basis,
     batch, chosen, surfaces,
@@ -79,21 +80,10 @@ enum Format {
 }
 
 impl Format {
-    fn of(path: &Path) -> Result<Format, Failure> {
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        let suffix = extension.map_or_else(String::new, |extension| format!(".{extension}"));
+    fn of(path: &Path) -> Option<Format> {
+        let suffix = suffix(path);
         let basis = BASIS_FILES.iter().find(|file| file.suffix == suffix).map(Format::Basis);
-        let surface = || surfaces().find(|exporter| exporter.suffix == suffix).map(Format::Surface);
-        basis.or_else(surface).ok_or_else(|| {
-            let known =
-                || BASIS_FILES.iter().map(|file| file.suffix).chain(surfaces().map(|surface| surface.suffix));
-            let known: indexmap::IndexSet<&str> = known().collect();
-            let told = match suffix.is_empty() {
-                true => format!("its extension says what is written: {}", Vec::from_iter(known).join(", ")),
-                false => unknown_name("extension", &suffix, known.into_iter()),
-            };
-            Failure::wrong(format!("{}: {told}", path.display()))
-        })
+        basis.or_else(|| surfaces().find(|exporter| exporter.suffix == suffix).map(Format::Surface))
     }
 
     fn kind(&self) -> &'static Kind {
@@ -104,8 +94,31 @@ impl Format {
     }
 }
 
+/// ".glb" of any name that ends so; nothing of a name without an extension.
+fn suffix(path: &Path) -> String {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    extension.map_or_else(String::new, |extension| format!(".{extension}"))
+}
+
+/// What there is instead of an extension that chooses nothing: the known ones, and who writes the tables.
+fn unknown(args: &Args) -> Failure {
+    let (path, suffix) = (args.output.display(), suffix(&args.output));
+    let basis = BASIS_FILES.iter().map(|file| file.suffix);
+    let known: indexmap::IndexSet<&str> = basis.chain(surfaces().map(|exporter| exporter.suffix)).collect();
+    let known = Vec::from_iter(known).join(", ");
+    if suffix == DISPLACEMENTS.suffix {
+        let scene = args.scene.display();
+        let poses = args.poses.as_ref().map_or_else(|| "POSES.toml".into(), |poses| poses.to_string_lossy());
+        return Failure::wrong(format!(
+            "{path}: the displacements of poses are written as {suffix} by `greenstage deform {scene} --poses {poses} -o {path}`; \
+             export writes {known}"
+        ));
+    }
+    Failure::wrong(format!("{path}: the extension says what is written: {known}"))
+}
+
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let format = Format::of(&args.output)?;
+    let format = Format::of(&args.output).ok_or_else(|| unknown(args))?;
     let scene = Resolved::load(&args.scene)?;
     let names = names(args, &scene)?;
     let poses = args.poses.as_deref().map(pose_file::load).transpose()?;
@@ -300,18 +313,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_extension_chooses_and_an_unknown_one_is_answered_with_the_known_ones() {
+    fn the_extension_chooses() {
         for (path, suffix) in [("a/b.iv", ".iv"), ("x.GLB", ".glb"), ("x.y.vtu", ".vtu")] {
-            assert!(matches!(Format::of(Path::new(path)), Ok(Format::Basis(file)) if file.suffix == suffix));
+            assert!(
+                matches!(Format::of(Path::new(path)), Some(Format::Basis(file)) if file.suffix == suffix)
+            );
         }
         for suffix in ["stl", "ply", "obj", "png"] {
             let path = PathBuf::from("x").with_extension(suffix);
-            assert!(matches!(Format::of(&path), Ok(Format::Surface(file)) if file.name() == suffix));
+            assert!(matches!(Format::of(&path), Some(Format::Surface(file)) if file.name() == suffix));
         }
-        for path in ["x", "x.gltf"] {
-            let error = Format::of(Path::new(path)).err().unwrap().to_string();
-            assert!(error.contains(".iv") && error.contains(".glb") && error.contains(".obj"), "{error}");
-        }
+        assert!(["x", "x.gltf", "x.csv"].iter().all(|path| Format::of(Path::new(path)).is_none()));
     }
 
     #[test]

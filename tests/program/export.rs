@@ -291,7 +291,9 @@ fn refuse(place: &Path, arguments: &[&str], expected: &[&str]) {
 fn what_cannot_be_written_is_refused_with_what_to_do() {
     let place = part("export-refused");
     std::fs::write(place.join("other.stl"), "solid of somebody else\nendsolid\n").unwrap();
-    refuse(&place, &["-o", "part.dae"], &["unknown extension", ".iv", ".glb", ".vtu", ".obj"]);
+    refuse(&place, &["-o", "part.dae"], &["part.dae: the extension says", ".iv, .glb, .vtu, ", ".obj"]);
+    let by = "by `greenstage deform part.toml --poses poses.toml -o x.csv`; export writes .iv, ";
+    refuse(&place, &["--poses", "poses.toml", "-o", "x.csv"], &["the displacements of poses", by]);
     refuse(&place, &["-o", "other.stl"], &["is not overwritten"]);
     refuse(&place, &["-o", "x.iv", "--body", "pat"], &["did you mean \"part\"?"]);
     refuse(&place, &["-o", "x.stl", "--columns", "right.tx"], &["--columns"]);
