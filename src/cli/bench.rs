@@ -19,6 +19,7 @@ use crate::prepare::{self, Resolved};
 use crate::render::{DrawCounts, Samples};
 use crate::scene::Storage;
 use crate::session::{Playback, Request, Session};
+use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::tuning;
 use crate::world::StepTimes;
@@ -154,14 +155,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
+/// The session with every body felt. What forces need and the .green file does not hold is made for it alone.
+fn felt(session: Session) -> Result<Session, Failure> {
+    let (Some(scene), Some(file)) = (&session.scene, &session.file) else { return Ok(session) };
+    let scene = scene.felt()?;
+    let folder = tempfile::tempdir().map_err(Failure::work)?;
+    let path = folder.path().join("felt.green");
+    let known = std::slice::from_ref(file);
+    Session::open_with(&Request::of(&scene), || prepare::changed_file(&scene, &path, known, &Silent))
+}
+
 /// Ticks of the force loop beside frames of a session: on the bodies that list the effect, or on all where that is asked for.
-fn beside_frames(mut session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
+fn beside_frames(session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
+    let mut session = if args.haptics { felt(session)? } else { session };
     // The script moves it, as often as there is time for.
     session.input.replay = None;
     let scene = session.scene.clone();
     let is_felt =
         |body: &str| scene.as_ref().is_some_and(|scene| scene.bodies[body].effects_require(STIFFNESS));
-    let felt = session.world.bodies.iter().filter(|b| args.haptics || is_felt(&b.deformer.body));
+    let felt = session.world.bodies.iter().filter(|b| is_felt(&b.deformer.body));
     let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
     if subjects.is_empty() {
         return Ok(Vec::new());

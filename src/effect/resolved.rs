@@ -6,6 +6,7 @@
 
 use super::effects::{EFFECTS, find_among};
 use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};
+use super::haptics;
 use crate::base::failure::Failure;
 use crate::deform::{Bearing, ModelEntry, Statics, find_model, load_refusal};
 use crate::fem::{Dilatation, Law};
@@ -123,6 +124,17 @@ impl Resolved {
         let names = other.bodies[body].entries().map(|effect| effect.name.to_owned()).collect();
         other.scene.body[body].effects = names;
         other
+    }
+
+    /// The same in which every body can be felt: those that do not list the effect [`haptics`] list it too.
+    pub fn felt(&self) -> Result<Resolved, Failure> {
+        let mut scene = self.scene.clone();
+        for (name, body) in &mut scene.body {
+            if !self.bodies[name].lists(&haptics::live::ENTRY) {
+                body.effects.push(haptics::live::ENTRY.name.to_owned());
+            }
+        }
+        Resolved::of(scene)
     }
 }
 

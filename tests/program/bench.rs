@@ -1,5 +1,6 @@
 //! `greenstage bench --sizes` as JSON.
 
+use crate::common::{block_text, folder, greenstage};
 use crate::render_common;
 
 use greenstage::base::machine::IS_TEST_BUILD;
@@ -39,6 +40,26 @@ fn sizes_are_told_as_json_by_where_the_body_deforms() {
         assert!((number("frame_s") - sum).abs() < 1e-9 * sum + 1e-12, "{row}");
         assert!((number("frames_per_s") * number("frame_s") - 1.0).abs() < 1e-9);
     }
+}
+
+/// "no force is known of this body": the scene lists no effect that needs the stiffness of the body.
+#[test]
+fn the_force_loop_of_a_scene_without_forces_is_measured_and_its_file_stays() {
+    if require_gpu().is_none() {
+        return;
+    }
+    let folder = folder("bench-forces");
+    let scene = format!("stage = \"desktop\"\n{}", block_text([2; 3], "model = \"rotation\""));
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    greenstage(&folder, &["precompute", "scene.toml", "--quiet"]);
+    let file = || std::fs::read(folder.join("scene.green")).unwrap();
+    let before = file();
+    let asked = ["bench", "scene.toml", "--haptics", "--frames", "2", "--json", "--test-build"];
+    let told: Value = serde_json::from_slice(&greenstage(&folder, &asked).stdout).unwrap();
+    let [row] = &told["haptic_ticks"].as_array().unwrap()[..] else { panic!("{told}") };
+    assert_eq!((&row["body"], &row["model"]), (&"block".into(), &"rotation".into()));
+    assert!(row["work_p50_s"].as_f64().unwrap() > 0.0, "{row}");
+    assert!(file() == before, "what only the measurement needs is not written beside the scene");
 }
 
 #[test]

@@ -5,8 +5,8 @@
 //! allocated after [`Elastic::new`].
 
 use crate::deform::{
-    ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, MODELS, ModelEntry,
-    ModelInput, PoseCurvature, PoseSlope, Response,
+    ControlPose, ControlRest, DeformationModel, Deformer, ElementPotential, Kind, ModelEntry, ModelInput,
+    PoseCurvature, PoseSlope, Response,
 };
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
@@ -45,9 +45,10 @@ impl Elastic {
         let poses = vec![ControlPose::REST; controls.len()];
         let mut slopes = vec![PoseSlope::default(); controls.len()];
         if controls.is_empty() || model.respond(&poses, &mut slopes).is_none() {
-            let known = MODELS.iter().filter(|entry| entry.energy.is_some()).map(|entry| entry.name);
-            let known = known.collect::<Vec<_>>().join(", ");
-            return Err(format!("no force is known of this body; the models with forces are {known}"));
+            return Err(
+                "the .green file has no forces of this body: list the effect \"haptics\" in the scene"
+                    .to_owned(),
+            );
         }
         let origins = controls.iter().map(|control| control.origin).collect();
         Ok(Elastic {
