@@ -1,19 +1,20 @@
 //! Sums, products and main parts of fields over all nodes.
 
 use crate::fem::{NodeFields, StiffnessMatrix};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView};
 
 /// A field whose energy is smaller than this part of the largest is rounding.
 const RANK: f64 = 1e-12;
 
-pub fn dense(fields: &NodeFields) -> DMatrix<f64> {
-    DMatrix::from_row_slice(3 * fields.nodes, fields.columns, &fields.data)
+/// A row for each field, where it lies.
+fn rows(fields: &NodeFields) -> DMatrixView<'_, f64> {
+    DMatrixView::from_slice(&fields.data, fields.columns, 3 * fields.nodes)
 }
 
 /// Fields times a matrix from the right.
 pub fn combined(fields: &NodeFields, by: &DMatrix<f64>) -> NodeFields {
-    let product = by.transpose() * dense(fields).transpose();
-    NodeFields { nodes: fields.nodes, columns: by.ncols(), data: product.as_slice().to_vec() }
+    let product = by.transpose() * rows(fields);
+    NodeFields { nodes: fields.nodes, columns: by.ncols(), data: product.data.into() }
 }
 
 pub fn add(fields: &mut NodeFields, factor: f64, others: &NodeFields) {
@@ -42,7 +43,7 @@ pub fn beside(lists: &[&NodeFields]) -> NodeFields {
 pub fn products(k: &StiffnessMatrix, f: &NodeFields, g: &NodeFields) -> DMatrix<f64> {
     let mut force = NodeFields::zeros(g.nodes, g.columns);
     k.multiply(g, &mut force);
-    dense(f).transpose() * dense(&force)
+    rows(f) * rows(&force).transpose()
 }
 
 /// The part of `fields` that is orthogonal to the orthonormal `basis`.

@@ -20,8 +20,9 @@ use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::dense_fields::{add, products};
 use super::reduced::{FIELDS_TABLE, REDUCED};
-use super::screw_paths::{Path, bend, lifted_order, paths};
+use super::screw_paths::{Path, bend, lifted_order, paths, series_memory};
 use super::table;
+use crate::base::machine;
 use crate::fem::{NodeFields, RestPoints};
 use crate::scene::Body;
 use crate::solve::{Progress, Silent};
@@ -85,6 +86,12 @@ fn compute(
     };
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let all = paths(solution, PATHS);
+    // Each order but the first stands alone and in the whole.
+    let kept = |order: usize| 2 * order - 2;
+    let [third, last] = [(all.len(), 3), (COORDINATES + LONG_PATHS, LAST_ORDER)]
+        .map(|(paths, order)| series_memory(points.nodes, paths, kept(order)));
+    machine::expect("the series of the model \"perturbation\"", third.max(last))
+        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     let directions: Vec<DVector<f64>> = all.iter().map(direction).collect();
 
     progress.begin("series of third order", 0);

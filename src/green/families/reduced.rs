@@ -27,9 +27,10 @@ use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
 use super::loads::{answers, column_forces};
-use super::screw_paths::{bend, lifted_order, paths};
+use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
 use crate::base::columns::ColumnGroup;
+use crate::base::machine;
 use crate::fem::{NodeFields, QuarticShape, RestPoints, StiffnessMatrix};
 use crate::scene::Body;
 use crate::solve::Progress;
@@ -100,8 +101,10 @@ fn compute(
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
     let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
-    let basis = basis(assembled, solution, &points, progress)?;
     let forces = column_forces(assembled, &solution.mesh)?;
+    machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
+        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
+    let basis = basis(assembled, solution, &points, progress)?;
     let basis = match forces.len() {
         0 => basis,
         _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
@@ -130,6 +133,17 @@ fn compute(
     Ok(())
 }
 
+/// Bytes beside the body: of the orders on all paths while the next one is solved for, or of the quartic, whose products of pairs
+/// stand in panels and as a whole, with its fields and the strains of a block of points.
+fn memory(nodes: usize, elements: usize, loads: usize) -> f64 {
+    let fields = most_fields(elements) + 2 * loads;
+    let lift = Lift::of(elements).len();
+    let at_nodes = |columns: usize| 24.0 * (nodes * columns) as f64;
+    let series = at_nodes(fields) + series_memory(nodes, path_count(elements, PATHS) + loads * loads, 2);
+    let pairs = QuarticShape { variables: 1 + lift + fields }.pairs() as f64;
+    series.max(at_nodes(2 * fields + 3 * lift) + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs)
+}
+
 /// Φ over all nodes, orthonormal in the energy of small displacements.
 fn basis(
     assembled: &Assembled<'_>,
@@ -151,6 +165,7 @@ fn basis(
     progress.begin("fields of third order", 0);
     let mut whole = lifted_order(solution, &paths, 2);
     add(&mut whole, 1.0, &second);
+    drop(second);
     // In parts of the energy, so that a path that hardly strains the body counts as much as the others.
     let energies = products(assembled.k, &first, &first).diagonal();
     let scales = DMatrix::from_diagonal(&energies.map(|energy| energy.max(f64::MIN_POSITIVE).sqrt().recip()));

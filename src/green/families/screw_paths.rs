@@ -34,10 +34,23 @@ pub fn bend(
     Ok(fields)
 }
 
+/// Bytes of so many fields for each path, and of the next order's loads, solution and what solves them.
+pub fn series_memory(nodes: usize, paths: usize, fields: usize) -> f64 {
+    24.0 * (nodes * paths * (fields + SOLVING)) as f64
+}
+
+/// Fields for each path while one is solved for.
+const SOLVING: usize = 6;
+
 /// d_e and ω_e of every element.
 pub type Path = Vec<(Vector3<f64>, Vector3<f64>)>;
 
-/// So many paths for each coordinate of the elements' relative motion, in directions that fill its space evenly, the same in
+/// So many paths for each coordinate of the elements' relative motion.
+pub fn path_count(elements: usize, for_each: usize) -> usize {
+    for_each * 6 * elements.saturating_sub(1)
+}
+
+/// The paths for each coordinate of the elements' relative motion, in directions that fill its space evenly, the same in
 /// every run.
 pub fn paths(solution: &Solution, for_each: usize) -> Vec<Path> {
     let elements = solution.controls.len();
@@ -55,7 +68,7 @@ pub fn paths(solution: &Solution, for_each: usize) -> Vec<Path> {
         let scale = largest / pairs(&some).max(f64::MIN_POSITIVE);
         some.iter().map(|one| one * scale).collect()
     };
-    let count = if elements < 2 { 0 } else { for_each * 6 * (elements - 1) };
+    let count = path_count(elements, for_each);
     (0..count)
         .map(|path| {
             // Every other path turns alone, the others slide by all sizes.
