@@ -59,6 +59,23 @@ pub fn tetrahedralise(
     cell: f64,
     notices: &mut Vec<String>,
 ) -> Result<TetMesh, String> {
+    let mesh = filled(surface, report, cell, notices)?;
+    if mesh.tets.is_empty() {
+        return Err(format!(
+            "its walls are thinner than the cells of {cell} m. Take cell = {:.1e}",
+            cell / 3.0
+        ));
+    }
+    Ok(mesh)
+}
+
+/// The same, without a tetrahedron where all walls are thinner than the cells.
+pub fn filled(
+    surface: &TriangleSurface,
+    report: &SurfaceReport,
+    cell: f64,
+    notices: &mut Vec<String>,
+) -> Result<TetMesh, String> {
     let lattice = refuse(surface, report, cell)?;
     notices.extend(report.faults().into_iter().map(|fault| format!("the surface has a fault: {fault}")));
     let depth = Depth::new(surface).map_err(|reason| format!("the surface cannot be used: {reason}"))?;
@@ -70,10 +87,7 @@ pub fn tetrahedralise(
     notices.extend(sides::agree(&lattice, &mut values)?);
     let mut mesh = fill(&lattice, &values, |at| depth.at(at));
     if mesh.tets.is_empty() {
-        return Err(format!(
-            "its walls are thinner than the cells of {cell} m. Take cell = {:.1e}",
-            cell / 3.0
-        ));
+        return Ok(mesh);
     }
     let pieces = drop_crumbs(&mut mesh, notices);
     told(surface, report, &mesh, cell, pieces, notices);

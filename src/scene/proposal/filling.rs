@@ -1,15 +1,18 @@
-//! The cell with which a surface file is filled, so that the body has enough nodes to bend well, few enough to be solved in
-//! seconds, and two cells through its thinnest walls.
+//! The cell with which a surface file is filled, so that the body has enough nodes to bend well, few enough to be solved soon,
+//! two cells through its thinnest walls, and is not torn.
 //!
 //! In: a surface file. Out: its mesh, the cell, and the thickness of the walls.
 
 use super::doubt::{ProposalError, plausible};
 use super::wishes::Wishes;
-use crate::mesh::isosurface_stuffing::tetrahedralise;
+use crate::base::table::count;
+use crate::mesh::diagnostics::digits;
+use crate::mesh::isosurface_stuffing::filled;
 use crate::mesh::length_unit::Scale;
-use crate::mesh::surface_files::{self, LoadedSurface};
+use crate::mesh::surface_check::{self, SurfaceReport};
+use crate::mesh::surface_files::{self, LoadedSurface, TriangleSurface};
 use crate::mesh::walls::wall_thickness;
-use crate::mesh::{Loaded, MeshError, TetMesh, quality, surface_check};
+use crate::mesh::{Loaded, MeshError, TetMesh, quality};
 use std::path::Path;
 
 /// A surface that was filled.
@@ -24,73 +27,135 @@ pub struct Filled {
 const NODES: [f64; 2] = [14_000.0, 2_500.0];
 /// The part of the aim from which, and up to which, the number of nodes is good enough.
 const ENOUGH: [f64; 2] = [0.7, 1.45];
-/// Thin walls make more nodes, up to this many times the aim.
-const MOST: f64 = 4.0;
+/// Thin walls make more nodes, up to about so many, which are solved in a minute.
+const MOST: f64 = 250_000.0;
 /// Cells through the thinnest walls, which are those under this part of the surface.
 const CELLS: f64 = 2.0;
 const THINNEST: f64 = 0.05;
+/// The part of the volume that a whole body has lost or gained at most.
+const LOST: f64 = 0.05;
+/// How many times finer a cell is after one that tore the body.
+const FINER: f64 = 1.4;
 /// Trials.
-const TRIALS: usize = 6;
+const TRIALS: usize = 8;
 
-/// Reads the surface at `file` and fills it; asks back which unit it is in where it would be more than `largest` m long.
+/// A surface that is filled by trial.
+struct Trial<'a> {
+    file: &'a Path,
+    surface: TriangleSurface,
+    report: SurfaceReport,
+    notices: Vec<String>,
+    wall: Option<f64>,
+}
+
+/// What one cell made.
+struct Made {
+    cell: f64,
+    loaded: Loaded,
+    /// How it differs from the surface, where it is torn.
+    tear: Option<String>,
+}
+
+/// Reads the surface at `file` and fills it; asks back which unit it is in where it would be more than `largest` m long. Errors
+/// where no cell of these keeps the body whole.
 pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
     let extent = |(low, high)| -> f64 { nalgebra::Vector3::amax(&(high - low)) };
     plausible(file, extent(quality::bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
     wishes.asked_scale().unwrap_or(Scale::ONE).apply(&mut surface.vertices);
     let report = surface_check::check(&mut surface, &mut notices);
-    let filled = |cell: f64| -> Result<(TetMesh, Vec<String>), MeshError> {
-        let mut told = notices.clone();
-        let mesh = tetrahedralise(&surface, &report, cell, &mut told)
-            .map_err(|reason| MeshError::Refused { path: file.to_owned(), reason })?;
-        Ok((mesh, told))
-    };
     let wall = wall_thickness(&surface, THINNEST);
-    let result = |cell, (mesh, notices)| Filled { loaded: Loaded { mesh, notices }, cell, wall };
-    if let Some(cell) = wishes.cell {
-        return Ok(result(cell, filled(cell)?));
+    let trial = Trial { file, surface, report, notices, wall };
+    let made = match wishes.cell {
+        Some(cell) => trial.make(cell)?,
+        None => trial.best(NODES[usize::from(wishes.pull_m.is_some())])?,
+    };
+    if let Some(tear) = &made.tear {
+        return Err(trial.refusal(made.cell, tear).into());
     }
-    let (low, high) = quality::bounding_box(&surface.vertices);
-    let of = |nodes: f64| cell_for(nodes, report.volume, report.area, &(high - low));
-    let aim = NODES[usize::from(wishes.pull_m.is_some())];
-    let coarsest = wall.map_or(f64::INFINITY, |wall| wall / CELLS).max(of(MOST * aim));
-    let mut cell = two_digits(of(aim).min(coarsest));
-    let mut best = filled(cell);
-    for _ in 1..TRIALS {
-        let next = match &best {
-            Ok((mesh, _)) => {
-                let nodes = mesh.nodes.len() as f64;
-                if (ENOUGH[0] * aim..=ENOUGH[1] * aim).contains(&nodes) {
-                    break;
-                }
-                two_digits((cell * (nodes / aim).cbrt()).min(coarsest))
-            }
-            Err(_) => two_digits(cell / 2.0),
-        };
-        if next == cell {
-            break;
-        }
-        match filled(next) {
-            // What was filled once is better than nothing.
-            Err(_) if best.is_ok() => break,
-            Err(_) => {}
-            filled => best = filled,
-        }
-        cell = next;
-    }
-    Ok(result(cell, best?))
+    Ok(Filled { loaded: made.loaded, cell: made.cell, wall })
 }
 
-/// The cell for about so many nodes: two nodes in each cell of the lattice inside, and about two on each cell of the surface. Of
-/// an open surface any cell does, because it is refused.
-fn cell_for(wanted: f64, volume: f64, area: f64, sides: &nalgebra::Vector3<f64>) -> f64 {
-    let nodes = |cell: f64| 2.0 * volume / cell.powi(3) + 2.0 * area / (cell * cell);
-    let (mut fine, mut coarse) = (sides.amax() * 1e-4, sides.amax());
-    for _ in 0..60 {
-        let middle = (fine * coarse).sqrt();
-        if nodes(middle) > wanted { fine = middle } else { coarse = middle }
+impl Trial<'_> {
+    /// The coarsest cell that resolves the walls and comes near `aim` nodes, or a finer one where that tears the body.
+    fn best(&self, aim: f64) -> Result<Made, MeshError> {
+        let finest = self.cell_for(MOST);
+        let coarsest = self.wall.map_or(f64::INFINITY, |wall| wall / CELLS);
+        let mut best = self.make(two_digits(self.cell_for(aim).min(coarsest).max(finest)))?;
+        for _ in 1..TRIALS {
+            let nodes = best.loaded.mesh.nodes.len() as f64;
+            let next = match best.tear {
+                Some(_) => (best.cell / FINER).max(finest),
+                None if (ENOUGH[0] * aim..=ENOUGH[1] * aim).contains(&nodes) => break,
+                None => (best.cell * (nodes / aim).cbrt()).min(coarsest).max(finest),
+            };
+            let next = two_digits(next);
+            if next == best.cell {
+                break;
+            }
+            let made = self.make(next)?;
+            if best.tear.is_none() && made.tear.is_some() {
+                break;
+            }
+            best = made;
+        }
+        Ok(best)
     }
-    coarse.min(sides.min() / 2.0).max(sides.amax() * 1e-4)
+
+    fn make(&self, cell: f64) -> Result<Made, MeshError> {
+        let mut notices = self.notices.clone();
+        let mesh =
+            filled(&self.surface, &self.report, cell, &mut notices).map_err(|reason| self.refused(reason))?;
+        let tear = self.tear(&mesh);
+        Ok(Made { cell, loaded: Loaded { mesh, notices }, tear })
+    }
+
+    /// A whole body has no more pieces than the surface, and its volume; what overlaps is counted twice in the surface's.
+    fn tear(&self, mesh: &TetMesh) -> Option<String> {
+        let bodies = self.report.shells.iter().filter(|shell| !shell.is_cavity).count();
+        let pieces = quality::components(mesh).nodes.len();
+        let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
+        let off = volume / self.report.volume - 1.0;
+        let is_off = off.abs() > LOST && self.report.intersections.pairs == 0;
+        (pieces > bodies || is_off)
+            .then(|| format!("{}, {:.0} % of its volume", count(pieces, "piece"), 100.0 * (1.0 + off)))
+    }
+
+    /// Why a torn body is not taken, and the cell that is worth a try.
+    fn refusal(&self, cell: f64, tear: &str) -> MeshError {
+        let finer = two_digits(self.wall.map_or(cell / 2.0, |wall| (wall / CELLS).min(cell / FINER)));
+        let thin = |wall: f64| format!("; its thinnest walls are {} m", digits(wall));
+        let walls = self.wall.map_or_else(String::new, thin);
+        let (nodes, thicker) = match self.nodes_for(finer) {
+            few if few < MOST => (format!("{:.0} thousand", 1e-3 * few), ""),
+            many if many < 1e6 => (format!("{:.0} thousand", 1e-3 * many), ", or make the walls thicker"),
+            many => (format!("{:.0} million", 1e-6 * many), ", or make the walls thicker"),
+        };
+        self.refused(format!(
+            "cells of {cell} m tear it: {tear}{walls}. Try --cell {finer:.1e}, which makes about {nodes} nodes{thicker}"
+        ))
+    }
+
+    fn refused(&self, reason: String) -> MeshError {
+        MeshError::Refused { path: self.file.to_owned(), reason }
+    }
+
+    /// About how many nodes a cell makes: two in each cell of the lattice inside, and two on each cell of the surface.
+    fn nodes_for(&self, cell: f64) -> f64 {
+        2.0 * self.report.volume / cell.powi(3) + 2.0 * self.report.area / (cell * cell)
+    }
+
+    /// The cell for about so many nodes. Of an open surface any cell does, because it is refused.
+    fn cell_for(&self, nodes: f64) -> f64 {
+        let (low, high) = quality::bounding_box(&self.surface.vertices);
+        let sides = high - low;
+        let (mut fine, mut coarse) = (sides.amax() * 1e-4, sides.amax());
+        for _ in 0..60 {
+            let middle = (fine * coarse).sqrt();
+            if self.nodes_for(middle) > nodes { fine = middle } else { coarse = middle }
+        }
+        coarse.min(sides.min() / 2.0).max(sides.amax() * 1e-4)
+    }
 }
 
 fn two_digits(cell: f64) -> f64 {

@@ -233,10 +233,9 @@ fn poses_pull_push_and_move_across_what_can_be_grabbed() {
     assert_eq!(written, ["2.5 mm", "1.5 m", "500 mm"]);
 }
 
-/// A plate with the corners of a block, in millimetres, as STL.
-fn plate_in_millimetres(size: [f64; 3]) -> std::path::PathBuf {
-    let mesh = block(&Block { size, cells: [8, 6, 1] }).unwrap();
-    let crate::mesh::Surface { triangles, nodes } = crate::mesh::Surface::of(&mesh);
+/// A mesh's surface, in millimetres, as STL in a folder of its own.
+fn surface_in_millimetres(name: &str, mesh: &TetMesh) -> std::path::PathBuf {
+    let crate::mesh::Surface { triangles, nodes } = crate::mesh::Surface::of(mesh);
     let corner = |node: u32| {
         let x = mesh.nodes[nodes[node as usize] as usize];
         format!("vertex {} {} {}\n", x.x, x.y, x.z)
@@ -246,25 +245,78 @@ fn plate_in_millimetres(size: [f64; 3]) -> std::path::PathBuf {
         format!("facet normal 0 0 0\nouter loop\n{loops}endloop\nendfacet\n")
     };
     let text: String = triangles.iter().map(facet).collect();
-    let path = tempfile::tempdir().unwrap().keep().join("plate.stl");
-    std::fs::write(&path, format!("solid plate\n{text}endsolid plate\n")).unwrap();
+    let path = tempfile::tempdir().unwrap().keep().join(name).with_extension("stl");
+    std::fs::write(&path, format!("solid {name}\n{text}endsolid {name}\n")).unwrap();
     path
+}
+
+fn volume(mesh: &TetMesh) -> f64 {
+    (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum()
 }
 
 #[test]
 fn a_surface_in_millimetres_is_filled_by_its_thinnest_wall() {
-    let file = plate_in_millimetres([80.0, 60.0, 2.0]);
+    let plate = block(&Block { size: [80.0, 60.0, 2.0], cells: [8, 6, 1] }).unwrap();
+    let file = surface_in_millimetres("plate", &plate);
     for pull_m in [None, Some(1e-3)] {
         let wishes = Wishes { unit: find_unit("mm").ok(), pull_m, ..Wishes::default() };
         let proposal = propose(&file, &file.with_extension("toml"), &wishes).unwrap();
         let cell = proposal.scene.body["plate"].tetrahedralise.unwrap().cell;
         assert!((5e-4..=1e-3).contains(&cell), "{cell} m for walls of 2 mm");
         assert!(proposal.mesh.nodes.len() < 60_000, "{}", proposal.mesh.nodes.len());
-        let volume: f64 = (0..proposal.mesh.tets.len())
-            .map(|tet| quality::signed_volume(&proposal.mesh.corners(tet)))
-            .sum();
+        let volume = volume(&proposal.mesh);
         assert!((volume / 9.6e-6 - 1.0).abs() < 0.02, "{volume} m³ of 9.6e-6");
         assert!(proposal.reasons.iter().any(|reason| reason.contains("through the thinnest walls")));
+    }
+    std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
+}
+
+/// A tube of 0.8 mm walls in millimetres.
+fn thin_tube(length: f64) -> TetMesh {
+    tube(&Tube {
+        inner_radius: 9.2,
+        outer_radius: 10.0,
+        length,
+        radial: 1,
+        around: 96,
+        along: 4,
+        control_length: 0.0,
+    })
+    .unwrap()
+}
+
+/// Cells that the number of nodes allowed tore it into many pieces with 32 % less volume, which stood in notes alone.
+#[test]
+fn a_tube_of_thin_walls_is_filled_whole() {
+    let thin = thin_tube(12.0);
+    let file = surface_in_millimetres("tube", &thin);
+    let expected = 1e-9 * volume(&thin);
+    let wishes = Wishes { unit: find_unit("mm").ok(), pull_m: Some(1e-3), ..Wishes::default() };
+    let proposal = propose(&file, &file.with_extension("toml"), &wishes).unwrap();
+    let cell = proposal.scene.body["tube"].tetrahedralise.unwrap().cell;
+    assert!((3.5e-4..=5e-4).contains(&cell), "{cell} m for walls of 0.8 mm");
+    let volume = volume(&proposal.mesh);
+    assert!((volume / expected - 1.0).abs() < 0.03, "{volume} m³ of {expected}");
+    assert_eq!(quality::components(&proposal.mesh).nodes.len(), 1);
+    // Cells that are asked for are judged, too.
+    let asked = Wishes { cell: Some(1e-3), ..wishes };
+    let told = propose(&file, &file.with_extension("toml"), &asked).err().unwrap().to_string();
+    for part in
+        ["cells of 0.001 m tear it: ", " pieces, ", " % of its volume", "walls are 0.0008 m", "--cell 4.0e-4"]
+    {
+        assert!(told.contains(part), "{told}");
+    }
+    std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
+}
+
+#[test]
+fn a_sheet_that_needs_too_many_cells_is_refused_with_their_number() {
+    let sheet = block(&Block { size: [1000.0, 1000.0, 0.5], cells: [2, 2, 1] }).unwrap();
+    let file = surface_in_millimetres("sheet", &sheet);
+    let wishes = Wishes { unit: find_unit("mm").ok(), ..Wishes::default() };
+    let told = propose(&file, &file.with_extension("toml"), &wishes).err().unwrap().to_string();
+    for part in ["walls are 0.0005 m", "--cell 2.5e-4", "about 128 million nodes"] {
+        assert!(told.contains(part), "{told}");
     }
     std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
 }
