@@ -33,6 +33,23 @@ fn every_format_gives_the_same_body() {
     }
 }
 
+/// The pole of a sphere, where sin π is not quite 0, was a ring of vertices and so a hole.
+#[test]
+fn vertices_that_rounding_moved_apart_are_one() {
+    let corner = |t: usize, vertex: u32| {
+        let [x, y, z] = VERTICES[vertex as usize].map(|x| f64::from(x) - 3e-8 * t as f64);
+        format!("vertex {x:e} {y:e} {z:e}\n")
+    };
+    let facet = |(t, corners): (usize, &[u32; 3])| {
+        let loops: String = corners.iter().map(|&vertex| corner(t, vertex)).collect();
+        format!("facet normal 0 0 0\nouter loop\n{loops}endloop\nendfacet\n")
+    };
+    let text: String = TRIANGLES.iter().enumerate().map(facet).collect();
+    let (report, notices) = checked("a.stl", format!("solid a\n{text}endsolid a\n").as_bytes());
+    assert_eq!((report.vertices, report.triangles, report.faults()), (4, 4, Vec::new()));
+    assert_eq!(notices, [""; 0]);
+}
+
 #[test]
 fn what_is_wrong_is_told_with_its_line() {
     for (name, text, expected) in [

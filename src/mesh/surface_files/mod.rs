@@ -1,6 +1,6 @@
 //! Triangle surfaces from files: one format a file, and one line in `FORMATS`.
 //!
-//! In: a file's bytes. Out: a [`TriangleSurface`] whose equal vertices are one, with a notice for everything that was
+//! In: a file's bytes. Out: a [`TriangleSurface`] whose vertices at one place are one, with a notice for everything that was
 //! joined, cut into triangles or left out. The parsers are our own so that errors name the line, coordinates
 //! keep the file's precision, and memory grows with the bytes, not with the counts in a header.
 
@@ -64,7 +64,38 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
         .map_err(|fault| fault.in_file(path, bytes))
 }
 
-/// Joins vertices of equal coordinates, cuts polygons into fans, and drops triangles that name a vertex twice or
+/// Vertices that differ by less than this part of the largest coordinate are one place: single precision rounds by a quarter of it.
+const ROUNDING: f64 = 2.5e-7;
+
+/// Places, a cube of [`ROUNDING`] each, with the vertex there.
+struct Places {
+    width: f64,
+    vertex: HashMap<[i64; 3], u32>,
+}
+
+impl Places {
+    fn of(vertices: &[Vector3<f64>]) -> Places {
+        let largest = vertices.iter().map(|x| x.amax()).fold(0.0, f64::max);
+        Places { width: (ROUNDING * largest).max(f64::MIN_POSITIVE), vertex: HashMap::new() }
+    }
+
+    /// The vertex at this place or beside it; `new` where there is none.
+    fn vertex(&mut self, x: &Vector3<f64>, new: u32, known: &[Vector3<f64>]) -> u32 {
+        let own: [i64; 3] = (x / self.width).map(|part| part.floor() as i64).into();
+        if let Some(vertex) = self.vertex.get(&own) {
+            return *vertex;
+        }
+        let beside = (0..27).filter_map(|k| {
+            let key = [own[0] + k % 3 - 1, own[1] + k / 3 % 3 - 1, own[2] + k / 9 - 1];
+            self.vertex.get(&key).copied()
+        });
+        let near = |vertex: &u32| (known[*vertex as usize] - x).amax() < self.width;
+        let found = beside.filter(near).min();
+        *self.vertex.entry(own).or_insert(found.unwrap_or(new))
+    }
+}
+
+/// Joins vertices at one place, cuts polygons into fans, and drops triangles that name a vertex twice or
 /// stand in the file twice.
 fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     let mut notices = raw.notices;
@@ -72,7 +103,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
         return Err(FormatFault::whole(format!("{} vertices are more than 2³² - 2", raw.vertices.len())));
     }
     let mut surface = TriangleSurface::default();
-    let mut index_of = HashMap::new();
+    let mut places = Places::of(&raw.vertices);
     let mut index = Vec::with_capacity(raw.vertices.len());
     for (number, vertex) in raw.vertices.iter().enumerate() {
         if !vertex.iter().all(|x| x.is_finite() && x.abs() < 1e100) {
@@ -82,10 +113,8 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
                 number + 1
             )));
         }
-        // -0 and 0 are one place.
-        let key: [u64; 3] = vertex.map(|x| (x + 0.0).to_bits()).into();
         let next = surface.vertices.len() as u32;
-        let welded = *index_of.entry(key).or_insert(next);
+        let welded = places.vertex(vertex, next, &surface.vertices);
         if welded == next {
             surface.vertices.push(*vertex);
         }
