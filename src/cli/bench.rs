@@ -8,6 +8,7 @@ use super::{bench_haptics, bench_snapshot, marks, precompute};
 use crate::base::columns::ColumnGroup;
 use crate::base::failure::Failure;
 use crate::base::machine;
+use crate::base::notice::notice;
 use crate::base::statistics::median;
 use crate::base::table::{Table, bytes, seconds};
 use crate::deform::{BYTES_PER_THREAD, Superposition, vertex_normals};
@@ -71,6 +72,9 @@ pub struct Args {
     pub device: device::Args,
 }
 
+/// The script by which a scene without one is moved: at rest nothing is deformed.
+const MOVING: &str = "bend";
+
 /// Size of the paper's largest model.
 const PAPER_NODES: usize = 10_000;
 
@@ -92,7 +96,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = Resolved::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
     prepare::try_green(&scene, None)?;
-    let scene = tuning::settle(scene, false, false)?;
+    let mut scene = tuning::settle(scene, false, false)?;
+    if scene.script.is_none() && args.replay.is_none() {
+        notice!("the scene has no script: measured with the script {MOVING}");
+        scene = scene.with_script(MOVING);
+    }
     let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
     let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
     let stage = open()?.world.assets.stage.clone();

@@ -98,6 +98,13 @@ impl Resolved {
         Resolved { scene: Scene { stage, ..self.scene.clone() }, bodies: self.bodies.clone() }
     }
 
+    /// The same, moved by a script.
+    #[must_use]
+    pub fn with_script(&self, script: &str) -> Resolved {
+        let scene = Scene { script: Some(script.into()), ..self.scene.clone() };
+        Resolved { scene, bodies: self.bodies.clone() }
+    }
+
     /// A copy with some of the bodies only.
     #[must_use]
     pub fn with_bodies(&self, is_meant: impl Fn(&str) -> bool) -> Resolved {

@@ -54,8 +54,10 @@ fn the_force_loop_of_a_scene_without_forces_is_measured_and_its_file_stays() {
     greenstage(&folder, &["precompute", "scene.toml", "--quiet"]);
     let file = || std::fs::read(folder.join("scene.green")).unwrap();
     let before = file();
-    let asked = ["bench", "scene.toml", "--haptics", "--frames", "2", "--json", "--test-build"];
+    let asked = ["bench", "scene.toml", "--haptics", "--frames", "6", "--json", "--test-build"];
     let told: Value = serde_json::from_slice(&greenstage(&folder, &asked).stdout).unwrap();
+    // Without a script nothing was moved, and the deformation took 0.0 µs.
+    assert!(told["frames"][0]["steps_s"]["deform"].as_f64().unwrap() > 0.0, "{told}");
     let [row] = &told["haptic_ticks"].as_array().unwrap()[..] else { panic!("{told}") };
     assert_eq!((&row["body"], &row["model"]), (&"block".into(), &"rotation".into()));
     assert!(row["work_p50_s"].as_f64().unwrap() > 0.0, "{row}");
