@@ -148,12 +148,10 @@ impl Forecast {
         (self.unknowns > SMALL).then(|| {
             format!(
                 "{:.3e} unknowns: by an estimate from their number and the surface, precomputing takes {least} to {most} of \
-                 memory and {soon} to {late} on {} threads; with solver = {{ method = \"{}\" }} about {} \
-                 and more time",
+                 memory and {} on {} threads",
                 self.unknowns,
-                rayon::current_num_threads(),
-                without_factor().name,
-                bytes(self.iterative_memory)
+                if soon == late { soon } else { format!("{soon} to {late}") },
+                rayon::current_num_threads()
             )
         })
     }
