@@ -5,6 +5,7 @@ use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output;
+use crate::base::table::count;
 use crate::display::application::{self, Options, Shows};
 use crate::display::device;
 use crate::display::pattern::Pattern;
@@ -73,7 +74,7 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
     let gpu = Gpu::headless().map_err(Failure::work)?;
     let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1)?;
     let mut overlay = Overlay::new(COLOR_FORMAT);
-    let mut count = 0;
+    let mut written = 0;
     for screen in &stage.screens {
         let target = Offscreen::new(&gpu, &renderer, screen.pixels)?;
         for &eye in stage.stereo.eyes() {
@@ -88,8 +89,8 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
             })?;
             let (image, _) = target.read(&gpu)?;
             save(&image, &path(&screen.name, eye))?;
-            count += 1;
+            written += 1;
         }
     }
-    print(&format!("{count} pictures in {}\n", folder.display()))
+    print(&format!("{} in {}\n", count(written, "picture"), folder.display()))
 }

@@ -6,7 +6,7 @@ use super::offscreen::{DrawTimes, Pictures, Targets};
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::output::{self, Kind, Staged};
-use crate::base::table::seconds;
+use crate::base::table::{count, seconds};
 use crate::render::Samples;
 use crate::session::{Playback, Session};
 use crate::stage::{Stage, Stereo};
@@ -74,7 +74,7 @@ impl PictureRequest {
         }
         let bar = indicatif::ProgressBar::new(frames as u64).with_message("frames");
         let mut chosen = Chosen::new(frames);
-        let (mut drawn_s, mut mechanics_s, mut count) = (0.0, 0.0, 0);
+        let (mut drawn_s, mut mechanics_s, mut written) = (0.0, 0.0, 0);
         let started = Instant::now();
         for frame in 0..frames {
             mechanics_s += playback.step_to(session, frame)?.total_s();
@@ -94,7 +94,7 @@ impl PictureRequest {
             let older: Vec<PathBuf> = older.into_iter().filter(|path| output::is(path, &PNG)).collect();
             let staged = named(frame).zip(&images).map(|(path, (_, image))| stage(image, &path));
             output::put_all(staged.collect::<Result<_, Failure>>()?, &older)?;
-            count += images.len();
+            written += images.len();
             chosen.take(frame, &images);
             bar.inc(1);
         }
@@ -104,7 +104,7 @@ impl PictureRequest {
         let screens = stage.screens.len();
         // Windows lie as they are listed.
         let (each, from_top) = match self.pictures {
-            Pictures::Windows => (format!("{} windows", targets.count()), (0..targets.count()).collect()),
+            Pictures::Windows => (count(targets.count(), "window"), (0..targets.count()).collect()),
             _ => (pictures_of_frame(stage, screens), stage.screens_from_top()),
         };
         if chosen.are_alike() {
@@ -112,8 +112,9 @@ impl PictureRequest {
         }
         save(&contact_sheet(&chosen.frames(), &from_top), &path)?;
         let drawn = format!(
-            "{count} pictures in {} (all steps, PNG files too: {})\n\
+            "{} in {} (all steps, PNG files too: {})\n\
              drawing {:.1} frames/s, each of {each} {}; its mechanics {}\ncontact sheet {}\n",
+            count(written, "picture"),
             folder.display(),
             seconds(started.elapsed().as_secs_f64()),
             frames as f64 / drawn_s,

@@ -10,7 +10,10 @@ use std::fmt;
 impl fmt::Display for Stage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let eye = Point3::from(self.viewer.room_from_head.translation.vector);
-        writeln!(f, "stage {}: {}", self.name, self.description)?;
+        match self.description.as_str() {
+            "" => writeln!(f, "stage {}", self.name)?,
+            described => writeln!(f, "stage {}: {described}", self.name)?,
+        }
         writeln!(
             f,
             "viewer at ({:.3}, {:.3}, {:.3}) m, eyes {:.1} mm apart, stereo {}",
