@@ -115,7 +115,7 @@ fn ask(doubt: &UnitDoubt) -> Result<&'static LengthUnit, Failure> {
         let extent = doubt.extent_in(unit);
         question.push_str(&format!("  {}  {}: the body is {extent} long\n", number + 1, unit.plural));
     }
-    question.push_str("1, 2, or a unit (m, in, cm, mm, um): ");
+    question.push_str("a number, or a unit (m, in, cm, mm, um): ");
     loop {
         out.write_all(question.as_bytes()).and_then(|()| out.flush()).map_err(Failure::work)?;
         let mut line = String::new();

@@ -54,6 +54,6 @@ pub fn plausible(file: &Path, extent: f64, largest: f64, asked: Option<Scale>) -
     Err(ProposalError::Unit(UnitDoubt {
         mesh: file.to_owned(),
         extent,
-        candidates: candidates(extent, largest).take(1).chain(find_unit("m")).collect(),
+        candidates: candidates(extent, largest).chain(find_unit("m")).collect(),
     }))
 }

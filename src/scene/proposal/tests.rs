@@ -151,7 +151,11 @@ fn an_implausible_size_asks_back_and_a_unit_answers() {
         panic!("195 m are taken for granted")
     };
     let units: Vec<&str> = doubt.candidates.iter().map(|unit| unit.name).collect();
-    assert_eq!((doubt.extent, units), (195.0, vec!["mm", "m"]));
+    assert_eq!((doubt.extent, units), (195.0, vec!["mm", "cm", "m"]));
+    // Of a file in inches the inch was no choice.
+    let inches = plausible(Path::new("part.stl"), 4.0, 3.0, None).unwrap_err();
+    let ProposalError::Unit(UnitDoubt { candidates, .. }) = inches else { panic!("{inches}") };
+    assert_eq!(candidates.iter().map(|unit| unit.name).collect::<Vec<_>>(), ["mm", "cm", "in", "m"]);
     assert_eq!(doubt.extent_in(doubt.candidates[0]), "0.1950 m");
     let unit = Some(doubt.candidates[0]);
     let proposal = proposed("robot.msh", &robot, &Wishes { unit, ..Wishes::default() }).unwrap();
