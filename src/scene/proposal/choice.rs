@@ -24,6 +24,8 @@ const INCOMPRESSIBLE: f64 = 0.45;
 const SOFT: f64 = 1e5;
 /// Most corners of a mesh for elements of ten nodes, which take minutes beyond.
 const MOST_CORNERS: usize = 15_000;
+/// Most nodes for the model `reduced` where it was not asked for: it takes minutes beyond.
+const MOST_REDUCED: usize = 60_000;
 /// Unknowns of a mesh with nodes on its edges, for each corner.
 const UNKNOWNS: usize = 21;
 /// Most unknowns of the better body that errors are measured by, which is solved in a minute or two.
@@ -46,7 +48,8 @@ pub fn choose(
     let asks_forces = wishes.pull_m.is_some();
     let is_soft = material.young < SOFT && asks_forces;
     let can_reduce = controls <= MOST_CONTROLS;
-    let (is_large, is_incompressible) = (mesh.nodes.len() > MOST_CORNERS, material.poisson > INCOMPRESSIBLE);
+    let nodes = mesh.nodes.len();
+    let (is_large, is_incompressible) = (nodes > MOST_CORNERS, material.poisson > INCOMPRESSIBLE);
     let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
     let length = ends::length(mesh);
     let slender = length / (volume / length).sqrt();
@@ -63,9 +66,8 @@ pub fn choose(
             "for large rotations; \"reduced\", which is made for forces, needs element = \"tet10\" here"
                 .to_owned(),
             format!(
-                "because {} nodes are many for \"reduced\", which needs the element tet10 for a nearly incompressible \
-                 material; a larger --cell makes fewer",
-                mesh.nodes.len()
+                "because {nodes} nodes are many for \"reduced\", which needs the element tet10 for a nearly incompressible \
+                 material; a larger --cell makes fewer"
             ),
         ),
         None if asks_forces && can_reduce => (
@@ -73,7 +75,7 @@ pub fn choose(
             "made for forces, and bends far; \"rotation\" is quicker to precompute".to_owned(),
             "because you ask for forces".to_owned(),
         ),
-        None if slender >= SLENDER && can_reduce && !is_incompressible => (
+        None if slender >= SLENDER && can_reduce && !is_incompressible && nodes <= MOST_REDUCED => (
             "reduced",
             "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(),
             format!("because the body is slender ({slender:.0} times as long as thick) and bends far"),
