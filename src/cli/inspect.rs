@@ -4,11 +4,12 @@ use super::expected;
 use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
+use crate::base::text::quoted;
 use crate::config::foreign;
 use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::length_unit::{LARGEST_M, implausible};
-use crate::mesh::{self, Surface, diagnostics, isosurface_stuffing, quality, surface_check, surface_files};
+use crate::mesh::{self, Surface, diagnostics, quality, surface_check, surface_files};
 use crate::prepare::{self, Resolved};
 use crate::scene::built_in::{self, BUILT_IN};
 use crate::scene::{Material, Method, Scene};
@@ -154,9 +155,11 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let faults = report.faults();
     let [low, high] = report.bounding_box;
     let cavities = report.shells.iter().filter(|shell| shell.is_cavity).count();
+    let is_closed = report.holes.is_empty() && report.unorientable_edges == 0;
+    let volume = |inside: f64| if is_closed { format!("{inside:.6e}") } else { "open".to_owned() };
     let mut text = format!(
         "{}\na surface of {} vertices and {} triangles ({} without area); {}, {cavities} of them cavities\n\
-         box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\nvolume {:.6e} m³, surface {:.6e} m²\n\n",
+         box ({:.6}, {:.6}, {:.6}) to ({:.6}, {:.6}, {:.6})\n{}surface {:.6e} m²\n\n",
         path.display(),
         report.vertices,
         report.triangles,
@@ -168,16 +171,12 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
         high[0],
         high[1],
         high[2],
-        report.volume,
+        if is_closed { format!("volume {} m³, ", volume(report.volume)) } else { String::new() },
         report.area,
     );
     let mut shells = Table::new(&["shell", "triangles", "volume m³"]);
     for (number, shell) in report.shells.iter().enumerate().take(20) {
-        shells.row(&[
-            &(number + 1).to_string(),
-            &shell.triangles.to_string(),
-            &format!("{:.6e}", shell.volume),
-        ]);
+        shells.row(&[&(number + 1).to_string(), &shell.triangles.to_string(), &volume(shell.volume)]);
     }
     text.push_str(&format!("{}\n", shells.text()));
     let wrong = faults.iter().map(|fault| format!("wrong: {fault}\n"));
@@ -185,16 +184,15 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     text.extend(wrong.chain(notes));
     let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max), LARGEST_M);
     text.extend(doubt.map(|doubt| format!("note: {doubt}\n")));
-    let cell = isosurface_stuffing::suggested_cell(&surface);
-    if report.holes.is_empty() && report.unorientable_edges == 0 {
-        text.push_str(&format!(
-            "closed: a scene can fill it, tetrahedralise = {{ cell = {cell} }} makes about {:.0} tetrahedra\n",
-            12.0 * report.volume / cell.powi(3)
-        ));
-    } else {
-        text.push_str("not closed: it has no inside to be filled\n");
-    }
-    let value = json!({ "file": path.to_string_lossy(), "surface": report, "faults": faults, "notices": notices, "cell": cell });
+    text += &match is_closed {
+        true => format!(
+            "closed: `greenstage new {}` fills it with cells that suit its walls\n",
+            quoted(&path.to_string_lossy())
+        ),
+        false => "not closed: it has no inside to be filled\n".to_owned(),
+    };
+    let value =
+        json!({ "file": path.to_string_lossy(), "surface": report, "faults": faults, "notices": notices });
     Ok((text, value))
 }
 

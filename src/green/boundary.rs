@@ -165,6 +165,6 @@ mod tests {
     #[test]
     fn an_open_surface_is_refused_with_the_place() {
         let error = solved_file(1, "").err().unwrap().to_string();
-        assert!(error.contains("need a closed surface") && error.contains("1 hole(s)"), "{error}");
+        assert!(error.contains("need a closed surface") && error.contains("1 hole:"), "{error}");
     }
 }

@@ -8,6 +8,7 @@ use super::quality::bounding_box;
 use super::shells::solid_angle;
 use super::surface_files::TriangleSurface;
 use super::surface_intersect::{Intersections, intersections};
+use crate::base::table::count;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -108,8 +109,8 @@ impl SurfaceReport {
         if let Some(first) = self.holes.first() {
             let some: Vec<String> = self.holes.iter().take(5).map(|hole| place(&hole.at)).collect();
             faults.push(format!(
-                "{} hole(s): loops of edges that belong to one triangle only, the first of {} edges; near {}{}",
-                self.holes.len(),
+                "{}: loops of edges that belong to one triangle only, the first of {} edges; near {}{}",
+                count(self.holes.len(), "hole"),
                 first.edges,
                 some.join(", "),
                 if self.holes.len() > some.len() { ", …" } else { "" }

@@ -242,7 +242,7 @@ fn what_cannot_be_filled_is_refused_with_a_remedy() {
     let mut open = cuboid([1.0; 3]);
     open.triangles.drain(2..4);
     let text = refused(open, 0.1);
-    assert!(text.contains("1 hole(s)") && text.contains("near (0.000000, 0.000000, 0.500000)"), "{text}");
+    assert!(text.contains("1 hole:") && text.contains("near (0.000000, 0.000000, 0.500000)"), "{text}");
     let text = refused(cuboid([1.0, 1.0, 0.1]), 0.2);
     assert!(text.contains("larger than the body") && text.contains("take cell = 3.3e-2 or less"), "{text}");
     let text = refused(cuboid([1.0; 3]), 0.005);

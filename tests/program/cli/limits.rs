@@ -176,8 +176,7 @@ fn memory_is_planned_as_it_is_used() {
         (20, solver("pcg")),
         // 211 MB were used where 134 MB were planned: for the body alone, without the fields that its model takes.
         (8, model("reduced")),
-        (16, model("reduced")),
-        (14, model("perturbation")),
+        (10, model("perturbation")),
     ] {
         let folder = folder("cli-planned");
         std::fs::write(folder.join("scene.toml"), block_text([cells; 3], &extra)).unwrap();

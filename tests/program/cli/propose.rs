@@ -65,3 +65,18 @@ fn a_mesh_is_checked_without_a_scene_and_nothing_appears_beside_it() {
     std::fs::write(folder.join("part.step"), "ISO-10303-21;\n").unwrap();
     refuse(&folder, &["view", "part.step"], &["gmsh -3 -clmax 5 -format msh41 part.step -o part.msh"]);
 }
+
+/// An open surface had a volume, and of a closed one a cell was suggested that its walls might not bear.
+#[test]
+fn inspect_tells_the_volume_of_a_closed_surface_alone_and_leaves_the_cell_to_new() {
+    let folder = project("inspect-surface");
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+    for (faces, expected, other) in [
+        ("f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", "closed: `greenstage new a.obj` fills it", "open"),
+        ("f 1 3 2\nf 1 2 4\nf 1 4 3\n", "not closed: it has no inside to be filled", "volume 1"),
+    ] {
+        std::fs::write(folder.join("a.obj"), format!("{vertices}{faces}")).unwrap();
+        let told = text(&succeed(&folder, &["inspect", "a.obj"]).stdout);
+        assert!(told.contains(expected) && !told.contains(other), "{told}");
+    }
+}
