@@ -57,7 +57,7 @@ struct Made {
 }
 
 /// Reads the surface at `file` and fills it; asks back which unit it is in where it would be more than `largest` m long. Errors
-/// where no cell of these keeps the body whole.
+/// where the walls need too many nodes, and where the body is torn.
 pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
     let extent = |(low, high)| -> f64 { nalgebra::Vector3::amax(&(high - low)) };
@@ -66,12 +66,13 @@ pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, Propos
     let report = surface_check::check(&mut surface, &mut notices);
     let wall = wall_thickness(&surface, THINNEST);
     let trial = Trial { file, surface, report, notices, wall };
-    let made = match wishes.cell {
-        Some(cell) => trial.make(cell)?,
-        None => trial.best(NODES[usize::from(wishes.pull_m.is_some())])?,
+    let made = match (wishes.cell, wall) {
+        (Some(cell), _) => trial.make(cell)?,
+        (None, Some(wall)) if wall < trial.cell_for(MOST) => return Err(trial.too_thin(wall).into()),
+        (None, _) => trial.best(NODES[usize::from(wishes.pull_m.is_some())])?,
     };
     if let Some(tear) = &made.tear {
-        return Err(trial.refusal(made.cell, tear).into());
+        return Err(trial.torn(made.cell, tear).into());
     }
     Ok(Filled { loaded: made.loaded, cell: made.cell, wall })
 }
@@ -122,17 +123,24 @@ impl Trial<'_> {
     }
 
     /// Why a torn body is not taken, and the cell that is worth a try.
-    fn refusal(&self, cell: f64, tear: &str) -> MeshError {
+    fn torn(&self, cell: f64, tear: &str) -> MeshError {
         let finer = two_digits(self.wall.map_or(cell / 2.0, |wall| (wall / CELLS).min(cell / FINER)));
         let thin = |wall: f64| format!("; its thinnest walls are {} m", digits(wall));
         let walls = self.wall.map_or_else(String::new, thin);
-        let (nodes, thicker) = match self.nodes_for(finer) {
-            few if few < MOST => (format!("{:.0} thousand", 1e-3 * few), ""),
-            many if many < 1e6 => (format!("{:.0} thousand", 1e-3 * many), ", or make the walls thicker"),
-            many => (format!("{:.0} million", 1e-6 * many), ", or make the walls thicker"),
-        };
+        let nodes = about(self.nodes_for(finer));
         self.refused(format!(
-            "cells of {cell} m tear it: {tear}{walls}. Try --cell {finer:.1e}, which makes about {nodes} nodes{thicker}"
+            "cells of {cell} m tear it: {tear}{walls}. Try --cell {finer:.1e}, which makes about {nodes} nodes"
+        ))
+    }
+
+    /// Why walls are not resolved.
+    fn too_thin(&self, wall: f64) -> MeshError {
+        let cell = two_digits(wall / CELLS);
+        let (nodes, most) = (about(self.nodes_for(cell)), about(MOST));
+        self.refused(format!(
+            "its thinnest walls are {} m: --cell {cell:.1e} resolves them with about {nodes} nodes, and more than {most} take \
+             minutes to solve. Make the walls thicker, or leave them out by a larger --cell",
+            digits(wall)
         ))
     }
 
@@ -155,6 +163,14 @@ impl Trial<'_> {
             if self.nodes_for(middle) > nodes { fine = middle } else { coarse = middle }
         }
         coarse.min(sides.min() / 2.0).max(sides.amax() * 1e-4)
+    }
+}
+
+/// A number of nodes in words.
+pub fn about(nodes: f64) -> String {
+    match nodes {
+        few if few < 1e6 => format!("{:.0} thousand", 1e-3 * few),
+        many => format!("{:.0} million", 1e-6 * many),
     }
 }
 

@@ -178,10 +178,10 @@ fn size(
             if let Some(wall) = wall.filter(|wall| *wall < 1.5 * cell) {
                 telling.warnings.push(format!(
                     "the thinnest walls are {} m thick and the cells {cell} m: such walls come out too stiff or torn. --cell \
-                     {:.1e} resolves them, with about {:.0} nodes",
+                     {:.1e} resolves them, with about {} nodes",
                     digits(wall),
                     wall / 2.0,
-                    nodes as f64 * (2.0 * cell / wall).powi(3)
+                    filling::about(nodes as f64 * (2.0 * cell / wall).powi(3))
                 ));
             }
         }
