@@ -155,7 +155,7 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     let faults = report.faults();
     let [low, high] = report.bounding_box;
     let cavities = report.shells.iter().filter(|shell| shell.is_cavity).count();
-    let is_closed = report.holes.is_empty() && report.unorientable_edges == 0;
+    let is_closed = report.is_closed();
     let volume = |inside: f64| if is_closed { format!("{inside:.6e}") } else { "open".to_owned() };
     let mut text = format!(
         "{}\na surface of {} vertices and {} triangles ({} without area); {}, {cavities} of them cavities\n\

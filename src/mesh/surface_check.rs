@@ -85,9 +85,8 @@ pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> Surfac
     if turned > 0 {
         notices.push(format!("{turned} triangles were turned round, so that neighbours agree"));
     }
-    let is_closed = report.holes.is_empty() && unorientable_edges == 0;
     report.shells = shells(surface, &shell_of);
-    if is_closed {
+    if report.is_closed() {
         turn_shells(surface, &shell_of, &mut report.shells, notices);
     }
     report.volume = report.shells.iter().map(|shell| shell.volume).sum();
@@ -102,6 +101,11 @@ pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> Surfac
 }
 
 impl SurfaceReport {
+    /// Whether it has an inside.
+    pub fn is_closed(&self) -> bool {
+        self.holes.is_empty() && self.unorientable_edges == 0
+    }
+
     /// Sentences about what is wrong, the worst first; none for a sound surface.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();

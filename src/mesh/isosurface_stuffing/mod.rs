@@ -116,7 +116,7 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
     if !(cell > 0.0 && cell.is_finite()) {
         return Err(format!("cell is {cell} m: a positive length is needed, such as {suggested:e}"));
     }
-    if !report.holes.is_empty() || report.unorientable_edges > 0 {
+    if !report.is_closed() {
         return Err(format!(
             "the surface is not closed, so it has no inside: {}. Close it where it was made, or let a mesher that \
              repairs do both: `greenstage manual meshes` shows the command",

@@ -13,6 +13,7 @@ use crate::mesh::surface_check::{self, SurfaceReport};
 use crate::mesh::surface_files::{self, LoadedSurface, TriangleSurface};
 use crate::mesh::walls::wall_thickness;
 use crate::mesh::{Loaded, MeshError, TetMesh, quality};
+use nalgebra::Vector3;
 use std::path::Path;
 
 /// A surface that was filled.
@@ -60,16 +61,15 @@ struct Made {
 /// where the walls need too many nodes, and where the body is torn.
 pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
-    let extent = |(low, high)| -> f64 { nalgebra::Vector3::amax(&(high - low)) };
+    let extent = |(low, high)| -> f64 { Vector3::amax(&(high - low)) };
     plausible(file, extent(quality::bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
     wishes.asked_scale().unwrap_or(Scale::ONE).apply(&mut surface.vertices);
     let report = surface_check::check(&mut surface, &mut notices);
     let wall = wall_thickness(&surface, THINNEST);
     let trial = Trial { file, surface, report, notices, wall };
-    let made = match (wishes.cell, wall) {
-        (Some(cell), _) => trial.make(cell)?,
-        (None, Some(wall)) if wall < trial.cell_for(MOST) => return Err(trial.too_thin(wall).into()),
-        (None, _) => trial.best(NODES[usize::from(wishes.pull_m.is_some())])?,
+    let made = match wishes.cell {
+        Some(cell) => trial.make(cell)?,
+        None => trial.best(NODES[usize::from(wishes.pull_m.is_some())])?,
     };
     if let Some(tear) = &made.tear {
         return Err(trial.torn(made.cell, tear).into());
@@ -80,8 +80,10 @@ pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, Propos
 impl Trial<'_> {
     /// The coarsest cell that resolves the walls and comes near `aim` nodes, or a finer one where that tears the body.
     fn best(&self, aim: f64) -> Result<Made, MeshError> {
-        let finest = self.cell_for(MOST);
-        let coarsest = self.wall.map_or(f64::INFINITY, |wall| wall / CELLS);
+        let (finest, coarsest) = (self.cell_for(MOST), self.coarsest());
+        if self.report.is_closed() && coarsest > 0.0 && CELLS * coarsest < finest {
+            return Err(self.too_thin(coarsest));
+        }
         let mut best = self.make(two_digits(self.cell_for(aim).min(coarsest).max(finest)))?;
         for _ in 1..TRIALS {
             let nodes = best.loaded.mesh.nodes.len() as f64;
@@ -124,7 +126,7 @@ impl Trial<'_> {
 
     /// Why a torn body is not taken, and the cell that is worth a try.
     fn torn(&self, cell: f64, tear: &str) -> MeshError {
-        let finer = two_digits(self.wall.map_or(cell / 2.0, |wall| (wall / CELLS).min(cell / FINER)));
+        let finer = two_digits(self.coarsest().min(cell / FINER));
         let thin = |wall: f64| format!("; its thinnest walls are {} m", digits(wall));
         let walls = self.wall.map_or_else(String::new, thin);
         let nodes = about(self.nodes_for(finer));
@@ -133,14 +135,13 @@ impl Trial<'_> {
         ))
     }
 
-    /// Why walls are not resolved.
-    fn too_thin(&self, wall: f64) -> MeshError {
-        let cell = two_digits(wall / CELLS);
+    /// Why walls that need this cell are not resolved.
+    fn too_thin(&self, cell: f64) -> MeshError {
         let (nodes, most) = (about(self.nodes_for(cell)), about(MOST));
         self.refused(format!(
             "its thinnest walls are {} m: --cell {cell:.1e} resolves them with about {nodes} nodes, and more than {most} take \
              minutes to solve. Make the walls thicker, or leave them out by a larger --cell",
-            digits(wall)
+            digits(CELLS * cell)
         ))
     }
 
@@ -153,16 +154,25 @@ impl Trial<'_> {
         2.0 * self.report.volume / cell.powi(3) + 2.0 * self.report.area / (cell * cell)
     }
 
-    /// The cell for about so many nodes. Of an open surface any cell does, because it is refused.
+    /// The cell for about so many nodes.
     fn cell_for(&self, nodes: f64) -> f64 {
-        let (low, high) = quality::bounding_box(&self.surface.vertices);
-        let sides = high - low;
-        let (mut fine, mut coarse) = (sides.amax() * 1e-4, sides.amax());
+        let longest = self.sides().amax();
+        let (mut fine, mut coarse) = (longest * 1e-4, longest);
         for _ in 0..60 {
             let middle = (fine * coarse).sqrt();
             if self.nodes_for(middle) > nodes { fine = middle } else { coarse = middle }
         }
-        coarse.min(sides.min() / 2.0).max(sides.amax() * 1e-4)
+        coarse
+    }
+
+    /// The coarsest cell that resolves the walls, or the body where it has none.
+    fn coarsest(&self) -> f64 {
+        self.wall.unwrap_or(f64::INFINITY).min(self.sides().min()) / CELLS
+    }
+
+    fn sides(&self) -> Vector3<f64> {
+        let (low, high) = quality::bounding_box(&self.surface.vertices);
+        high - low
     }
 }
 
