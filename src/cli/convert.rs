@@ -4,8 +4,9 @@ use super::print::print;
 use crate::base::failure::Failure;
 use crate::base::notice::notice;
 use crate::base::table::count;
+use crate::base::text::quoted;
 use crate::mesh::length_unit::{LARGEST_M, LengthUnit, Scale, find_unit, implausible};
-use crate::mesh::{self, formats, quality};
+use crate::mesh::{self, formats, quality, surface_files};
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
@@ -50,6 +51,12 @@ fn encodings() -> clap::builder::PossibleValuesParser {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if surface_files::is_surface_file(&args.input) {
+        let (input, named) = (args.input.display(), quoted(&args.input.to_string_lossy()));
+        return Err(Failure::wrong(format!(
+            "{input}: a surface, which has no tetrahedra to convert; `greenstage new {named}` makes a scene that fills it"
+        )));
+    }
     let encoding = args.encoding.as_deref();
     let writer = formats::writer_of(&args.output, encoding)?;
     mesh::try_save(&args.output, encoding, &args.input)?;
@@ -75,4 +82,21 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         args.output.display(),
         writer.about,
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// It was "not a mesh file that can be read".
+    #[test]
+    fn a_surface_is_answered_with_the_command_that_fills_it() {
+        let (input, output) = (PathBuf::from("part.stl"), PathBuf::from("part.msh"));
+        let args = Args { input, output, unit: None, metres_per_unit: None, encoding: None };
+        let told = run(&args).err().unwrap().to_string();
+        assert!(
+            told.starts_with("part.stl: a surface") && told.contains("`greenstage new part.stl`"),
+            "{told}"
+        );
+    }
 }

@@ -139,8 +139,8 @@ impl Trial<'_> {
     fn too_thin(&self, cell: f64) -> MeshError {
         let (nodes, most) = (about(self.nodes_for(cell)), about(MOST));
         self.refused(format!(
-            "its thinnest walls are {} m: --cell {cell:.1e} resolves them with about {nodes} nodes, and more than {most} take \
-             minutes to solve. Make the walls thicker, or leave them out by a larger --cell",
+            "its thinnest walls are {} m and need cells of {cell:.1e} m, about {nodes} nodes; more than {most} take minutes to \
+             solve. Make the walls thicker, or try a larger --cell where they do not matter",
             digits(CELLS * cell)
         ))
     }
