@@ -184,9 +184,10 @@ fn surface(path: &Path) -> Result<(String, Value), Failure> {
     text.extend(wrong.chain(notes));
     let doubt = implausible((0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max), LARGEST_M);
     text.extend(doubt.map(|doubt| format!("note: {doubt}\n")));
+    let limit = if faults.is_empty() { "" } else { ", unless what is wrong is larger than a cell" };
     text += &match is_closed {
         true => format!(
-            "closed: `greenstage new {}` fills it with cells that suit its walls\n",
+            "closed: `greenstage new {}` fills it with cells that suit its walls{limit}\n",
             quoted(&path.to_string_lossy())
         ),
         false => "not closed: it has no inside to be filled\n".to_owned(),
