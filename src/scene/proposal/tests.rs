@@ -323,7 +323,7 @@ fn a_sheet_that_needs_too_many_cells_is_refused_with_their_number() {
     let file = surface_in_millimetres("sheet", &sheet);
     let wishes = Wishes { unit: find_unit("mm").ok(), ..Wishes::default() };
     let told = propose(&file, &file.with_extension("toml"), &wishes).err().unwrap().to_string();
-    for part in ["walls are 0.0005 m", "cells of 2.5e-4 m", "about 128 million nodes"] {
+    for part in ["walls are 5.000e-4 m", "cells of 2.5e-4 m", "about 128 million nodes"] {
         assert!(told.contains(part), "{told}");
     }
     std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
