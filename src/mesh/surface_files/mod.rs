@@ -11,6 +11,7 @@ mod stl;
 mod words;
 
 use super::error::{FormatFault, MeshError};
+use super::quality::bounding_box;
 use nalgebra::Vector3;
 use raw::RawSurface;
 use std::collections::{BTreeSet, HashMap};
@@ -64,24 +65,26 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedSurface, MeshError> {
         .map_err(|fault| fault.in_file(path, bytes))
 }
 
-/// Vertices that differ by less than this part of the largest coordinate are one place: single precision rounds by a quarter of it.
+/// Vertices that differ by less than this part of the surface's longest side are one place: single precision rounds by a quarter
+/// of it.
 const ROUNDING: f64 = 2.5e-7;
 
 /// Places, a cube of [`ROUNDING`] each, with the vertex there.
 struct Places {
+    low: Vector3<f64>,
     width: f64,
     vertex: HashMap<[i64; 3], u32>,
 }
 
 impl Places {
     fn of(vertices: &[Vector3<f64>]) -> Places {
-        let largest = vertices.iter().map(|x| x.amax()).fold(0.0, f64::max);
-        Places { width: (ROUNDING * largest).max(f64::MIN_POSITIVE), vertex: HashMap::new() }
+        let (low, high) = bounding_box(vertices);
+        Places { low, width: (ROUNDING * (high - low).amax()).max(f64::MIN_POSITIVE), vertex: HashMap::new() }
     }
 
     /// The vertex at this place or beside it; `new` where there is none.
     fn vertex(&mut self, x: &Vector3<f64>, new: u32, known: &[Vector3<f64>]) -> u32 {
-        let own: [i64; 3] = (x / self.width).map(|part| part.floor() as i64).into();
+        let own: [i64; 3] = ((x - self.low) / self.width).map(|part| part.floor() as i64).into();
         if let Some(vertex) = self.vertex.get(&own) {
             return *vertex;
         }
