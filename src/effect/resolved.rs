@@ -261,9 +261,9 @@ impl ResolvedBody {
             return Err(wrong(scene, name, "updates.modulus", message));
         }
         let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
-        if changes_modulus && (required.has(LOADS) || body.surface_compliance.is_some()) {
-            let message = "a region's modulus is changed from its border, which does not know of forces inside: leave out modulus, \
-                           or the body's loads and surface_compliance; release goes with both";
+        if changes_modulus && body.surface_compliance.is_some() {
+            let message = "a region's modulus is changed from its border, which does not know of single forces inside: leave out \
+                           modulus, or surface_compliance, with which release goes";
             return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
         }
         Ok(required.and(Requirements::of(&[UPDATES])))

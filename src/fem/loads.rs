@@ -77,17 +77,21 @@ pub fn traction(mesh: &TetMesh, faces: &[Vec<u32>], t: &dyn Fn(&FacePoint) -> V3
     gathered(mesh, parts.collect())
 }
 
-/// The forces with which uniform expansion by a strain of 1 loads a body that is held at its shape: K times the expansion
-/// itself about the origin, since its strain is that which is then without stress, in every element and material.
-pub fn expansion(mesh: &TetMesh, k: &StiffnessMatrix) -> Vec<V3> {
-    // About the middle: far from the origin digits would be lost.
+/// Uniform expansion by a strain of 1, m: about the middle, for far from the origin digits would be lost.
+pub fn free_expansion(mesh: &TetMesh) -> NodeFields {
     let middle = mesh.nodes.iter().sum::<V3>() / mesh.nodes.len().max(1) as f64;
     let mut expanded = NodeFields::zeros(mesh.nodes.len(), 1);
     for (value, x) in expanded.data.chunks_exact_mut(3).zip(&mesh.nodes) {
         value.copy_from_slice((x - middle).as_slice());
     }
+    expanded
+}
+
+/// The forces with which uniform expansion by a strain of 1 loads a body that is held at its shape: K times the expansion
+/// itself, since its strain is that which is then without stress, in every element and material.
+pub fn expansion(mesh: &TetMesh, k: &StiffnessMatrix) -> Vec<V3> {
     let mut force = NodeFields::zeros(mesh.nodes.len(), 1);
-    k.multiply(&expanded, &mut force);
+    k.multiply(&free_expansion(mesh), &mut force);
     force.data.chunks_exact(3).map(V3::from_column_slice).collect()
 }
 

@@ -44,7 +44,7 @@ pub use hyperelastic::Hyperelastic;
 pub use lame::Lame;
 pub use law::{Law, Tangent};
 pub use laws::LAWS;
-pub use loads::{Area, FacePoint, body_force, expansion, traction};
+pub use loads::{Area, FacePoint, body_force, expansion, free_expansion, traction};
 pub use neo_hookean::NEO_HOOKEAN;
 pub use partition::Partition;
 pub use polar::{Polar, nearest_turn};

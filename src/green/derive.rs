@@ -162,14 +162,14 @@ fn reach(rest: &[[f32; 3]]) -> f64 {
 fn columns_after(base: &GreenFile, name: &str, meta: &BodyMeta, after: &Updated) -> DMatrix<f64> {
     let (surface, affine) = (meta.surface_nodes, FIELDS * after.kept.len());
     let groups: Vec<_> = after.kept.iter().map(|&e| base.basis(name, &meta.controls[e].name)).collect();
-    let loads = base.load_columns(name);
-    DMatrix::from_fn(3 * surface, affine + meta.load_columns(), |row, column| {
-        let before = match column.checked_sub(affine) {
-            None => groups[column / FIELDS].value(surface, column % FIELDS, row),
-            Some(load) => loads.value(surface, load, row),
-        };
-        f64::from(before) + after.added[(row, column)]
-    })
+    let mut columns = after.added.clone();
+    for column in 0..affine {
+        let (group, field) = (&groups[column / FIELDS], column % FIELDS);
+        for row in 0..3 * surface {
+            columns[(row, column)] += f64::from(group.value(surface, field, row));
+        }
+    }
+    columns
 }
 
 /// The Hessian of V = ½ cᵀS c - λᵀRᵀc - ½ λᵀC λ by the coefficients c of the control elements and λ of the loads.

@@ -12,9 +12,15 @@
 //! ```
 //!
 //! a dense system in d and f. Among the u_k are the fields of the body's loads, whose own forces do not count in [K u]_j.
-//! Inside of R nothing may act, so that K_R is condensed onto the nodes Q that it shares with the rest of the body and with
-//! control elements: S_R = K_QQ - K_QI K_II⁻¹ K_IQ. These nodes, and those of elements that may be released, are the
-//! body's ports.
+//! K_R is condensed onto the nodes Q that R shares with the rest of the body and with control elements: S_R = K_QQ - K_QI
+//! K_II⁻¹ K_IQ. These nodes, and those of elements that may be released, are the body's ports. Of the forces F that loads have
+//! inside of R, Q bears K_QI K_II⁻¹ F_I whatever the modulus is, and what they do while Q rests becomes p/α:
+//!
+//! ```text
+//! p = K_II⁻¹ F_I        u + (1/α - 1) p inside of R
+//! ```
+//!
+//! Warmth has no p: it moves the shape in which R is without stress by x, so that K_R (u - x) stands for K_R u.
 
 use super::control::FIELDS;
 use super::dense::{Lu, product};
@@ -34,13 +40,15 @@ const VALUES: &str = "updates/values";
 const REACTIONS: &str = "updates/reactions";
 pub(super) const COLUMNS: &str = "updates/columns";
 const TORQUES: &str = "updates/torques";
+const WORK: &str = "updates/work";
 
 /// The tables of the family: the mesh's node of every port; element and port of every node that may be released; the ports
-/// at free nodes; region and port of every node of a Q; all S_R, column after column; fields at the ports; reactions on what
-/// may be released; fields on the surface; torques of the loads on them. Fields stand in the order affine, of loads, g, h; the
-/// last two tables have g and h alone.
-pub const TABLES: [&str; 9] =
-    [NODES, RELEASED, FREE, REGIONS, STIFFNESSES, VALUES, REACTIONS, COLUMNS, TORQUES];
+/// at free nodes; region and port of every node of a Q; all S_R, column after column; fields at the ports, that of warmth less x;
+/// reactions on what may be released; fields on the surface; torques of the loads on them; FᵀP. Fields stand in the order
+/// affine, of loads, g, h. On the surface they are g, h, p region after region, then those of loads; torques are those on g, h
+/// and p.
+pub const TABLES: [&str; 10] =
+    [NODES, RELEASED, FREE, REGIONS, STIFFNESSES, VALUES, REACTIONS, COLUMNS, TORQUES, WORK];
 
 /// What a body can be changed by, without its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,13 +75,15 @@ pub struct Region {
 #[derive(Clone, Debug)]
 pub struct Updates {
     pub(super) ports: Ports,
-    /// Affine fields, and all fields but g and h.
+    /// Affine fields, and those of loads.
     affine: usize,
-    known: usize,
+    loads: usize,
     pub(super) values: DMatrix<f64>,
     pub(super) reactions: DMatrix<f64>,
     pub(super) columns: DMatrix<f64>,
     torques: DMatrix<f64>,
+    /// FᵀP, loads × loads of each region.
+    pub(super) work: DMatrix<f64>,
 }
 
 /// What is changed of a body.
@@ -90,7 +100,7 @@ pub struct Change {
 pub struct Updated {
     /// The control elements that still hold, ascending.
     pub kept: Vec<usize>,
-    /// What is added to their affine columns and to those of the loads on the surface: a column for each.
+    /// What is added to their affine columns on the surface, and the columns of the loads there: a column for each.
     pub added: DMatrix<f64>,
     /// Of these, what is added to [`TORQUES`](super::TORQUES).
     pub torques: DMatrix<f64>,
@@ -108,8 +118,8 @@ pub struct Changed<'a> {
     released: Vec<usize>,
     /// Of every port, the first row of its three in d.
     released_at: Vec<Option<usize>>,
-    /// The regions that are changed, with α - 1.
-    regions: Vec<(&'a Region, f64)>,
+    /// The regions that are changed, by their numbers, with α.
+    regions: Vec<(usize, f64)>,
     /// Columns of g and h: d, then f of each region; where those of each region stand.
     fields: Vec<usize>,
     own: Vec<Range<usize>>,
@@ -126,15 +136,11 @@ impl Ports {
         3 * (self.released.len() + self.free.len())
     }
 
-    /// With their fields, as tables: affine fields, those of loads, g and h at the ports, the reactions of all on what may be
-    /// released, g and h on the surface, and the torques of loads on them.
+    /// With the numbers of their fields as [`TABLES`] has them: at the ports, reactions, on the surface, torques and work.
     pub fn tables(
         self,
-        values: DMatrix<f64>,
-        reactions: DMatrix<f64>,
-        columns: DMatrix<f64>,
-        torques: DMatrix<f64>,
-    ) -> [(&'static str, DMatrix<f64>); 9] {
+        [values, reactions, columns, torques, work]: [DMatrix<f64>; 5],
+    ) -> [(&'static str, DMatrix<f64>); 10] {
         let numbers = |rows: usize, all: Vec<usize>| {
             DMatrix::from_iterator(rows, all.len() / rows, all.into_iter().map(|number| number as f64))
         };
@@ -153,6 +159,7 @@ impl Ports {
             (REACTIONS, reactions),
             (COLUMNS, columns),
             (TORQUES, torques),
+            (WORK, work),
         ]
     }
 }
@@ -203,7 +210,7 @@ impl Updates {
         }
         let ports = Ports { nodes, released, free, regions };
         let (affine, own) = (FIELDS * controls, ports.fields());
-        let known = affine + loads;
+        let (known, inside) = (affine + loads, loads * ports.regions.len());
         let matrix = |name: &str, shape: (usize, usize)| {
             let found = find(name)?;
             let is_fit = found.shape() == shape && found.iter().all(|value| value.is_finite());
@@ -217,12 +224,18 @@ impl Updates {
         Ok(Updates {
             values: matrix(VALUES, (3 * count, known + own))?,
             reactions: matrix(REACTIONS, (3 * ports.released.len(), known + own))?,
-            columns: matrix(COLUMNS, (3 * surface, own))?,
-            torques: matrix(TORQUES, (3 * own, loads))?,
+            columns: matrix(COLUMNS, (3 * surface, own + inside + loads))?,
+            torques: matrix(TORQUES, (3 * (own + inside), loads))?,
+            work: matrix(WORK, (loads, inside))?,
             affine,
-            known,
+            loads,
             ports,
         })
+    }
+
+    /// All fields but g and h.
+    fn known(&self) -> usize {
+        self.affine + self.loads
     }
 
     /// The system of a change; `None` where it is singular in f64, as where nothing holds what is left.
@@ -235,17 +248,19 @@ impl Updates {
         for (row, &at) in released.iter().enumerate().step_by(3) {
             released_at[ports.released[at / 3][1]] = Some(row);
         }
-        let factors = ports.regions.iter().zip(&change.factors);
-        let regions: Vec<_> = factors.map(|(r, a)| (r, a - 1.0)).filter(|(_, by)| *by != 0.0).collect();
+        let factors = (0..ports.regions.len()).zip(change.factors.iter().copied());
+        let regions: Vec<(usize, f64)> = factors.filter(|(_, factor)| *factor != 1.0).collect();
         let mut fields = released.clone();
         let mut own = Vec::new();
         for (region, _) in &regions {
             let first = fields.len();
-            fields.extend(region.ports.iter().filter_map(|&port| self.h(port)).flat_map(|h| h..h + 3));
+            let free = ports.regions[*region].ports.iter().filter_map(|&port| self.h(port));
+            fields.extend(free.flat_map(|h| h..h + 3));
             own.push(first..fields.len());
         }
-        let stiffest = regions.iter().map(|(region, _)| region.stiffness.amax());
-        let of_released = released.iter().map(|&row| self.reactions[(row, self.known + row)].abs());
+        let stiffest = regions.iter().map(|(region, _)| ports.regions[*region].stiffness.amax());
+        let known = self.known();
+        let of_released = released.iter().map(|&row| self.reactions[(row, known + row)].abs());
         let unit =
             Some(stiffest.chain(of_released).fold(0.0, f64::max)).filter(|unit| *unit > 0.0).unwrap_or(1.0);
 
@@ -263,7 +278,7 @@ impl Updates {
             system: Lu::new(Mat::zeros(0, 0)),
             columns,
         };
-        let columns: Vec<usize> = changed.fields.iter().map(|field| self.known + field).collect();
+        let columns: Vec<usize> = changed.fields.iter().map(|field| known + field).collect();
         let mut rows =
             changed.rows(&self.values.select_columns(&columns), &self.reactions.select_columns(&columns));
         let forces = changed.forces();
@@ -295,11 +310,16 @@ impl Changed<'_> {
 
     /// What acts of each changed region on its ports, of fields with these values at the ports.
     fn acts(&self, values: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
-        let act = |(region, by): &(&Region, f64)| {
+        let act = |(number, factor): &(usize, f64)| {
+            let region = self.region(*number);
             let rows: Vec<usize> = region.ports.iter().flat_map(|port| 3 * port..3 * port + 3).collect();
-            &region.stiffness * values.select_rows(&rows) * *by
+            &region.stiffness * values.select_rows(&rows) * (factor - 1.0)
         };
         self.regions.iter().map(act).collect()
+    }
+
+    fn region(&self, number: usize) -> &Region {
+        &self.updates.ports.regions[number]
     }
 
     /// The two equations but for the f_i alone, of fields with these values and reactions.
@@ -308,9 +328,9 @@ impl Changed<'_> {
         for (row, &at) in self.released.iter().enumerate() {
             rows.set_row(row, &reactions.row(at));
         }
-        for (((region, _), act), own) in self.regions.iter().zip(self.acts(values)).zip(&self.own) {
+        for (((number, _), act), own) in self.regions.iter().zip(self.acts(values)).zip(&self.own) {
             let mut row = own.start;
-            for (place, &port) in region.ports.iter().enumerate() {
+            for (place, &port) in self.region(*number).ports.iter().enumerate() {
                 for axis in 0..3 {
                     let acting = act.row(3 * place + axis);
                     if self.updates.h(port).is_some() {
@@ -340,32 +360,31 @@ impl Changed<'_> {
     pub fn body(&self, hessian: &DMatrix<f64>) -> Updated {
         let updates = self.updates;
         let affine = self.kept.iter().flat_map(|e| FIELDS * e..FIELDS * (e + 1));
-        let all: Vec<usize> = affine.chain(updates.affine..updates.known).collect();
+        let all: Vec<usize> = affine.chain(updates.affine..updates.known()).collect();
         let (values, reactions) =
             (updates.values.select_columns(&all), updates.reactions.select_columns(&all));
         let answer = self.answer(&values, &reactions);
-        let columns: Vec<usize> = self.fields.iter().map(|field| updates.known + field).collect();
+        let columns: Vec<usize> = self.fields.iter().map(|field| updates.known() + field).collect();
         let whole = &values + updates.values.select_columns(&columns) * &answer;
         let mut after = hessian.select_rows(&all).select_columns(&all);
         for (row, &at) in self.released.iter().enumerate() {
             after += reactions.row(at).transpose() * answer.row(row);
         }
-        for (((region, _), acting), own) in self.regions.iter().zip(self.acts(&whole)).zip(&self.own) {
+        for (((number, _), acting), own) in self.regions.iter().zip(self.acts(&whole)).zip(&self.own) {
             let mut row = own.start;
-            for (place, &port) in region.ports.iter().enumerate() {
+            for (place, &port) in self.region(*number).ports.iter().enumerate() {
                 for axis in 0..3 {
                     let of_kept = values.row(3 * port + axis).transpose();
                     if updates.h(port).is_some() {
                         after -= of_kept * answer.row(row);
                         row += 1;
-                    } else if self.released_at[port].is_none() {
+                    } else {
                         after += of_kept * acting.row(3 * place + axis);
                     }
                 }
             }
         }
-        let largest = after.amax();
-        let asymmetry = if largest > 0.0 { (&after - after.transpose()).amax() / largest } else { 0.0 };
+        let mut added = owned(product(self.columns.as_ref(), seen(&answer)).as_ref());
         let mut torques = DMatrix::zeros(3 * all.len(), updates.torques.ncols());
         for (row, &field) in self.fields.iter().enumerate() {
             for column in 0..all.len() {
@@ -374,9 +393,25 @@ impl Changed<'_> {
                 own += more;
             }
         }
+        // Of each load, its own field and what the change makes of p.
+        let (first, own, inside) = (all.len() - updates.loads, updates.ports.fields(), updates.work.ncols());
+        for load in 0..updates.loads {
+            let mut column = added.column_mut(first + load);
+            column += updates.columns.column(own + inside + load);
+            for (number, factor) in &self.regions {
+                let (p, more) = (number * updates.loads + load, 1.0 / factor - 1.0);
+                column.axpy(more, &updates.columns.column(own + p), 1.0);
+                let mut row = torques.rows_mut(3 * (first + load), 3);
+                row += updates.torques.rows(3 * (own + p), 3) * more;
+                let mut yields = after.view_mut((first, first + load), (updates.loads, 1));
+                yields -= updates.work.column(p) * more;
+            }
+        }
+        let largest = after.amax();
+        let asymmetry = if largest > 0.0 { (&after - after.transpose()).amax() / largest } else { 0.0 };
         Updated {
             kept: self.kept.clone(),
-            added: owned(product(self.columns.as_ref(), seen(&answer)).as_ref()),
+            added,
             torques,
             hessian: (&after + after.transpose()) * 0.5,
             asymmetry,

@@ -61,6 +61,7 @@ fn disturbed(updates: &Updates, part: f64) -> Updates {
     disturb(&mut other.values, FIELD);
     disturb(&mut other.columns, FIELD);
     disturb(&mut other.reactions, part);
+    disturb(&mut other.work, part);
     other.ports.regions.iter_mut().for_each(|region| disturb(&mut region.stiffness, part));
     other
 }
@@ -79,7 +80,8 @@ fn relative(a: &DMatrix<f64>, b: &DMatrix<f64>, all: &DMatrix<f64>) -> f64 {
     columns.map(|((a, b), all)| part((a - b).amax(), all.amax())).fold(0.0, larger)
 }
 
-/// Largest difference of forces: S row by row, and what loads do column by column.
+/// Largest difference of forces: S row by row, reactions to loads column by column, and the work of loads on each other as a part
+/// of that which each does by itself.
 fn of_hessian(a: &DMatrix<f64>, b: &DMatrix<f64>, affine: usize, reach: f64) -> f64 {
     let scale = |i: usize| if i < affine && i % FIELDS >= 3 { 1.0 / reach } else { 1.0 };
     let scaled =
@@ -90,6 +92,10 @@ fn of_hessian(a: &DMatrix<f64>, b: &DMatrix<f64>, affine: usize, reach: f64) -> 
     let (own, off) = (s(&a), s(&difference));
     let least = ROUNDING * own.amax();
     let rows = (0..affine).map(|i| part(off.row(i).amax(), own.row(i).amax().max(least)));
-    let loads = (affine..a.ncols()).map(|j| part(difference.column(j).amax(), a.column(j).amax()));
-    rows.chain(loads).fold(0.0, larger)
+    let reaction = |of: &DMatrix<f64>, j: usize| of.view((0, j), (affine, 1)).amax();
+    let loads = || affine..a.ncols();
+    let reactions = loads().map(|j| part(reaction(&difference, j), reaction(&a, j)));
+    let of_pair = |i: usize, j: usize| part(difference[(i, j)].abs(), (a[(i, i)] * a[(j, j)]).abs().sqrt());
+    let work = loads().flat_map(|i| loads().map(move |j| (i, j))).map(|(i, j)| of_pair(i, j));
+    rows.chain(reactions).chain(work).fold(0.0, larger)
 }

@@ -62,14 +62,11 @@ impl LoadWork {
         slopes: &mut [PoseSlope],
     ) -> f64 {
         let Exerted { rotation, shift, c, lambda, points, forces } = exerted;
-        // The loads' resultant and moment about the centre, those that turn inside the body left out; work by c.
+        // The loads' resultant and moment about the centre; work by c.
         let (mut net, mut moments) = (V3::zeros(), Matrix3::zeros());
         let (mut torque, mut at) = (V3::zeros(), 0);
         for meta in &self.metas {
             for k in at..at + meta.columns {
-                if meta.turning == Turning::Inner {
-                    continue;
-                }
                 let own = self.moments.column(k);
                 net += own.fixed_rows::<3>(0) * lambda[k];
                 moments += Matrix3::from_row_slice(own.rows(3, 9).into_owned().as_slice()) * lambda[k];

@@ -9,6 +9,8 @@
 //! loads/moments     Σ f, Σ f Xᵀ row by row              12 × K, X about the file's centre
 //! loads/torques     Σ u × f for u of U, then of G       3 (12 E + K) × K
 //! ```
+//!
+//! The last two are 0 of warmth, whose forces do no work where the body turns as a whole.
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
@@ -86,8 +88,11 @@ fn compute(
     let (f, g, u) = (dense(&f), dense(&g), dense(&solution.fields));
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let centre = low + (high - low) * 0.5;
+    let loads: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::of).collect();
+    let is_inner = inner(&loads);
+    let outer = || forces.iter().enumerate().filter(|(k, _)| !is_inner[*k]);
     let mut moments = DMatrix::zeros(12, count);
-    for (k, force) in forces.iter().enumerate() {
+    for (k, force) in outer() {
         for (force, x) in force.iter().zip(&mesh.nodes) {
             let moment = force * (x - centre).transpose();
             for i in 0..3 {
@@ -98,7 +103,7 @@ fn compute(
     }
     let all = u.ncols() + count;
     let mut torques = DMatrix::zeros(3 * all, count);
-    for (k, force) in forces.iter().enumerate() {
+    for (k, force) in outer() {
         for (node, force) in force.iter().enumerate().filter(|(_, force)| **force != V3::zeros()) {
             for column in 0..all {
                 let of = |axis: usize| match column.checked_sub(u.ncols()) {
@@ -114,11 +119,8 @@ fn compute(
     let compliance = f.transpose() * &g;
     let mut compliance = (&compliance + compliance.transpose()) * 0.5;
     // A held body stores the energy of the strain that warmth would have: ½ f·x of the strain's own forces, x its displacement.
-    let is_thermal = assembled.body.loads().into_iter().flat_map(|load| {
-        std::iter::repeat_n(matches!(load.source, LoadSource::Thermal), load.source.columns())
-    });
-    for (k, _) in is_thermal.enumerate().filter(|(_, is_thermal)| *is_thermal) {
-        let stored: f64 = forces[k].iter().zip(&mesh.nodes).map(|(force, x)| force.dot(&(x - centre))).sum();
+    for (k, forces) in forces.iter().enumerate().filter(|(k, _)| is_inner[*k]) {
+        let stored: f64 = forces.iter().zip(&mesh.nodes).map(|(force, x)| force.dot(&(x - centre))).sum();
         compliance[(k, k)] -= stored;
     }
     solution.tables.insert(LOAD_COMPLIANCE, compliance);
@@ -126,8 +128,13 @@ fn compute(
     solution.tables.insert(TORQUES, torques);
     solution.tables.insert(LOAD_FIELDS, g);
     solution.tables.insert(LOAD_FORCES, f);
-    solution.loads = assembled.body.loads().iter().map(LoadMeta::of).collect();
+    solution.loads = loads;
     Ok(())
+}
+
+/// Of each column of these loads, whether it is a force of the body on itself.
+pub(super) fn inner(loads: &[LoadMeta]) -> Vec<bool> {
+    loads.iter().flat_map(|load| std::iter::repeat_n(load.turning == Turning::Inner, load.columns)).collect()
 }
 
 /// A force for each node, for each column of a body's loads; those of warmth by the stiffness.

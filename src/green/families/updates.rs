@@ -1,9 +1,9 @@
 //! The family `updates`: what it takes to release control elements and to change the moduli of regions without factoring again.
 //!
-//! In: the affine fields, and solves with A. Out: the tables of [`Ports`]: for every degree of
+//! In: the affine fields, those of loads, and solves with A. Out: the tables of [`Ports`]: for every degree of
 //! freedom of a node that a change may concern, the field that it causes, on the surface and at those nodes; the reactions on
-//! the control elements that may be released; and the stiffness of each region that may be changed, condensed onto the nodes
-//! where the body feels it. The formulas stand in [`update`](super::super::update).
+//! the control elements that may be released; the stiffness of each region that may be changed, condensed onto the nodes
+//! where the body feels it; and what loads do inside of it. The formulas stand in [`update`](super::super::update).
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
@@ -14,15 +14,17 @@ use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::super::update::{Ports, Region, TABLES, Updates};
 use super::affine::AFFINE;
-use super::loads::{LOAD_FIELDS, LOAD_FORCES};
+use super::dense_fields::dense;
+use super::loads::{LOAD_FIELDS, LOAD_FORCES, inner};
 use super::stiffness::STIFFNESS;
 use super::table;
 use crate::base::machine;
-use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
+use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix, free_expansion};
 use crate::mesh::TetMesh;
 use crate::solve::{Progress, Silent, SolveError, Solver};
 use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 pub const UPDATES: Family = Family { name: "updates", from: &[AFFINE, STIFFNESS] };
 
@@ -48,86 +50,175 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let ports = ports(assembled, solution)?;
-    let empty = DMatrix::zeros(3 * solution.mesh.nodes.len(), 0);
-    let of_loads = |name: &str| solution.tables.get(name).unwrap_or(&empty);
-    let (load_fields, load_forces) = (of_loads(LOAD_FIELDS), of_loads(LOAD_FORCES));
-    let (nodes, affine) = (ports.nodes.len(), FIELDS * solution.controls.len());
-    let known = affine + load_fields.ncols();
-    let (released, all) = (3 * ports.released.len(), 3 * (ports.released.len() + ports.free.len()));
-    let surface = &solution.surface.nodes;
-    let numbers = all * (3 * surface.len() + 3 * nodes + released) + BATCH * 6 * solution.mesh.nodes.len();
-    machine::expect("the fields of what may be changed", 8.0 * numbers as f64)
-        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-
-    let controlled: Vec<usize> = {
-        let place = |node: &u32| assembled.partition.controlled.binary_search(node).unwrap_or(0);
-        ports.released.iter().map(|&[_, port]| place(&ports.nodes[port])).collect()
-    };
-    let mut values = DMatrix::zeros(3 * nodes, known + all);
-    let mut reactions = DMatrix::zeros(released, known + all);
-    let mut torques = DMatrix::zeros(3 * all, load_fields.ncols());
-    let mut columns = DMatrix::zeros(3 * surface.len(), all);
-    let keep =
-        |fields: &NodeFields, first: usize, values: &mut DMatrix<f64>, reactions: &mut DMatrix<f64>| {
-            copy(fields, &ports.nodes, first, values);
-            let forces = assembled.partition.reaction(assembled.k, fields);
-            for (at, &row) in controlled.iter().enumerate() {
-                for axis in 0..3 {
-                    for (column, force) in forces.row(3 * row + axis).iter().enumerate() {
-                        reactions[(3 * at + axis, first + column)] = *force;
-                    }
-                }
-            }
-        };
-    keep(&solution.fields, 0, &mut values, &mut reactions);
-    let loaded = NodeFields {
-        nodes: solution.mesh.nodes.len(),
-        columns: load_fields.ncols(),
-        data: load_fields.transpose().as_slice().to_vec(),
-    };
-    if loaded.columns > 0 {
-        keep(&loaded, affine, &mut values, &mut reactions);
-    }
-    for (at, &[_, port]) in ports.released.iter().enumerate() {
-        for axis in 0..3 {
-            for load in 0..loaded.columns {
-                let own = load_forces[(3 * ports.nodes[port] as usize + axis, load)];
-                reactions[(3 * at + axis, affine + load)] -= own;
-            }
-        }
-    }
-    progress.begin("fields of what may be changed", all as u64);
-    for first in (0..all).step_by(BATCH) {
-        let count = BATCH.min(all - first);
-        let mut fields = NodeFields::zeros(solution.mesh.nodes.len(), count);
-        let mut loads = NodeFields::zeros(solution.mesh.nodes.len(), count);
-        for column in 0..count {
-            let (port, axis) = ((first + column) / 3, (first + column) % 3);
-            match port.checked_sub(ports.released.len()) {
-                None => {
-                    let node = ports.nodes[ports.released[port][1]] as usize;
-                    fields.row_mut(3 * node + axis)[column] = 1.0;
-                }
-                Some(free) => {
-                    let node = ports.nodes[ports.free[free]] as usize;
-                    loads.row_mut(3 * node + axis)[column] = 1.0;
-                }
-            }
-        }
-        let mut rhs = assembled.partition.minus_b_times(assembled.k, &fields);
-        let loads = loads.at(&assembled.partition.free);
-        rhs.data.iter_mut().zip(&loads.data).for_each(|(rhs, load)| *rhs += load);
-        let free = (assembled.solve)(&rhs, &Silent)?;
-        assembled.partition.insert_free(&free, &mut fields);
-        keep(&fields, known + first, &mut values, &mut reactions);
-        add_torques(&fields, load_forces, 3 * first, &mut torques);
-        copy(&fields, surface, first, &mut columns);
+    let loads = Loads::of(solution);
+    let (ports, inside) = ports(assembled, solution, &loads.given)?;
+    let mut made = Made::new(assembled, solution, &ports, &loads)?;
+    made.keep(&solution.fields, 0);
+    made.keep_loads(solution);
+    made.keep_inside(&inside);
+    progress.begin("fields of what may be changed", ports.fields() as u64);
+    for first in (0..ports.fields()).step_by(BATCH) {
+        let count = BATCH.min(ports.fields() - first);
+        made.keep_units(first..first + count)?;
         progress.advance(count as u64);
     }
     progress.end();
-    solution.tables.extend(ports.tables(values, reactions, columns, torques));
+    let Made { values, reactions, columns, torques, work, .. } = made;
+    solution.tables.extend(ports.tables([values, reactions, columns, torques, work]));
     Ok(())
+}
+
+/// The loads of a body over all nodes, a column each.
+struct Loads {
+    fields: NodeFields,
+    forces: DMatrix<f64>,
+    /// The forces that no modulus changes: 0 of warmth.
+    given: DMatrix<f64>,
+    is_warmth: Vec<bool>,
+}
+
+impl Loads {
+    fn of(solution: &Solution) -> Loads {
+        let nodes = solution.mesh.nodes.len();
+        let table =
+            |name: &str| solution.tables.get(name).cloned().unwrap_or_else(|| DMatrix::zeros(3 * nodes, 0));
+        let (fields, forces, is_warmth) = (table(LOAD_FIELDS), table(LOAD_FORCES), inner(&solution.loads));
+        let mut given = forces.clone();
+        given
+            .column_iter_mut()
+            .zip(&is_warmth)
+            .filter(|(_, is_warmth)| **is_warmth)
+            .for_each(|(mut column, _)| column.fill(0.0));
+        Loads { fields: by_nodes(&fields), forces, given, is_warmth }
+    }
+}
+
+/// A matrix with a column for each field.
+fn by_nodes(fields: &DMatrix<f64>) -> NodeFields {
+    let data = fields.transpose().as_slice().to_vec();
+    NodeFields { nodes: fields.nrows() / 3, columns: fields.ncols(), data }
+}
+
+/// The tables of the family, while they are made.
+struct Made<'a> {
+    assembled: &'a Assembled<'a>,
+    ports: &'a Ports,
+    loads: &'a Loads,
+    surface: &'a [u32],
+    /// Of each node that may be released, its place among all that are controlled.
+    controlled: Vec<usize>,
+    affine: usize,
+    values: DMatrix<f64>,
+    reactions: DMatrix<f64>,
+    columns: DMatrix<f64>,
+    torques: DMatrix<f64>,
+    work: DMatrix<f64>,
+}
+
+impl<'a> Made<'a> {
+    fn new(
+        assembled: &'a Assembled<'a>,
+        solution: &'a Solution,
+        ports: &'a Ports,
+        loads: &'a Loads,
+    ) -> Result<Made<'a>, GreenError> {
+        let (surface, nodes) = (&solution.surface.nodes, ports.nodes.len());
+        let (released, own, affine) =
+            (3 * ports.released.len(), ports.fields(), FIELDS * solution.controls.len());
+        let numbers =
+            own * (3 * surface.len() + 3 * nodes + released) + BATCH * 6 * solution.mesh.nodes.len();
+        machine::expect("the fields of what may be changed", 8.0 * numbers as f64)
+            .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
+        let place = |node: &u32| assembled.partition.controlled.binary_search(node).unwrap_or(0);
+        let count = loads.fields.columns;
+        let (all, inside) = (affine + count + own, count * ports.regions.len());
+        Ok(Made {
+            assembled,
+            ports,
+            loads,
+            surface,
+            controlled: ports.released.iter().map(|&[_, port]| place(&ports.nodes[port])).collect(),
+            affine,
+            values: DMatrix::zeros(3 * nodes, all),
+            reactions: DMatrix::zeros(released, all),
+            columns: DMatrix::zeros(3 * surface.len(), own + inside + count),
+            torques: DMatrix::zeros(3 * (own + inside), count),
+            work: DMatrix::zeros(count, inside),
+        })
+    }
+
+    /// Displacements of the ports, and reactions, from a column on.
+    fn keep(&mut self, fields: &NodeFields, first: usize) {
+        copy(fields, &self.ports.nodes, first, &mut self.values);
+        let forces = self.assembled.partition.reaction(self.assembled.k, fields);
+        for (at, &row) in self.controlled.iter().enumerate() {
+            for axis in 0..3 {
+                for (column, force) in forces.row(3 * row + axis).iter().enumerate() {
+                    self.reactions[(3 * at + axis, first + column)] = *force;
+                }
+            }
+        }
+    }
+
+    /// The fields of loads: at the ports that of warmth less x, their reactions less their own forces.
+    fn keep_loads(&mut self, solution: &Solution) {
+        let (first, loads) = (self.affine, self.loads);
+        if loads.fields.columns == 0 {
+            return;
+        }
+        self.keep(&loads.fields, first);
+        let behind = self.columns.ncols() - loads.fields.columns;
+        copy(&loads.fields, self.surface, behind, &mut self.columns);
+        for (at, &[_, port]) in self.ports.released.iter().enumerate() {
+            let own = loads.forces.rows(3 * self.ports.nodes[port] as usize, 3);
+            let mut reactions = self.reactions.view_mut((3 * at, first), (3, own.ncols()));
+            reactions -= own;
+        }
+        let expansion = free_expansion(&solution.mesh);
+        for load in (0..loads.fields.columns).filter(|&load| loads.is_warmth[load]) {
+            for (port, &node) in self.ports.nodes.iter().enumerate() {
+                for axis in 0..3 {
+                    self.values[(3 * port + axis, first + load)] -=
+                        expansion.row(3 * node as usize + axis)[0];
+                }
+            }
+        }
+    }
+
+    /// p of every region.
+    fn keep_inside(&mut self, inside: &[NodeFields]) {
+        let own = self.ports.fields();
+        for (region, p) in inside.iter().enumerate() {
+            let first = p.columns * region;
+            copy(p, self.surface, own + first, &mut self.columns);
+            add_torques(p, &self.loads.given, 3 * (own + first), &mut self.torques);
+            let work = self.loads.given.transpose() * dense(p);
+            self.work.columns_mut(first, p.columns).copy_from(&work);
+        }
+    }
+
+    /// Some of the fields g and h, solved for.
+    fn keep_units(&mut self, of: Range<usize>) -> Result<(), GreenError> {
+        let Assembled { k, partition, solve, .. } = *self.assembled;
+        let (released, nodes) = (3 * self.ports.released.len(), k.nodes());
+        let mut fields = NodeFields::zeros(nodes, of.len());
+        let mut forces = NodeFields::zeros(nodes, of.len());
+        for (column, unit) in of.clone().enumerate() {
+            let (into, port) = match unit.checked_sub(released) {
+                None => (&mut fields, self.ports.released[unit / 3][1]),
+                Some(free) => (&mut forces, self.ports.free[free / 3]),
+            };
+            into.row_mut(3 * self.ports.nodes[port] as usize + unit % 3)[column] = 1.0;
+        }
+        let mut rhs = partition.minus_b_times(k, &fields);
+        let forces = forces.at(&partition.free);
+        rhs.data.iter_mut().zip(&forces.data).for_each(|(rhs, force)| *rhs += force);
+        partition.insert_free(&solve(&rhs, &Silent)?, &mut fields);
+        self.keep(&fields, self.affine + self.loads.fields.columns + of.start);
+        add_torques(&fields, &self.loads.given, 3 * of.start, &mut self.torques);
+        copy(&fields, self.surface, of.start, &mut self.columns);
+        Ok(())
+    }
 }
 
 /// Σ u × f over the nodes, of every field u and every load f, into the rows from `first` on.
@@ -158,14 +249,19 @@ fn copy(fields: &NodeFields, nodes: &[u32], first: usize, into: &mut DMatrix<f64
     }
 }
 
-/// The nodes that a change may concern, and the condensed stiffness of each region among it.
-fn ports(assembled: &Assembled<'_>, solution: &Solution) -> Result<Ports, GreenError> {
+/// The nodes that a change may concern, with the condensed stiffness of each region among it; and p of each region over all
+/// nodes, a column for each of the forces `given`.
+fn ports(
+    assembled: &Assembled<'_>,
+    solution: &Solution,
+    given: &DMatrix<f64>,
+) -> Result<(Ports, Vec<NodeFields>), GreenError> {
     let Assembled { scene, name, body, lame, partition, .. } = *assembled;
     let Solution { element, mesh, controls, .. } = solution;
     let asked = body.updates.clone().unwrap_or_default();
     let of_tets = materials_of_tets(scene, name, body, mesh)?;
     let is_free = |node: &u32| partition.free.binary_search(node).is_ok();
-    let mut parts = Vec::new();
+    let (mut parts, mut fields) = (Vec::new(), Vec::new());
     for region in &asked.modulus {
         let number = 1 + body.region.keys().position(|key| key == region).unwrap_or(0);
         let inside: Vec<usize> = (0..mesh.tets.len()).filter(|&tet| of_tets[tet] == number).collect();
@@ -197,7 +293,9 @@ fn ports(assembled: &Assembled<'_>, solution: &Solution) -> Result<Ports, GreenE
         let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
         let k = element.assemble(&part, &own_lame).map_err(unfit)?;
         let failed = |source| GreenError::Solve { body: assembled.place.to_owned(), source };
-        parts.push((condensed(&body.solver, &k, &shared, &inner).map_err(failed)?, shared));
+        let (stiffness, p) = condensed(&body.solver, &k, (&shared, &inner), given).map_err(failed)?;
+        parts.push((stiffness, shared));
+        fields.push(p);
     }
     let release = controls.iter().enumerate().filter(|(_, control)| asked.release.contains(&control.name));
     let release: Vec<(usize, u32)> =
@@ -210,21 +308,22 @@ fn ports(assembled: &Assembled<'_>, solution: &Solution) -> Result<Ports, GreenE
         ports: shared.iter().map(port).collect(),
         stiffness,
     };
-    Ok(Ports {
+    let ports = Ports {
         released: release.iter().map(|(e, node)| [*e, port(node)]).collect(),
         free: (0..nodes.len()).filter(|&port| is_free(&nodes[port])).collect(),
         regions: parts.into_iter().map(region).collect(),
         nodes,
-    })
+    };
+    Ok((ports, fields))
 }
 
-/// S = K_QQ - K_QI K_II⁻¹ K_IQ.
+/// S = K_QQ - K_QI K_II⁻¹ K_IQ and p = K_II⁻¹ F_I.
 fn condensed(
     solver: &Solver,
     k: &StiffnessMatrix,
-    shared: &[u32],
-    inner: &[u32],
-) -> Result<DMatrix<f64>, SolveError> {
+    (shared, inner): (&[u32], &[u32]),
+    forces: &DMatrix<f64>,
+) -> Result<(DMatrix<f64>, NodeFields), SolveError> {
     let part = Partition { free: inner.to_vec(), controlled: shared.to_vec() };
     let a = part.a(k);
     let analysed = solver.analyse(&a, &Silent)?;
@@ -246,7 +345,11 @@ fn condensed(
             }
         }
     }
-    Ok((&s + s.transpose()) * 0.5)
+    let mut p = NodeFields::zeros(k.nodes(), forces.ncols());
+    if p.columns > 0 {
+        part.insert_free(&factor.solve(&by_nodes(forces).at(&part.free), &Silent)?.0, &mut p);
+    }
+    Ok(((&s + s.transpose()) * 0.5, p))
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {

@@ -17,11 +17,12 @@ fn the_bits_of_a_change_do_not_depend_on_the_number_of_threads() {
             ..Ports::default()
         },
         affine: 2 * FIELDS,
-        known,
+        loads: 1,
         values: table(own, known + own),
         reactions: table(own, known + own),
-        columns: table(3 * surface, own),
+        columns: table(3 * surface, own + 1),
         torques: table(3 * own, 1),
+        work: table(1, 0),
     };
     let hessian = table(known, known);
     let change = Change { released: vec![0, 1], factors: Vec::new() };
