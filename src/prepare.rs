@@ -11,7 +11,7 @@ pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};
 use crate::effect;
 pub use crate::effect::Resolved;
-use crate::green::{self, GreenError, GreenFile, Journal, KEPT_AFTER, Precomputed, Requirements};
+use crate::green::{self, Changes, GreenError, GreenFile, Journal, KEPT_AFTER, Precomputed, Requirements};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Scene};
 use std::path::{Path, PathBuf};
@@ -161,7 +161,8 @@ fn updated(base: Arc<GreenFile>, scene: &Resolved, teller: Teller<'_>) -> Result
         return Ok(base);
     }
     let sections = |file: &GreenFile, name: &str| effect::sections_after_change(scene, file, name);
-    let (file, notices) = green::derive(base, scene, &sections, teller)?;
+    let changes = Changes { sections: &sections, fits: &|name| scene.bodies[name].model.fits };
+    let (file, notices) = green::derive(base, scene, &changes, teller)?;
     for notice in notices {
         notice!("{notice}");
     }

@@ -179,7 +179,7 @@ fn of_body<'a>(
 fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
     let body = &scene.body[name];
     let law = resolved.law(scene, name, body).ok().flatten();
-    law.is_some_and(|law| body.updates.is_none() && Statics::suits(scene, name, law).is_ok())
+    law.is_some_and(|law| Statics::suits(scene, name, law).is_ok())
 }
 
 /// What precomputing the body will take.

@@ -49,7 +49,7 @@ pub struct Args {
     /// mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,
-    /// A control element that holds nothing, as hose.right, found without factoring again (scenes with updates); again for more
+    /// A control element that holds nothing, as hose.right (scenes with updates); again for more
     #[arg(long, value_name = "BODY.CONTROL", value_parser = parsers::of_body)]
     pub release: Vec<(String, String)>,
     /// Young's modulus of a region, as liver.tumour=2e4, in the same way

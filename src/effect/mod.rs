@@ -22,7 +22,7 @@ pub use entry::{EffectEntry, Listed, ListedEffect, Precompute, Resolved, Resolve
 pub use resolved::requirements;
 
 use crate::base::failure::Failure;
-use crate::green::{GreenError, GreenFile, Precomputed, Tensor, UPDATES, is_column};
+use crate::green::{GreenError, GreenFile, Precomputed, Tensor, is_column};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 
@@ -36,7 +36,7 @@ pub fn add_sections(
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
         let tensors = precompute(scene, body, progress)?;
-        if body.requirements.has(UPDATES) && tensors.iter().any(|(tensor, _)| is_column(tensor)) {
+        if scene.body[&body.name].updates.is_some() && tensors.iter().any(|(tensor, _)| is_column(tensor)) {
             return Err(GreenError::Updates { body: body.name.clone(), effect: effect.name });
         }
         body.sections.extend(tensors.into_iter().map(named));

@@ -9,10 +9,9 @@ use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};
 use super::haptics;
 use crate::base::failure::Failure;
 use crate::deform::{Bearing, ModelEntry, Statics, find_model, load_refusal};
-use crate::fem::{Dilatation, Law};
+use crate::fem::Law;
 use crate::green::{
-    AFFINE, COMPLIANCE, COMPRESSED, FAMILIES, Family, FamilyEntry, KEPT_FACTOR, LOADS, Requirements,
-    STIFFNESS, UPDATES,
+    self, AFFINE, COMPLIANCE, COMPRESSED, Family, KEPT_FACTOR, LOADS, Requirements, STIFFNESS, UPDATES,
 };
 use crate::scene::{Body, Kept, Method, Scene, SceneError};
 use std::path::Path;
@@ -237,36 +236,12 @@ impl ResolvedBody {
         let loads = loads_required(scene, name, body, self.model)?;
         let required = requirements(self.model, self.entries()).and(loads);
         self.check_method(scene, name, body, &required)?;
-        if body.updates.is_none() {
-            return Ok(required);
-        }
-        let is_lost = |entry: &&FamilyEntry| required.has(entry.family) && !entry.is_derived;
-        if let Some(entry) = FAMILIES.iter().find(is_lost) {
-            let family = entry.family.name;
-            let message = format!(
-                "model = \"{}\" with these effects needs the columns called {family}, which cannot be found again when a control \
-                 element is released or a modulus changed: write model = \"linear\", or leave updates out",
-                self.model.name
-            );
-            return Err(wrong(scene, name, "updates", message));
-        }
-        if !body.updates.iter().all(|updates| updates.modulus.is_empty())
-            && body.element.dilatation == Dilatation::Nodal
-        {
-            let message = format!(
-                "element = \"{}\" averages the pressure across the border of regions, so that the modulus of one cannot be \
-                 changed by itself: write element = \"tet4\" or \"tet10\"",
-                body.element.name
-            );
-            return Err(wrong(scene, name, "updates.modulus", message));
-        }
-        let changes_modulus = body.updates.iter().any(|updates| !updates.modulus.is_empty());
-        if changes_modulus && body.surface_compliance.is_some() {
-            let message = "a region's modulus is changed from its border, which does not know of single forces inside: leave out \
-                           modulus, or surface_compliance, with which release goes";
-            return Err(wrong(scene, name, "updates.modulus", message.to_owned()));
-        }
-        Ok(required.and(Requirements::of(&[UPDATES])))
+        let can_update = |changes_modulus| green::why_anew(body, &required, changes_modulus).is_none();
+        let is_of_use = body.updates.as_ref().is_some_and(|updates| {
+            !updates.release.is_empty() && can_update(false)
+                || !updates.modulus.is_empty() && can_update(true)
+        });
+        Ok(if is_of_use { required.and(Requirements::of(&[UPDATES])) } else { required })
     }
 
     /// Errors name what a body of boundary elements cannot have.

@@ -15,7 +15,9 @@ use crate::deform::{
 };
 use crate::effect::expected;
 use crate::effect::stress::{StressedBody, SurfaceLoads};
-use crate::green::{self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution};
+use crate::green::{
+    self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution, UPDATES,
+};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare::{self, Resolved};
 use crate::scene::Body;
@@ -292,7 +294,8 @@ fn volume_results(
         let message = "forces at points are summed from the .green file: leave --all-nodes out";
         return Err(Failure::wrong(format!("{}: {message}", asked.place())));
     }
-    let solution = green::solve(scene, name, &scene.requirements(name)?, &Silent)?;
+    let requirements = scene.requirements(name)?.without(UPDATES);
+    let solution = green::solve(scene, name, &requirements, &Silent)?;
     for notice in &solution.notices {
         notice!("{notice}");
     }

@@ -1,9 +1,10 @@
-//! A .green file after control elements were released or moduli changed, from the one before, without factoring again.
+//! A .green file after control elements were released or moduli changed, from the one before.
 //!
-//! In: a file of bodies with the family `updates`, and the scene as it is now. Out: a file in memory of the same surfaces, with
-//! the columns and the handle stiffness that a new precomputation would find ([`super::update`]).
+//! In: a file, and the scene as it is now. Out: a file in memory of the same surfaces, with the numbers that a new precomputation
+//! finds: of a body with the family `updates` without factoring again ([`super::update`]), of the others by solving anew.
 
-use super::basis::precompute;
+use super::acting::acting;
+use super::basis::precompute_kept;
 use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
@@ -11,9 +12,10 @@ use super::families::{
     COMPLIANCE, COMPRESSED, FAMILIES, LOAD_COMPLIANCE, MOMENTS, REACTION, STIFFNESS, TORQUES, UPDATES,
     affine_tensors, load_tensors,
 };
+use super::family::FamilyEntry;
 use super::file::{BodyMeta, GreenFile};
 use super::judge::judge;
-use super::prepare::prepare;
+use super::prepare::{Fits, prepare};
 use super::requirements::Requirements;
 use super::tensor::Tensor;
 use super::update::{Change, Updated};
@@ -32,6 +34,13 @@ use std::sync::Arc;
 /// The sections of effects of a changed body, by their names within it.
 pub type Sections<'a> = &'a dyn Fn(&GreenFile, &str) -> Vec<(String, Tensor)>;
 
+/// What other rooms know of a changed body.
+pub struct Changes<'a> {
+    pub sections: Sections<'a>,
+    /// The judgement of its model.
+    pub fits: &'a dyn Fn(&str) -> Option<Fits>,
+}
+
 /// An update may be wrong by this part; where it is by more, the body is solved anew.
 const EXACT: f64 = 1e-7;
 /// Nodes that were let go of whose compliance is looked at.
@@ -41,17 +50,19 @@ const PRESSED: usize = 4;
 type Contents = (BodyMeta, BTreeMap<String, Tensor>);
 
 /// The file of `scene` as it is now, from that of [`Scene::as_prepared`], and what there is to say of its bodies. They pass what
-/// a precomputation passes: the check before it, and the judgement of forward error and rigid motions. A body whose update would
-/// be too inexact is solved anew.
+/// a precomputation passes: the check before it, and the judgement of forward error and rigid motions. A body that cannot be
+/// updated, or whose update would be too inexact, is solved anew.
 pub fn derive(
     base: Arc<GreenFile>,
     scene: &Scene,
-    sections: Sections<'_>,
+    changes: &Changes<'_>,
     teller: Teller<'_>,
 ) -> Result<(GreenFile, Vec<Diagnostic>), GreenError> {
     let (mut changed, mut notices) = (BTreeMap::new(), Vec::new());
     for (name, body) in scene.body.iter().filter(|(_, body)| body.is_updated()) {
-        let mut findings = prepare(scene, name)?.findings;
+        let prepared = prepare(scene, name)?;
+        let mut findings = acting(scene, name, &prepared.mesh, &prepared.controls)?;
+        findings.extend(prepared.findings);
         refuse(scene, &findings)?;
         findings.retain(|finding| finding.severity < Severity::Note);
         let (own, mut tensors) = match update(&base, name, body)? {
@@ -60,33 +71,46 @@ pub fn derive(
                 contents
             }
             Err(why) => {
-                let message = format!(
-                    "updated, {why}: the body is solved anew, which takes as long as precomputing it"
-                );
+                let message =
+                    format!("{why}: the body is solved anew, which takes as long as precomputing it");
                 notices.push(Diagnostic::new(Severity::Note, format!("body.{name}"), message));
-                solved_anew(&base, scene, name, &*teller(name), &mut notices)?
+                solved_anew(&base, scene, name, (changes.fits)(name), &*teller(name), &mut notices)?
             }
         };
-        tensors.extend(sections(&base, name));
+        tensors.extend((changes.sections)(&base, name));
         changed.insert(name.clone(), (own, tensors));
     }
     Ok((base.with_bodies(changed)?, notices))
 }
 
-/// A body by its family `updates`; or why it is too inexact.
+/// Why a change of a body with these requirements, of a modulus or of what holds it alone, takes a solve anew.
+pub fn why_anew(body: &Body, requirements: &Requirements, changes_modulus: bool) -> Option<String> {
+    let is_lost = |entry: &&FamilyEntry| requirements.has(entry.family) && !entry.is_derived;
+    let of_family = |entry: &FamilyEntry| {
+        format!("the family {} cannot be found from the columns before the change", entry.family.name)
+    };
+    FAMILIES.iter().find(is_lost).map(of_family).or_else(|| body.why_anew(changes_modulus))
+}
+
+/// A body by its family `updates`; or why not.
 fn update(base: &GreenFile, name: &str, body: &Body) -> Result<Result<Contents, String>, GreenError> {
     let damaged = |what: &str| GreenError::Damaged {
         path: base.path.clone(),
         reason: format!("{what} of the body {name} is missing"),
     };
     let meta = base.meta.bodies.get(name).ok_or_else(|| damaged("the description"))?;
+    let factors = body.modulus_factors();
+    let changes_modulus = factors.iter().any(|factor| *factor != 1.0);
+    if let Some(why) = why_anew(body, &meta.requirements, changes_modulus) {
+        return Ok(Err(why));
+    }
     let updates = base.updates(name).ok_or_else(|| damaged("the family updates"))?;
     let stiffness = base.stiffness(name).ok_or_else(|| damaged("the handle stiffness"))?;
     let is_released = |e: &usize| !body.control.contains_key(&meta.controls[*e].name);
     let released = (0..meta.controls.len()).filter(is_released).collect();
-    let change = Change { released, factors: body.modulus_factors() };
+    let change = Change { released, factors };
     let Some(changed_body) = updates.prepare(&change) else {
-        return Ok(Err("its columns have no digit left".to_owned()));
+        return Ok(Err("updated, its columns have no digit left".to_owned()));
     };
     let hessian = hessian(base, name, stiffness);
     let after = changed_body.body(&hessian);
@@ -104,7 +128,7 @@ fn update(base: &GreenFile, name: &str, body: &Body) -> Result<Result<Contents, 
     let error = update_error::error(&updates, &change, &changed_body, &after, &measure);
     if error > EXACT || error.is_nan() {
         return Ok(Err(format!(
-            "its columns or forces could be wrong by a part of {error:.0e}, above {EXACT:.0e}"
+            "updated, its columns or forces could be wrong by a part of {error:.1e}, above {EXACT:.0e}"
         )));
     }
     let affine = FIELDS * after.kept.len();
@@ -115,7 +139,7 @@ fn update(base: &GreenFile, name: &str, body: &Body) -> Result<Result<Contents, 
     let rigid = base.rigid_motion_of(name, &own.controls, &value, Some(&s));
     let method = find_method(&own.accuracy.solver).unwrap_or_default();
     if !judge(name, method, own.accuracy.forward_error, &rigid).is_ok_and(|findings| findings.is_empty()) {
-        return Ok(Err("it would not pass the check of rigid motions".to_owned()));
+        return Ok(Err("updated, it would not pass the check of rigid motions".to_owned()));
     }
     if own.requirements.has(COMPRESSED) {
         // It is changed number by number.
@@ -134,12 +158,13 @@ fn solved_anew(
     base: &GreenFile,
     scene: &Scene,
     name: &str,
+    fits: Option<Fits>,
     progress: &dyn Progress,
     notices: &mut Vec<Diagnostic>,
 ) -> Result<Contents, GreenError> {
     let before = base.meta.bodies.get(name);
     let requirements = before.map(|meta| meta.requirements.without(UPDATES)).unwrap_or_default();
-    let mut body = precompute(scene, name, &requirements, progress)?;
+    let mut body = precompute_kept(scene, name, &requirements, fits, None, progress)?;
     body.fingerprint = before.map(changed_fingerprint).unwrap_or_default();
     notices.append(&mut body.solution.notices);
     let (meta, tensors) = contents(&body);

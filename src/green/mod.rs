@@ -51,7 +51,7 @@ pub use basis::{precompute, precompute_kept, solve, solve_prepared, suits};
 pub use check::refuse;
 pub use column_names::{column_names_of, is_numbered};
 pub use control::{ControlElement, FIELD_NAMES, FIELDS};
-pub use derive::derive;
+pub use derive::{Changes, derive, why_anew};
 pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, FAMILIES, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS,

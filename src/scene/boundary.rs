@@ -63,11 +63,6 @@ impl Body {
             ),
             ("parts", self.parts.is_some(), "cuts the inside, and boundary elements have none"),
             (
-                "updates",
-                self.updates.is_some(),
-                "needs the matrix of the inside, and boundary elements have none",
-            ),
-            (
                 "surface_compliance",
                 self.surface_compliance.is_some(),
                 "needs the matrix of the inside, and boundary elements have none",

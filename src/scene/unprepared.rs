@@ -28,13 +28,6 @@ impl Body {
     /// Why a modulus cannot be changed that the `updates` of the body, of this name, do not list. That the mesh has the region
     /// is not looked at.
     pub fn cannot_change(&self, name: &str, region: &str) -> String {
-        if self.surface_compliance.is_some() {
-            return format!(
-                "the modulus of {name}.{region} cannot be changed by itself, for the body has surface_compliance: \
-                 write it into the scene, as young of [body.{name}.region.{}]",
-                written_key(region)
-            );
-        }
         let mut updates = self.updates.clone().unwrap_or_default();
         updates.modulus.push(region.to_owned());
         let table = match self.region.contains_key(region) {
@@ -110,12 +103,6 @@ mod tests {
         assert_eq!(advice(&told), whole, "{told}");
         assert!(told.contains("[body.cube.region.1] with young = 100000.0, poisson = 0.3"), "{told}");
         scene(&format!("{whole}\nregion.1 = {{ young = 100000.0, poisson = 0.3 }}"), CONTROLS);
-        let loaded = format!("surface_compliance.nodes = \"surface\"\n{CONTROLS}");
-        let head = "[body.cube]\ngenerate = { block = { size = [1, 1, 1], cells = [2, 2, 2] } }\n\
-                    material.young = 1.0e5\nmaterial.poisson = 0.3\nregion.2.young = 2.0\nregion.2.poisson = 0.0\n";
-        let told = Scene::parse(&(head.to_owned() + &loaded), Path::new("any.toml")).unwrap().body["cube"]
-            .cannot_change("cube", "2");
-        assert!(told.ends_with("write it into the scene, as young of [body.cube.region.2]"), "{told}");
         let told = scene("", CONTROLS).body["cube"].cannot_change("cube", "2");
         assert!(told.ends_with("updates = { modulus = [\"2\"] } into [body.cube]"), "{told}");
     }

@@ -1,4 +1,4 @@
-//! Changes to a body while it is shown, without computing it anew: `updates = { release = ["right"] }`.
+//! Changes to a body while it is shown: `updates = { release = ["right"] }`.
 
 use super::control::Control;
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,9 @@
 //! What is released and changed of a body while it is shown, and the body as it was precomputed.
 
 use super::updates::Updates;
-use super::{Body, Scene};
+use super::{Body, Method, Scene};
 use crate::config::unknown_name;
+use crate::fem::Dilatation;
 
 impl Body {
     /// By how much the modulus of each region of `updates.modulus` is larger than it was precomputed.
@@ -19,6 +20,19 @@ impl Body {
     pub fn is_updated(&self) -> bool {
         let is_loose = self.updates.as_ref().is_some_and(|updates| !updates.loose.is_empty());
         is_loose || self.modulus_factors().iter().any(|factor| *factor != 1.0)
+    }
+
+    /// Why a change, of a modulus or of what holds it alone, takes a solve anew; `None` where its columns can be updated.
+    pub fn why_anew(&self, changes_modulus: bool) -> Option<String> {
+        if self.method == Method::Bem {
+            return Some("boundary elements have no stiffness matrix of the inside".to_owned());
+        }
+        if changes_modulus && self.element.dilatation == Dilatation::Nodal {
+            let name = self.element.name;
+            return Some(format!("element = \"{name}\" averages the pressure across the border of regions"));
+        }
+        (changes_modulus && self.surface_compliance.is_some())
+            .then(|| "a modulus changes surface_compliance throughout its region".to_owned())
     }
 
     /// Notes what it is precomputed with, and lets go of what is released to begin with.

@@ -258,7 +258,10 @@ fn ports(
 ) -> Result<(Ports, Vec<NodeFields>), GreenError> {
     let Assembled { scene, name, body, lame, partition, .. } = *assembled;
     let Solution { element, mesh, controls, .. } = solution;
-    let asked = body.updates.clone().unwrap_or_default();
+    let mut asked = body.updates.clone().unwrap_or_default();
+    if body.why_anew(true).is_some() {
+        asked.modulus.clear();
+    }
     let of_tets = materials_of_tets(scene, name, body, mesh)?;
     let is_free = |node: &u32| partition.free.binary_search(node).is_ok();
     let (mut parts, mut fields) = (Vec::new(), Vec::new());
