@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DMatrixView};
 const RANK: f64 = 1e-12;
 
 /// A row for each field, where it lies.
-fn rows(fields: &NodeFields) -> DMatrixView<'_, f64> {
+pub fn rows(fields: &NodeFields) -> DMatrixView<'_, f64> {
     DMatrixView::from_slice(&fields.data, fields.columns, 3 * fields.nodes)
 }
 

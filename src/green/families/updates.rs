@@ -14,7 +14,7 @@ use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::super::update::{Ports, Region, TABLES, Updates};
 use super::affine::AFFINE;
-use super::dense_fields::dense;
+use super::dense_fields::rows;
 use super::loads::{LOAD_FIELDS, LOAD_FORCES, inner};
 use super::stiffness::STIFFNESS;
 use super::table;
@@ -192,7 +192,7 @@ impl<'a> Made<'a> {
             let first = p.columns * region;
             copy(p, self.surface, own + first, &mut self.columns);
             add_torques(p, &self.loads.given, 3 * (own + first), &mut self.torques);
-            let work = self.loads.given.transpose() * dense(p);
+            let work = self.loads.given.transpose() * rows(p).transpose();
             self.work.columns_mut(first, p.columns).copy_from(&work);
         }
     }
