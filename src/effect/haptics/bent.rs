@@ -1,9 +1,8 @@
 //! The closed loop on a body that is bent far: a beam whose end the handle of a simulated device holds, turned by up to 90°, and
 //! then lets go.
 //!
-//! In: a model, Young's modulus, how the device reports, the hand. Out: the [`SettlingResult`](super::settling::SettlingResult)
-//! of every release: whether the handle comes to rest, and the energy that the loop gave beyond what the body and the coupling
-//! held.
+//! In: a model, Young's modulus, how the device reports, the hand. Out: the [`SettlingResult`] of every release: whether the handle
+//! comes to rest, and the energy that the loop gave beyond what the body and the coupling held.
 
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, HoldConstraint};
