@@ -105,17 +105,18 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     if raw.vertices.len() >= u32::MAX as usize {
         return Err(FormatFault::whole(format!("{} vertices are more than 2³² - 2", raw.vertices.len())));
     }
+    let is_place = |vertex: &Vector3<f64>| vertex.iter().all(|x| x.is_finite() && x.abs() < 1e100);
+    if let Some(number) = raw.vertices.iter().position(|vertex| !is_place(vertex)) {
+        let [x, y, z]: [f64; 3] = raw.vertices[number].into();
+        return Err(FormatFault::whole(format!(
+            "vertex {} at ({x}, {y}, {z}) has a coordinate that is no finite number to compute with",
+            number + 1
+        )));
+    }
     let mut surface = TriangleSurface::default();
     let mut places = Places::of(&raw.vertices);
     let mut index = Vec::with_capacity(raw.vertices.len());
-    for (number, vertex) in raw.vertices.iter().enumerate() {
-        if !vertex.iter().all(|x| x.is_finite() && x.abs() < 1e100) {
-            let [x, y, z]: [f64; 3] = (*vertex).into();
-            return Err(FormatFault::whole(format!(
-                "vertex {} at ({x}, {y}, {z}) has a coordinate that is no finite number to compute with",
-                number + 1
-            )));
-        }
+    for vertex in &raw.vertices {
         let next = surface.vertices.len() as u32;
         let welded = places.vertex(vertex, next, &surface.vertices);
         if welded == next {
