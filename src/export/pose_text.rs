@@ -6,6 +6,7 @@ use super::told::{FirstYield, Pushed, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Freedom, Wrench, percent};
+use crate::effect::name_of;
 use crate::fem::nearest_turn;
 use crate::scene::LoadValue;
 use nalgebra::Vector3;
@@ -115,7 +116,8 @@ fn table(result: &PoseResult) -> Table {
         let turned = format!("{:.3}°", turn.norm().to_degrees());
         let moved =
             if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
-        let (mut force, mut moment) = ("not asked for".to_owned(), String::new());
+        let unknown = format!("needs effects = [\"{}\"]", name_of(|effect| effect.needs_energy));
+        let (mut force, mut moment) = (unknown, String::new());
         if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
             let placed = as_found(wrench.about_the_place(pose), result.told.freedom.get(e));
             let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
