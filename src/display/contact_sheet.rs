@@ -25,29 +25,41 @@ pub struct SheetFrame {
 
 impl SheetFrame {
     /// Keeps the pictures as small as they stand on the sheet.
-    pub fn new(number: usize, pictures: &[(&str, RgbaImage)]) -> SheetFrame {
-        let small = |(name, picture): &(&str, RgbaImage)| ((*name).to_owned(), small(picture));
+    pub fn new(number: usize, pictures: &[(String, RgbaImage)]) -> SheetFrame {
+        let small = |(name, picture): &(String, RgbaImage)| (name.clone(), small(picture));
         SheetFrame { number, pictures: pictures.iter().map(small).collect() }
+    }
+}
+
+/// Distance of the pixels by which two frames are compared, in both directions.
+const SAMPLED: usize = 4;
+
+/// Colours of every [`SAMPLED`]th pixel of a frame's pictures.
+struct Sample(Vec<u8>);
+
+impl Sample {
+    fn of(pictures: &[(String, RgbaImage)]) -> Sample {
+        let rows = pictures.iter().flat_map(|(_, picture)| picture.rows().step_by(SAMPLED));
+        let pixels = rows.flat_map(|row| row.step_by(SAMPLED));
+        Sample(pixels.flat_map(|pixel| [pixel.0[0], pixel.0[1], pixel.0[2]]).collect())
     }
 
     /// The visible difference from another frame: the mean difference of a colour's byte.
-    pub fn difference(&self, other: &SheetFrame) -> f64 {
-        let bytes =
-            |frame: &SheetFrame| frame.pictures.iter().map(|(_, picture)| picture.len()).sum::<usize>();
-        let pairs = self.pictures.iter().zip(&other.pictures);
-        let off = pairs.flat_map(|((_, one), (_, other))| one.iter().zip(other.iter()));
-        let sum: u64 = off.map(|(one, other)| u64::from(one.abs_diff(*other))).sum();
-        sum as f64 / bytes(self).max(1) as f64
+    fn difference(&self, other: &Sample) -> f64 {
+        let off = self.0.iter().zip(&other.0).map(|(one, other)| u64::from(one.abs_diff(*other)));
+        off.sum::<u64>() as f64 / self.0.len().max(1) as f64
     }
 }
 
 /// The frames that represent a session best, chosen as they come: the first, the one between that looks most different from it,
 /// and the last. Where that is the last itself, the middle one stands between them; where all look alike, the first stands alone.
 pub struct Chosen {
-    first: Option<SheetFrame>,
+    first: Option<(Sample, SheetFrame)>,
     middle: Option<SheetFrame>,
-    farthest: Option<(f64, SheetFrame)>,
-    last: Option<SheetFrame>,
+    /// The difference from the first frame, and the pictures as they were drawn.
+    farthest: Option<(f64, usize, Vec<(String, RgbaImage)>)>,
+    /// The difference from the first frame, and the last one.
+    last: Option<(f64, SheetFrame)>,
     count: usize,
 }
 
@@ -57,42 +69,45 @@ impl Chosen {
         Chosen { first: None, middle: None, farthest: None, last: None, count }
     }
 
-    pub fn take(&mut self, number: usize, pictures: &[(&str, RgbaImage)]) {
-        let new = || SheetFrame::new(number, pictures);
-        let Some(first) = &self.first else {
-            self.first = Some(new());
+    pub fn take(&mut self, number: usize, pictures: Vec<(&str, RgbaImage)>) {
+        let pictures: Vec<(String, RgbaImage)> =
+            pictures.into_iter().map(|(name, picture)| (name.to_owned(), picture)).collect();
+        let sample = Sample::of(&pictures);
+        let Some((first, _)) = &self.first else {
+            self.first = Some((sample, SheetFrame::new(number, &pictures)));
             return;
         };
-        let frame = new();
-        let off = frame.difference(first);
+        let off = sample.difference(first);
         if number + 1 == self.count {
-            if self.farthest.as_ref().is_some_and(|(most, _)| off >= *most) {
+            if self.farthest.as_ref().is_some_and(|(most, ..)| off >= *most) {
                 self.farthest = None;
             }
-            self.last = Some(frame);
+            self.last = Some((off, SheetFrame::new(number, &pictures)));
             return;
         }
         if number == self.count / 2 {
-            self.middle = Some(new());
+            self.middle = Some(SheetFrame::new(number, &pictures));
         }
-        if off > self.farthest.as_ref().map_or(0.0, |(most, _)| *most) {
-            self.farthest = Some((off, frame));
+        if off > self.farthest.as_ref().map_or(0.0, |(most, ..)| *most) {
+            self.farthest = Some((off, number, pictures));
         }
     }
 
     /// Whether nothing in the pictures ever changed.
     pub fn are_alike(&self) -> bool {
-        let last = self.first.as_ref().zip(self.last.as_ref());
-        self.farthest.is_none() && last.is_some_and(|(first, last)| last.difference(first) == 0.0)
+        self.farthest.is_none() && self.last.as_ref().is_some_and(|(off, _)| *off == 0.0)
     }
 
     /// The frames, in their order.
     pub fn frames(self) -> Vec<SheetFrame> {
-        if self.are_alike() {
-            return self.first.into_iter().collect();
+        let first = self.first.map(|(_, frame)| frame);
+        let last = self.last.filter(|(off, _)| self.farthest.is_some() || *off > 0.0);
+        if last.is_none() {
+            return first.into_iter().collect();
         }
-        let between = self.farthest.map(|(_, frame)| frame).or(self.middle);
-        [self.first, between, self.last].into_iter().flatten().collect()
+        let farthest = self.farthest.map(|(_, number, pictures)| SheetFrame::new(number, &pictures));
+        let between = farthest.or(self.middle);
+        [first, between, last.map(|(_, frame)| frame)].into_iter().flatten().collect()
     }
 }
 
@@ -169,7 +184,8 @@ mod tests {
 
     /// A table and a wall above it, for two eyes.
     fn frame(number: usize, width: u32) -> SheetFrame {
-        let picture = |name, high, colour| (name, RgbaImage::from_pixel(width, high, colour));
+        let picture =
+            |name: &str, high, colour| (name.to_owned(), RgbaImage::from_pixel(width, high, colour));
         let pictures = [
             picture("table-left", 50, RED),
             picture("table-right", 50, RED),
@@ -208,7 +224,7 @@ mod tests {
             let mut chosen = Chosen::new(colours.len());
             for (number, colour) in colours.iter().enumerate() {
                 let picture = RgbaImage::from_pixel(300, 20, image::Rgba([*colour, 0, 0, 255]));
-                chosen.take(number, &[("wall-left", picture)]);
+                chosen.take(number, vec![("wall-left", picture)]);
             }
             let are_alike = chosen.are_alike();
             (chosen.frames().iter().map(|frame| frame.number).collect::<Vec<_>>(), are_alike)

@@ -95,7 +95,7 @@ impl PictureRequest {
             let staged = named(frame).zip(&images).map(|(path, (_, image))| stage(image, &path));
             output::put_all(staged.collect::<Result<_, Failure>>()?, &older)?;
             written += images.len();
-            chosen.take(frame, &images);
+            chosen.take(frame, images);
             bar.inc(1);
         }
         bar.finish_and_clear();
