@@ -17,10 +17,13 @@ const NARROW: u32 = 200;
 const BACKGROUND: [u8; 3] = [24, 26, 30];
 const INK: Color32 = Color32::from_gray(200);
 
-/// One frame: its pictures, screen by screen and in each eye by eye.
+/// Pictures of a frame with their names, screen by screen and in each eye by eye.
+type Pictures = Vec<(String, RgbaImage)>;
+
+/// One frame, with its number.
 pub struct SheetFrame {
     pub number: usize,
-    pictures: Vec<(String, RgbaImage)>,
+    pictures: Pictures,
 }
 
 impl SheetFrame {
@@ -57,7 +60,7 @@ pub struct Chosen {
     first: Option<(Sample, SheetFrame)>,
     middle: Option<SheetFrame>,
     /// The difference from the first frame, and the pictures as they were drawn.
-    farthest: Option<(f64, usize, Vec<(String, RgbaImage)>)>,
+    farthest: Option<(f64, usize, Pictures)>,
     /// The difference from the first frame, and the last one.
     last: Option<(f64, SheetFrame)>,
     count: usize,
@@ -70,7 +73,7 @@ impl Chosen {
     }
 
     pub fn take(&mut self, number: usize, pictures: Vec<(&str, RgbaImage)>) {
-        let pictures: Vec<(String, RgbaImage)> =
+        let pictures: Pictures =
             pictures.into_iter().map(|(name, picture)| (name.to_owned(), picture)).collect();
         let sample = Sample::of(&pictures);
         let Some((first, _)) = &self.first else {

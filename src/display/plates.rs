@@ -153,7 +153,8 @@ fn letter_height(rect: Rect) -> f32 {
     (rect.height() / 50.0).min(rect.width() / 76.0).clamp(LEAST_LETTER, 26.0)
 }
 
-/// The rectangle up and to the right of a place, or else where it covers least of what is taken; within the picture.
+/// The rectangle up and to the right of a place, or elsewhere beside it; where all that is taken, the nearest above or below what
+/// stands there, or else where it covers least. Within the picture.
 fn beside(at: Pos2, size: Vec2, inside: Rect, letter: f32, taken: &[Rect]) -> Pos2 {
     let room = (inside.max - size).max(inside.min);
     let away = 1.5 * letter;
@@ -163,9 +164,14 @@ fn beside(at: Pos2, size: Vec2, inside: Rect, letter: f32, taken: &[Rect]) -> Po
     let places = [(right, up), (left, up), (right, down), (left, down), (middle, up), (middle, down)];
     let corners = places.map(|(x, y)| (at + vec2(x, y)).clamp(inside.min, room));
     let over = |corner: &Pos2| covered(Rect::from_min_size(*corner, size), taken);
-    let is_free = |corner: &&Pos2| !is_over(Rect::from_min_size(**corner, size), taken);
-    let least = || corners.iter().min_by(|a, b| over(a).total_cmp(&over(b)));
-    corners.iter().find(is_free).or_else(least).copied().unwrap_or(inside.min)
+    let is_free = |corner: &Pos2| !is_over(Rect::from_min_size(*corner, size), taken);
+    let gap = 0.5 * letter;
+    let rows = taken.iter().flat_map(|rect| [rect.min.y - gap - size.y, rect.max.y + gap]);
+    let further = rows.flat_map(|y| [right, left, middle].map(|x| pos2(at.x + x, y).clamp(inside.min, room)));
+    let away = |corner: &Pos2| (Rect::from_min_size(*corner, size).center() - at).length();
+    let nearest = || further.filter(is_free).min_by(|a, b| away(a).total_cmp(&away(b)));
+    let least = || corners.into_iter().min_by(|a, b| over(a).total_cmp(&over(b)));
+    corners.into_iter().find(is_free).or_else(nearest).or_else(least).unwrap_or(inside.min)
 }
 
 impl<'a> LaidOut<'a> {
@@ -281,5 +287,22 @@ mod tests {
         // Where the overlay stands there, it goes to the other side.
         let (moved, _) = painted(&plates, seen, &[*rect]);
         assert!(!moved[0].intersects(*rect) && moved[0].max.x < at.x, "{moved:?}");
+    }
+
+    /// Five rods side by side that were all bent too far: their warnings lay over each other.
+    #[test]
+    fn plates_beside_neighbouring_places_stand_apart() {
+        let centre = Stage::find("desktop").unwrap().workspace.centre;
+        let words = "reduced: turned 1.0 times round; the model reduced holds up to 75°";
+        let plate = |k: i32| {
+            let place = centre + nalgebra::Vector3::x() * (0.05 * f64::from(k));
+            Plate::of(Anchor::Place(place.into()), words)
+        };
+        let plates: Vec<Plate> = (-2..=2).map(plate).collect();
+        let (rects, _) = painted(&plates, centre.into(), &[]);
+        assert_eq!(rects.len(), 5);
+        for (k, rect) in rects.iter().enumerate() {
+            assert!(!is_over(*rect, &rects[..k]), "{rects:?}");
+        }
     }
 }
