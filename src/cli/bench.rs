@@ -204,14 +204,14 @@ struct Drawn {
     samples: u32,
     shadows: Shadows,
     device: String,
-    /// Of which a frame consists: "2 stereo pairs".
+    /// The pictures of a frame: "2 stereo pairs".
     pictures: String,
     /// Name of the step and its median time.
     steps: Vec<(&'static str, f64)>,
     frame_s: f64,
     /// Bodies' patches and solids that a frame draws, and leaves out since no eye of the pass can see them: means.
     shapes: [f64; 2],
-    /// Where each body deforms.
+    /// The place where each body deforms: CPU or graphics device.
     bodies: Vec<(String, device::Choice)>,
 }
 
@@ -266,7 +266,7 @@ impl Drawn {
         Drawn { samples, shadows, device, pictures, steps, frame_s, shapes, bodies }
     }
 
-    /// How often all screens are drawn, for both eyes.
+    /// Rate at which all screens are drawn, for both eyes.
     fn frames_per_second(&self) -> f64 {
         1.0 / self.frame_s
     }

@@ -116,7 +116,7 @@ struct Standing<'a> {
     triangles: Vec<[u32; 3]>,
 }
 
-/// What is found wrong with a body whose keys are sound.
+/// Findings about a body whose keys are sound.
 fn of_body<'a>(
     scene: &'a Scene,
     name: &'a String,
@@ -182,7 +182,7 @@ fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
     law.is_some_and(|law| Statics::suits(scene, name, law).is_ok())
 }
 
-/// What precomputing the body will take.
+/// The forecast of the time and memory that precomputing the body takes.
 fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
     let entity = format!("body.{name}");
     let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
@@ -254,7 +254,7 @@ fn in_degrees(name: &str, body: &Body) -> Option<Diagnostic> {
         .then(|| Diagnostic::new(Severity::Warning, format!("body.{name}.place.rotation"), message))
 }
 
-/// What it means that nothing is fixed, or that nothing can be grabbed.
+/// The consequence of a body in which nothing is fixed, or nothing can be grabbed.
 fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
     let message = body.held_by()?;
     Some(Diagnostic::new(Severity::Note, format!("body.{name}.control"), message))

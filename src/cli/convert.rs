@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 mod tests {
     use super::*;
 
-    /// It was "not a mesh file that can be read".
+    /// The answer was "not a mesh file that can be read".
     #[test]
     fn a_surface_is_answered_with_the_command_that_fills_it() {
         let (input, output) = (PathBuf::from("part.stl"), PathBuf::from("part.msh"));

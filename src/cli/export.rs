@@ -73,7 +73,7 @@ pub struct Args {
     pub green: Option<PathBuf>,
 }
 
-/// What OUT's extension chooses.
+/// The format that OUT's extension chooses.
 enum Format {
     Basis(&'static BasisFile),
     Surface(&'static Exporter),
@@ -100,7 +100,7 @@ fn suffix(path: &Path) -> String {
     extension.map_or_else(String::new, |extension| format!(".{extension}"))
 }
 
-/// What there is instead of an extension that chooses nothing: the known ones, and who writes the tables.
+/// The error of an extension that chooses nothing: it names the known ones, and the command that writes tables.
 fn unknown(args: &Args) -> Failure {
     let (path, suffix) = (args.output.display(), suffix(&args.output));
     let basis = BASIS_FILES.iter().map(|file| file.suffix);
@@ -252,7 +252,7 @@ fn write_basis(
     print(&told(&bodies, file, args))
 }
 
-/// What was written, and what its numbers are.
+/// Words about the file that was written, and its numbers.
 fn told(bodies: &[BodyBasis], file: &BasisFile, args: &Args) -> String {
     let mut text = format!("{}: {}\n", args.output.display(), file.about);
     for body in bodies {

@@ -1,4 +1,4 @@
-//! What a command opens: a scene file, or a mesh or surface file for which a scene is proposed.
+//! Opens the file that a command is given: a scene file, or a mesh or surface file for which a scene is proposed.
 
 use crate::base::cache;
 use crate::base::failure::Failure;
@@ -86,7 +86,7 @@ fn place_of(mesh: &Path) -> Result<PathBuf, Failure> {
 pub const SCENE: Kind =
     Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
 
-/// The same commands as this one, with a unit.
+/// The command line of this run, once with each unit.
 fn commands(doubt: &UnitDoubt) -> String {
     let words: Vec<String> = std::env::args().skip(1).map(|word| quoted(&word)).collect();
     let choices: String = doubt

@@ -43,7 +43,7 @@ impl ControlPose {
         ]
     }
 
-    /// The same affine motion about the origin `to` instead of `from`: o + T + M (x - o) = o' + T' + M (x - o') with
+    /// Expresses the affine motion about the origin `to` instead of `from`: o + T + M (x - o) = o' + T' + M (x - o') with
     /// T' = T + (M - I)(o' - o).
     pub fn with_origin(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> ControlPose {
         let translation = self.translation + (self.matrix - Matrix3::identity()) * (to - from);

@@ -97,7 +97,7 @@ impl Resolved {
         Resolved { scene: Scene { stage, ..self.scene.clone() }, bodies: self.bodies.clone() }
     }
 
-    /// The same, moved by a script.
+    /// The scene moved by a script.
     #[must_use]
     pub fn with_script(&self, script: &str) -> Resolved {
         let scene = Scene { script: Some(script.into()), ..self.scene.clone() };
@@ -132,7 +132,7 @@ impl Resolved {
         other
     }
 
-    /// The same in which every body can be felt: those that do not list the effect [`haptics`] list it too.
+    /// The scene with every body felt: those that do not list the effect [`haptics`] list it too.
     pub fn felt(&self) -> Result<Resolved, Failure> {
         let mut scene = self.scene.clone();
         for (name, body) in &mut scene.body {

@@ -34,7 +34,7 @@ use std::sync::Arc;
 /// The sections of effects of a changed body, by their names within it.
 pub type Sections<'a> = &'a dyn Fn(&GreenFile, &str) -> Vec<(String, Tensor)>;
 
-/// What other rooms know of a changed body.
+/// Knowledge of other rooms about a changed body.
 pub struct Changes<'a> {
     pub sections: Sections<'a>,
     /// The judgement of its model.
@@ -46,7 +46,7 @@ const EXACT: f64 = 1e-7;
 /// Nodes that were let go of whose compliance is looked at.
 const PRESSED: usize = 4;
 
-/// What a file says of a body, and the body's tensors.
+/// The description of a body in a file, and the body's tensors.
 type Contents = (BodyMeta, BTreeMap<String, Tensor>);
 
 /// The file of `scene` as it is now, from that of [`Scene::as_prepared`], and what there is to say of its bodies. They pass what
@@ -171,7 +171,7 @@ fn solved_anew(
     Ok((meta, tensors.into_iter().collect()))
 }
 
-/// Of no scene: a changed body is never taken for one that was precomputed.
+/// A fingerprint of no scene: a changed body is never taken for one that was precomputed.
 fn changed_fingerprint(before: &BodyMeta) -> String {
     format!("{} changed", before.fingerprint)
 }
@@ -211,7 +211,7 @@ fn hessian(base: &GreenFile, name: &str, stiffness: DMatrix<f64>) -> DMatrix<f64
     all
 }
 
-/// What the file says of a changed body, and its tensors but for those of effects.
+/// The description of a changed body, and its tensors but for those of effects.
 fn derived(
     base: &GreenFile,
     name: &str,

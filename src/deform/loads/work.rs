@@ -1,4 +1,4 @@
-//! What loads and forces at points do to the control elements: energy and virtual work.
+//! Energy and virtual work of loads and forces at points, for the control elements.
 //!
 //! In: all forces of one state, in the frame of the columns. Out: their part of the potential energy, and its slopes by the poses
 //! of the control elements.

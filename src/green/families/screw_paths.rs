@@ -34,7 +34,7 @@ pub fn bend(
     Ok(fields)
 }
 
-/// Bytes of so many fields for each path, and of the next order's loads, solution and what solves them.
+/// Bytes of `fields` fields for each path, and of the next order's loads, solution and solver.
 pub fn series_memory(nodes: usize, paths: usize, fields: usize) -> f64 {
     24.0 * (nodes * paths * (fields + SOLVING)) as f64
 }
@@ -45,7 +45,7 @@ const SOLVING: usize = 6;
 /// d_e and ω_e of every element.
 pub type Path = Vec<(Vector3<f64>, Vector3<f64>)>;
 
-/// So many paths for each coordinate of the elements' relative motion.
+/// Number of paths, `for_each` for each coordinate of the elements' relative motion.
 pub fn path_count(elements: usize, for_each: usize) -> usize {
     for_each * 6 * elements.saturating_sub(1)
 }

@@ -69,7 +69,7 @@ pub fn tetrahedralise(
     Ok(mesh)
 }
 
-/// The same, without a tetrahedron where all walls are thinner than the cells.
+/// Fills the surface; the mesh has no tetrahedron where all walls are thinner than the cells.
 pub fn filled(
     surface: &TriangleSurface,
     report: &SurfaceReport,

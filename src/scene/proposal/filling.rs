@@ -49,7 +49,7 @@ struct Trial<'a> {
     wall: Option<f64>,
 }
 
-/// What one cell made.
+/// The body that one cell made.
 struct Made {
     cell: f64,
     loaded: Loaded,
@@ -124,7 +124,7 @@ impl Trial<'_> {
             .then(|| format!("{}, {:.0} % of its volume", count(pieces, "piece"), 100.0 * (1.0 + off)))
     }
 
-    /// Why a torn body is not taken, and the cell that is worth a try.
+    /// The error of a torn body, with the cell that is worth a try.
     fn torn(&self, cell: f64, tear: &str) -> MeshError {
         let finer = two_digits(self.coarsest().min(cell / FINER));
         let thin = |wall: f64| format!("; its thinnest walls are {} m", digits(wall));
@@ -135,7 +135,7 @@ impl Trial<'_> {
         ))
     }
 
-    /// Why walls that need this cell are not resolved.
+    /// The error of walls that need this cell, which makes too many nodes.
     fn too_thin(&self, cell: f64) -> MeshError {
         let (nodes, most) = (about(self.nodes_for(cell)), about(MOST));
         self.refused(format!(
@@ -149,7 +149,7 @@ impl Trial<'_> {
         MeshError::Refused { path: self.file.to_owned(), reason }
     }
 
-    /// About how many nodes a cell makes: two in each cell of the lattice inside, and two on each cell of the surface.
+    /// Estimates the number of nodes that a cell makes: two in each cell of the lattice inside, and two on each cell of the surface.
     fn nodes_for(&self, cell: f64) -> f64 {
         2.0 * self.report.volume / cell.powi(3) + 2.0 * self.report.area / (cell * cell)
     }
