@@ -1,7 +1,7 @@
 //! The binary: parse the command line, dispatch, print the error chain.
 
 use clap::Parser;
-use greenstage::base::{fault, guard, memory, notice, signal};
+use greenstage::base::{diagnostic, fault, guard, memory, signal};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     memory::end_in_order();
     fault::end_by_what_is_sent();
     if let Err(error) = signal::watch() {
-        notice::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
+        diagnostic::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
     }
     match std::thread::Builder::new().name("work".into()).stack_size(STACK).spawn(work) {
         // A thread that panicked has said so.
@@ -39,7 +39,7 @@ fn work() -> ExitCode {
     let filter: Targets = match text.parse() {
         Ok(filter) => filter,
         Err(error) => {
-            notice::say(format_args!(
+            diagnostic::say(format_args!(
                 "error: GREENSTAGE_LOG is \"{text}\" ({error}); write for example info, or warn,greenstage=debug"
             ));
             return ExitCode::from(2);
@@ -54,7 +54,7 @@ fn work() -> ExitCode {
     match greenstage::cli::run(greenstage::cli::Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            notice::say(format_args!("error: {failure}"));
+            diagnostic::say(format_args!("error: {failure}"));
             ExitCode::from(failure.status())
         }
     }

@@ -2,10 +2,10 @@
 //!
 //! In: a scene whose names are [`Resolved`]. Out: the file, fresh for the scene as it is now.
 
-use crate::base::bars::Bars;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output::{self, OutputError};
+use crate::base::progress::Bars;
 use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
 use crate::base::signal::{OnEnd, on_end};

@@ -1,6 +1,6 @@
 //! The folder of files that can be made anew: computed for scenes that have no folder.
 
-use super::notice::notice;
+use super::diagnostic::notice;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

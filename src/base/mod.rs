@@ -1,12 +1,9 @@
 //! Plain data and services that several rooms share: atomic files, facts of the machine, text for a terminal.
 //!
 //! It imports no other room.
-
-pub mod bars;
 pub mod cache;
 pub mod columns;
 pub mod creases;
-pub mod csv;
 pub mod diagnostic;
 pub mod disjoint;
 pub mod failure;
@@ -18,7 +15,6 @@ pub mod lanes;
 pub mod legend;
 pub mod machine;
 pub mod memory;
-pub mod notice;
 pub mod output;
 pub mod parts;
 pub mod peak;

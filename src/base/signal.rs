@@ -93,7 +93,7 @@ fn wait(set: &sigset_t) {
             std::mem::take(&mut acts().1).into_iter().rev().filter_map(|(_, act)| act()).collect();
         let name = ENDING.iter().find(|(signal, _)| *signal == first).map_or("a signal", |(_, name)| name);
         let what = if told.is_empty() { String::new() } else { format!(": {}", told.join("; ")) };
-        super::notice::say(format_args!("interrupted by {name}{what}"));
+        super::diagnostic::say(format_args!("interrupted by {name}{what}"));
         end_by(first);
     };
     if std::thread::Builder::new().name("end".into()).spawn(settle).is_ok()

@@ -1,4 +1,6 @@
 //! Tables for people: aligned columns, text left and numbers right.
+//!
+//! Cells of comma-separated values (RFC 4180).
 
 use super::text::one_line;
 
@@ -99,6 +101,15 @@ pub fn bytes(count: f64) -> String {
     }
 }
 
+/// The cell as it is written: in quotes if it holds a comma, a quote or the end of a line.
+pub fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"', '\r', '\n']) {
+        format!("\"{}\"", cell.replace('"', "\"\""))
+    } else {
+        cell.to_owned()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -117,5 +128,12 @@ mod tests {
         table.row(&["ordering", "12.5 s"]);
         assert_eq!(table.text(), "step      time\n────────────────\nassembly   1.5 s\nordering  12.5 s\n");
         assert_eq!(table.markdown().lines().nth(1), Some("|---|---|"));
+    }
+
+    #[test]
+    fn cells_are_quoted_where_they_must_be() {
+        assert_eq!(quoted("bend 30"), "bend 30");
+        assert_eq!(quoted("a,b \"c\""), "\"a,b \"\"c\"\"\"");
+        assert_eq!(quoted("two\r\nlines"), "\"two\r\nlines\"");
     }
 }

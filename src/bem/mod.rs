@@ -12,7 +12,6 @@
 //! displacements are linear on each triangle, and tractions constant on those that a control element holds, and 0 on all others.
 
 mod assembly;
-mod elementary;
 mod operators;
 mod pairs;
 mod potentials;

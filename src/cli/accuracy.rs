@@ -3,9 +3,9 @@
 use super::opening::Guess;
 use super::parsers;
 use super::print::print;
-use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::output::Scratch;
+use crate::base::progress::Bars;
 use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::green::Requirements;

@@ -1,8 +1,8 @@
 //! `greenstage convert`: converts a mesh from one format to another.
 
 use super::print::print;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::table::count;
 use crate::base::text::quoted;
 use crate::mesh::length_unit::{LARGEST_M, LengthUnit, Scale, find_unit, implausible};

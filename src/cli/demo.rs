@@ -2,8 +2,8 @@
 
 use super::parsers;
 use super::print::print;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::demo::{CHAPTERS, film, live};
 use crate::display::device;
 use crate::render::{Samples, window};

@@ -1,8 +1,8 @@
 //! `greenstage export`: writes the columns of a scene's bodies, or the surface of one pose, for other programs.
 
 use super::print::print;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::table::{bytes, count};
 use crate::config::unknown_name;

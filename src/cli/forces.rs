@@ -2,8 +2,8 @@
 
 use super::marks;
 use super::print::print;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::table::{Table, seconds};
 use crate::verify::large_rotation::{self, HeldPose, ModelAtPose};
 use serde_json::json;

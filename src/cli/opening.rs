@@ -1,8 +1,8 @@
 //! Opens the file that a command is given: a scene file, or a mesh or surface file for which a scene is proposed.
 
 use crate::base::cache;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::text::quoted;
 use crate::mesh::diagnostics::digits;

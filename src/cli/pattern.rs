@@ -2,8 +2,8 @@
 
 use super::parsers;
 use super::print::print;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output;
 use crate::base::table::count;
 use crate::display::application::{self, Options, Shows};

@@ -3,10 +3,10 @@
 use super::marks;
 use super::parsers;
 use super::print::print;
-use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::output::{self, Kind};
+use crate::base::progress::Bars;
 use crate::report::scale::{self, Request};
 use std::path::{Path, PathBuf};
 

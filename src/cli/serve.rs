@@ -2,8 +2,8 @@
 //!
 //! In: the newest states of the trackers' sources, or of a script. Out: a VRPN server, one device for every tracker.
 
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::stage::Stage;
 use crate::track::TrackerSet;
 use crate::track::device::now_s;

@@ -3,8 +3,8 @@
 use super::parsers;
 use super::print::{print, print_over};
 use super::serve::{self, Service};
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::table::Table;
 use crate::session::trackers;
 use crate::stage::Stage;

@@ -5,8 +5,8 @@
 use super::chapters::CHAPTERS;
 use super::preparation::Preparation;
 use super::story::Story;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::base::table;
 use crate::display::device;

@@ -3,8 +3,8 @@
 use super::chapters::CHAPTERS;
 use super::preparation::Preparation;
 use super::story::Story;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::display::device;
 use crate::render::window::{self, AppError, Flow, Input, WindowApp, WindowOptions, Windows};
 use crate::render::{Gpu, Samples};

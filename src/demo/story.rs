@@ -14,7 +14,7 @@ use crate::display::device;
 use crate::display::presenter::Presenter;
 use crate::display::screen_windows::ScreenWindows;
 use crate::display::stage_model::Camera;
-use crate::display::window_frame::WindowFrame;
+use crate::display::window_layout::WindowFrame;
 use crate::effect::{self, Resolved};
 use crate::interact::Action;
 use crate::render::window::{Input, Key, WindowSpec};

@@ -1,6 +1,6 @@
 //! Paints what colours mean: a bar with round numbers and units, the limit, and a few lines of values.
 
-use super::lettering::{INK, QUIET};
+use super::caption::{INK, QUIET};
 use crate::base::legend::{Legend, ticks};
 use crate::base::quantity;
 use crate::render::{beyond_color, map_color};

@@ -4,7 +4,7 @@ use super::bodies::{GpuBodies, contents};
 use super::device;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};
 use super::view_source::ViewSource;
-use super::window_frame::WindowFrame;
+use super::window_layout::WindowFrame;
 use crate::base::failure::Failure;
 use crate::render::window::{AppError, Input, WindowSpec};
 use crate::render::{COLOR_FORMAT, EyePicture, Gpu, Offscreen, Overlay, Renderer, Samples, Viewport};

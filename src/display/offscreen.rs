@@ -2,9 +2,9 @@
 
 use super::bodies::{GpuBodies, contents};
 use super::device;
-use super::keep_clear::{KeepClear, keep_clear};
 use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
 use super::plate_seats::PlateSeats;
+use super::plate_seats::{KeepClear, keep_clear};
 use super::plates::Plates;
 use super::presenter::{Images, Presenter};
 use super::view_source::{Screens, ViewSource};

@@ -5,9 +5,9 @@
 //! is not called up costs nothing.
 
 use super::caption::{self, Caption};
-use super::keep_clear::KeepClear;
 use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
+use super::plate_seats::KeepClear;
 use super::plate_seats::PlateSeats;
 use super::plates::Plates;
 use super::presenter::Presenter;

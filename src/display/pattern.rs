@@ -5,7 +5,7 @@
 //! pixels. Everything that must be exact to the pixel is a rectangle with whole coordinates, which anti-aliasing does not
 //! change.
 
-use crate::display::lettering::{DARK, INK, LEFT, QUIET, RIGHT, wrapped, write};
+use crate::display::caption::{DARK, INK, LEFT, QUIET, RIGHT, wrapped, write};
 use crate::stage::{Eye, Screen};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use std::f32::consts::TAU;

@@ -3,8 +3,8 @@
 use super::contact_sheet::{Chosen, contact_sheet};
 use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output::{self, Kind, Staged};
 use crate::base::table::{count, seconds};
 use crate::render::Samples;

@@ -4,9 +4,9 @@
 //! Those in corners are the same for both eyes, and go aside where something is held ([`PlateSeats`]); one beside a place stands at
 //! that place's depth.
 
-use super::keep_clear::KeepClear;
+use super::caption::{DARK, INK, QUIET};
 use super::legend;
-use super::lettering::{DARK, INK, QUIET};
+use super::plate_seats::KeepClear;
 use super::plate_seats::{PlateSeats, Room, Side, Wanted, covered, is_over};
 use super::plot;
 use super::window_layout::{Part, view_of};

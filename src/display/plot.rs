@@ -1,6 +1,6 @@
 //! Paints curves over two axes with ticks, units and SI prefixes, a band about them, and a point where they are now.
 
-use super::lettering::{INK, QUIET};
+use super::caption::{INK, QUIET};
 use crate::base::plates::{Axis, Plot};
 use crate::base::quantity::{power_of, prefix};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};

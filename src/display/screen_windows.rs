@@ -1,12 +1,12 @@
 //! The windows of a stage: the views of each eye on each screen, overlays, and mouse and keyboard.
 
 use super::bodies::contents;
-use super::keep_clear::keep_clear;
 use super::overlay::{ACQUIRE, FrameSteps, Readings, SensorReading};
 use super::overlays::{Overlays, StageFrame};
+use super::plate_seats::keep_clear;
 use super::view_source::{Screens, ViewSource};
-use super::window_frame::WindowFrame;
 use super::window_layout;
+use super::window_layout::WindowFrame;
 use crate::interact::PickRay;
 use crate::render::Gpu;
 use crate::render::window::{AppError, Button, Input, Key, WindowSpec};

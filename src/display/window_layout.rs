@@ -1,8 +1,14 @@
 //! Lays out the windows of a stage: the tiles with the view of each eye, and the screen under the cursor.
+//!
+//! The parts that showing one frame needs.
 
+use super::bodies::GpuBodies;
+use super::presenter::Presenter;
 use crate::render::window::{MonitorChoice, WindowSpec};
-use crate::render::{Anaglyph, Composite, EyePicture, Show, Tile, View, Viewport};
-use crate::stage::{self, Border, Eye, MonitorId, NEAR_M, Screen, Stage, Stereo, Visible, Window};
+use crate::render::{Anaglyph, BodyInstance, Composite, EyePicture, Show, Tile, View, Viewport};
+use crate::session::Session;
+use crate::stage;
+use crate::stage::{Border, Eye, MonitorId, NEAR_M, Screen, Stage, Stereo, Visible, Window};
 use crate::world::World;
 use egui::{Pos2, Rect, pos2, vec2};
 use nalgebra::Isometry3;
@@ -212,6 +218,21 @@ pub fn at_cursor(
     let [x, y, width, height] = visible.rect.map(f64::from);
     let ndc = [2.0 * (at[0] - x) / width - 1.0, 1.0 - 2.0 * (at[1] - y) / height];
     Some((tile.screen, visible.on_whole(ndc)))
+}
+
+/// One frame on its way to the eye.
+pub struct WindowFrame<'a> {
+    pub presenter: &'a mut dyn Presenter,
+    pub session: &'a mut Session,
+    pub bodies: &'a mut GpuBodies,
+    /// A body that is shown in place of the scene's, while control elements are made on it.
+    pub edited: Option<BodyInstance<'a>>,
+    /// The window with the panel, and its pixels that panel and messages take.
+    pub covered: (usize, Vec<Rect>),
+    /// Time from the frame before to this one, s.
+    pub step_s: f64,
+    /// Time that reading trackers took, s.
+    pub track_s: f64,
 }
 
 #[cfg(test)]

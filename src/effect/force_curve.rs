@@ -6,11 +6,11 @@
 //! measured for the body ([`expected`](super::expected)), a band shows within which the force truly lies.
 
 use super::entry::{EffectEntry, Listed};
-use crate::base::csv::quoted;
-use crate::base::notice::notice;
+use crate::base::diagnostic::notice;
 use crate::base::output::Kind;
 use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
 use crate::base::quantity::quantity;
+use crate::base::table::quoted;
 use crate::deform::{ControlPose, FollowedTurn, Wrench};
 use crate::green::STIFFNESS;
 use crate::render::Drawable;

@@ -7,8 +7,8 @@ use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, Resu
 use super::statics;
 use super::told::{Pushed, Sureness, Told};
 use super::unsure;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::deform::pose_file;
 use crate::deform::{
     AppliedLoads, ControlPose, Deformer, EquilibriumResult, ModelEntry, PoseSlope, Strain, Wrench, model_of,

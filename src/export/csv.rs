@@ -2,8 +2,8 @@
 
 use super::exporter::{Exporter, Spread};
 use super::result_set::{Needs, ResultSet};
-use crate::base::csv::quoted;
 use crate::base::output::Kind;
+use crate::base::table::quoted;
 use crate::deform::Wrench;
 use std::fmt::Write;
 

@@ -4,8 +4,8 @@ use super::batch::Outlook;
 use super::exporter::{Exporter, Spread};
 use super::exporters::{EXPORTERS, find_surface};
 use super::result_set::ResultSet;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::base::output;
 use std::path::{Path, PathBuf};
 

@@ -9,7 +9,6 @@
 pub mod asked;
 pub mod basis;
 pub mod batch;
-mod chosen;
 pub mod csv;
 pub mod exporter;
 pub mod exporters;
@@ -32,9 +31,9 @@ pub mod told;
 mod unsure;
 pub mod vtu;
 
+pub use asked::chosen;
 pub use asked::{Asked, ask};
 pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile, VIEWER_MOTIONS};
-pub use chosen::chosen;
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;

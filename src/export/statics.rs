@@ -2,9 +2,9 @@
 
 use super::asked::Asked;
 use super::free_poses;
-use crate::base::bars::Bars;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
+use crate::base::progress::Bars;
 use crate::base::table::{Table, seconds};
 use crate::deform::{
     ControlPose, ControlPoses, EquilibriumResult, HeldBody, ModelEntry, Statics, StaticsError,

@@ -17,8 +17,8 @@
 use super::assembly::{ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use super::tet4;
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};

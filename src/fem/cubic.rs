@@ -11,8 +11,8 @@
 
 use super::assembly::AssemblyError;
 use super::element::{Dilatation, Element};
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use super::{tet4, tet10};
 use crate::mesh::{TetMesh, quadratic};
 use nalgebra::{DMatrix, Matrix3, Vector3};

@@ -5,8 +5,8 @@
 
 use super::assembly::{AssemblyError, ElementSet, assemble_elements};
 use super::energy::mutual_energies;
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use super::stiffness::StiffnessMatrix;
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;

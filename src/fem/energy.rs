@@ -12,7 +12,7 @@
 //! nodes, the errors δ of their free nodes enter as a(δ_i, δ_j) alone, the square of what they do to a force K u: a(u,
 //! δ) = 0 (Galerkin's orthogonality; Strang and Fix, An Analysis of the Finite Element Method, chapter 1).
 
-use super::fields::NodeFields;
+use super::stiffness::NodeFields;
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use rayon::prelude::*;
 

@@ -21,9 +21,9 @@
 
 use super::assembly::{AssemblyError, Elements, Pattern};
 use super::element::Element;
-use super::fields::NodeFields;
 use super::lame::Lame;
 use super::law::{Law, Tangent};
+use super::stiffness::NodeFields;
 use super::stiffness::StiffnessMatrix;
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;

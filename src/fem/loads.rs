@@ -4,8 +4,8 @@
 //! Taylor, The Finite Element Method, vol. 1, 5th ed., section 2.3), so that the forces do the work on every displacement of
 //! the elements that the loads do.
 
-use super::fields::NodeFields;
 use super::quadrature::{STRAIGHT, tetrahedron_rule, triangle_rule};
+use super::stiffness::NodeFields;
 use super::stiffness::StiffnessMatrix;
 use crate::mesh::{TetMesh, quadratic};
 use nalgebra::Vector3;

@@ -9,9 +9,9 @@
 //!
 //! (Barbič and James, ACM Transactions on Graphics 24, 2005, 982-990.) Nothing is approximated.
 
-use super::fields::NodeFields;
 use super::lame::Lame;
 use super::rest_points::{RestPoint, RestPoints};
+use super::stiffness::NodeFields;
 use nalgebra::{DMatrix, DMatrixView};
 use rayon::prelude::*;
 

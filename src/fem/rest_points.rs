@@ -5,8 +5,8 @@
 
 use super::assembly::AssemblyError;
 use super::element::Element;
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;
 use nalgebra::{Matrix3, Vector3};

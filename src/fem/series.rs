@@ -9,8 +9,8 @@
 //! (The asymptotic numerical method: B. Cochelin, N. Damil, M. Potier-Ferry, Int. J. Numer. Meth. Engng. 37, 1994,
 //! 1187-1213.)
 
-use super::fields::NodeFields;
 use super::rest_points::{RestPoint, RestPoints};
+use super::stiffness::NodeFields;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 

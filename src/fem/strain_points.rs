@@ -10,8 +10,8 @@
 //! with the law's ψ and θ. An element whose dilatation is its own has no means. One whose dilatation is averaged or projected, so
 //! that it does not lock near ν = 1/2, has λ_q = 0 and a mean p for each constraint that it keeps.
 
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -10,9 +10,9 @@
 use super::assembly::{AssemblyError, ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
-use super::fields::NodeFields;
 use super::lame::Lame;
 use super::quadrature::{CURVED, Rule, STRAIGHT};
+use super::stiffness::NodeFields;
 use super::strain_points::StrainPoints;
 use super::tet4;
 use crate::mesh::diagnostics::FLAT;

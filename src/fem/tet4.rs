@@ -7,8 +7,8 @@
 use super::assembly::{AssemblyError, ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
-use super::fields::NodeFields;
 use super::lame::Lame;
+use super::stiffness::NodeFields;
 use super::strain_points::StrainPoints;
 use crate::mesh::diagnostics::FLAT;
 use crate::mesh::{TetMesh, quality};

@@ -25,19 +25,15 @@
 //! | [`Graph::write`], [`Graph::read`] | the state of all fields to a stream and back: the paper's streaming interface |
 //! | [`Graph::restore`] | a new start of any field, from outside a frame |
 //! | context `C` | what functions act on beside fields (deformers), handed to [`Graph::evaluate`] and named in its type |
-
-mod error;
 mod graph;
 mod input;
-mod listing;
 pub mod numbers;
 mod stream;
-mod value;
 
-pub use error::FieldError;
+pub use graph::Entry;
+pub use graph::FieldError;
 pub use graph::Graph;
+pub(crate) use input::value_types;
 pub use input::{Each, Input};
-pub use listing::Entry;
+pub use input::{Field, Value};
 pub use stream::{FieldState, LONGEST_LINE, StreamError, VERSION, read_line};
-pub(crate) use value::value_types;
-pub use value::{Field, Value};

@@ -1,11 +1,11 @@
 //! Column families: one entry says how the numbers of a family are made, written, checked and read again.
 
+use super::bytes::Tensor;
 use super::error::GreenError;
 use super::file::{BodyMeta, GreenFile};
 use super::prepare::Prepared;
 use super::requirements::Family;
 use super::solution::{Precomputed, Solution};
-use super::tensor::Tensor;
 use crate::base::columns::ColumnGroup;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::scene::{Body, Scene};

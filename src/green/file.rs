@@ -6,12 +6,12 @@
 //! NumPy's safetensors opens the file as it is.
 
 use super::bytes::Bytes;
+use super::bytes::Number;
 use super::compressed::Shapes;
 use super::error::GreenError;
 use super::on_demand::OnDemand;
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
-use super::tensor::Number;
 use crate::base::columns::Storage;
 use safetensors::tensor::{Dtype, Metadata};
 use serde::{Deserialize, Serialize};

@@ -11,8 +11,8 @@
 //! A process that is killed leaves a torn record at the end, which is cut off; the system keeps what was written (unless its
 //! power fails, against which the checksums stand). A journal of another state of the scene or another version is dropped.
 
+use crate::base::diagnostic::notice;
 use crate::base::input;
-use crate::base::notice::notice;
 use crate::base::output::Kind;
 use crate::base::table::bytes;
 use std::collections::BTreeMap;

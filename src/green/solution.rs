@@ -1,11 +1,11 @@
 //! Results for one body: its f64 solution, and the part of it that goes into the .green file.
 
+use super::bytes::Tensor;
 use super::compressed::{Block, Compressed};
 use super::control::ControlElement;
 use super::file::LoadMeta;
 use super::requirements::{Family, Requirements};
 use super::rigid::RigidMotion;
-use super::tensor::Tensor;
 use crate::base::columns::Storage;
 use crate::base::diagnostic::Diagnostic;
 use crate::fem::{Element, NodeFields};

@@ -4,13 +4,13 @@
 //! requires and of its effects, and the metadata sealed by their hash.
 
 use super::bytes::Bytes;
+use super::bytes::Tensor;
 use super::control::{ControlElement, FIELD_NAMES, FIELDS};
 use super::error::GreenError;
 use super::families::FAMILIES;
 use super::file::{Accuracy, BodyMeta, ControlMeta, FORMAT, GreenFile, KEY, Meta, Sealed};
 use super::kind::GREEN;
 use super::solution::Precomputed;
-use super::tensor::Tensor;
 use crate::base::output;
 use crate::mesh::quality;
 use nalgebra::Vector3;

@@ -5,8 +5,8 @@
 //! one, so that nothing drifts. When hands, mode or scaling change, a new hold starts where the element is, so that nothing
 //! jumps.
 
+use super::carry::Carrying;
 use super::carry::HandMotion;
-use super::carrying::Carrying;
 use super::mode::Mode;
 use super::navigate::MovingHand;
 use super::pick::Hit;

@@ -7,7 +7,6 @@
 
 mod action;
 mod carry;
-mod carrying;
 mod curve;
 mod ease;
 mod hands;
@@ -16,17 +15,16 @@ mod mode;
 mod navigate;
 mod pick;
 mod pose;
-mod reach;
 
 pub use action::{Action, Taking};
+pub use carry::Carrying;
 pub use carry::{HandMotion, carry, held_line};
-pub use carrying::Carrying;
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};
 pub use history::{History, KEPT};
 pub use mode::{Axis, AxisOf, Freedom, Mode, twist};
 pub use navigate::{Aside, MovingHand, Navigation, place_aside};
+pub use pick::reach;
 pub use pick::{Hit, PickRay, PickShape, PickTarget, pick};
 pub use pose::{control_pose_in_body, room_from_element};
-pub use reach::reach;

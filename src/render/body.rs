@@ -4,7 +4,7 @@ use super::body_buffers::BodyBuffers;
 use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents};
 use super::gpu::Gpu;
-use super::instances::{Instance, Instances, instance_layout};
+use super::parts::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::pattern::image_layout;
 use super::shader;

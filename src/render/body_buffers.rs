@@ -2,12 +2,12 @@
 //! CPU has them (no packing: 24 bytes a vertex, and a plain copy is faster than any conversion), or nothing but
 //! coefficients, of a body with columns. Out goes one indexed draw per view that can see it.
 
-use super::bounds::Bounds;
 use super::deform::DeformPass;
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::patches::{self, Patch, Reach};
 use super::pattern::{Pattern, PatternBuffers};
+use super::view::Bounds;
 use crate::base::columns::ColumnGroup;
 use crate::base::parts::PartWeights;
 use nalgebra::Isometry3;

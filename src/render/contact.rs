@@ -4,7 +4,6 @@
 //! sees them, from it what they hide of a lamp overhead (`shaders/contact_map.wgsl`), and a rectangle of the floor darkened
 //! by that. Made with the first frame that has bodies, a grid and shadows.
 
-use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::{BodyInstance, FrameContents, Grid};
 use super::gpu::Gpu;
@@ -12,6 +11,7 @@ use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
 use super::shadow::{DepthPass, Shadows, bounds_in_room};
 use super::target::{DEPTH_FORMAT, texture};
+use super::view::Bounds;
 use nalgebra::Matrix4;
 use wgpu::BufferUsages;
 

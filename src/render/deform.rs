@@ -6,14 +6,16 @@
 //! would read half as much when one of two control elements moves, but write and read as much again, and under the model
 //! `rotation` all elements change together. Twins on the CPU: `deform::Superposition`, `deform::move_parts`,
 //! `deform::vertex_normals`.
+//!
+//! Vertices that are copies of nodes, on the device: drawn on the other side of a sharp edge.
 
-use super::bounds::Bounds;
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::parts::PartsPass;
 use super::patches::Reach;
-use super::{columns, copies, normals};
+use super::view::Bounds;
+use super::{columns, normals, shader};
 use crate::base::columns::{ColumnGroup, Storage};
 use crate::base::parts::PartWeights;
 use nalgebra::Isometry3;
@@ -87,7 +89,7 @@ impl DeformPass {
             sum.add(gpu, [&columns, &rest_buffer, &terms, positions], part)?;
         }
         let parts = weights.map(|weights| PartsPass::new(gpu, weights, positions)).transpose()?;
-        let copies = (!copied.is_empty()).then(|| copies::pass(gpu, copied, nodes, positions)).transpose()?;
+        let copies = (!copied.is_empty()).then(|| pass(gpu, copied, nodes, positions)).transpose()?;
         let normals = normals::pass(gpu, triangles, nodes + copied.len(), positions, normals)?;
         gpu.check()?;
         Ok(DeformPass { sum, parts, copies, normals, terms, scales, last: Vec::new(), reaches: Vec::new() })
@@ -170,10 +172,30 @@ impl DeformPass {
     }
 }
 
+/// The pass that writes the positions of the vertices after the first `nodes`.
+pub(super) fn pass(
+    gpu: &Gpu,
+    copies: &[u32],
+    nodes: usize,
+    positions: &wgpu::Buffer,
+) -> Result<ComputePass, RenderError> {
+    let mut pass = ComputePass::new(gpu, "copies", &shader::COPIES);
+    let most = most_items(gpu).min((gpu.storage_limit / 4) as usize);
+    for part in ranges(copies.len(), most, 1) {
+        let own = &copies[part.clone()];
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let buffer = gpu.storage("copied nodes", size_of_val(own) as u64, usage)?;
+        gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(own));
+        let chunk = Chunk { count: own.len() as u32, first: (nodes + part.start) as u32 };
+        pass.add(gpu, [&buffer, &buffer, &buffer, positions], chunk)?;
+    }
+    Ok(pass)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::layout::{self, assert_layout};
-    use super::super::shader;
+    use super::super::layout::assert_layout;
+    use super::super::{layout, shader};
     use super::*;
 
     #[test]

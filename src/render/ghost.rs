@@ -3,13 +3,13 @@
 //!
 //! A shape is uploaded once, as long as somebody holds it; a frame moves, colours and draws it.
 
-use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::{Drawable, FrameContents, Ghost, GhostShape};
 use super::gpu::Gpu;
-use super::instances::{Instance, Instances, instance_layout};
+use super::parts::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
+use super::view::Bounds;
 use std::sync::{Arc, Weak};
 use wgpu::BufferUsages;
 

@@ -10,41 +10,30 @@
 //! ([`Composite`]). Each pass is `src/render/X.rs` with `shaders/X.wgsl`: body, solid (styli, rays, hit points, arrows,
 //! balls), background, grid, ghost, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
 //! bodies of several parts), normals. Every pass makes its pipelines when it first has something to draw.
-
-mod background;
 mod body;
 mod body_buffers;
-mod bounds;
 mod chunk;
-mod clock;
 mod color_map;
 mod columns;
 mod composite;
 mod contact;
-mod copies;
-mod custom_strips;
 mod deform;
 mod error;
 mod frame;
 mod ghost;
 mod gpu;
 mod grid;
-mod instances;
 #[cfg(test)]
 mod layout;
 mod lighting;
-mod lines;
 mod normals;
 mod offscreen;
 mod overlay;
-mod pair;
 mod parts;
 mod pass;
 mod patches;
 mod pattern;
-mod quads;
 mod renderer;
-mod samples;
 mod shader;
 mod shadow;
 mod solid;
@@ -55,7 +44,6 @@ mod view;
 pub mod window;
 
 pub use body_buffers::BodyBuffers;
-pub use bounds::Bounds;
 pub use color_map::{beyond_color, field_code, map_color};
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
@@ -66,14 +54,15 @@ pub use gpu::{Gpu, Made};
 pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, OverlayMesh};
-pub use pair::EyePair;
 pub use pass::DrawCounts;
 pub use pattern::Pattern;
 pub use renderer::Renderer;
-pub use samples::Samples;
 pub use shadow::Shadows;
+pub use target::Samples;
 pub use target::{Attachments, Picture};
+pub use tiles::EyePair;
 pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
+pub use view::Bounds;
 pub use view::{View, Viewport};
 
 /// The default filter of the log: the libraries used here log too much.

@@ -1,13 +1,13 @@
 //! A drawing pass: `src/render/X.rs` with the shader `shaders/X.wgsl`. It takes its part of a frame, makes its pipelines
 //! when it first has something to draw, and draws it once per view.
 
-use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::shader;
 use super::shadow::{ShadowMaps, Shadows};
 use super::target::DEPTH_FORMAT;
+use super::view::Bounds;
 use nalgebra::Matrix4;
 use std::num::NonZeroU32;
 

@@ -6,9 +6,9 @@
 //! columns vary little over a patch the box is little larger than the patch. Of a body of several parts the box is around
 //! what each part makes of it.
 
-use super::bounds::Bounds;
 use super::columns::extent;
 use super::parts::moved_bounds;
+use super::view::Bounds;
 use crate::base::columns::ColumnGroup;
 use crate::base::parts::{PartMotion, PartWeights};
 use nalgebra::Vector3;

@@ -29,7 +29,7 @@ const MOST_PIXELS: u32 = 4096;
 pub(super) struct PatternBuffers {
     pub(super) rest: wgpu::Buffer,
     pub(super) image: Option<wgpu::BindGroup>,
-    /// [`super::instances::Instance::color`] of a body: lines a metre, repetitions a metre along u and v.
+    /// [`super::parts::Instance::color`] of a body: lines a metre, repetitions a metre along u and v.
     pub(super) scale: [f32; 3],
 }
 

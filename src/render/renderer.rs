@@ -5,19 +5,19 @@
 //! outside of a view is not drawn in it. Nothing is created in a frame but the command buffer; the small buffers grow
 //! when a frame holds more than any before it, and the pipelines for both eyes are made with the first such picture.
 
-use super::background::BackgroundPass;
 use super::body::BodyPass;
 use super::contact::ContactPass;
-use super::custom_strips::CustomStripsPass;
 use super::error::RenderError;
 use super::frame::{FrameContents, Line, Quad};
 use super::ghost::GhostPass;
 use super::gpu::Gpu;
+use super::grid::BackgroundPass;
 use super::grid::Floor;
 use super::lighting::LightingUniform;
 use super::pass::{BOTH_EYES, DrawCounts, DrawPass, DrawTo, MadeFor, ViewDraw, group_layout};
 use super::shadow::{ShadowMaps, Shadows};
 use super::solid::SolidPass;
+use super::strips::CustomStripsPass;
 use super::strips::StripPass;
 use super::target::{Attachments, Picture};
 use super::view::{View, ViewUniform};

@@ -5,14 +5,14 @@
 //! more such lights with wide discs, which is ambient occlusion without a look at the screen: in stereo, what is made from
 //! the picture of one eye does not agree with that of the other.
 
-use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::BodyInstance;
 use super::gpu::Gpu;
-use super::instances::{Instance, Instances, instance_layout};
 use super::lighting::Lighting;
+use super::parts::{Instance, Instances, instance_layout};
 use super::shader;
 use super::target::{DEPTH_FORMAT, layered};
+use super::view::Bounds;
 use nalgebra::{Matrix4, Point3, RowVector4, Vector3};
 use wgpu::BufferUsages;
 

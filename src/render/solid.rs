@@ -2,13 +2,13 @@
 //! and [`Ball`](super::frame::Ball)s, out go instances of four procedural surfaces of revolution that are made and
 //! uploaded once.
 
-use super::bounds::Bounds;
 use super::error::RenderError;
 use super::frame::{Arrow, Drawable, FrameContents, StylusShape};
 use super::gpu::Gpu;
-use super::instances::{Instance, Instances, instance_layout};
+use super::parts::{Instance, Instances, instance_layout};
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
 use super::shader;
+use super::view::Bounds;
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;

@@ -2,11 +2,20 @@
 //!
 //! In comes a list of instances per frame; out goes one draw per view. The pipeline and the buffer are made with the
 //! first instance that is ever drawn, and grow with the longest list.
+//!
+//! Straight lines in the room, as wide in pixels wherever they are seen from.
+//!
+//! Translucent parallelograms in the room: one colour seen from the front, another from the back.
+//!
+//! Strips with shaders that an effect brings: one pipeline and one buffer for each kind, found by its name.
 
 use super::error::RenderError;
-use super::frame::FrameContents;
+use super::frame::{Drawable, FrameContents, Line, Quad};
 use super::gpu::Gpu;
 use super::pass::{Blending, DrawPass, DrawTo, EyePipelines, MadeFor, Recipe};
+use super::shader;
+use crate::base::strips::StripKind;
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
 /// An instance as it lies in its buffer.
@@ -125,4 +134,96 @@ impl StripBuffer {
     pub(super) fn is_made(&self) -> bool {
         self.buffer.is_some()
     }
+}
+
+impl Strip for Line {
+    const NAME: &'static str = "lines";
+    const SHADER: &'static [&'static str] = &[shader::VIEW, include_str!("../../shaders/lines.wgsl")];
+    const ATTRIBUTES: &'static [wgpu::VertexAttribute] =
+        &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32, 4 => Float32];
+
+    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+        contents.all(Drawable::lines).flatten().copied().collect()
+    }
+}
+
+impl Strip for Quad {
+    const NAME: &'static str = "quads";
+    const SHADER: &'static [&'static str] = &[shader::VIEW, include_str!("../../shaders/quads.wgsl")];
+    const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
+        0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x4, 4 => Float32x4];
+
+    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+        contents.all(Drawable::quad).copied().collect()
+    }
+}
+
+#[derive(Default)]
+pub(super) struct CustomStripsPass {
+    kinds: BTreeMap<&'static str, StripBuffer>,
+}
+
+impl DrawPass for CustomStripsPass {
+    fn name(&self) -> &'static str {
+        "custom strips"
+    }
+
+    fn shader(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    fn upload(
+        &mut self,
+        gpu: &Gpu,
+        kinds: &[MadeFor<'_>],
+        contents: &FrameContents<'_>,
+    ) -> Result<(), RenderError> {
+        let mut numbers: BTreeMap<&'static str, (&StripKind, Vec<f32>)> = contents
+            .all(Drawable::strips)
+            .map(|strips| (strips.kind.name, (strips.kind, Vec::new())))
+            .collect();
+        for strips in contents.all(Drawable::strips) {
+            if let Some((_, all)) = numbers.get_mut(strips.kind.name) {
+                all.extend(&strips.instances);
+            }
+        }
+        for (name, known) in &mut self.kinds {
+            if !numbers.contains_key(name) {
+                known.clear();
+            }
+        }
+        for (kind, numbers) in numbers.values() {
+            let attributes = attributes(kind);
+            let stride = (4 * kind.attributes.iter().sum::<usize>()) as u64;
+            let parts = [shader::VIEW, kind.shader];
+            let shape = StripShape { name: kind.name, parts: &parts, attributes: &attributes, stride };
+            let kind_buffer = self.kinds.entry(kind.name).or_default();
+            kind_buffer.upload(gpu, kinds, &shape, bytemuck::cast_slice(numbers))?;
+        }
+        Ok(())
+    }
+
+    fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
+        self.kinds.values().for_each(|kind| kind.draw(to));
+    }
+
+    fn is_made(&self) -> bool {
+        self.kinds.values().any(StripBuffer::is_made)
+    }
+}
+
+fn attributes(kind: &StripKind) -> Vec<wgpu::VertexAttribute> {
+    let mut offset = 0;
+    let attribute = |(location, &numbers): (u32, &usize)| {
+        let format = match numbers {
+            1 => wgpu::VertexFormat::Float32,
+            2 => wgpu::VertexFormat::Float32x2,
+            3 => wgpu::VertexFormat::Float32x3,
+            _ => wgpu::VertexFormat::Float32x4,
+        };
+        let attribute = wgpu::VertexAttribute { format, offset, shader_location: location };
+        offset += format.size();
+        attribute
+    };
+    (0..).zip(kind.attributes).map(attribute).collect()
 }

@@ -2,7 +2,7 @@
 //! 4180).
 
 use super::data::{Measurement, ModelTrial, Spread};
-use crate::base::csv::quoted;
+use crate::base::table::quoted;
 
 /// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
 pub fn numbers(row: &Measurement) -> Vec<(String, Option<f64>)> {

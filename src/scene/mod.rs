@@ -8,7 +8,6 @@ mod body_loads;
 mod boundary;
 pub mod built_in;
 mod check;
-mod control;
 mod direction;
 mod error;
 pub mod file_kind;
@@ -32,7 +31,6 @@ pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
-pub use control::{Control, Grab};
 pub use direction::{DirectionField, DirectionFile};
 pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};
@@ -45,6 +43,7 @@ pub use material::Material;
 pub use method::Method;
 pub use parts::Parts;
 pub use select::Nodes;
+pub use select::{Control, Grab};
 pub use updates::Updates;
 
 use crate::config::{self, ConfigError};

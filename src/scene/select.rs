@@ -1,4 +1,6 @@
 //! Selections of the nodes of a mesh that a control element holds.
+//!
+//! A control element of a body, as a scene names it.
 
 use crate::base::input;
 use crate::config::unknown_name;
@@ -197,6 +199,32 @@ fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
     nodes.sort_unstable();
     nodes.dedup();
     Ok(nodes)
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, expecting = "a table like { nodes = { group = \"left\" }, grab = \"dragger\" }")]
+pub struct Control {
+    pub nodes: Nodes,
+    pub grab: Grab,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grab {
+    /// Stays where it is.
+    Fixed,
+    /// Can be taken by a stylus.
+    Dragger,
+}
+
+impl Grab {
+    /// Name in scene files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Grab::Fixed => "fixed",
+            Grab::Dragger => "dragger",
+        }
+    }
 }
 
 #[cfg(test)]

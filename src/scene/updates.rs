@@ -1,6 +1,6 @@
 //! Changes to a body while it is shown: `updates = { release = ["right"] }`.
 
-use super::control::Control;
+use super::select::Control;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -7,7 +7,7 @@
 
 use super::recording::Replay;
 use super::trackers;
-use crate::base::notice::notice;
+use crate::base::diagnostic::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;
 use crate::track::doubts::{DoubtKind, doubts};

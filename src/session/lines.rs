@@ -3,7 +3,7 @@
 //! In: lines, as bytes. Out: each is handed to the system at once, in their order. When the queue is full, the caller
 //! waits, so that no line is left out.
 
-use crate::base::notice::notice;
+use crate::base::diagnostic::notice;
 use std::io::{Error, Result, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{Builder, JoinHandle};

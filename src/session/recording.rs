@@ -4,9 +4,9 @@
 //! frame. It grows under its own name ([`output::stream`]), and a thread hands each line to the system at
 //! once, so that a crash costs the last few at most; a file that ends in the middle of a line is read up to there.
 
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::input;
-use crate::base::notice::notice;
 use crate::base::output::{self, Kind};
 use crate::field::{LONGEST_LINE, StreamError, read_line};
 use crate::green::GreenFile;

@@ -7,7 +7,7 @@
 use super::analysis::SharedAnalysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
-use super::no_unknowns::NoUnknowns;
+use super::solver::NoUnknowns;
 use super::solver::{
     Asked, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
 };

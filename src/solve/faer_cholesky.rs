@@ -4,10 +4,10 @@
 //! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept.
 
 use super::analysis::seconds_of;
+use super::analysis::{nested_dissection, ordering_memory};
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
 use super::fronts::front_work;
-use super::ordering::{nested_dissection, ordering_memory};
 use super::refinement::{conditioning, refined};
 use super::solver::{Factor, LinearSolver, Method, SolveResult, SolveStats};
 use super::substitution::block_width;

@@ -23,31 +23,27 @@ mod mixed;
 mod multifrontal;
 mod multigrid;
 mod newton;
-mod no_unknowns;
-mod ordering;
 mod pcg;
 mod refinement;
 mod residual;
 mod settle;
-mod softness;
 mod solver;
 pub mod solver_as_text;
 mod solvers;
-mod spectrum;
 mod stability;
 mod substitution;
 mod supernodes;
 
 pub use crate::base::progress::{Progress, Silent};
+pub use analysis::{Ordering, nested_dissection};
 pub use auto::AUTO;
 pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
 pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError, Setback};
-pub use no_unknowns::NO_UNKNOWNS;
-pub use ordering::{Ordering, nested_dissection};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
+pub use solver::NO_UNKNOWNS;
 pub use solver::{
     Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
 };

@@ -3,8 +3,6 @@
 //! In: a stage file (strict TOML, or one that is built in). Out: a checked [`Stage`], whose screens give an
 //! [`EyeView`] for any eye. Lengths in metres in the room's frame: x right, y up, right-handed; f64 until the
 //! last step. From R. Kooima, "Generalized Perspective Projection" (2008).
-
-mod built_in;
 mod description;
 mod error;
 mod file;
@@ -21,10 +19,10 @@ mod summary;
 pub mod tracking;
 mod viewer;
 mod window;
-mod workspace;
 
-pub use built_in::BUILT_IN;
+pub use description::BUILT_IN;
 pub use description::Stage;
+pub use description::{Grid, Workspace};
 pub use error::{Located, StageError, StageFault};
 pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};
@@ -36,4 +34,3 @@ pub use stereo::Stereo;
 pub use tracking::Tracking;
 pub use viewer::{Eye, Viewer, rotation_towards};
 pub use window::{Border, Monitor, MonitorId, Tile, Visible, Window};
-pub use workspace::{Grid, Workspace};

@@ -1,9 +1,13 @@
 //! One entry of the list of sources: the keys in a stage's `[tracker.NAME]` table, how they are checked, and how the source
 //! is opened.
+//!
+//! Errors of opening a tracker, with what to do about them.
 
 use super::device::Source;
-use super::open_error::OpenError;
+use super::listen::Listen;
+use crate::base::failure::Failure;
 use crate::config;
+use crate::stage::StageError;
 use serde::de::DeserializeOwned;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -68,4 +72,31 @@ pub fn device(tracker: &str, key: &str, path: PathBuf, example: &str) -> Result<
         return Err(format!("`{key}` of tracker `{tracker}` is empty: give the device's path, as {example}"));
     }
     Ok(path)
+}
+
+/// The reason why a source could not be opened at all. A device that is merely absent is waited for.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    #[error(
+        "tracker `{tracker}`: cannot listen on {at}: {source}; does another program listen there, and is it an address \
+         of this machine?"
+    )]
+    Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
+    #[error(
+        "tracker `{tracker}`: cannot join the multicast group {place}: {source}; give `interface`, the address that this \
+         machine has on the tracker's network"
+    )]
+    Join { tracker: String, place: Listen, source: std::io::Error },
+    #[error("tracker `{tracker}`: cannot start its thread: {source}")]
+    Thread { tracker: String, source: std::io::Error },
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    #[error("tracker `{tracker}`: {why}")]
+    Unsupported { tracker: String, why: String },
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Failure {
+        Failure::work(error)
+    }
 }

@@ -5,13 +5,16 @@
 //! unit: `room_from_tracker` and `sensor_from_body` are undone, so that whoever applies them gets the script's poses. A
 //! stage without trackers has one device, `Tracker0`, in the room's frame: sensor 0 is the head, sensor 1 + i stylus i, buttons
 //! 2 i and 2 i + 1 are its grab and its second button.
+//!
+//! A source for tests that reports what the test sets.
 
-use super::device::{DeviceState, Link, now_s};
+use super::device::{DeviceState, Link, Source, now_s};
 use super::script::Script;
 use super::vrpn::Address;
 use crate::stage::Stage;
 use crate::stage::tracking::{ButtonId, Sensor, Stylus, Tracker, TrackerFrame, TrackerSource};
 use nalgebra::Isometry3;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Plays a script repeatedly, from the first call of [`StandIn::take_due`] on.
 pub struct StandIn {
@@ -217,6 +220,31 @@ pub fn device_name(name: &str, tracker: &Tracker) -> String {
     device.unwrap_or_else(|| name.to_owned())
 }
 
+/// A source without a device; clones report the same state.
+#[derive(Clone, Default)]
+pub struct FakeSource {
+    shared: Arc<Mutex<DeviceState>>,
+    latest: DeviceState,
+}
+
+impl FakeSource {
+    /// Changes what the source reports from now on.
+    pub fn change(&self, change: impl FnOnce(&mut DeviceState)) {
+        change(&mut self.shared.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+impl Source for FakeSource {
+    fn describe(&self) -> String {
+        "fake source".into()
+    }
+
+    fn latest(&mut self) -> &DeviceState {
+        self.latest.clone_from(&self.shared.lock().unwrap_or_else(PoisonError::into_inner));
+        &self.latest
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,26 +256,26 @@ mod tests {
 
     /// Inches, z up, the head's sensor above and behind the eyes; the stylus by a left-handed tracker, its button by a pad.
     const KEYS: &str = r#"
-[tracker.lab]
-vrpn = "Head3@tracker.lab"
-room_from_tracker = { position = [0.3, 0.1, -0.2], axes = [[1, 0, 0], [0, 0, -1], [0, 1, 0]], scale = 0.0254 }
-[tracker.hands]
-dtrack = "0.0.0.0:5000"
-room_from_tracker = { position = [0.0, 0.9, 0.6], rotation_degrees = [0, 30, 0], mirror = "z" }
-[tracker.pad]
-gamepad = "/dev/input/js0"
-[sensor.head]
-tracker = "lab"
-id = 4
-body_from_sensor = { position = [0.0, 0.10, 0.03], axes = [[1, 0, 0], [0, 0, -1], [0, 1, 0]] }
-[sensor.wand]
-tracker = "hands"
-id = 1000
-sensor_from_body = { position = [0.0, 0.0, -0.1], rotation_degrees = [0, 0, 20] }
-[stylus.pen]
-sensor = "wand"
-grab = { tracker = "pad", button = 7 }
-"#;
+    [tracker.lab]
+    vrpn = "Head3@tracker.lab"
+    room_from_tracker = { position = [0.3, 0.1, -0.2], axes = [[1, 0, 0], [0, 0, -1], [0, 1, 0]], scale = 0.0254 }
+    [tracker.hands]
+    dtrack = "0.0.0.0:5000"
+    room_from_tracker = { position = [0.0, 0.9, 0.6], rotation_degrees = [0, 30, 0], mirror = "z" }
+    [tracker.pad]
+    gamepad = "/dev/input/js0"
+    [sensor.head]
+    tracker = "lab"
+    id = 4
+    body_from_sensor = { position = [0.0, 0.10, 0.03], axes = [[1, 0, 0], [0, 0, -1], [0, 1, 0]] }
+    [sensor.wand]
+    tracker = "hands"
+    id = 1000
+    sensor_from_body = { position = [0.0, 0.0, -0.1], rotation_degrees = [0, 0, 20] }
+    [stylus.pen]
+    sensor = "wand"
+    grab = { tracker = "pad", button = 7 }
+    "#;
 
     fn bench(keys: &str) -> Stage {
         let text = BUILT_IN[0].1.replacen("[viewer]", "[viewer]\nhead = \"head\"", 1);

@@ -4,9 +4,9 @@
 //! the time, and lengths stated in a datagram are never trusted.
 
 use super::device::{DeviceState, Link, now_s};
+use super::flow::{PUBLISH_S, RateLimiter};
 use super::listen::{Listen, is_only_late};
-use super::open_error::OpenError;
-use super::rate_limiter::{PUBLISH_S, RateLimiter};
+use super::source_entry::OpenError;
 use super::source_entry::{ExclusiveUse, SourceSettings};
 use super::worker::{Publisher, Worker};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};

@@ -4,10 +4,10 @@
 use super::choice::{Choice, choose, choose_among, name as title};
 use super::poses::scripted_or_random;
 use super::verified::verify;
-use crate::base::bars::Bars;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::machine;
-use crate::base::notice::notice;
+use crate::base::progress::Bars;
 use crate::deform::{ControlPose, ControlPoses, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};

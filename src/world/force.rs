@@ -2,13 +2,16 @@
 //!
 //! In: bodies whose scene lists an effect with forces, and what is held. Out: [`HeldForce`]s and
 //! their arrows. A body without such an effect has no [`ForceScale`], and nothing here is called for it.
+//!
+//! Estimates by how much the forces and torques of a body may be wrong, in N and N·m, from its measured errors.
 
 use super::body::PlacedBody;
 use super::force_scale::ForceScale;
-use super::frame::HeldForce;
+use super::frame::{BodyFrame, HeldForce};
+use crate::deform::{ControlPose, Deformer, ExpectedErrors, Freedom, Moved, Wrench, reach};
 use crate::interact::force_arrow;
 use crate::render::Arrow;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 /// Length of the arrow of a force at full scale, against the workspace's radius.
 const LONGEST: f64 = 0.6;
@@ -37,4 +40,88 @@ pub fn arrow(force: &HeldForce, place: &Point3<f64>, radius_m: f64) -> Option<Ar
         color: [(2.0 * strength).min(1.0), (2.0 - 2.0 * strength).min(0.9), 0.05],
         through: true,
     })
+}
+
+/// The possible error of every force and torque of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchError {
+    /// N.
+    pub force: f64,
+    /// N·m.
+    pub moment: f64,
+    /// Whether the model's part and the mesh's are both in it; else it may be more.
+    pub is_whole: bool,
+    /// The parts of the model and of the mesh, of the largest force, or torque over the length.
+    pub parts: [f64; 2],
+}
+
+/// The possible error of a body's forces and torques. `None` if nothing was measured, the pose is beyond what was, or the model
+/// has no forces here.
+///
+/// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
+pub fn wrench_error(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Option<WrenchError> {
+    wrench_error_of(shown.expected.as_ref()?, &body.deformer, wrenches, &[])
+}
+
+/// [`wrench_error`] for a body that is in no world, whose control elements have this freedom; an empty list frees none. If an end
+/// is free except for one shift, or is pushed by a force, and its pose was found, the errors are those measured for such ends.
+pub fn wrench_error_of(
+    expected: &ExpectedErrors,
+    deformer: &Deformer,
+    wrenches: &[Wrench],
+    freedom: &[Freedom],
+) -> Option<WrenchError> {
+    if deformer.contribution().exerts_forces() {
+        return None;
+    }
+    let names: Vec<&str> = deformer.controls.iter().map(|control| control.name.as_str()).collect();
+    let is_alone = || {
+        let others = deformer.poses.iter().zip(freedom).filter(|(_, freedom)| !freedom.is_any());
+        others.into_iter().all(|(pose, _)| *pose == ControlPose::REST)
+    };
+    let hung = expected
+        .hung(&names, freedom)
+        .filter(|hung| is_alone() && !hung.at.is_empty() && expected.is_under_its_loads(deformer));
+    let (force, moment) = match expected.model.law().is_some() {
+        true => (0.0, 0.0),
+        false => {
+            let at = match hung {
+                Some(hung) => hung.at(reach(deformer))?,
+                // What is free in another way was not measured.
+                None if freedom.iter().any(Freedom::is_any) => return None,
+                None => expected.in_pose(deformer)?,
+            };
+            (at.force?, at.torque?)
+        }
+    };
+    let mesh = hung.and_then(|hung| hung.mesh).or_else(|| expected.mesh_at(deformer, wrenches));
+    if mesh.is_none() && expected.model.law().is_some() {
+        return None;
+    }
+    let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
+    let length = |name: &String| {
+        let element = deformer.controls.iter().position(|control| control.name == *name)?;
+        Moved::new(&origins, element).map(|moved| moved.length)
+    };
+    let length = expected.moved.iter().filter_map(|moved| length(&moved.control)).reduce(f64::max)?;
+    let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
+    let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
+    let of_mesh = mesh.unwrap_or(0.0);
+    let is_whole = mesh.is_some();
+    Some(WrenchError {
+        force: (force + of_mesh) * size,
+        moment: (moment + of_mesh) * size * length,
+        is_whole,
+        parts: [force.max(moment), of_mesh],
+    })
+}
+
+/// The reason why [`wrench_error`] is `None`, in words that follow "error unknown".
+pub fn why_unknown(body: &PlacedBody, shown: &BodyFrame) -> &'static str {
+    match &shown.expected {
+        _ if body.deformer.contribution().exerts_forces() => "an effect adds forces that were not measured",
+        None => "list expected_errors",
+        Some(expected) if expected.moved.is_empty() => "not measured on this body",
+        Some(_) => "beyond the measured poses",
+    }
 }

@@ -2,11 +2,13 @@
 //!
 //! In: a world after [`World::step`](super::World::step). Out: colours of the bodies, forces, what is drawn beside the bodies, warnings.
 //! The shapes of the bodies themselves stay with their deformers, which the next frame brings up to date.
+//!
+//! Whether a hand points at a control element, holds it, or neither.
+//!
+//! The time that the mechanics of a frame took.
 
 use super::assets::{Assets, BodyAssets};
 use super::force_scale::ForceScale;
-use super::highlight::Highlight;
-use super::times::StepTimes;
 use crate::deform::ExpectedErrors;
 use crate::render::Drawable;
 use nalgebra::Vector3;
@@ -80,5 +82,28 @@ impl Frame {
 
     pub(super) fn draw(&mut self, drawable: Drawable) {
         self.drawables.push(drawable);
+    }
+}
+
+/// Decides the colour of a control element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Highlight {
+    Idle,
+    Hovered,
+    Held,
+}
+
+/// Time of the mechanics of one frame, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepTimes {
+    /// Pick rays and hands.
+    pub interact_s: f64,
+    pub deform_s: f64,
+    pub normals_s: f64,
+}
+
+impl StepTimes {
+    pub fn total_s(&self) -> f64 {
+        self.interact_s + self.deform_s + self.normals_s
     }
 }

@@ -2,6 +2,10 @@
 //!
 //! In: a world between two frames. Out: its [`State`], from which a world of the same scene and stage goes on bit by bit as this one
 //! does: the same frames from the same trackers' states and commands. Recordings begin with one.
+//!
+//! The state of a world as a hash in hexadecimal digits, by which a replay is compared with its recording.
+//!
+//! All that comes into a world from outside in one frame.
 
 use super::body::PlacedBody;
 use super::body_memory::BodyMemory;
@@ -9,9 +13,10 @@ use super::edit_state::EditState;
 use super::flow::MOST_STYLI;
 use super::frame::Frame;
 use super::ruler::SurfacePoint;
-use super::running::Memory;
-use super::running::World;
+use super::running::{Memory, World};
 use crate::field::FieldState;
+use crate::interact::Action;
+use crate::track::TrackerState;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -98,5 +103,72 @@ impl World {
         self.frame = Frame::of(&self.assets);
         self.colour();
         Ok(())
+    }
+}
+
+impl World {
+    /// blake3 over the bits of all that a frame makes: the head's pose, and per body its place, control poses,
+    /// coefficients, and the blake3 of its deformed positions, which is only computed anew where they changed. It is the
+    /// same for the same session, whatever the number of threads.
+    pub fn state_hash(&mut self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        let mut numbers = |numbers: &mut dyn Iterator<Item = &f64>| {
+            for number in numbers {
+                hasher.update(&number.to_bits().to_le_bytes());
+            }
+        };
+        let head = &self.room_from_head;
+        numbers(&mut head.translation.vector.iter().chain(head.rotation.coords.iter()));
+        for body in &self.bodies {
+            let place = &body.room_from_body;
+            let rigid = &place.isometry;
+            numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
+            numbers(&mut std::iter::once(&place.scaling()));
+            for pose in &body.deformer.poses {
+                numbers(&mut pose.translation.iter().chain(pose.matrix.iter()));
+            }
+            let made = &body.deformer.state;
+            numbers(&mut made.coefficients.iter());
+            for rigid in &made.parts {
+                numbers(&mut rigid.translation.vector.iter().chain(rigid.rotation.coords.iter()));
+            }
+        }
+        for body in &mut self.bodies {
+            let version = body.deformer.version;
+            let hash = match body.positions_hash {
+                Some((of, hash)) if of == version => hash,
+                _ => blake3::hash(bytemuck::cast_slice(body.deformer.positions().as_ref())),
+            };
+            body.positions_hash = Some((version, hash));
+            hasher.update(hash.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+/// The input of a frame: all that comes from outside.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Time since the start of the session, s; a script's own time ([`TrackerState::time_s`]) begins anew with every round.
+    pub clock_s: f64,
+    /// Commands of keys and panels, and what the session does for a script: its loads, and let go or reset at its end or new
+    /// round. They are carried out in this order before the styli move.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<Action>,
+    /// The bodies for which the background has a new state ([`World::arrivals`](super::World::arrivals)).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub arrivals: Vec<usize>,
+    /// Warnings of the session, such as that a script's press grabs nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// Head and styli.
+    pub trackers: TrackerState,
+}
+
+impl From<TrackerState> for Input {
+    /// Head and styli alone, at the trackers' time.
+    fn from(trackers: TrackerState) -> Input {
+        Input { clock_s: trackers.time_s, trackers, ..Input::default() }
     }
 }

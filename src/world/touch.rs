@@ -5,7 +5,7 @@
 
 use super::body::PlacedBody;
 use super::ruler::SurfacePoint;
-use crate::base::notice::notice;
+use crate::base::diagnostic::notice;
 use crate::deform::{AppliedLoads, PointLoad, Pull};
 use crate::field::{Value, value_types};
 use crate::interact::{Hands, PickRay, PickShape, Taking, pick};

@@ -6,7 +6,7 @@
 
 use super::applied::{PointLoad, Pull};
 use crate::base::columns::ColumnGroup;
-use crate::base::notice::notice;
+use crate::base::diagnostic::notice;
 use crate::green::{GreenError, GreenFile, Yield};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,7 +3,7 @@
 use super::editor::{Editor, colour};
 use super::style::{ACTION, WRONG, number, row};
 use super::units::{METRE, read, shown};
-use crate::display::lettering::QUIET;
+use crate::display::caption::QUIET;
 use crate::edit::Tool;
 use crate::scene::{Grab, Nodes};
 use egui::{Button, Color32, ComboBox, DragValue, RichText, ScrollArea, Slider, TextEdit, Ui, vec2};

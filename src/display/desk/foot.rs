@@ -1,8 +1,8 @@
 //! The buttons at the foot of the panel: for the sketch, for the scene, and for pictures, videos and files.
 
+use super::editor::Sketches;
 use super::editor_panel;
-use super::order::Order;
-use super::sketches::Sketches;
+use super::messages::Order;
 use crate::export::surfaces;
 use egui::{Button, Ui};
 use std::path::PathBuf;

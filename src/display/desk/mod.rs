@@ -11,17 +11,13 @@ mod foot;
 pub mod input;
 pub mod keep;
 mod messages;
-mod order;
 mod panel;
-mod release;
-mod sketches;
 mod style;
-mod told;
 mod units;
 pub mod video;
 
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::notice::notice;
 use crate::edit::save;
 use crate::green::GreenFile;
 use crate::interact::PickRay;
@@ -35,14 +31,14 @@ use crate::session::keys::scale;
 use crate::session::{Change, Session, Steps};
 use crate::stage::Stage;
 use editor::Editor;
+use editor::Sketches;
 use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
+pub use messages::After;
 use messages::Messages;
-pub use order::After;
-use order::Order;
+use messages::Order;
 use panel::Draft;
-use sketches::Sketches;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -226,7 +222,9 @@ impl Desk {
                 let before = session.file.clone();
                 let what = match (self.told.take(), &session.scene) {
                     (Some(told), _) => told,
-                    (None, shown) => told::changes(shown.as_ref().unwrap_or(&changed.scene), &changed.scene),
+                    (None, shown) => {
+                        messages::changes(shown.as_ref().unwrap_or(&changed.scene), &changed.scene)
+                    }
                 };
                 if let Err(failure) = session.take(changed) {
                     self.messages.wrong(&said(&failure));
@@ -266,7 +264,7 @@ impl Desk {
                     self.refuse(&failure, session);
                 }
             }
-            Order::Release => match release::scene(session) {
+            Order::Release => match input::scene(session) {
                 Ok((scene, told)) => {
                     let begun = self.path().and_then(|path| {
                         self.change_to(
@@ -316,7 +314,7 @@ impl Desk {
     }
 
     fn refuse(&mut self, failure: &Failure, session: &Session) {
-        self.messages.wrong(&told::refused(failure, session.scene.as_deref()));
+        self.messages.wrong(&messages::refused(failure, session.scene.as_deref()));
     }
 
     /// Begins to compute the draft of the panel.
@@ -324,7 +322,7 @@ impl Desk {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
         let scene = Resolved::of(scene)?;
-        told::try_compliance(&scene)?;
+        messages::try_compliance(&scene)?;
         let path = self.path()?;
         self.told = None;
         self.change_to(scene, stage, path, session)

@@ -4,16 +4,16 @@
 //! checks itself: a message rejects what cannot be when it is tried, and the old state stays.
 
 use super::editor::Editor;
+use super::editor::Sketches;
 use super::editor_panel;
 use super::foot::{keep, making, save, sketching};
+use super::messages::Order;
 use super::messages::progress;
-use super::order::Order;
-use super::sketches::Sketches;
 use super::style::{ACTION, GOOD, number, row};
 use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;
 use crate::deform::{Frame as ModelFrame, MODELS};
-use crate::display::lettering::QUIET;
+use crate::display::caption::QUIET;
 use crate::effect::EFFECTS;
 use crate::scene::materials::MATERIALS;
 use crate::scene::write::Comments;

@@ -1,6 +1,6 @@
 //! Style of the panel: the colours of the overlays, letters that are read from an arm's length.
 
-use crate::display::lettering::{DARK, INK};
+use crate::display::caption::{DARK, INK};
 use egui::{Color32, Context, FontFamily, FontId, TextStyle, Ui, Visuals, vec2};
 
 pub const GOOD: Color32 = Color32::from_rgb(152, 195, 121);

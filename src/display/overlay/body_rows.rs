@@ -4,7 +4,7 @@ use super::readings::{BodyReading, ControlReading, ErrorReading, ForceReading};
 use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, words};
 use crate::base::fixed::{ENERGY, FORCE, LENGTH, LETTERS, Scale, TORQUE, Unit, clipped, fixed};
 use crate::deform::{ErrorsAt, StateAge, percent};
-use crate::display::lettering::{INK, QUIET};
+use crate::display::caption::{INK, QUIET};
 use crate::world::Verdict;
 use nalgebra::Vector3;
 use std::f64::consts::PI;

@@ -5,20 +5,17 @@
 //! held ([`Seats`]).
 
 mod body_rows;
-mod frame_rows;
 mod panel;
 mod readings;
 mod row;
-mod rows;
 mod seats;
-mod times;
 
 pub use panel::Panel;
+pub use readings::{ACQUIRE, FrameSteps, History, STEPS};
 pub use readings::{
     BodyReading, ControlReading, ErrorReading, ForceReading, HandDoes, HandReading, Readings, SensorReading,
 };
 pub use seats::Seats;
-pub use times::{ACQUIRE, FrameSteps, History, STEPS};
 
 #[cfg(test)]
 mod tests;

@@ -1,13 +1,16 @@
 //! Paints the overlay: rows in a font of one width on dark translucent plates.
+//!
+//! The rows on the left: frame times, device, trackers, force devices, hands.
 
 use super::body_rows::body_rows;
-use super::frame_rows::frame_rows;
-use super::readings::Readings;
-use super::row::{FAIR, Rank, Ranked, Row, Words, fitting, height};
+use super::readings::{COLOURS, FRAMES, History, STEPS};
+use super::readings::{HandDoes, HandReading, Readings, SensorReading};
+use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, Words, fitting, height, words};
 use super::seats::{Seats, Wanted};
-use super::times::{COLOURS, FRAMES, History};
-use crate::base::fixed::{LETTERS, clipped};
-use crate::display::lettering::{DARK, INK, QUIET};
+use crate::base::fixed::{LETTERS, clipped, fixed};
+use crate::display::caption::{DARK, INK, QUIET};
+use crate::display::plates::ink;
+use crate::track::Signal;
 use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 
 const RULE: Color32 = Color32::from_rgb(54, 62, 74);
@@ -192,4 +195,108 @@ impl Panel<'_> {
         };
         newest.iter().map(row).collect()
     }
+}
+
+pub(super) fn frame_rows(readings: &Readings, history: &History) -> Vec<Ranked> {
+    let mean_s = history.mean(|frame| frame.whole_s);
+    let rate = if mean_s > 0.0 { 1.0 / mean_s } else { 0.0 };
+    let mut rows = vec![
+        Row::Words(vec![
+            (format!("{:<17}", clipped(&readings.stage, 17)), INK),
+            (format!(" {}", fixed(rate, 7, 1)), INK),
+            (" frames/s".into(), QUIET),
+        ])
+        .ranked(Rank::First),
+        Row::Words(vec![
+            ("mean ".into(), QUIET),
+            (fixed(mean_s * 1e3, 8, 2), INK),
+            (" ms   worst ".into(), QUIET),
+            (fixed(history.worst_s() * 1e3, 8, 2), INK),
+            (" ms".into(), QUIET),
+        ])
+        .ranked(Rank::Second),
+        Row::Bars.ranked(Rank::Third),
+    ];
+    let step = |k: usize| {
+        let mean_ms = 1e3 * history.mean(|frame| frame.steps[k]);
+        [("■ ".to_owned(), COLOURS[k]), (format!("{:<9}", STEPS[k]), QUIET), (fixed(mean_ms, 6, 2), INK)]
+    };
+    for k in (0..STEPS.len()).step_by(2) {
+        let gap = [("   ".to_owned(), INK)];
+        let row = Row::Words(step(k).into_iter().chain(gap).chain(step(k + 1)).collect());
+        rows.push(row.ranked(Rank::Third));
+    }
+    rows.push(GAP);
+    rows.push(words(clipped(&readings.device, LETTERS), QUIET).ranked(Rank::Detail));
+    rows.push(words(clipped(&readings.deformation, LETTERS), QUIET).ranked(Rank::Detail));
+    rows.push(GAP);
+    if readings.sensors.is_empty() {
+        rows.push(words(clipped(&readings.source, LETTERS), QUIET).ranked(Rank::Detail));
+    } else {
+        let header = format!("{:<14}{:>9}{:>9}", "sensor", "rate", "age");
+        rows.push(words(header, QUIET).ranked(Rank::Third));
+        rows.extend(readings.sensors.iter().map(|sensor| sensor_row(sensor).ranked(Rank::Second)));
+    }
+    for device in &readings.devices {
+        rows.push(GAP);
+        rows.extend(device.iter().enumerate().map(|(k, words)| {
+            let row = Row::Words(words.iter().map(|(text, tone)| (text.clone(), ink(*tone))).collect());
+            row.ranked(if k < 2 { Rank::Second } else { Rank::Third })
+        }));
+    }
+    rows.push(GAP);
+    rows.extend(hand_rows(readings).into_iter().map(|row| row.ranked(Rank::Second)));
+    rows.push(GAP);
+    rows.push(words("F1 closes   F2 room   F3 test pattern", QUIET).ranked(Rank::Detail));
+    rows
+}
+
+fn sensor_row(sensor: &SensorReading) -> Row {
+    let name = format!("{:<14}", clipped(&sensor.name, 13));
+    if !sensor.heard {
+        return Row::Words(vec![(name, INK), ("never heard".into(), BAD)]);
+    }
+    let (state, ink) = match sensor.signal {
+        Signal::Live => ("live", GOOD),
+        Signal::Held { .. } => ("held", FAIR),
+        Signal::Lost { .. } => ("lost", BAD),
+    };
+    let age = match sensor.age_s {
+        s if s < 10.0 => format!("{} ms", fixed(1e3 * s, 6, 0)),
+        s => format!("{} s ", fixed(s, 6, 0)),
+    };
+    Row::Words(vec![
+        (name, INK),
+        (format!("{} Hz{age}  ", fixed(sensor.rate_hz, 6, 1)), INK),
+        (state.into(), ink),
+    ])
+}
+
+/// Rows for the mode of motion, for each hand, and for what can be undone.
+pub fn hand_rows(readings: &Readings) -> Vec<Row> {
+    let [undo, redo] = readings.undo;
+    let mut rows = vec![
+        Row::Words(vec![("mode ".into(), QUIET), (clipped(&readings.mode, LETTERS - 5), INK)]),
+        Row::Words(vec![
+            ("undo ".into(), QUIET),
+            (format!("{undo:<4}"), INK),
+            ("  redo ".into(), QUIET),
+            (redo.to_string(), INK),
+        ]),
+    ];
+    rows.extend(readings.hands.iter().map(hand_row));
+    rows
+}
+
+fn hand_row(hand: &HandReading) -> Row {
+    let (what, target, ink) = match &hand.does {
+        HandDoes::Holds(target) => ("holds ", target.as_str(), GOOD),
+        HandDoes::PointsAt(target) => ("at ", target.as_str(), INK),
+        HandDoes::Nothing => ("free", "", INK),
+        HandDoes::Lost => ("lost", "", INK),
+    };
+    let name = format!("{:<12} ", clipped(&hand.name, 12));
+    let target = clipped(target, LETTERS - 13 - what.len());
+    let what_ink = if hand.does == HandDoes::Lost { BAD } else { QUIET };
+    Row::Words(vec![(name, INK), (what.to_owned(), what_ink), (target, ink)])
 }

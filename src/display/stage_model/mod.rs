@@ -2,7 +2,6 @@
 //! them.
 
 mod camera;
-mod extent;
 mod model;
 
 pub use camera::{Camera, Orbit};

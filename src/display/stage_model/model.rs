@@ -3,8 +3,8 @@
 //! In: a stage and where the head is now. Out: [`Drawable`]s in the room, and the names to be written beside
 //! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
-use super::extent::{ball_about, corners, outline};
-use crate::display::lettering::{DARK, INK, LEFT, Lettering, QUIET, RIGHT, wrapped};
+use super::camera::{ball_about, corners, outline};
+use crate::display::caption::{DARK, INK, LEFT, Lettering, QUIET, RIGHT, wrapped};
 use crate::render::{Ball, Drawable, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
 use crate::track::Signal;

@@ -6,8 +6,6 @@
 //!
 //! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] one tick with all safety measures, [`Loop`] the thread, and
 //! [`Device`] the force-feedback device.
-
-pub mod acting;
 pub mod bent;
 pub mod coupling;
 pub mod delay;

@@ -4,12 +4,12 @@
 //! plus a brake if energy was generated. If anything is wrong with the pose, or if frames stop coming, the force goes to
 //! zero within [`FADE_S`]. A tick waits for no lock and allocates nothing.
 
-use super::acting::{Acting, Given};
 use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
 use super::grasp::{Grasp, Held, device_from_handle, room_from_handle};
+use super::haptic_source::{Acting, Given};
 use super::loop_state::{LoopState, Measures};
 use super::passivity::{MARGIN, Motion, largest_stiffness};
 use super::stiffness::Stiffness;

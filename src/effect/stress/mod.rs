@@ -4,16 +4,13 @@
 //! code for every vertex ([`field_code`](crate::render::field_code)), a [`Legend`](crate::base::legend::Legend) with the value under each ray, a warning where a limit
 //! of the scene is passed, and closing words. Stress and strain are those of [`SurfaceStress`](crate::deform::SurfaceStress); the CPU computes them, once for
 //! every deformation.
-
-mod loaded_faces;
-mod reached;
 mod shown;
 mod stressed_body;
 #[cfg(test)]
 mod tests;
 
-pub use reached::{Reached, SurfaceLoads, share};
 pub use stressed_body::{NAME, StressedBody};
+pub use stressed_body::{Reached, SurfaceLoads, share};
 
 use super::entry::EffectEntry;
 

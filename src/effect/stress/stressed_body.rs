@@ -1,13 +1,20 @@
 //! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
+//!
+//! Tractions of loads on the triangles of a body's surface: a load's traction is stress there that no strain shows.
+//!
+//! The largest stress and strain that a body has reached, and the part of its surface where a limit is passed.
 
-use super::loaded_faces::LoadedFaces;
-use crate::deform::{ModelEntry, SurfaceParts, SurfaceStress};
+use crate::base::quantity::quantity;
+use crate::deform::{Deformer, FaceLoads, ModelEntry, NodeStress, Strain, SurfaceParts, SurfaceStress};
 use crate::effect::entry::Resolved;
 use crate::fem::Lame;
-use crate::green::{self, GreenError, GreenFile, Precomputed, Tensor};
+use crate::green;
+use crate::green::{GreenError, GreenFile, LoadMeta, Precomputed, Tensor, Tractions, Turning};
 use crate::mesh::{Surface, TetMesh};
-use crate::scene::{Body, Limit, Material, Scene};
+use crate::scene::{Body, Limit, LoadSource, Material, Quantity, Scene};
 use crate::solve::Progress;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// The effect's name in scenes.
 pub const NAME: &str = "stress";
@@ -127,4 +134,288 @@ fn edges(nodes: usize, triangles: &[[u32; 3]], held: &[Vec<u32>], rings: u32) ->
         }
     }
     is_edge
+}
+
+/// Tensor of the numbers of these columns among the body's load columns, …
+const COLUMNS: &str = "load";
+/// … and their tractions, column by column.
+const TRACTIONS: &str = "traction";
+
+/// The tractions of all patterns of a body.
+#[derive(Debug, Default)]
+pub struct LoadedFaces(Vec<Column>);
+
+#[derive(Debug)]
+struct Column {
+    /// Number among the body's load columns.
+    number: usize,
+    /// Whether it turns with the body.
+    follows: bool,
+    of_triangles: Vec<Vector3<f64>>,
+}
+
+impl LoadedFaces {
+    pub fn of_mesh(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<LoadedFaces, GreenError> {
+        let mut columns = Vec::new();
+        let mut number = 0;
+        let mut surface = None;
+        for load in scene.body[name].loads() {
+            let first = number;
+            number += load.source.columns();
+            let LoadSource::Pattern(pattern) = load.source else { continue };
+            let tractions = Tractions::of(scene, mesh, pattern)
+                .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?;
+            let surface = surface.get_or_insert_with(|| Surface::of(mesh));
+            let follows = LoadMeta::of(&load).turning == Turning::Follows;
+            let of_columns = tractions.at_triangles(mesh, surface).into_iter().enumerate();
+            columns.extend(of_columns.map(|(k, of_triangles)| Column {
+                number: first + k,
+                follows,
+                of_triangles,
+            }));
+        }
+        Ok(LoadedFaces(columns))
+    }
+
+    /// Tensors for the section of the file; none without patterns.
+    pub fn tensors(&self) -> Vec<(String, Tensor)> {
+        let Some(first) = self.0.first() else { return Vec::new() };
+        let numbers: Vec<u32> = self.0.iter().map(|column| column.number as u32).collect();
+        let shape = [numbers.len(), first.of_triangles.len(), 3];
+        let values = self.0.iter().flat_map(|column| column.of_triangles.iter().flat_map(|t| t.iter()));
+        let values: Vec<f32> = values.map(|value| *value as f32).collect();
+        vec![
+            (COLUMNS.into(), Tensor::new(&[numbers.len()], numbers)),
+            (TRACTIONS.into(), Tensor::new(&shape, values)),
+        ]
+    }
+
+    /// Reads the section of this name in a file of this scene. The error names a tensor that does not suit the body.
+    pub fn of_file(
+        scene: &Scene,
+        file: &GreenFile,
+        name: &str,
+        section: &str,
+    ) -> Result<LoadedFaces, GreenError> {
+        let has_patterns =
+            scene.body[name].loads().iter().any(|load| matches!(load.source, LoadSource::Pattern(_)));
+        if !has_patterns {
+            return Ok(LoadedFaces::default());
+        }
+        let (_, numbers) = file.section::<u32>(name, section, COLUMNS)?;
+        let (_, values) = file.section::<f32>(name, section, TRACTIONS)?;
+        let metas = file.meta.bodies.get(name).map_or(&[][..], |meta| &meta.loads);
+        let turnings: Vec<Turning> =
+            metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns)).collect();
+        let triangles = file.triangles(name).len();
+        let fits = values.len() == 3 * triangles * numbers.len()
+            && numbers.iter().all(|&number| (number as usize) < turnings.len())
+            && values.iter().all(|value| value.is_finite());
+        if !fits || triangles == 0 {
+            let reason =
+                format!("tensor {name}/{section}/{TRACTIONS} does not hold tractions of the body's loads");
+            return Err(GreenError::Damaged { path: file.path.clone(), reason });
+        }
+        let vector = |value: &[f32]| Vector3::new(value[0], value[1], value[2]).cast::<f64>();
+        let column = |(&number, values): (&u32, &[f32])| Column {
+            number: number as usize,
+            follows: turnings[number as usize] == Turning::Follows,
+            of_triangles: values.chunks_exact(3).map(vector).collect(),
+        };
+        Ok(LoadedFaces(numbers.iter().zip(values.chunks_exact(3 * triangles)).map(column).collect()))
+    }
+
+    /// The tractions for the coefficients of all load columns of the body.
+    pub fn at(&self, coefficients: &[f64]) -> FaceLoads {
+        let mut loads = FaceLoads::default();
+        for column in &self.0 {
+            let coefficient = coefficients.get(column.number).copied().unwrap_or(0.0);
+            if coefficient == 0.0 {
+                continue;
+            }
+            let sum = if column.follows { &mut loads.follows } else { &mut loads.fixed };
+            sum.resize(column.of_triangles.len(), Vector3::zeros());
+            sum.iter_mut().zip(&column.of_triangles).for_each(|(sum, t)| *sum += t * coefficient);
+        }
+        loads
+    }
+}
+
+/// Part of the peak at an edge above which the largest stress elsewhere is not reported separately.
+const ALIKE: f64 = 0.9;
+
+/// The loads on a surface beside control elements.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SurfaceLoads<'a> {
+    /// Coefficients of all load columns of the body, in the frame of its displacements.
+    pub coefficients: &'a [f64],
+    /// Nodes of the surface that bear forces of their own.
+    pub points: &'a [u32],
+}
+
+/// Peaks of one body in one shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reached {
+    /// The largest values at nodes, and the nodes that have them: Pa, and a ratio.
+    pub von_mises: (f64, usize),
+    pub strain: (f64, usize),
+    /// The largest part of a limit, with that limit; `None` without limits.
+    pub limit: Option<(f64, Limit)>,
+    /// Part of the surface, control elements left out, in which a limit is passed.
+    pub passed: f64,
+    /// `von_mises` and `limit` away from the edges of control elements ([`StressedBody::is_edge`]).
+    pub inside: Inside,
+}
+
+/// Peaks away from the edges of control elements, where stress is a peak of the mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Inside {
+    /// Pa.
+    pub von_mises: f64,
+    /// The largest part of a limit, with that limit; `None` without limits.
+    pub limit: Option<(f64, Limit)>,
+}
+
+/// The part of its limit that a node has reached, by the limits of all materials.
+fn part(at: &NodeStress, limits: &[Option<Limit>]) -> Option<(f64, Limit)> {
+    let limit = limits.get(usize::from(at.material)).copied().flatten()?;
+    let value = match limit {
+        Limit::Stress(_) => at.von_mises,
+        Limit::Strain(_) => at.strain,
+    };
+    Some((value / limit.value(), limit))
+}
+
+/// The part of its limit that a node has reached; 0 without one.
+pub fn share(at: &NodeStress, limits: &[Option<Limit>]) -> f64 {
+    part(at, limits).map_or(0.0, |(part, _)| part)
+}
+
+impl StressedBody {
+    /// Stress at every node of the surface, for its displacements `u` where warmth lengthens what is free by `stretch`, under
+    /// loads; `None` inside control elements, and at nodes that bear a force of their own, whose stress has no bound.
+    pub fn at_nodes(
+        &self,
+        u: &[Vector3<f64>],
+        stretch: f64,
+        of: Strain,
+        loads: &SurfaceLoads<'_>,
+    ) -> Vec<Option<NodeStress>> {
+        // Where no limit tells, the larger stress does.
+        let order = |at: &NodeStress| part(at, &self.limits).map_or(at.von_mises * 1e-100, |(part, _)| part);
+        let faces = self.loads.at(loads.coefficients);
+        let mut found = self.surface.at_nodes(u, stretch, of, &faces, order);
+        for &node in loads.points {
+            found.get_mut(node as usize).into_iter().for_each(|at| *at = None);
+        }
+        found
+    }
+
+    /// Stress at every node of the surface of a deformed body.
+    pub fn of(&self, body: &Deformer) -> Vec<Option<NodeStress>> {
+        let u: Vec<Vector3<f64>> = (0..body.node_count()).map(|i| body.straining_part(i)).collect();
+        let of = match self.is_of_small_strain && body.part_weights().is_none() {
+            true => Strain::Small,
+            false => Strain::Finite,
+        };
+        let points = body.loaded_nodes();
+        let loads = SurfaceLoads { coefficients: &body.load_coefficients(), points: &points };
+        self.at_nodes(&u, body.free_stretch(), of, &loads)
+    }
+
+    pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {
+        let mut reached = Reached::default();
+        let (mut passed, mut whole) = (0.0, 0.0);
+        let larger = |of: Option<(f64, Limit)>, than: Option<(f64, Limit)>| {
+            of.is_some_and(|(part, _)| than.is_none_or(|(most, _)| part > most))
+        };
+        for ((i, at), area) in nodes.iter().enumerate().zip(&self.surface.areas) {
+            let Some(at) = at else { continue };
+            if at.von_mises > reached.von_mises.0 {
+                reached.von_mises = (at.von_mises, i);
+            }
+            if at.strain > reached.strain.0 {
+                reached.strain = (at.strain, i);
+            }
+            let of_limit = part(at, &self.limits);
+            if larger(of_limit, reached.limit) {
+                reached.limit = of_limit;
+            }
+            if !self.is_edge[i] {
+                let inside = &mut reached.inside;
+                inside.von_mises = inside.von_mises.max(at.von_mises);
+                if larger(of_limit, inside.limit) {
+                    inside.limit = of_limit;
+                }
+            }
+            whole += area;
+            passed += if of_limit.is_some_and(|(part, _)| part > 1.0) { *area } else { 0.0 };
+        }
+        // Of a body without any other node, what there is.
+        if reached.inside.von_mises == 0.0 {
+            reached.inside = Inside { von_mises: reached.von_mises.0, limit: reached.limit };
+        }
+        reached.passed = if whole > 0.0 { passed / whole } else { 0.0 };
+        reached
+    }
+}
+
+impl Reached {
+    pub fn is_beyond(&self) -> bool {
+        self.limit.is_some_and(|(part, _)| part > 1.0)
+    }
+
+    /// `von Mises stress at most 412 MPa, largest strain 0.2 %`, and how it stands with the limit.
+    pub fn sentence(&self) -> String {
+        let stress = quantity(self.von_mises.0, Quantity::VonMises.unit());
+        let strain = quantity(self.strain.0, Quantity::Strain.unit());
+        let most = format!("von Mises stress at most {stress}{}, largest strain {strain}", self.peak());
+        match self.limit {
+            Some((part, limit)) if part > 1.0 => format!("{most}; {}", self.passing(limit)),
+            Some((part, limit)) => {
+                format!("{most}, {} of its limit of {}", quantity(part, ""), written(limit))
+            }
+            None => most,
+        }
+    }
+
+    /// Words about the peak elsewhere, if the largest stress is at the edge of a control element.
+    fn peak(&self) -> String {
+        if self.inside.von_mises >= ALIKE * self.von_mises.0 {
+            return String::new();
+        }
+        let elsewhere = quantity(self.inside.von_mises, Quantity::VonMises.unit());
+        format!(
+            " at the edge of a control element, where it may grow with a finer mesh, and {elsewhere} elsewhere"
+        )
+    }
+
+    /// The largest value against this limit, and the part of the surface in which the limit is passed.
+    fn value_and_passed(&self, limit: Limit) -> [String; 2] {
+        let value = self.limit.map_or(0.0, |(part, _)| part) * limit.value();
+        let passed = match self.passed {
+            passed if passed < 1e-3 => "less than 0.1 %".to_owned(),
+            passed => quantity(passed, ""),
+        };
+        [quantity(value, limit.quantity().unit()), passed]
+    }
+
+    /// Short words for a legend: `412 MPa, limit 250 MPa PASSED in 3 % of the surface`.
+    pub fn brief(&self, limit: Limit) -> String {
+        let [value, passed] = self.value_and_passed(limit);
+        format!("{value}, limit {} PASSED in {passed} of the surface", written(limit))
+    }
+
+    /// `above its 250 MPa limit on 3 % of the surface (peak 412 MPa)`.
+    pub fn passing(&self, limit: Limit) -> String {
+        let [value, passed] = self.value_and_passed(limit);
+        format!("above its {} limit on {passed} of the surface (peak {value})", written(limit))
+    }
+}
+
+/// A limit with its unit.
+pub fn written(limit: Limit) -> String {
+    quantity(limit.value(), limit.quantity().unit())
 }

@@ -1,7 +1,7 @@
 //! Stress against that of bodies that were solved, and in sessions and damaged files.
 
-use super::reached::written;
 use super::stressed_body::StressedBody;
+use super::stressed_body::written;
 use crate::base::legend::Legend;
 use crate::deform::{AppliedLoads, ControlPose, Deformer, LINEAR};
 use crate::effect::RunningEffect;

@@ -9,9 +9,6 @@ mod basis_files;
 mod body_basis;
 mod gltf;
 mod inventor;
-mod inventor_names;
-mod motions;
-mod vtu;
 
 pub use basis_file::{BasisFile, Profile, VIEWER_MOTIONS};
 pub use basis_files::{BASIS_FILES, read, refuse};

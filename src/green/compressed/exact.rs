@@ -4,7 +4,7 @@
 
 use super::column::Shape;
 use super::samples::some;
-use super::surface::{Surface, unit_columns};
+use super::tree::{Surface, unit_columns};
 use crate::solve::{Progress, SolveError};
 use faer::Mat;
 use nalgebra::Matrix3;

@@ -5,8 +5,8 @@
 use super::basis::{Bases, HEAP};
 use super::exact::MEASURED;
 use super::samples;
-use super::surface::{Surface, TOGETHER};
 use super::tree::{Block, Tree};
+use super::tree::{Surface, TOGETHER};
 
 /// Bytes of the columns to compare with, of the samples, and of the leaves' rows of these at most. Each thread has the rows of a
 /// leaf twice in f64. The clusters above are counted by [`super::basis::bases`] level by level, when the ranks below are known.

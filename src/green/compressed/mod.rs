@@ -14,13 +14,11 @@ mod exact;
 mod memory;
 mod packed;
 mod samples;
-mod strip;
-mod surface;
 mod tree;
 
 pub use build::BuildError;
 pub use column::{Shape, Shapes};
 pub use encode::{Compressed, Trial, compress, frames_of, unpack_bases};
 pub use packed::unpack;
-pub use surface::Surface;
+pub use tree::Surface;
 pub use tree::{Block, Tree, blocks, order};

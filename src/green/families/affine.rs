@@ -3,13 +3,13 @@
 //! In: the solved fields. Out: `basis/NAME` (12 × nodes × 3), and `scale/NAME` (12) where they are stored scaled. From the
 //! paper's "Elastic deformation using control elements".
 
+use super::super::bytes::Tensor;
 use super::super::control::{FIELD_NAMES, FIELDS};
 use super::super::family::{ColumnName, ColumnSource, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
 use super::super::numbers::numbers;
 use super::super::requirements::Family;
 use super::super::solution::Precomputed;
-use super::super::tensor::Tensor;
 use super::columns::{self, Names};
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
 use nalgebra::DMatrix;

@@ -3,10 +3,10 @@
 //! In: fields over all nodes. Out: the tensor of their numbers on the surface and, where they are stored scaled, that of
 //! their scales; and the group of columns again.
 
+use super::super::bytes::Tensor;
 use super::super::file::GreenFile;
 use super::super::numbers::{LARGEST, numbers};
 use super::super::solution::Precomputed;
-use super::super::tensor::Tensor;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns, half_to_single};
 use safetensors::tensor::Dtype;
 

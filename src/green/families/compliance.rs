@@ -10,6 +10,7 @@
 //! The values stay on the disk: what a force at a node does is read from the tiles of its row and column, m/32 of 37 kB, each
 //! checked against its hash in `compliance/hashes`. From the paper's "surface compliance": 5,000 nodes take 450 MB.
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, COMPLIANCE_VALUES as VALUES, GreenFile};
@@ -17,7 +18,6 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceInverse};
-use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::affine::AFFINE;
 use super::tile_layout::{BLOCK, HASH, TileLayout};

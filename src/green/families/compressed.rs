@@ -4,6 +4,7 @@
 //! cluster; the frames and nested bases of the clusters; and, cluster against cluster, blocks that stay on the disk. What a
 //! force at a node does is read from the blocks of the clusters that hold it, each checked against its hash.
 
+use super::super::bytes::Tensor;
 use super::super::compressed::{
     Block, BuildError, Shape, Surface, Tree, Trial, blocks, compress, frames_of, order, unpack, unpack_bases,
 };
@@ -14,7 +15,6 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceCompressed};
-use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::affine::AFFINE;
 use super::compliance::{Order, changed, check_order, unknowns};

@@ -7,6 +7,7 @@
 //! A body that was changed while it is shown has the factor of the file that it was changed from, and what is added to the
 //! columns ([`Changed::added_yield`]).
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, FACTOR_VALUES as VALUES, GreenFile};
@@ -14,7 +15,6 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceFactor};
-use super::super::tensor::Tensor;
 use super::super::update::{COLUMNS, Changed};
 use super::affine::AFFINE;
 use super::compliance::{Order, check_order, unknowns};

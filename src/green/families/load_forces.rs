@@ -8,12 +8,12 @@
 //! load_forces/forces   3 N × K   0 for warmth, by which such a model changes its lengths
 //! ```
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
-use super::super::tensor::Tensor;
 use super::loads::nodal_forces;
 use super::table;
 use crate::mesh::quality;

@@ -12,6 +12,7 @@
 //!
 //! The last two are 0 of warmth, whose forces do no work where the body turns as a whole.
 
+use super::super::bytes::Tensor;
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
@@ -20,7 +21,6 @@ use super::super::numbers::numbers;
 use super::super::prepare::materials_of_tets;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
-use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::table;

@@ -4,9 +4,9 @@
 //! stores columns, and `EFFECT/scale` where they are stored scaled; and the groups again, which stand behind those of all
 //! families, in the order of the effects' names.
 
+use super::super::bytes::Tensor;
 use super::super::file::GreenFile;
 use super::super::solution::Precomputed;
-use super::super::tensor::Tensor;
 use super::columns::{self, Names};
 use crate::base::columns::ColumnGroup;
 use std::ops::Range;

@@ -15,6 +15,7 @@
 //! zᵀ T z = ∫ (3λ + 2μ) tr E    T_00 = 3 ∫ (3λ + 2μ)
 //! ```
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
@@ -22,7 +23,6 @@ use super::super::lift::Lift;
 use super::super::prepare::Prepared;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
-use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};

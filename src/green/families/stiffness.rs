@@ -2,13 +2,13 @@
 //!
 //! In: the affine fields of all control elements. Out: `stiffness`, 12E × 12E, f64, and how far it is from reciprocity.
 
+use super::super::bytes::Tensor;
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile};
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
-use super::super::tensor::Tensor;
 use super::affine::AFFINE;
 use super::table;
 use crate::fem::{NodeFields, Partition, StiffnessMatrix};

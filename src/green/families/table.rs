@@ -3,10 +3,10 @@
 //! In: what a family left in [`Solution::tables`](super::super::solution::Solution::tables). Out: the tensor `BODY/NAME`,
 //! column after column, and the matrix again.
 
+use super::super::bytes::Tensor;
 use super::super::file::GreenFile;
 use super::super::numbers::numbers;
 use super::super::solution::Precomputed;
-use super::super::tensor::Tensor;
 use nalgebra::DMatrix;
 use safetensors::tensor::Dtype;
 

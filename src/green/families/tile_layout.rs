@@ -3,7 +3,7 @@
 //! In: the number of nodes, m, and of those that take forces, n. Out: the place of each number, tile after tile as
 //! [`super::compliance`] draws them, and the hash of every tile.
 
-use super::super::tensor::Tensor;
+use super::super::bytes::Tensor;
 use rayon::prelude::*;
 use safetensors::tensor::Dtype;
 use std::ops::Range;

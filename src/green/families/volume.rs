@@ -3,12 +3,12 @@
 //! In: mesh, elements, materials and loads as they were solved. Out: the tables of [`Volume`], and the [`Volume`] of a body again.
 //! Every index stands as a number in f64, which holds it exactly.
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
-use super::super::tensor::Tensor;
 use super::loads::nodal_forces;
 use super::table;
 use crate::fem::{ELEMENTS, Element, Lame};

@@ -2,10 +2,10 @@
 //!
 //! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
 
+use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::file::GreenFile;
 use super::super::on_demand::Yield;
-use super::super::tensor::Tensor;
 use super::super::update::Changed;
 use super::compliance::{COMPLIANCE, Order, Tiles};
 use super::compressed::{COMPRESSED, CompressedColumns};

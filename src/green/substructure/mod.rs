@@ -8,9 +8,7 @@ mod body;
 mod cut;
 mod part;
 mod second_order;
-mod series;
 mod stored;
-mod strain_point;
 
 pub use body::{Body, BodyError, Joint, SolvedBody, SolvedPart, solve, suits};
 pub use cut::{Cut, Interface, cut};

@@ -5,8 +5,8 @@
 //! customization manual, "Mesh format: ModelName.post.msh". Keywords may be in any case.
 
 use super::format::{Format, Part};
+use super::format::{Words, parsed};
 use super::gmsh_scan::excerpt;
-use super::words::{Words, parsed};
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;

@@ -2,16 +2,20 @@
 //!
 //! In: bytes. Out: a [`RawMesh`]. After the Gmsh reference manual, chapter "Gmsh file formats", sections "MSH file
 //! format" and "Legacy formats". Sections may stand in any order; unknown ones are skipped.
+//!
+//! `$Nodes` and `$Elements` of Gmsh 2.2.
 
 use super::format::{Encoded, Format, Part, Writer};
+use super::gmsh_scan::known_kind;
 use super::gmsh_scan::{Mode, Scanner, excerpt};
 use super::gmsh_write::{Encoding, encode};
-use super::gmsh2;
-use super::gmsh4::{self, Layout};
+use super::gmsh4;
+use super::gmsh4::Layout;
 use crate::base::output::Kind;
-use crate::mesh::assemble::RawMesh;
+use crate::mesh::assemble::{ElementShape, RawElement, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, MeshError, refuse};
 use crate::mesh::tet_mesh::TetMesh;
+use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
 type Encode = fn(&TetMesh) -> Result<Encoded, MeshError>;
@@ -73,8 +77,8 @@ fn read(bytes: &[u8], _: &[Part]) -> Result<RawMesh, FormatFault> {
                 return refuse(at, reason);
             }
             ("PhysicalNames", _) => physical_names(&mut scan, &mut raw)?,
-            ("Nodes", Some(V2)) => gmsh2::nodes(&mut scan, &mut raw)?,
-            ("Elements", Some(V2)) => gmsh2::elements(&mut scan, &mut raw)?,
+            ("Nodes", Some(V2)) => nodes(&mut scan, &mut raw)?,
+            ("Elements", Some(V2)) => elements(&mut scan, &mut raw)?,
             ("Nodes", Some(V4(layout))) => gmsh4::nodes(&mut scan, &mut raw, layout)?,
             ("Elements", Some(V4(layout))) => gmsh4::elements(&mut scan, &mut raw, layout)?,
             ("Entities", Some(V4(layout))) => gmsh4::entities(&mut scan, &mut raw, layout)?,
@@ -179,4 +183,65 @@ fn physical_name(line: &[u8]) -> Option<((u8, u32), &str)> {
     let dimension = words.next()?.parse().ok().filter(|dimension| *dimension <= 3)?;
     let number: i32 = words.next()?.parse().ok()?;
     words.next().is_none().then_some(((dimension, number.unsigned_abs()), name))
+}
+
+pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
+    for _ in 0..scan.count_line()? {
+        let at = scan.at();
+        let tag = scan.size()?;
+        let position = Vector3::new(scan.real()?, scan.real()?, scan.real()?);
+        scan.end_line()?;
+        raw.nodes.push(RawNode { tag, position, at });
+    }
+    Ok(())
+}
+
+pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
+    let at = scan.at();
+    let mut left = scan.count_line()?;
+    while left > 0 {
+        let header_at = scan.at();
+        if scan.mode == Mode::Text {
+            let tag = scan.size()?;
+            let kind = known_kind(scan.int()?, header_at)?;
+            let tag_count = scan.size()?;
+            element(scan, raw, RawElement { tag, kind, entity: 0, at: header_at }, tag_count)?;
+            scan.end_line()?;
+            left -= 1;
+            continue;
+        }
+        let kind: ElementShape = known_kind(scan.int()?, header_at)?;
+        let (follow, tag_count) = (scan.size()?, scan.size()?);
+        left = left
+            .checked_sub(follow)
+            .ok_or_else(|| FormatFault::at(at, "more elements than the section's count says".to_owned()))?;
+        for _ in 0..follow {
+            let at = scan.at();
+            let tag = scan.size()?;
+            element(scan, raw, RawElement { tag, kind, entity: 0, at }, tag_count)?;
+        }
+    }
+    Ok(())
+}
+
+/// The tags and nodes of one element.
+fn element(
+    scan: &mut Scanner,
+    raw: &mut RawMesh,
+    mut element: RawElement,
+    tag_count: u64,
+) -> Result<(), FormatFault> {
+    for i in 0..tag_count {
+        let tag = scan.int()?;
+        if i == 0 {
+            element.entity = tag;
+        }
+    }
+    for _ in 0..element.kind.nodes {
+        raw.corners.push(scan.size()?);
+    }
+    let key = (element.kind.dimension, element.entity);
+    raw.physicals.entry(key).or_insert_with(|| vec![element.entity.unsigned_abs()]);
+    raw.elements.push(element);
+    Ok(())
 }

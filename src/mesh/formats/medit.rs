@@ -4,9 +4,9 @@
 //! node group of an edge or a face. After P. Frey, "MEDIT: An interactive mesh visualization software" (INRIA RT-0253,
 //! 2001), appendix.
 
+use super::format::Words;
 use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;
-use super::words::Words;
 use super::write::{check, lost, put};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};

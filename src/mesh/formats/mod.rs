@@ -3,33 +3,26 @@
 //! In: a path with its bytes, or a path and a mesh. Out: the format's entry, whose functions read and write.
 
 mod abaqus;
-mod abaqus_lines;
 mod abaqus_sets;
-mod abaqus_write;
-mod converters;
 mod format;
 mod gid;
 mod gmsh;
-mod gmsh2;
 mod gmsh4;
 mod gmsh_scan;
-mod gmsh_types;
 mod gmsh_write;
 mod medit;
 mod tetgen;
 mod vega;
 mod vtk;
-mod vtk_cells;
 mod vtu;
 mod vtu_array;
 pub mod vtu_write;
-mod words;
 mod write;
 
-pub use converters::advice;
 pub use format::{Encoded, Format, Part, Writer};
 pub use gmsh_write::{Encoding, encode};
 pub use vtu::{PlacedVectors, point_vectors};
+pub use write::advice;
 
 use super::error::{FormatFault, MeshError};
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@
 //! region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section "File formats".
 
 use super::format::{Encoded, Format, Part, Writer};
+use super::format::{Words, parsed};
 use super::gmsh_scan::excerpt;
-use super::words::{Words, parsed};
 use super::write::{check, lost, put};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};

@@ -6,8 +6,8 @@
 //! region 7 without a name, as in Abaqus files.
 
 use super::format::{Format, Part};
+use super::format::{Words, parsed};
 use super::gmsh_scan::excerpt;
-use super::words::{Words, parsed};
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;

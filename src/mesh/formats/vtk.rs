@@ -5,9 +5,9 @@
 //! other than a region array are skipped.
 
 use super::format::{Format, Part};
+use super::format::{Words, parsed};
 use super::gmsh_scan::excerpt;
-use super::vtk_cells::{Cells, index, region_rank};
-use super::words::{Words, parsed};
+use super::vtu_write::{Cells, index, region_rank};
 use crate::mesh::assemble::{RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;

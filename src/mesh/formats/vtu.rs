@@ -6,9 +6,9 @@
 
 use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::excerpt;
-use super::vtk_cells::{Cells, index, region_rank};
 use super::vtu_array::{Array, ArrayData, Coding};
 use super::vtu_write;
+use super::vtu_write::{Cells, index, region_rank};
 use super::write::{check, lost};
 use crate::base::output::Kind;
 use crate::mesh::assemble::{RawMesh, RawNode};

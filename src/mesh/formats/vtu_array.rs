@@ -4,7 +4,7 @@
 //! held in memory. After "VTK XML Formats", section "Appended and binary data": a header of lengths, then bytes, or
 //! blocks that are compressed separately; base64 restarts after the header of compressed data.
 
-use super::words::Words;
+use super::format::Words;
 use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use std::io::{Cursor, Read};

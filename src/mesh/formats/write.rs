@@ -1,9 +1,13 @@
 //! Helpers of several formats' writers: checks, the groups to write, and sentences on what a format cannot hold.
+//!
+//! Advice for files of formats that are not read: geometry without a mesh, and meshes of other programs.
 
+use super::format::extension;
 use crate::mesh::error::MeshError;
 use crate::mesh::tet_mesh::TetMesh;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Refuses a mesh whose parts do not fit together, and a region above 2³¹ - 1.
 pub fn check(mesh: &TetMesh, encoding: &'static str) -> Result<(), MeshError> {
@@ -77,4 +81,38 @@ fn listed(names: &[&str]) -> String {
 pub fn put(text: &mut String, line: std::fmt::Arguments) {
     let written = text.write_fmt(line);
     debug_assert!(written.is_ok(), "a string takes all text");
+}
+
+/// Advice for a file that no reader knows; `None` if it is not known here either.
+pub fn advice(path: &Path, bytes: &[u8]) -> Option<String> {
+    let name = path.file_name().unwrap_or_default().display();
+    let mesh = path.with_extension("msh");
+    let mesh = mesh.file_name().unwrap_or_default().display();
+    let is_step = bytes.starts_with(b"ISO-10303-21");
+    Some(match extension(path).as_str() {
+        "step" | "stp" | "p21" | "iges" | "igs" | "brep" => geometry(&name, &mesh),
+        _ if is_step => geometry(&name, &mesh),
+        "geo" => format!("is a Gmsh script; mesh it: `gmsh -3 -clmax 0.008 -format msh41 {name} -o {mesh}`"),
+        "fcstd" | "sldprt" | "ipt" | "prt" | "catpart" | "x_t" | "3mf" | "off" | "dae" | "fbx" | "glb"
+        | "gltf" => {
+            format!(
+                "is not read: save it as STL, OBJ or PLY (a closed surface), or as STEP, which Gmsh can mesh: {name}"
+            )
+        }
+        "bdf" | "nas" | "unv" | "med" | "cgns" => {
+            format!("is not read; Gmsh converts it: `gmsh {name} -save -format msh41 -o {mesh}`")
+        }
+        "e" | "exo" | "xdmf" | "h5m" | "ugrid" | "su2" => {
+            format!("is not read; meshio converts it: `meshio convert {name} part.vtu`")
+        }
+        _ => return None,
+    })
+}
+
+fn geometry(name: &dyn std::fmt::Display, mesh: &dyn std::fmt::Display) -> String {
+    format!(
+        "is CAD geometry without a mesh; Gmsh meshes it: `gmsh -3 -clmax 5 -format msh41 {name} -o {mesh}` (5: the greatest \
+         edge in the file's unit, mostly mm), then `greenstage new {mesh} --unit mm`; or save it in FreeCAD as STL (File, \
+         Export), which a scene can fill"
+    )
 }

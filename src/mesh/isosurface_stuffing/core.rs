@@ -6,9 +6,12 @@
 //!
 //! The two constants below are ours: they maximise the least angle over random signs and cut points that belong to no
 //! particular surface (`tests/meshes/isosurface_stuffing.rs`: 10.77° to 164.1°).
+//!
+//! The stencils of isosurface stuffing: the part of one lattice tetrahedron that lies inside.
+//!
+//! Lattice vertices on the wrong side of a surface that passes through itself.
 
 use super::lattice::{Lattice, STEPS};
-use super::stencil::{Corner, fill};
 use crate::mesh::quality::signed_volume;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -129,4 +132,176 @@ fn warp(cuts: &[Cut], sign: &mut [i8], moved: &mut [usize]) {
             (sign[vertex], moved[vertex]) = (0, c);
         }
     }
+}
+
+/// A lattice vertex of a tetrahedron: its number, its coordinates in half cells, its sign (1 inside, 0 on the surface,
+/// -1 outside).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    pub vertex: usize,
+    pub coordinates: [i64; 3],
+    pub sign: i8,
+}
+
+/// Numbers of nodes: `cut(inside, outside)` is the cut point's, a lattice vertex keeps its own.
+pub fn fill(corners: &[Corner; 4], cut: impl Fn(usize, usize) -> usize, mut emit: impl FnMut([usize; 4])) {
+    let pick = |sign: i8| corners.iter().filter(move |corner| corner.sign == sign);
+    let inside: Vec<&Corner> = pick(1).collect();
+    let outside: Vec<&Corner> = pick(-1).collect();
+    let mut on = pick(0).map(|corner| corner.vertex);
+    let cut = |i: &Corner, o: &Corner| cut(i.vertex, o.vertex);
+    match (inside.as_slice(), outside.as_slice()) {
+        // Also four vertices on the surface: such a tetrahedron is left out.
+        ([], _) => {}
+        (_, []) => emit(corners.map(|corner| corner.vertex)),
+        ([a], _) => {
+            let mut nodes = vec![a.vertex];
+            nodes.extend(on);
+            nodes.extend(outside.iter().map(|o| cut(a, o)));
+            if let Ok(tet) = nodes.try_into() {
+                emit(tet);
+            }
+        }
+        ([a, b], [o]) => {
+            let Some(z) = on.next() else { return };
+            let (ca, cb) = (cut(a, o), cut(b, o));
+            let far = if from_first(a, b, o) { cb } else { ca };
+            emit([z, a.vertex, b.vertex, far]);
+            emit([z, if far == cb { a.vertex } else { b.vertex }, ca, cb]);
+        }
+        ([a, b], [o, p]) => {
+            let bottom = [a.vertex, cut(a, o), cut(a, p)];
+            let top = [b.vertex, cut(b, o), cut(b, p)];
+            // Between o and p the quadrilateral is the surface's: whatever closes the prism.
+            prism(bottom, top, [Some(from_first(a, b, o)), None, Some(!from_first(a, b, p))], emit);
+        }
+        ([a, b, c], [o]) => {
+            let bottom = [a, b, c].map(|corner| corner.vertex);
+            let top = [a, b, c].map(|corner| cut(corner, o));
+            let diagonals = [(a, b), (b, c), (c, a)].map(|(i, j)| Some(from_first(i, j, o)));
+            prism(bottom, top, diagonals, emit);
+        }
+        _ => {}
+    }
+}
+
+/// On the face of `i` and `j` inside and `o` outside: whether the diagonal runs from i to the cut point of j, or else
+/// from j to the cut point of i.
+fn from_first(i: &Corner, j: &Corner, o: &Corner) -> bool {
+    let is_long = |p: &Corner, q: &Corner| (p.coordinates[0] - q.coordinates[0]) % 2 == 0;
+    if is_long(i, o) {
+        false
+    } else if is_long(j, o) {
+        true
+    } else {
+        // Of the two ends of a long edge exactly one exceeds o in an even number of coordinates.
+        (0..3).filter(|&axis| i.coordinates[axis] > o.coordinates[axis]).count() % 2 == 0
+    }
+}
+
+/// Three tetrahedra of the prism over triangle `bottom`. Side k lies between corners k and k + 1; its diagonal runs
+/// from bottom k to top k + 1 (true) or from bottom k + 1 to top k; `None`: either.
+fn prism(
+    bottom: [usize; 3],
+    top: [usize; 3],
+    diagonals: [Option<bool>; 3],
+    mut emit: impl FnMut([usize; 4]),
+) {
+    const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let runs = |from: usize, to: usize| {
+        let (side, forward) = if (from + 1) % 3 == to { (from, true) } else { (to, false) };
+        diagonals[side].is_none_or(|way| way == forward)
+    };
+    // Diagonals that run round in a circle have no such order; the rules above never make them.
+    if let Some([x, y, z]) = ORDERS.into_iter().find(|&[x, y, z]| runs(x, y) && runs(x, z) && runs(y, z)) {
+        emit([bottom[x], bottom[y], bottom[z], top[z]]);
+        emit([bottom[x], bottom[y], top[y], top[z]]);
+        emit([bottom[x], top[x], top[y], top[z]]);
+    }
+}
+
+/// Part of the vertices on one side that may have the wrong sign; the others outvote them.
+const MINORITY: f64 = 0.05;
+
+/// Turns signs that the neighbours outvote, with a notice; refuses where too many contradict.
+pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, String> {
+    let found = contradictions(lattice, depth);
+    let Some(at) = found.first() else { return Ok(None) };
+    let place = format!("{} places, the first near ({:.6}, {:.6}, {:.6})", found.len(), at.x, at.y, at.z);
+    let side = sides(lattice, depth);
+    let mut votes = vec![[0u32; 2]; depth.len()];
+    for (&side, &d) in side.iter().zip(depth.iter()) {
+        votes[side as usize][usize::from(d > 0.0)] += 1;
+    }
+    for [outside, inside] in &votes {
+        if f64::from(*outside.min(inside)) > MINORITY * f64::from(outside + inside) {
+            return Err(format!(
+                "the surface overlaps itself at {place}: bodies that overlap, or a surface that passes \
+                 through itself by more than a cell. Join the bodies where they were made, or let a mesher that \
+                 repairs do both: `greenstage manual meshes` shows the command"
+            ));
+        }
+    }
+    let mut turned = 0;
+    for (&side, d) in side.iter().zip(depth.iter_mut()) {
+        let [outside, inside] = votes[side as usize];
+        if (*d > 0.0) != (inside > outside) {
+            *d = -*d;
+            turned += 1;
+        }
+    }
+    Ok(Some(format!(
+        "the surface passes through itself at {place}: {turned} \
+         lattice vertices were outvoted by their neighbours"
+    )))
+}
+
+/// Whether no surface lies on an edge of this length. parry's choice of the nearest triangle is good to f32.
+fn is_clear(lattice: &Lattice, a: f64, b: f64, step: usize) -> bool {
+    let length = if step < 6 { lattice.cell } else { 0.75f64.sqrt() * lattice.cell };
+    let slack = 1e-5 * lattice.cell * lattice.cubes.iter().copied().max().unwrap_or(1) as f64;
+    a.abs() + b.abs() > length + slack
+}
+
+fn neighbours(lattice: &Lattice, vertex: usize) -> impl Iterator<Item = (usize, usize)> {
+    let from = lattice.coordinates(vertex);
+    let steps = STEPS.iter().enumerate();
+    steps.filter_map(move |(step, by)| {
+        Some((step, lattice.vertex([from[0] + by[0], from[1] + by[1], from[2] + by[2]])?))
+    })
+}
+
+/// Vertices inside with a clear edge to one outside.
+fn contradictions(lattice: &Lattice, depth: &[f64]) -> Vec<Vector3<f64>> {
+    (0..lattice.vertices())
+        .into_par_iter()
+        .filter(|&vertex| {
+            depth[vertex] > 0.0
+                && neighbours(lattice, vertex).any(|(step, other)| {
+                    depth[other] < 0.0 && is_clear(lattice, depth[vertex], depth[other], step)
+                })
+        })
+        .map(|vertex| lattice.position(lattice.coordinates(vertex)))
+        .collect()
+}
+
+/// The least vertex of the side of each vertex; edges that the surface cannot cut join a side.
+fn sides(lattice: &Lattice, depth: &[f64]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..depth.len() as u32).collect();
+    fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+        while parent[vertex as usize] != vertex {
+            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
+            vertex = parent[vertex as usize];
+        }
+        vertex
+    }
+    for vertex in 0..depth.len() {
+        for (step, other) in neighbours(lattice, vertex) {
+            if other < vertex && is_clear(lattice, depth[vertex], depth[other], step) {
+                let (a, b) = (root(&mut parent, vertex as u32), root(&mut parent, other as u32));
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    (0..depth.len() as u32).map(|vertex| root(&mut parent, vertex)).collect()
 }

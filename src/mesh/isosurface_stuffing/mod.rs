@@ -5,24 +5,21 @@
 //! are too coarse for.
 
 pub mod core;
-pub mod distance;
 pub mod lattice;
-mod sides;
-mod stencil;
 
 use super::diagnostics::{digits, place};
 use super::error::MeshError;
 use super::generate::MEMORY;
 use super::length_unit::Scale;
 use super::quality;
-use super::surface::Surface;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
+use super::tet_mesh::Surface;
 use super::tet_mesh::{Loaded, TetMesh};
 use crate::base::machine;
 use crate::base::table::count;
-use distance::{Depth, Distance};
 use lattice::Lattice;
+use lattice::{Depth, Distance};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::path::Path;
@@ -84,7 +81,7 @@ pub fn filled(
         .with_min_len(256)
         .map(|vertex| depth.at(&lattice.position(lattice.coordinates(vertex))))
         .collect();
-    notices.extend(sides::agree(&lattice, &mut values)?);
+    notices.extend(core::agree(&lattice, &mut values)?);
     let mut mesh = fill(&lattice, &values, |at| depth.at(at));
     if mesh.tets.is_empty() {
         return Ok(mesh);

@@ -6,16 +6,15 @@
 
 mod obj;
 mod ply;
-mod raw;
 mod stl;
 mod words;
 
 use super::error::{FormatFault, MeshError};
 use super::quality::bounding_box;
 use nalgebra::Vector3;
-use raw::RawSurface;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
+use words::RawSurface;
 
 /// Triangles in space, counter-clockwise as seen from outside once [`super::surface_check`] has oriented them; metres.
 #[derive(Clone, Debug, Default, PartialEq)]

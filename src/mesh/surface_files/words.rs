@@ -1,6 +1,9 @@
 //! Words of a text, each with its byte offset, line by line where a format needs it.
+//!
+//! A surface as its format's reader found it.
 
 use crate::mesh::error::FormatFault;
+use nalgebra::Vector3;
 
 /// A token of a text, with its offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,4 +48,15 @@ impl Word<'_> {
 /// The next word as a number; `end` is the offset to name where there is none.
 pub fn number<'a>(words: &mut impl Iterator<Item = Word<'a>>, end: usize) -> Result<f64, FormatFault> {
     words.next().ok_or_else(|| FormatFault::at(end, "a coordinate is missing"))?.parse("a number")
+}
+
+/// The result of a format's reader: polygons by the indices of their corners, unchecked.
+#[derive(Debug, Default)]
+pub(super) struct RawSurface {
+    pub(super) vertices: Vec<Vector3<f64>>,
+    /// Corners of all polygons, one polygon after the other.
+    pub(super) corners: Vec<u32>,
+    /// Number of corners of each polygon, and its byte offset for error messages.
+    pub(super) polygons: Vec<(u32, usize)>,
+    pub(super) notices: Vec<String>,
 }

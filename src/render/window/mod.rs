@@ -20,7 +20,7 @@ use super::frame::FrameContents;
 use super::gpu::Gpu;
 use super::overlay::{Overlay, OverlayMesh};
 use super::renderer::Renderer;
-use super::samples::Samples;
+use super::target::Samples;
 use super::tiles::{Paint, Target, Tile, TilePainter};
 use crate::base::text::one_line;
 use event_loop::{event_loop, no_display};

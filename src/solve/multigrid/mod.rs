@@ -10,28 +10,25 @@
 //!
 //! Levels are built in f64 and applied in f32, which halves their memory and time: what the finest level cannot hold of the
 //! softest motions is held by the coarse matrices, and conjugate gradients in f64 correct the rest.
-
-mod aggregate;
 mod cluster;
 mod coarsest;
 mod galerkin;
 mod prolong;
 mod rows;
 mod smooth;
-mod smoothed;
 #[cfg(test)]
 mod tests;
 mod transfer;
 
 use crate::fem::StiffnessMatrix;
-use aggregate::Aggregates;
+use cluster::Aggregates;
 use cluster::Clusters;
 use coarsest::Dense;
+use prolong::Smoothed;
 use prolong::{MODES, Prolongator, RigidModes};
 use rayon::prelude::*;
 use rows::{Rows, Scaled};
 use smooth::{Smoother, THICK, THIN, Vectors};
-use smoothed::Smoothed;
 
 /// Coupling of two nodes, in parts of their diagonal blocks, below which they are not gathered; on every coarser level half of
 /// it (Vaněk, Mandel and Brezina), but of thin bodies twice as much: plates and shells took up to twice the iterations with

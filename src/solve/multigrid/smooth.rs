@@ -10,7 +10,7 @@
 //! [`crate::fem::NodeFields`]: all columns of an unknown stand together.
 
 use super::cluster::MOST;
-use super::smoothed::{Part, Smoothed};
+use super::prolong::{Part, Smoothed};
 use crate::base::lanes::{Kernel, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -153,7 +153,7 @@ fn rigid_motions_are_motions_of_the_aggregates() {
     let (p, modes) = Prolongator::new(&rows, &clusters, &aggregates, &fine_modes(&k, &rows.order), largest);
     let coarse = galerkin::coarse(&rows, &p);
     println!("{} nodes, {} aggregates", k.nodes(), aggregates.count);
-    assert!(aggregates.count * 6 < k.nodes() && !aggregates.of_node.contains(&aggregate::ALONE));
+    assert!(aggregates.count * 6 < k.nodes() && !aggregates.of_node.contains(&cluster::ALONE));
 
     let turned = |w: [f64; 3], x: [f64; 3]| -> [f64; 3] {
         from_fn(|i| w[(i + 1) % 3] * x[(i + 2) % 3] - w[(i + 2) % 3] * x[(i + 1) % 3])

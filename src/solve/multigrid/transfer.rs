@@ -1,7 +1,7 @@
 //! Residuals to the coarse level, and its corrections back.
 
+use super::prolong::PART;
 use super::prolong::{MODES, Prolongator};
-use super::smoothed::PART;
 use crate::base::lanes::{Kernel, LANES, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 

@@ -6,9 +6,9 @@
 //! lies, and in the pictures of the other screens.
 
 use super::screen::{Measured, odd_number};
+use crate::stage::description::Workspace;
 use crate::stage::error::{StageFault, place};
 use crate::stage::screen::{MIN_EYE_DISTANCE_M, Screen};
-use crate::stage::workspace::Workspace;
 use nalgebra::Point3;
 
 /// A screen with both sides longer than this, and the viewer behind it, is in another unit, m.
