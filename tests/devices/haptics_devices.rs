@@ -2,7 +2,7 @@
 
 use crate::common::{program, text};
 use greenstage::effect::haptics::{Device, Haply, HaplyTiming, Push, Reading};
-use greenstage::manual::CHAPTERS;
+use greenstage::manual;
 use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
 use nalgebra::Vector3;
@@ -241,7 +241,7 @@ fn a_malformed_state_is_answered() {
 /// The table in the manual's chapter, with its defaults.
 #[test]
 fn the_stage_in_the_manual_is_read() {
-    let (_, _, chapter) = CHAPTERS.iter().find(|(name, ..)| *name == "haptics").unwrap();
+    let chapter = manual::find("haptics").unwrap().text;
     let block = chapter.split("```").find(|block| block.contains("[haptic.right]")).unwrap();
     let table = block.strip_prefix("text\n").unwrap();
     let stage = Stage::parse(&format!("{}\n{table}", BUILT_IN[0].1), Path::new("manual.toml")).unwrap();
