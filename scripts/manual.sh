@@ -59,7 +59,7 @@ picture start demo.png "The chapters of the demo"
 picture stages room.png "The two-sided workbench from outside"
 picture install pattern.png "The test pattern of a screen"
 picture view overlay.png "The overlay (F1)"
-picture method models.png "Five rods at rest, bent and twisted"
+picture models models.png "Five rods at rest, bent and twisted"
 picture accuracy accuracy.svg "Time of one evaluation against the total error"
 
 mdbook build "$book"

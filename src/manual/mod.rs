@@ -32,28 +32,36 @@ macro_rules! part {
 part! {
     GUIDE in "", "The guide's chapters, in the order of reading.";
     start: "the demo, and a mesh of your own bent in five minutes",
-    scene: "every key of the scene file: bodies, materials, control elements, models, effects, solver, place",
+    scene: "write a scene: bodies, materials, control elements; which model, element and effects",
     materials: "steel, rubber, liver, …: a small library of materials, with sources",
-    meshes: "mesh files: groups, regions, what is repaired and what is refused; the two generators",
-    stages: "describe your own bench, CAVE or powerwall; off-axis projection, stereo, black screens",
-    tracking: "trackers: what a stage file says of them, how to calibrate them, and how to see that they work",
-    install: "on your own workbench or CAVE: from a tape measure to a bent tube, and troubleshooting",
+    meshes: "mesh and surface files: units, groups, regions, what is repaired and refused; generators",
+    stages: "describe your own bench, CAVE or powerwall: screens, windows, stereo, test pattern",
+    tracking: "set up trackers, calibrate them with a tape measure, and see that they work",
+    install: "from a tape measure to a bent tube on your own display, and troubleshooting",
     scripts: "key frames that move head and stylus where nobody does",
-    graph: "the data flow from tracker to surface, and recording a session and replaying it",
-    view: "windows, mouse and keyboard, colours, and what happens without a display",
-    haptics: "forces in the hand: devices, what keeps them stable, how well that works",
+    recording: "record a session, and replay it bit by bit",
+    view: "mouse and keyboard, colours, overlay, panel, pictures and videos",
+    haptics: "forces in the hand: set up a device, and what keeps it stable",
     deform: "poses in, displacements and forces out: files, columns, units, signs",
     export: "columns and poses for other programs: Open Inventor, glTF, VTK, STL, PLY, OBJ",
-    check: "what can go wrong in silence, what is done about it, and how well: hard cases with their figures",
-    accuracy: "what accuracy costs in time: the report, its parts and files; letting `precompute` choose",
+    check: "what is checked, and how far to trust a number: the errors to expect",
+    accuracy: "what accuracy costs in time; let `precompute` choose the setting",
     bench: "what each figure of `greenstage bench` means, and how to measure honestly",
 }
 
 part! {
     REFERENCE in "reference/", "The reference's chapters.";
-    method: "the mathematics, the accuracy that was measured, and the limits",
+    keys: "every key of a scene file, with ranges, defaults and what it costs",
+    method: "the equations behind the columns: elements, boundary elements, loads, compression, graph",
+    models: "how each deformation model computes, and where it ends",
+    forces: "measured errors of force, torque, energy and shape of each model, and its time",
+    verify: "the elements against published and analytic answers; which element near ν = 1/2",
+    errors: "how expected errors and the accuracy report are defined, and its files",
+    cases: "hard cases with their figures, what is judged after solving, damaged input",
+    stability: "the force loop: keys, bounds, how the force ends, measured tables of stability",
+    protocols: "trackers that fail, VRPN, and passing trackers on",
+    drawing: "projection, ranges and checks of stages, stress at the surface, devices, shadows",
     green: "the .green file: tensors, metadata, how to open it in Python, when it is stale",
-    verify: "the elements against published and analytic answers: tables, rates, locking, what is required",
 }
 
 /// All chapters: the guide's, then the reference's.
