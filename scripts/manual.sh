@@ -45,7 +45,7 @@ picture() {
 # part TITLE FOLDER: the chapters of one part, in the order of src/manual/mod.rs.
 part() {
     printf '# %s\n\n' "$1" >> "$book/src/SUMMARY.md"
-    for chapter in $(sed -n "/ in \"$2\", /,/^}/s/^    \([a-z]*\): \".*\",\$/\1/p" src/manual/mod.rs); do
+    for chapter in $(sed -n "\# in \"$2\", #,/^}/s/^    \([a-z]*\): \".*\",\$/\1/p" src/manual/mod.rs); do
         cp "src/manual/$2$chapter.md" "$book/src/"
         title=$(sed -n '1s/^# //p' "src/manual/$2$chapter.md")
         printf -- '- [%s](%s.md)\n' "$title" "$chapter" >> "$book/src/SUMMARY.md"
