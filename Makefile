@@ -41,7 +41,7 @@ deb: man
 install:
 	cargo install --path . --locked
 
-# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `check`, `haptics` and `method`.
+# Measures on this machine and writes the tables and the plot of the README and the tables of the manual's chapters `verify`, `cases`, `stability` and `forces`.
 figures:
 	@sh scripts/setup.sh
 	cargo build --release --locked
@@ -55,8 +55,8 @@ figures:
 	cp out/demo/contact-sheet.png assets/demo.png
 	target/release/greenstage render configs/scenes/models.toml --frames 3 --window-scale 0.5 -o out/models
 	cp out/models/contact-sheet.png assets/models.png
-	target/release/greenstage verify forces --readme src/manual/method.md
-	target/release/greenstage verify bent --readme src/manual/haptics.md
-	target/release/greenstage verify --readme src/manual/verify.md
-	target/release/greenstage verify hard-cases --readme src/manual/check.md
-	target/release/greenstage verify haptics --readme src/manual/haptics.md
+	target/release/greenstage verify forces --readme src/manual/reference/forces.md
+	target/release/greenstage verify bent --readme src/manual/reference/stability.md
+	target/release/greenstage verify --readme src/manual/reference/verify.md
+	target/release/greenstage verify hard-cases --readme src/manual/reference/cases.md
+	target/release/greenstage verify haptics --readme src/manual/reference/stability.md

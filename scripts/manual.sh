@@ -42,17 +42,24 @@ picture() {
 \\
 ![$3](pictures/$2)" "$book/src/$1.md"
 }
+# part TITLE FOLDER: the chapters of one part, in the order of src/manual/mod.rs.
+part() {
+    printf '# %s\n\n' "$1" >> "$book/src/SUMMARY.md"
+    for chapter in $(sed -n "\# in \"$2\", #,/^}/s/^    \([a-z]*\): \".*\",\$/\1/p" src/manual/mod.rs); do
+        cp "src/manual/$2$chapter.md" "$book/src/"
+        title=$(sed -n '1s/^# //p' "src/manual/$2$chapter.md")
+        printf -- '- [%s](%s.md)\n' "$title" "$chapter" >> "$book/src/SUMMARY.md"
+    done
+    printf '\n' >> "$book/src/SUMMARY.md"
+}
 printf '# greenstage\n\n' > "$book/src/SUMMARY.md"
-for chapter in $(sed -n 's/^    \([a-z]*\): ".*",$/\1/p' src/manual/mod.rs); do
-    cp "src/manual/$chapter.md" "$book/src/"
-    title=$(sed -n '1s/^# //p' "src/manual/$chapter.md")
-    printf -- '- [%s](%s.md)\n' "$title" "$chapter" >> "$book/src/SUMMARY.md"
-done
+part Guide ""
+part Reference reference/
 picture start demo.png "The chapters of the demo"
 picture stages room.png "The two-sided workbench from outside"
 picture install pattern.png "The test pattern of a screen"
 picture view overlay.png "The overlay (F1)"
-picture method models.png "Five rods at rest, bent and twisted"
+picture models models.png "Five rods at rest, bent and twisted"
 picture accuracy accuracy.svg "Time of one evaluation against the total error"
 
 mdbook build "$book"

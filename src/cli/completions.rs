@@ -1,4 +1,4 @@
-//! `greenstage completions` and the hidden `greenstage man`: what a shell and `man` know of the command line.
+//! `greenstage completions` and `greenstage man`: what a shell and `man` know of the command line.
 
 use super::print::print;
 use crate::base::failure::Failure;

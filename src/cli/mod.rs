@@ -57,13 +57,14 @@ A first tour:
   greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
   greenstage convert part.inp part.msh                a mesh from one format to another
   greenstage manual                                   the manual's chapters
+  greenstage manual stress                            where the manual says something about stress
 
 Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
 GREENSTAGE_LOG=info logs more about the graphics device.";
 
 /// Grab, bend and twist elastic finite element bodies in stereo, by precomputed Green's functions.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = AFTER_HELP, max_term_width = 110)]
+#[command(version, about, help_template = help_template(), after_help = AFTER_HELP, max_term_width = 110)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Option<Command>,
@@ -91,8 +92,34 @@ pub enum Command {
     Verify(verify::Args),
     Manual(manual::Args),
     Completions(completions::Args),
-    #[command(hide = true)]
     Man(completions::ManArgs),
+}
+
+/// The subcommands as `--help` lists them. Each stands in one group.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Use", &["demo", "view", "render", "deform", "export"]),
+    ("Make", &["new", "check", "inspect", "convert", "precompute", "pack"]),
+    ("Stage", &["stage-view", "pattern", "track"]),
+    ("Measure", &["bench", "accuracy", "scale", "verify"]),
+    ("Help", &["manual", "man", "completions"]),
+];
+
+/// The help with the subcommands in groups, for which clap has nothing.
+fn help_template() -> String {
+    let commands = Command::augment_subcommands(clap::Command::new("greenstage"));
+    let heading = *clap::builder::Styles::styled().get_header();
+    let mut groups = String::new();
+    for (group, names) in GROUPS {
+        groups += &format!("{heading}{group}:{heading:#}\n");
+        for command in names.iter().filter_map(|name| commands.find_subcommand(name)) {
+            let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+            groups += &format!("  {:<12}{about}\n", command.get_name());
+        }
+        groups.push('\n');
+    }
+    format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}{{after-help}}"
+    )
 }
 
 impl Command {
@@ -160,6 +187,28 @@ mod tests {
 
     #[test]
     fn arguments_are_consistent() {
-        <Cli as clap::CommandFactory>::command().debug_assert();
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_subcommand_stands_in_one_group_of_the_help() {
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        let command = Cli::command();
+        let mut known: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
+        grouped.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(grouped, known);
+        let help = Cli::command().render_long_help().to_string();
+        for (group, names) in GROUPS {
+            assert!(help.contains(&format!("{group}:\n  {} ", names[0])), "{help}");
+        }
+        for name in known {
+            assert_eq!(
+                help.lines().filter(|line| line.starts_with(&format!("  {name} "))).count(),
+                1,
+                "{name}: {help}"
+            );
+        }
+        assert!(help.contains("--version") && help.contains("Exit status:"), "{help}");
     }
 }

@@ -8,7 +8,7 @@ use crate::solve::{ERROR_LIMITS, Solver};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Version of accuracy.json; the manual's chapter `accuracy` describes it.
+/// Version of accuracy.json; the manual's chapter `errors` describes it.
 pub const SCHEMA: u32 = 5;
 
 /// All that was measured of one body.

@@ -2,7 +2,7 @@
 
 use crate::common::{program, text};
 use greenstage::effect::haptics::{Device, Haply, HaplyTiming, Push, Reading};
-use greenstage::manual::CHAPTERS;
+use greenstage::manual;
 use greenstage::stage::{BUILT_IN, GripButton, Haptic, Stage};
 use greenstage::track::device::now_s;
 use nalgebra::Vector3;
@@ -241,7 +241,7 @@ fn a_malformed_state_is_answered() {
 /// The table in the manual's chapter, with its defaults.
 #[test]
 fn the_stage_in_the_manual_is_read() {
-    let (_, _, chapter) = CHAPTERS.iter().find(|(name, ..)| *name == "haptics").unwrap();
+    let chapter = manual::find("haptics").unwrap().text;
     let block = chapter.split("```").find(|block| block.contains("[haptic.right]")).unwrap();
     let table = block.strip_prefix("text\n").unwrap();
     let stage = Stage::parse(&format!("{}\n{table}", BUILT_IN[0].1), Path::new("manual.toml")).unwrap();
@@ -253,8 +253,8 @@ fn the_stage_in_the_manual_is_read() {
 /// The tables of the closed loop are as the program prints them, and its judgement of them is good.
 #[test]
 fn the_tables_in_the_manual_are_those_of_verify_haptics() {
-    let manual = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/manual/haptics.md");
-    let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("haptics.md");
+    let manual = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/manual/reference/stability.md");
+    let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("stability.md");
     std::fs::copy(&manual, &copy).unwrap();
     let place = Path::new(env!("CARGO_MANIFEST_DIR"));
     let said = program(place, &["verify", "haptics", "--readme"]).arg(&copy).output().unwrap();
@@ -262,6 +262,6 @@ fn the_tables_in_the_manual_are_those_of_verify_haptics() {
     let [told, printed] = [&manual, &copy].map(|path| std::fs::read_to_string(path).unwrap());
     assert!(
         told == printed,
-        "`greenstage verify haptics --readme src/manual/haptics.md` writes other tables"
+        "`greenstage verify haptics --readme src/manual/reference/stability.md` writes other tables"
     );
 }

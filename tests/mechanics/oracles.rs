@@ -171,10 +171,10 @@ fn shear_force(element: &str, poisson: &str, n: u32) -> f64 {
 }
 
 /// The excess stiffness of linear tetrahedra in bending, how slowly that heals near ν = 1/2, and the results of the two other
-/// elements. The manual's chapter `method` has these figures.
+/// elements. The manual's chapter `verify` has these figures.
 #[test]
 fn linear_tetrahedra_lock_as_the_manual_says() {
-    let manual = include_str!("../../src/manual/method.md");
+    let manual = include_str!("../../src/manual/reference/verify.md");
     let mut missing = Vec::new();
     for poisson in ["0.3", "0.45", "0.49", "0.499", "0.4999"] {
         let cells = [("tet4", 4), ("tet4", 8), ("tet4_anp", 4), ("tet4_anp", 8), ("tet10", 2), ("tet10", 4)];

@@ -482,9 +482,8 @@ fn ten_lines_of_python_deform_a_body() {
     }
     assert!(largest_difference(&sum, &u) < 1e-8);
 
-    let chapters = greenstage::manual::CHAPTERS;
-    let (.., chapter) = chapters.iter().find(|(name, ..)| *name == "green").unwrap();
-    let program = chapter.split("```python\n").nth(1).unwrap().split("```").next().unwrap();
+    let chapter = greenstage::manual::find("green").unwrap();
+    let program = chapter.text.split("```python\n").nth(1).unwrap().split("```").next().unwrap();
     assert!(program.lines().count() < 16);
     if !has("python3", &["-c", "import numpy, safetensors"]) {
         return;

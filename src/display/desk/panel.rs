@@ -75,7 +75,7 @@ impl Draft {
     /// Comments of the file to which it is saved.
     pub fn comments(&self, scene: &Scene) -> Comments {
         let mut comments = Comments::new();
-        let head = "Made in the window of `greenstage view`. `greenstage manual scene` explains every key.";
+        let head = "Made in the window of `greenstage view`. `greenstage manual keys` explains every key.";
         comments.insert(String::new(), head.to_owned());
         for (name, body) in &scene.body {
             if let Some(known) = body.material.known {

@@ -34,7 +34,7 @@ pub(super) fn deformer_of(body: &Precomputed, model: &str) -> Deformer {
 }
 
 /// Force in N that moves one end by 1 m sideways, E = 1 kPa, ν = 0.4999, by cells through the thickness, against 14.2 N with eight
-/// of tet10 and 14.4 N with 24 of tet4_anp (chapter `method`). The softest motion is nearly this one.
+/// of tet10 and 14.4 N with 24 of tet4_anp (chapter `verify`). The softest motion is nearly this one.
 #[test]
 fn near_one_half_the_error_of_the_mesh_is_told_of_every_element() {
     const FINE: f64 = 14.2;

@@ -85,8 +85,8 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     telling.comment(
         "",
         &format!(
-            "{}, as `greenstage new` proposes to bend it: every line can be changed. `greenstage manual scene` explains \
-             each key.",
+            "{}, as `greenstage new` proposes to bend it: every line can be changed. `greenstage manual keys` explains \
+             each one.",
             file.file_name().unwrap_or_default().display()
         ),
     );

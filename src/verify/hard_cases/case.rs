@@ -20,7 +20,7 @@ pub enum Outcome {
 /// One case and its outcome.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CaseRow {
-    /// The case's number in the manual's chapter check.
+    /// The case's number in the manual's chapter `cases`.
     pub number: u32,
     pub case: String,
     pub required: Outcome,

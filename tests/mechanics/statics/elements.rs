@@ -194,10 +194,10 @@ const FINE: [(&str, [f64; 3]); 3] = [
     ("0.4999", [387.6270, 334.9650, 355.2618]),
 ];
 
-/// Every element with every law, near ν = 1/2 too; the manual's chapter `method` has how much too stiff each is.
+/// Every element with every law, near ν = 1/2 too; the manual's chapter `verify` has how much too stiff each is.
 #[test]
 fn every_law_bends_with_every_element_as_the_manual_says() {
-    let manual = include_str!("../../../src/manual/method.md");
+    let manual = include_str!("../../../src/manual/reference/verify.md");
     let mut missing = Vec::new();
     for (poisson, fine) in FINE {
         for (law, fine) in LAWS.iter().zip(fine) {
