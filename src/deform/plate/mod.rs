@@ -10,7 +10,6 @@
 //! Loads and forces at points act on the middle surface, each at the place next to it; the moments of those above and below it
 //! are left out. Warmth lengthens the middle surface without stress.
 
-mod band;
 mod constants;
 mod grips;
 mod middle;

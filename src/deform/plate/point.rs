@@ -15,8 +15,8 @@
 //! the thickness of Green's strain of second order in z κ, for fibres z that contract as plane stress has them, with
 //! p = q = 1 and ν' = ν/(1 - ν): what is bent is also stretched.
 
-use super::band::Band;
 use super::spline::Shape;
+use crate::solve::envelope::Envelope;
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
 /// Stiffness against strains along both directions, their product, and shear: of (ε₁₁, ε₂₂, 2 ε₁₂).
@@ -330,7 +330,7 @@ impl Block {
     pub const ZERO: Block = Block { entries: [[0.0; 9]; 45] };
 
     /// Adds the numbers to those of all control points, and is zero again.
-    pub fn spill(&mut self, nodes: &[usize; 9], hessian: &mut Band) {
+    pub fn spill(&mut self, nodes: &[usize; 9], hessian: &mut Envelope) {
         let pairs = (0..9).flat_map(|i| (0..=i).map(move |j| (i, j)));
         for ((i, j), entries) in pairs.zip(&mut self.entries) {
             let (row, column) = (3 * nodes[i], 3 * nodes[j]);
@@ -410,7 +410,7 @@ impl Grip {
         }
     }
 
-    pub fn add_hessian(&self, pulled: &Pulled, hessian: &mut Band) {
+    pub fn add_hessian(&self, pulled: &Pulled, hessian: &mut Envelope) {
         let fibre = &pulled.fibre;
         for i in 0..9 {
             for j in 0..=i {

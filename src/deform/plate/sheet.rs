@@ -13,10 +13,11 @@
 
 use super::super::frames::PoseSlope;
 use super::super::memory::{ModelMemory, Unknowns};
-use super::band::{Band, dot};
 use super::point::{Block, Grip, Hold, Point, half_product};
 use super::spline::Grid;
 use crate::base::lanes::{self, Kernel};
+use crate::solve::envelope::{Envelope, dot};
+use crate::solve::minimise::{Energy, Step, factorise, minimise};
 use nalgebra::{Matrix3, Vector3};
 
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is the last.
@@ -45,6 +46,8 @@ const FACTOR_WORK: usize = 3;
 const CHEAP: usize = 12;
 const FAST: usize = 16;
 const SAFE: usize = 80;
+/// Least shift of a Hessian that is not positive definite, in parts of the mean of its diagonal.
+const SHIFT: f64 = 1e-7;
 
 /// A shell in the state in which it was last held.
 #[derive(Clone)]
@@ -59,8 +62,8 @@ pub struct Sheet {
     stress: Vec<[[f64; 3]; 2]>,
     gradient: Vec<f64>,
     step: Vec<f64>,
-    hessian: Band,
-    factor: Band,
+    hessian: Envelope,
+    factor: Envelope,
     /// The holds of the equilibrium that the factor is of; the state a last iteration before it, and the stress, of which it
     /// was made; and whether it has yet to be made of them.
     factored: Vec<Hold>,
@@ -121,7 +124,7 @@ enum Geometric {
 impl Sheet {
     pub fn new(grid: &Grid, rest: Vec<Vector3<f64>>, points: Vec<Point>, grips: Vec<Grip>) -> Sheet {
         let unknowns = 3 * rest.len();
-        let band = Band::new(unknowns, 3 * grid.reach() + 2);
+        let band = Envelope::band(unknowns, 3 * grid.reach() + 2);
         let first = rest.first().copied().unwrap_or_else(Vector3::zeros);
         let size = rest.iter().map(|x| (x - first).norm()).fold(0.0, f64::max);
         let sum = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>();
@@ -448,61 +451,10 @@ impl Sheet {
 
     /// Leads the energy down to where it is least.
     fn descend(&mut self, holds: &[Hold], iterations: &mut usize, buckled: &mut bool) -> Option<f64> {
-        for _ in 0..SAFE {
-            *iterations += 1;
-            let energy = self.assemble(holds, Geometric::Own)?;
-            let shift = self.factorise()?;
-            let gain = self.solve();
-            let is_last = gain <= CONVERGED * energy.abs().max(self.least_energy());
-            if is_last && shift > 0.0 {
-                self.leave_along_mode(holds, energy)?;
-                *buckled = true;
-                continue;
-            }
-            self.limit_step();
-            let mut share = 1.0;
-            loop {
-                self.go(share);
-                let after = self.energy(holds, &self.trial);
-                if is_last || after.is_some_and(|after| after <= energy - 1e-4 * share * gain) {
-                    break;
-                }
-                share *= 0.5;
-                if share < 1e-8 {
-                    return None;
-                }
-            }
-            self.q.clone_from_slice(&self.trial);
-            if is_last {
-                self.relax();
-                return self.energy(holds, &self.q);
-            }
-        }
-        None
-    }
-
-    /// Steps off a stationary state that is not stable, along the mode that lowers the energy most.
-    fn leave_along_mode(&mut self, holds: &[Hold], energy: f64) -> Option<()> {
-        for (i, step) in self.step.iter_mut().enumerate() {
-            *step = (1.7 * i as f64).sin() + 0.3;
-        }
-        for _ in 0..20 {
-            self.factor.solve(&mut self.step);
-            let most = self.step.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-            self.step.iter_mut().for_each(|x| *x /= most);
-        }
-        let mut share = 0.02 * self.size;
-        for _ in 0..14 {
-            for sign in [1.0, -1.0] {
-                self.go(sign * share);
-                if self.energy(holds, &self.trial).is_some_and(|after| after < energy) {
-                    self.q.clone_from_slice(&self.trial);
-                    return Some(());
-                }
-            }
-            share *= 0.5;
-        }
-        None
+        let found = minimise(&mut HeldSheet { sheet: self, holds }, SAFE, iterations).ok()?;
+        *buckled |= found.buckled;
+        self.relax();
+        Some(found.energy)
     }
 
     /// Energy, gradient and Hessian; `None` where the surface has lost its tangent plane.
@@ -550,18 +502,7 @@ impl Sheet {
 
     /// Factorises the Hessian, shifted as little as it must be to be positive definite; returns the shift.
     fn factorise(&mut self) -> Option<f64> {
-        let mean = self.hessian.trace() / self.gradient.len() as f64;
-        let mut shift = 0.0;
-        for _ in 0..16 {
-            self.work += FACTOR_WORK;
-            self.factor.copy_from(&self.hessian);
-            self.factor.add_to_diagonal(shift);
-            if self.factor.factor() {
-                return Some(shift);
-            }
-            shift = if shift == 0.0 { 1e-7 * mean } else { 4.0 * shift };
-        }
-        None
+        factorise(&mut HeldSheet { sheet: self, holds: &[] })
     }
 
     /// The step against the gradient; returns twice the energy that it should win.
@@ -643,6 +584,56 @@ impl Sheet {
     }
 }
 
+/// The energy of a shell whose control elements are held so.
+struct HeldSheet<'a> {
+    sheet: &'a mut Sheet,
+    holds: &'a [Hold],
+}
+
+impl Energy for HeldSheet<'_> {
+    const TRIALS: usize = 27;
+
+    fn evaluate(&mut self) -> Option<f64> {
+        self.sheet.assemble(self.holds, Geometric::Own)
+    }
+
+    fn factorise(&mut self, shift: f64) -> bool {
+        let Sheet { work, factor, hessian, gradient, .. } = &mut *self.sheet;
+        let added = SHIFT * (hessian.trace() / gradient.len() as f64) * shift;
+        *work += FACTOR_WORK;
+        factor.copy_from(hessian);
+        factor.change_diagonal(|entry| entry + added);
+        factor.factor()
+    }
+
+    fn find_step(&mut self, energy: f64) -> Step {
+        let gain = self.sheet.solve();
+        self.sheet.limit_step();
+        Step { gain, is_last: gain <= CONVERGED * energy.abs().max(self.sheet.least_energy()) }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        self.sheet.go(share);
+        self.sheet.energy(self.holds, &self.sheet.trial)
+    }
+
+    fn accept(&mut self) {
+        self.sheet.q.clone_from_slice(&self.sheet.trial);
+    }
+
+    /// Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
+    fn find_mode(&mut self) -> Option<f64> {
+        let Sheet { step, factor, size, .. } = &mut *self.sheet;
+        step.iter_mut().enumerate().for_each(|(i, step)| *step = (1.7 * i as f64).sin() + 0.3);
+        for _ in 0..20 {
+            factor.solve(step);
+            let most = step.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            step.iter_mut().for_each(|x| *x /= most);
+        }
+        Some(0.02 * *size)
+    }
+}
+
 /// Potential of dead forces, zero at rest.
 fn potential(loads: &[Vector3<f64>], q: &[Vector3<f64>], rest: &[Vector3<f64>]) -> f64 {
     -loads.iter().zip(q.iter().zip(rest)).map(|(load, (q, rest))| load.dot(&(q - rest))).sum::<f64>()
@@ -655,7 +646,7 @@ fn add_part(
     points: &[Point],
     led: Option<&[[[f64; 3]; 2]]>,
     q: &[Vector3<f64>],
-    hessian: &mut Band,
+    hessian: &mut Envelope,
 ) -> Option<()> {
     let size = points.len().div_ceil(PARTS).max(1);
     let (mut block, mut nodes) = (Block::ZERO, None);
@@ -701,7 +692,7 @@ fn add(x: &mut [f64], share: f64, y: &[f64]) {
     x.iter_mut().zip(y).for_each(|(x, y)| *x += share * y);
 }
 
-fn add_grips(grips: &[Grip], holds: &[Hold], q: &[Vector3<f64>], hessian: &mut Band) -> Option<()> {
+fn add_grips(grips: &[Grip], holds: &[Hold], q: &[Vector3<f64>], hessian: &mut Envelope) -> Option<()> {
     for grip in grips {
         grip.add_hessian(&grip.pulled(q, holds.get(grip.control)?), hessian);
     }

@@ -10,6 +10,8 @@ use super::quartic::Quartic;
 use crate::deform::loads::Burden;
 use crate::deform::memory::Unknowns;
 use crate::fem::QuarticShape;
+use crate::solve::envelope::Envelope;
+use crate::solve::minimise::{Energy, Step, minimise};
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
@@ -17,7 +19,8 @@ const LAST: f64 = 1e-12;
 /// A step with old second derivatives that leaves more than this part of the promised decrease is the last such one.
 const SERVES: f64 = 0.01;
 const MOST_STEPS: usize = 60;
-const SHORTEST: f64 = 1e-3;
+/// Least shift of second derivatives that are not positive definite, in parts of the largest on their diagonal.
+const SHIFT: f64 = 1e-4;
 /// Rounding errors of V, as a part of it.
 const ROUNDING: f64 = 1e-12;
 /// A change of y that is smaller than this, in metres and parts, says nothing of the tangent: what is left of q by rounding,
@@ -44,7 +47,7 @@ pub struct ReducedBody {
     z: Vec<f64>,
     slopes: Vec<f64>,
     second: Curvature,
-    factor: Factor,
+    factor: Envelope,
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
     tangent: Vec<f64>,
     cross: Vec<f64>,
@@ -63,7 +66,7 @@ pub struct ReducedBody {
     /// ∂²V/∂z² over all of z at an earlier equilibrium; the factor of its part by q, if that has one; the slopes that were found with
     /// them.
     curvature: Curvature,
-    beside: Factor,
+    beside: Envelope,
     has_beside: bool,
     slopes_beside: Vec<f64>,
 }
@@ -77,7 +80,7 @@ impl ReducedBody {
         let shape = QuarticShape { variables: n };
         let of_unit = |k: usize| coefficients.get(shape.at([0, 0, k, k])).copied().unwrap_or(0.0);
         let stiffest = (1..n).map(of_unit).fold(0.0, f64::max);
-        let factor = Factor { n: fields, lower: vec![0.0; fields * fields] };
+        let factor = Envelope::square(fields);
         Some(ReducedBody {
             nothing: NOTHING * NOTHING * stiffest,
             quartic: Quartic::new(n, coefficients)?,
@@ -126,15 +129,15 @@ impl ReducedBody {
 
     /// Count of the numbers that [`ReducedBody::keep`] adds.
     pub fn kept(&self) -> usize {
-        let [lower, tangent, cross] = [&self.factor.lower, &self.tangent, &self.cross].map(Vec::len);
-        3 * self.z.len() + self.fields + 1 + lower + tangent + cross
+        let made = self.factor.entries().len() + self.tangent.len() + self.cross.len();
+        3 * self.z.len() + self.fields + 1 + made
     }
 
     /// Adds the last equilibrium with its slopes, and the factor and the tangent with which the next one is found.
     pub fn keep(&self, unknowns: &mut Vec<f64>) {
         unknowns.extend(self.z.iter().chain(&self.slopes));
         unknowns.push(self.active as f64);
-        unknowns.extend(self.factor.lower.iter().chain(&self.tangent).chain(&self.cross));
+        unknowns.extend(self.factor.entries().iter().chain(&self.tangent).chain(&self.cross));
         unknowns.extend(self.change.iter().chain(&self.missed));
     }
 
@@ -144,8 +147,8 @@ impl ReducedBody {
         unknowns.fill(&mut self.z);
         unknowns.fill(&mut self.slopes);
         self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
-        let made = [&mut self.factor.lower, &mut self.tangent, &mut self.cross];
-        for numbers in made.into_iter().chain([&mut self.change, &mut self.missed]) {
+        self.factor.take_back(|entries| unknowns.fill(entries));
+        for numbers in [&mut self.tangent, &mut self.cross, &mut self.change, &mut self.missed] {
             unknowns.fill(numbers);
         }
     }
@@ -179,7 +182,7 @@ impl ReducedBody {
             self.predict();
         }
         let (q, fields) = (1 + self.rigid, self.fields);
-        let found = self.iterate(active, &mut burden).filter(|value| value.is_finite());
+        let found = self.iterate(active, burden.as_deref_mut()).filter(|value| value.is_finite());
         if found.is_none() {
             self.z[q..q + fields].copy_from_slice(&self.before[q..q + fields]);
             self.active = 0;
@@ -214,16 +217,15 @@ impl ReducedBody {
         let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
         let second = &self.curvature.second;
         for i in 0..fields {
-            self.beside.lower[i * fields..(i + 1) * fields]
-                .copy_from_slice(&second[(q + i) * n + q..][..fields]);
+            self.beside.set(i, 0, &second[(q + i) * n + q..][..fields]);
         }
-        self.has_beside = self.beside.make();
+        self.has_beside = self.beside.factor();
         let active = self.active;
         if self.has_beside && active > 0 {
             for i in 0..fields {
                 self.cross[i * active..(i + 1) * active].copy_from_slice(&second[(q + i) * n..][..active]);
             }
-            self.factor.lower.copy_from_slice(&self.beside.lower);
+            self.factor.clone_from(&self.beside);
             self.find_tangent(active);
             self.missed.fill(0.0);
         }
@@ -313,57 +315,19 @@ impl ReducedBody {
     }
 
     /// V at the q that is found from the q in z.
-    fn iterate(&mut self, active: usize, burden: &mut Option<&mut Burden>) -> Option<f64> {
-        let q = 1 + self.rigid;
-        self.work += 1;
-        let (mut value, mut size) =
-            slopes_with(&mut self.quartic, burden, &self.z, &mut self.slopes[..active]);
-        let mut last = f64::INFINITY;
-        for _ in 0..MOST_STEPS {
-            let mut promised = if self.active == active { self.direction() } else { f64::INFINITY };
-            let is_new = self.active != active || promised > SERVES * last;
-            if is_new {
-                self.factorize(active, burden)?;
-                promised = self.direction();
-            }
-            if promised.is_nan() {
-                return None;
-            }
-            if promised <= LAST * size.max(self.nothing) {
-                return Some(self.take_last(value, promised));
-            }
-            last = promised;
-            let mut share = 1.0;
-            let moved = loop {
-                self.work += 1;
-                self.trial.copy_from_slice(&self.z);
-                for (q, step) in self.trial[q..].iter_mut().zip(&self.step) {
-                    *q -= share * step;
-                }
-                let moved = slopes_with(&mut self.quartic, burden, &self.trial, &mut self.slopes[..active]);
-                if moved.0 <= value - 1e-4 * share * promised + ROUNDING * size {
-                    break Some(moved);
-                }
-                share *= 0.5;
-                if share < SHORTEST {
-                    break None;
-                }
-            };
-            match moved {
-                Some(moved) => {
-                    self.z.copy_from_slice(&self.trial);
-                    (value, size) = moved;
-                }
-                None if is_new => return None,
-                // The old second derivatives are of no use here.
-                None => {
-                    (value, size) =
-                        slopes_with(&mut self.quartic, burden, &self.z, &mut self.slopes[..active]);
-                    self.active = 0;
-                }
-            }
-        }
-        None
+    fn iterate(&mut self, active: usize, burden: Option<&mut Burden>) -> Option<f64> {
+        let mut search = Search {
+            active,
+            burden,
+            at: (0.0, 0.0),
+            tried: (0.0, 0.0),
+            last: f64::INFINITY,
+            promised: f64::INFINITY,
+            is_new: false,
+            body: self,
+        };
+        search.at = search.slopes(false);
+        minimise(&mut search, MOST_STEPS, &mut 0).ok().map(|found| found.energy)
     }
 
     /// The last step, with what it does to V and its slopes by y.
@@ -386,37 +350,6 @@ impl ReducedBody {
         self.step.iter().zip(own).map(|(step, slope)| step * slope).sum()
     }
 
-    /// Factors ∂²V/∂q² at z, its diagonal enlarged until it is positive definite, and finds the tangent.
-    fn factorize(&mut self, active: usize, burden: &Option<&mut Burden>) -> Option<()> {
-        let (n, q, fields) = (active, 1 + self.rigid, self.fields);
-        self.work += 2;
-        self.is_fresh = true;
-        self.second.make(&self.quartic, &self.z, n);
-        if let Some(burden) = burden {
-            burden.add_second(n, &mut self.second.second);
-        }
-        self.cross[..fields * n].copy_from_slice(&self.second.second[q * n..(q + fields) * n]);
-        let largest = (q..q + fields).map(|i| self.second.second[i * n + i].abs()).fold(0.0, f64::max);
-        let mut shift = 0.0;
-        self.active = 0;
-        for _ in 0..12 {
-            for i in 0..fields {
-                let row = &self.cross[i * n + q..][..fields];
-                self.factor.lower[i * fields..(i + 1) * fields].copy_from_slice(row);
-                self.factor.lower[i * fields + i] += shift;
-            }
-            if self.factor.make() {
-                self.active = n;
-                break;
-            }
-            shift = (10.0 * shift).max(1e-4 * largest);
-        }
-        if self.active == n {
-            self.find_tangent(n);
-        }
-        (self.active == n).then_some(())
-    }
-
     /// dq/dy of the `n` active z, by the factor and the derivatives by q and y.
     fn find_tangent(&mut self, n: usize) {
         let (q, fields) = (1 + self.rigid, self.fields);
@@ -435,60 +368,110 @@ impl ReducedBody {
     }
 }
 
-/// V with what loads make of it, its slopes against the first of z, and how large the numbers are that make it up.
-fn slopes_with(
-    quartic: &mut Quartic,
-    burden: &mut Option<&mut Burden>,
-    z: &[f64],
-    slopes: &mut [f64],
-) -> (f64, f64) {
-    let value = quartic.slopes(z, slopes.len(), slopes);
-    match burden {
-        None => (value, value.abs()),
-        Some(burden) => burden.add(value, z, slopes),
+/// The search for the q at which V is least.
+struct Search<'a, 'b> {
+    body: &'a mut ReducedBody,
+    burden: Option<&'b mut Burden>,
+    /// Number of variables of z that are not 0.
+    active: usize,
+    /// V at z and where a step is tried, each with how large the numbers are that make it up.
+    at: (f64, f64),
+    tried: (f64, f64),
+    /// Twice the decrease of V that the last step promised, and that this one does; whether its second derivatives are new.
+    last: f64,
+    promised: f64,
+    is_new: bool,
+}
+
+impl Search<'_, '_> {
+    /// Finds the slopes at z, or where a step is tried, and V with what loads make of it.
+    fn slopes(&mut self, is_tried: bool) -> (f64, f64) {
+        let ReducedBody { quartic, slopes, z, trial, work, .. } = &mut *self.body;
+        let (z, slopes) = (if is_tried { trial } else { z }, &mut slopes[..self.active]);
+        *work += 1;
+        let value = quartic.slopes(z, self.active, slopes);
+        match &mut self.burden {
+            None => (value, value.abs()),
+            Some(burden) => burden.add(value, z, slopes),
+        }
     }
 }
 
-/// Cholesky's factor L of a symmetric matrix, row by row.
-#[derive(Clone)]
-struct Factor {
-    n: usize,
-    lower: Vec<f64>,
-}
+impl Energy for Search<'_, '_> {
+    const TRIALS: usize = 10;
 
-impl Factor {
-    /// Makes L of the lower triangle in place; false where the matrix is not positive definite.
-    fn make(&mut self) -> bool {
-        let (n, a) = (self.n, &mut self.lower);
-        for i in 0..n {
-            for j in 0..=i {
-                let sum: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();
-                let (whole, rest) = (a[i * n + j], a[i * n + j] - sum);
-                if i != j {
-                    a[i * n + j] = rest / a[j * n + j];
-                } else if rest > 1e-12 * whole.abs() {
-                    a[i * n + i] = rest.sqrt();
-                } else {
-                    return false;
-                }
-            }
+    fn evaluate(&mut self) -> Option<f64> {
+        Some(self.at.0)
+    }
+
+    fn rounding(&self) -> f64 {
+        ROUNDING * self.at.1
+    }
+
+    fn serves(&mut self) -> bool {
+        self.is_new = self.body.active != self.active;
+        if !self.is_new {
+            self.promised = self.body.direction();
+            self.is_new = self.promised > SERVES * self.last;
         }
+        !self.is_new
+    }
+
+    /// Makes the tangent dq/dy as well.
+    fn factorise(&mut self, shift: f64) -> bool {
+        let body = &mut *self.body;
+        let (n, q, fields) = (self.active, 1 + body.rigid, body.fields);
+        if shift == 0.0 {
+            body.work += 2;
+            body.is_fresh = true;
+            body.active = 0;
+            body.second.make(&body.quartic, &body.z, n);
+            if let Some(burden) = &self.burden {
+                burden.add_second(n, &mut body.second.second);
+            }
+            body.cross[..fields * n].copy_from_slice(&body.second.second[q * n..(q + fields) * n]);
+        }
+        let own = |i: usize| &body.cross[i * n + q..][..fields];
+        let largest = (0..fields).map(|i| own(i)[i].abs()).fold(0.0, f64::max);
+        (0..fields).for_each(|i| body.factor.set(i, 0, own(i)));
+        body.factor.change_diagonal(|entry| entry + SHIFT * largest * shift);
+        if !body.factor.factor() {
+            return false;
+        }
+        body.active = n;
+        body.find_tangent(n);
+        self.promised = body.direction();
         true
     }
 
-    fn solve(&self, x: &mut [f64]) {
-        let (n, l) = (self.n, &self.lower);
-        for i in 0..n {
-            let known: f64 = (0..i).map(|j| l[i * n + j] * x[j]).sum();
-            x[i] = (x[i] - known) / l[i * n + i];
+    fn find_step(&mut self, _energy: f64) -> Step {
+        self.last = self.promised;
+        Step { gain: self.promised, is_last: self.promised <= LAST * self.at.1.max(self.body.nothing) }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        let ReducedBody { z, trial, step, rigid, .. } = &mut *self.body;
+        trial.copy_from_slice(z);
+        trial[1 + *rigid..].iter_mut().zip(step).for_each(|(q, step)| *q -= share * *step);
+        self.tried = self.slopes(true);
+        Some(self.tried.0)
+    }
+
+    fn accept(&mut self) {
+        self.body.z.copy_from_slice(&self.body.trial);
+        self.at = self.tried;
+    }
+
+    fn finish(&mut self, energy: f64, gain: f64) -> Option<f64> {
+        Some(self.body.take_last(energy, gain))
+    }
+
+    fn renew(&mut self) -> bool {
+        if !self.is_new {
+            self.body.active = 0;
+            self.at = self.slopes(false);
         }
-        for i in (0..n).rev() {
-            x[i] /= l[i * n + i];
-            let value = x[i];
-            for j in 0..i {
-                x[j] -= l[i * n + j] * value;
-            }
-        }
+        !self.is_new
     }
 }
 

@@ -19,6 +19,7 @@ use super::super::loads::Borne;
 use super::super::memory::{ModelMemory, Unknowns};
 use super::super::se3::{exp, halves, joined};
 use super::screws::{Tangent, log};
+use crate::solve::minimise::{Energy, Step, factorise, minimise};
 use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
 
 /// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
@@ -30,6 +31,8 @@ const SECTION_MOVE: f64 = 0.25;
 /// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is
 /// the last one. As it converges quadratically, forces are then right to about the square of its root.
 const CONVERGED: f64 = 1e-10;
+/// Least shift of a Hessian that is not positive definite, in parts of the weight.
+const SHIFT: f64 = 0.3;
 /// Iterations for one pose of the clamps.
 const MOST_ITERATIONS: usize = 300;
 
@@ -181,7 +184,7 @@ impl Chain {
         self.factored.iter_mut().for_each(|frame| *frame = unknowns.take());
         self.frames.clone_from_slice(&self.factored);
         self.assemble();
-        self.is_factored = is_factored && self.factor().is_some();
+        self.is_factored = is_factored && factorise(self).is_some();
         self.frames.clone_from_slice(&self.kept);
         self.slopes();
     }
@@ -272,31 +275,12 @@ impl Chain {
         if eta.amax() > 0.0 {
             self.predict(eta)?;
         }
-        let last = self.segments();
-        loop {
-            *iterations += 1;
-            let energy = self.assemble();
-            self.factored.clone_from_slice(&self.frames);
-            if *iterations > MOST_ITERATIONS || !energy.is_finite() {
-                return None;
-            }
-            let shift = self.factor()?;
-            self.solve(Vector6::zeros());
-            let gain: f64 = -(1..last).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
-            self.limit_step();
-            let is_last = gain <= CONVERGED * self.strained.max(self.least_energy());
-            if is_last && shift > 0.0 {
-                self.leave_along_mode(energy)?;
-                *buckled = true;
-            } else if !self.descend(energy, gain, is_last) {
-                return None;
-            }
-            if is_last && shift == 0.0 {
-                self.gradient.fill(Vector6::zeros());
-                self.is_factored = true;
-                return Some(self.energy_of(&self.frames));
-            }
-        }
+        let most = MOST_ITERATIONS.saturating_sub(*iterations);
+        let found = minimise(self, most, iterations).ok()?;
+        *buckled |= found.buckled;
+        self.gradient.fill(Vector6::zeros());
+        self.is_factored = true;
+        Some(found.energy)
     }
 
     /// Moves the last frame by `eta`, and the others as the tangent answers, with the factor of the last equilibrium where
@@ -304,7 +288,7 @@ impl Chain {
     fn predict(&mut self, eta: Vector6<f64>) -> Option<()> {
         if !std::mem::take(&mut self.is_factored) {
             self.assemble();
-            self.factor()?;
+            factorise(self)?;
         }
         self.solve(eta);
         self.limit_step();
@@ -316,53 +300,6 @@ impl Chain {
     /// An energy that counts as none: that of a bend by 1e-4 rad.
     fn least_energy(&self) -> f64 {
         1e-8 * self.weight[3] * self.segments() as f64
-    }
-
-    /// Goes along the step as far as the energy falls.
-    fn descend(&mut self, energy: f64, gain: f64, is_last: bool) -> bool {
-        let mut share = 1.0;
-        for _ in 0..30 {
-            self.try_step(share);
-            // Rounding alone decides about the last steps.
-            let falls = is_last || self.energy_of(&self.trial) <= energy - 1e-4 * share * gain;
-            if falls {
-                self.frames.clone_from_slice(&self.trial);
-                return true;
-            }
-            share *= 0.5;
-        }
-        false
-    }
-
-    /// Steps off a state that is stationary but not stable, along the mode that lowers the energy most.
-    fn leave_along_mode(&mut self, energy: f64) -> Option<()> {
-        let last = self.segments();
-        // Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
-        for i in 1..last {
-            self.step[i] = Vector6::from_fn(|k, _| (1.7 * i as f64 + 0.9 * k as f64).sin() + 0.3);
-        }
-        for _ in 0..20 {
-            for i in 1..last {
-                self.step[i].component_mul_assign(&-self.weight);
-            }
-            std::mem::swap(&mut self.step, &mut self.gradient);
-            self.solve(Vector6::zeros());
-            let size = self.step[1..last].iter().map(Vector6::amax).fold(0.0, f64::max);
-            self.step[1..last].iter_mut().for_each(|step| *step /= size);
-        }
-        let turn = self.step[1..last].iter().map(|s| halves(s).1.norm()).fold(0.0, f64::max);
-        let mut share = 0.1 / turn;
-        for _ in 0..12 {
-            for sign in [1.0, -1.0] {
-                self.try_step(sign * share);
-                if self.energy_of(&self.trial) < energy {
-                    self.frames.clone_from_slice(&self.trial);
-                    return Some(());
-                }
-            }
-            share *= 0.5;
-        }
-        None
     }
 
     /// Shortens the step of the inner sections where it is beyond what one iteration may do.
@@ -453,35 +390,6 @@ impl Chain {
         self.energy_of(&self.frames)
     }
 
-    /// Factorises the Hessian of the inner sections, shifted as little as it must be to be positive definite; returns the
-    /// shift.
-    fn factor(&mut self) -> Option<f64> {
-        let mut shift = 0.0;
-        for _ in 0..24 {
-            if self.factor_shifted(shift) {
-                return Some(shift);
-            }
-            shift = if shift == 0.0 { 0.3 } else { 4.0 * shift };
-        }
-        None
-    }
-
-    fn factor_shifted(&mut self, shift: f64) -> bool {
-        self.pivots.clear();
-        self.upper.clear();
-        let added = Matrix6::from_diagonal(&(self.weight * shift));
-        for i in 1..self.segments() {
-            let mut pivot = self.diagonal[i] + added;
-            if let Some(above) = self.upper.last() {
-                pivot -= self.beside[i - 1].tr_mul(above);
-            }
-            let Some(factor) = pivot.cholesky() else { return false };
-            self.upper.push(factor.solve(&self.beside[i]));
-            self.pivots.push(factor);
-        }
-        true
-    }
-
     /// The step of the inner sections against the gradient, with the last section's own.
     fn solve(&mut self, of_last: Vector6<f64>) {
         let last = self.segments();
@@ -503,7 +411,69 @@ impl Chain {
     #[cfg(test)]
     pub fn is_stable(&mut self) -> bool {
         self.assemble();
-        self.factor_shifted(0.0)
+        self.factorise(0.0)
+    }
+}
+
+/// The energy of the inner sections between two clamps that stand.
+impl Energy for Chain {
+    const TRIALS: usize = 30;
+
+    fn evaluate(&mut self) -> Option<f64> {
+        let energy = self.assemble();
+        self.factored.clone_from_slice(&self.frames);
+        energy.is_finite().then_some(energy)
+    }
+
+    fn factorise(&mut self, shift: f64) -> bool {
+        self.pivots.clear();
+        self.upper.clear();
+        let added = Matrix6::from_diagonal(&(self.weight * (SHIFT * shift)));
+        for i in 1..self.segments() {
+            let mut pivot = self.diagonal[i] + added;
+            if let Some(above) = self.upper.last() {
+                pivot -= self.beside[i - 1].tr_mul(above);
+            }
+            let Some(factor) = pivot.cholesky() else { return false };
+            self.upper.push(factor.solve(&self.beside[i]));
+            self.pivots.push(factor);
+        }
+        true
+    }
+
+    fn find_step(&mut self, _energy: f64) -> Step {
+        self.solve(Vector6::zeros());
+        let gain: f64 = -(1..self.segments()).map(|i| self.gradient[i].dot(&self.step[i])).sum::<f64>();
+        self.limit_step();
+        Step { gain, is_last: gain <= CONVERGED * self.strained.max(self.least_energy()) }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        self.try_step(share);
+        Some(self.energy_of(&self.trial))
+    }
+
+    fn accept(&mut self) {
+        self.frames.clone_from_slice(&self.trial);
+    }
+
+    /// Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
+    fn find_mode(&mut self) -> Option<f64> {
+        let last = self.segments();
+        for i in 1..last {
+            self.step[i] = Vector6::from_fn(|k, _| (1.7 * i as f64 + 0.9 * k as f64).sin() + 0.3);
+        }
+        for _ in 0..20 {
+            for i in 1..last {
+                self.step[i].component_mul_assign(&-self.weight);
+            }
+            std::mem::swap(&mut self.step, &mut self.gradient);
+            self.solve(Vector6::zeros());
+            let size = self.step[1..last].iter().map(Vector6::amax).fold(0.0, f64::max);
+            self.step[1..last].iter_mut().for_each(|step| *step /= size);
+        }
+        let turn = self.step[1..last].iter().map(|s| halves(s).1.norm()).fold(0.0, f64::max);
+        Some(0.1 / turn)
     }
 }
 

@@ -1,13 +1,14 @@
 //! The frames of the interfaces in equilibrium: Newton's method on the energy of all parts.
 //!
 //! In: parts, the control elements' frames and stretches, frames to start from. Out: the frames at which V is stationary,
-//! V, and the forces on the control elements. Unknowns are twists of the interfaces' frames; the Hessian is exact, made
-//! positive definite by a multiple of its diagonal where it is not, and factorised within its envelope (George and Liu,
-//! Computer Solution of Large Sparse Positive Definite Systems, 1981, chapter 4).
+//! V, and the forces on the control elements. Unknowns are twists of the interfaces' frames; the Hessian is exact, and shifted by a
+//! multiple of its diagonal where it is not positive definite.
 
 use super::link::Twist;
 use super::linked_part::{LinkedPart, PartEnd, Places};
 use crate::deform::loads::Borne;
+use crate::solve::envelope::Envelope;
+use crate::solve::minimise::{Energy, Step, minimise};
 
 /// Result of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,10 +28,8 @@ pub struct Assembly {
     /// A length against which shifts are measured, m.
     size: f64,
     gradient: Vec<f64>,
-    hessian: Vec<f64>,
-    factor: Vec<f64>,
-    /// The first column of each row that is not zero.
-    start: Vec<usize>,
+    hessian: Envelope,
+    factor: Envelope,
     step: Vec<f64>,
     before: Places,
 }
@@ -40,10 +39,10 @@ const MOST_ITERATIONS: usize = 40;
 const LAST_STEP: f64 = 1e-6;
 /// No step turns or shifts a frame by more.
 const LONGEST_STEP: f64 = 0.5;
-/// Part of the predicted decrease that must be met (Armijo), and of the energy that is its rounding.
-const ARMIJO: f64 = 1e-4;
+/// Part of the energy that is its rounding.
 const ROUNDING: f64 = 1e-12;
-const MOST_HALVINGS: usize = 12;
+/// Least shift of a Hessian that is not positive definite, in parts of its diagonal.
+const SHIFT: f64 = 1e-4;
 
 impl Assembly {
     pub fn new(parts: Vec<LinkedPart>, rest: &Places, size: f64) -> Assembly {
@@ -55,14 +54,14 @@ impl Assembly {
                 start[6 * i..6 * i + 6].iter_mut().for_each(|start| *start = first.min(*start));
             }
         }
+        let hessian = Envelope::new(start);
         Assembly {
             parts,
             loads: Vec::new(),
             size,
             gradient: vec![0.0; n],
-            hessian: vec![0.0; n * n],
-            factor: vec![0.0; n * n],
-            start,
+            factor: hessian.clone(),
+            hessian,
             step: vec![0.0; n],
             before: rest.clone(),
         }
@@ -84,32 +83,27 @@ impl Assembly {
     /// Moves the interfaces to equilibrium, or leaves them where the search ended. Afterwards all parts have the gradient
     /// there.
     pub fn settle(&mut self, places: &mut Places) -> Search {
-        let mut search = Search { energy: self.value(places), ..Search::default() };
-        let n = self.gradient.len();
-        while n > 0 && search.energy.is_finite() && search.iterations < MOST_ITERATIONS {
-            self.assemble();
-            self.add_loads(places);
-            search.iterations += 1;
-            let (Some(slope), largest) = (self.find_step(), self.shorten()) else { break };
-            match self.advance(places, search.energy, slope) {
-                Some(energy) => search.energy = energy,
-                None => break,
-            }
-            if largest < LAST_STEP {
-                search.is_settled = true;
-                break;
+        let energy = self.value(places);
+        let mut search = Search { energy, is_settled: energy.is_finite(), iterations: 0 };
+        if search.is_settled && !self.step.is_empty() {
+            self.before.interfaces.copy_from_slice(&places.interfaces);
+            let mut at = PlacedAssembly { assembly: self, places, energy, tried: energy };
+            let found = minimise(&mut at, MOST_ITERATIONS, &mut search.iterations);
+            search.energy = at.energy;
+            search.is_settled = found.is_ok();
+            if !search.is_settled {
+                places.interfaces.copy_from_slice(&self.before.interfaces);
+                self.value(places);
             }
         }
-        search.is_settled |= n == 0 && search.energy.is_finite();
         self.parts.iter_mut().for_each(|part| part.differentiate(false));
         search
     }
 
     /// Gradient and Hessian where the parts were last evaluated.
     fn assemble(&mut self) {
-        let n = self.gradient.len();
         self.gradient.fill(0.0);
-        self.hessian.fill(0.0);
+        self.hessian.clear();
         for part in &mut self.parts {
             part.differentiate(true);
             let q = part.gradient.len();
@@ -119,9 +113,11 @@ impl Assembly {
                 }
                 for (b, j) in interfaces(part).filter(|(_, j)| *j <= i) {
                     for row in 0..6 {
-                        let from = &part.hessian[(6 * a + row) * q + 6 * b..][..6];
-                        let to = &mut self.hessian[(6 * i + row) * n + 6 * j..][..6];
-                        to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+                        let columns = if i == j { row + 1 } else { 6 };
+                        let from = &part.hessian[(6 * a + row) * q + 6 * b..][..columns];
+                        for (column, value) in from.iter().enumerate() {
+                            self.hessian.add(6 * i + row, 6 * j + column, *value);
+                        }
                     }
                 }
             }
@@ -130,7 +126,6 @@ impl Assembly {
 
     /// Adds the loads' part of gradient and Hessian, of a motion exp (ω, v) in the frame's axes.
     fn add_loads(&mut self, places: &Places) {
-        let n = self.gradient.len();
         for (i, (frame, load)) in places.interfaces.iter().zip(&self.loads).enumerate() {
             let load = load.along(&frame.turn);
             let (torque, [mixed, turning]) = (load.torque(), load.curvatures());
@@ -138,65 +133,13 @@ impl Assembly {
                 self.gradient[6 * i + row] -= torque[row];
                 self.gradient[6 * i + 3 + row] -= load.force[row];
                 for column in 0..3 {
-                    let at = |a: usize, b: usize| (6 * i + a + row) * n + 6 * i + b + column;
-                    self.hessian[at(0, 0)] -= turning[(row, column)];
-                    self.hessian[at(3, 0)] -= mixed[(row, column)];
-                    self.hessian[at(0, 3)] -= mixed[(column, row)];
-                }
-            }
-        }
-    }
-
-    /// Solves for the step; returns the slope of V along it, negative. `None` where no multiple of the diagonal helps.
-    fn find_step(&mut self) -> Option<f64> {
-        let n = self.gradient.len();
-        let mut added = 0.0;
-        while !self.factorise(added) {
-            added = if added == 0.0 { 1e-4 } else { added * 8.0 };
-            if added > 1e6 {
-                return None;
-            }
-        }
-        for i in 0..n {
-            let from = self.start[i];
-            let row = &self.factor[i * n..][..n];
-            let sum: f64 = row[from..i].iter().zip(&self.step[from..i]).map(|(l, x)| l * x).sum();
-            self.step[i] = (-self.gradient[i] - sum) / row[i];
-        }
-        for i in (0..n).rev() {
-            let row = &self.factor[i * n..][..n];
-            let value = self.step[i] / row[i];
-            self.step[i] = value;
-            let from = self.start[i];
-            self.step[from..i].iter_mut().zip(&row[from..i]).for_each(|(x, l)| *x -= l * value);
-        }
-        Some(self.step.iter().zip(&self.gradient).map(|(step, g)| step * g).sum())
-    }
-
-    /// L of H + added · |diag H| = L Lᵀ within the envelope; false where a pivot is not positive.
-    fn factorise(&mut self, added: f64) -> bool {
-        let n = self.gradient.len();
-        for i in 0..n {
-            let from = self.start[i];
-            for j in from..=i {
-                let both = from.max(self.start[j]);
-                let (above, below) = self.factor.split_at_mut(i * n);
-                let own = &mut below[..n];
-                let known = if j < i { &above[j * n..][..n] } else { &*own };
-                let sum: f64 = own[both..j].iter().zip(&known[both..j]).map(|(a, b)| a * b).sum();
-                let h = self.hessian[i * n + j];
-                if j < i {
-                    own[j] = (h - sum) / known[j];
-                } else {
-                    let (pivot, least) = (h + added * h.abs() - sum, 1e-12 * h.abs());
-                    if pivot.is_nan() || pivot <= least {
-                        return false;
+                    if column <= row {
+                        self.hessian.add(6 * i + row, 6 * i + column, -turning[(row, column)]);
                     }
-                    own[i] = pivot.sqrt();
+                    self.hessian.add(6 * i + 3 + row, 6 * i + column, -mixed[(row, column)]);
                 }
             }
         }
-        true
     }
 
     /// Scales the step so that no frame moves too far; returns how far the farthest goes.
@@ -211,27 +154,58 @@ impl Assembly {
         }
         largest
     }
+}
 
-    /// Goes the step, or a half, a quarter … of it, until V falls; `None`, and back where it was, where it does not.
-    fn advance(&mut self, places: &mut Places, energy: f64, slope: f64) -> Option<f64> {
-        self.before.interfaces.copy_from_slice(&places.interfaces);
-        let mut share = 1.0;
-        for _ in 0..MOST_HALVINGS {
-            let steps = self.step.chunks_exact(6);
-            for ((frame, before), step) in
-                places.interfaces.iter_mut().zip(&self.before.interfaces).zip(steps)
-            {
-                *frame = before.moved(&(Twist::from_column_slice(step) * share));
-            }
-            let value = self.value(places);
-            if value <= energy + ARMIJO * share * slope.min(0.0) + ROUNDING * energy.abs() {
-                return Some(value);
-            }
-            share *= 0.5;
+/// The assembly with its interfaces at their places.
+struct PlacedAssembly<'a> {
+    assembly: &'a mut Assembly,
+    places: &'a mut Places,
+    /// V where the interfaces were before the step, and where it is tried.
+    energy: f64,
+    tried: f64,
+}
+
+impl Energy for PlacedAssembly<'_> {
+    const TRIALS: usize = 12;
+
+    fn evaluate(&mut self) -> Option<f64> {
+        self.assembly.assemble();
+        self.assembly.add_loads(self.places);
+        Some(self.energy)
+    }
+
+    fn rounding(&self) -> f64 {
+        ROUNDING * self.energy.abs()
+    }
+
+    fn factorise(&mut self, shift: f64) -> bool {
+        let Assembly { factor, hessian, .. } = &mut *self.assembly;
+        factor.copy_from(hessian);
+        factor.change_diagonal(|entry| entry + SHIFT * shift * entry.abs());
+        factor.factor()
+    }
+
+    fn find_step(&mut self, _energy: f64) -> Step {
+        let Assembly { factor, gradient, step, .. } = &mut *self.assembly;
+        step.iter_mut().zip(&*gradient).for_each(|(step, slope)| *step = -slope);
+        factor.solve(step);
+        let gain = -step.iter().zip(gradient).map(|(step, slope)| step * *slope).sum::<f64>();
+        Step { gain, is_last: self.assembly.shorten() < LAST_STEP }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        let Assembly { before, step, .. } = &*self.assembly;
+        let moved = self.places.interfaces.iter_mut().zip(&before.interfaces).zip(step.chunks_exact(6));
+        for ((frame, before), step) in moved {
+            *frame = before.moved(&(Twist::from_column_slice(step) * share));
         }
-        places.interfaces.copy_from_slice(&self.before.interfaces);
-        self.value(places);
-        None
+        self.tried = self.assembly.value(self.places);
+        Some(self.tried)
+    }
+
+    fn accept(&mut self) {
+        self.assembly.before.interfaces.copy_from_slice(&self.places.interfaces);
+        self.energy = self.tried;
     }
 }
 
