@@ -134,13 +134,14 @@ impl Settler<'_> {
         }
         let [left, held] = search.norms;
         let Search { now, forces, inverse, .. } = search;
-        Ok(found.map_err(|_| Unsettled).map(|found| Settled {
+        let settled = found.ok().map(|found| Settled {
             u: now.u,
             forces,
             energy: found.energy,
             residual: if held == 0.0 { left } else { left / held },
             solves: inverse.solves,
-        }))
+        });
+        Ok(settled.ok_or(Unsettled))
     }
 
     pub(super) fn state(&self, u: NodeFields) -> State {
