@@ -1,10 +1,13 @@
-//! Contributions of effects to a body in one frame, beside its model.
+//! Contributions of effects to a body in one frame, beside its model, and the state of a deformer with them.
 //!
 //! The shape is x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too. The energy is
 //! V(P) + V'(P) with the poses P of the control elements; effects supply V' and its derivatives.
 
-use super::frames::PoseSlope;
-use super::pose::ControlPose;
+use super::loads::AppliedLoads;
+use super::memory::ModelMemory;
+use super::model::{BodyState, Response};
+use super::pose::follow::FollowedTurn;
+use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, flat};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
@@ -75,7 +78,7 @@ impl Contribution {
     }
 
     /// Whether the lengths of its lists fit the body.
-    pub(super) fn suits(&self, columns: usize, controls: usize, nodes: usize) -> bool {
+    pub fn suits(&self, columns: usize, controls: usize, nodes: usize) -> bool {
         let mut corners = self.triangles.iter().flat_map(|triangles| triangles.0.as_flattened());
         (self.coefficients.len(), self.slopes.len(), self.curvatures.len()) == (columns, controls, controls)
             && corners.all(|node| (*node as usize) < nodes)
@@ -107,21 +110,32 @@ impl ElementPotential {
     /// Energy and slope at another pose.
     pub fn respond(&self, pose: &ControlPose) -> (f64, PoseSlope) {
         let moved = flat(&(pose.translation - self.at.translation), &(pose.matrix - self.at.matrix));
-        let slope = flat(&self.slope.translation, &self.slope.matrix);
+        let (moved, slope) = (SVector::from(moved), SVector::from(self.slope.numbers()));
         let grown = self.curvature * moved;
         let energy = self.energy + slope.dot(&moved) + 0.5 * moved.dot(&grown);
         let sum = slope + grown;
-        let matrix = nalgebra::Matrix3::from_row_slice(&sum.as_slice()[3..]);
-        (energy, PoseSlope { translation: sum.fixed_rows::<3>(0).into_owned(), matrix })
+        (energy, PoseSlope::of_numbers(sum.as_slice()))
     }
 }
 
-/// The twelve numbers of a pose or of a slope.
-fn flat(translation: &nalgebra::Vector3<f64>, matrix: &nalgebra::Matrix3<f64>) -> SVector<f64, 12> {
-    SVector::from_fn(|i, _| match i {
-        0..3 => translation[i],
-        _ => matrix[((i - 3) / 3, (i - 3) % 3)],
-    })
+/// State from which [`Deformer::restore`](super::Deformer::restore) makes the same surface, and all later frames with the same
+/// bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeformerState {
+    pub poses: ControlPoses,
+    pub turns: Vec<FollowedTurn>,
+    pub loads: AppliedLoads,
+    pub loads_changed: bool,
+    pub contribution: Contribution,
+    /// The model's state for the poses, and the one for which the surface was last summed.
+    pub state: BodyState,
+    pub summed: BodyState,
+    /// The energy of the poses and its slopes, where the model has them.
+    pub response: Option<Response>,
+    pub slopes: Vec<PoseSlope>,
+    pub evaluated: bool,
+    pub memory: ModelMemory,
 }
 
 #[cfg(test)]
@@ -159,7 +173,7 @@ mod tests {
                 potential.respond(&moved).0
             };
             let expected = (energy(1e-4) - energy(-1e-4)) / 2e-4;
-            let found = flat(&slope.translation, &slope.matrix)[i];
+            let found = slope.numbers()[i];
             assert!((found - expected).abs() < 1e-9, "{i}: {found}, expected {expected}");
         }
         assert_eq!(Contribution::none(0, 1).of_element(0, &at), None);

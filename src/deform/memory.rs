@@ -3,10 +3,8 @@
 //! A model that is given the memory of another one of the same body answers all further poses with the same bits. Scratch
 //! and whatever follows from the memory, such as a factor or the shape that is drawn, is no part of it.
 
-use super::frames::PoseSlope;
-use super::loads::applied::AppliedLoads;
-use super::pose::ControlPoses;
-use super::static_forces::StaticForces;
+use super::loads::applied::{AppliedLoads, StaticForces};
+use super::pose::frame::{ControlPoses, PoseSlope};
 use crate::field::numbers::Numbers;
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};

@@ -5,9 +5,8 @@
 //! what a pose has beside them, by large strain or touch, has the error of the worst motion.
 
 use super::deformer::Deformer;
-use super::force::Wrench;
-use super::pose::ControlPose;
-use super::se3::inverse_slide_matrix;
+use super::pose::frame::{ControlPose, Wrench};
+use super::pose::se3::inverse_slide_matrix;
 use super::trial::Moved;
 use super::turn::{RESTS, Relative};
 use crate::fem::nearest_turn;

@@ -1,9 +1,8 @@
 //! The interface of deformation models: from control poses to the state of a body.
 
-use super::frames::PoseSlope;
 use super::loads::applied::SharedLoads;
 use super::memory::ModelMemory;
-use super::pose::ControlPose;
+use super::pose::frame::{ControlPose, PoseSlope};
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
 use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED};

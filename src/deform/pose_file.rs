@@ -1,10 +1,10 @@
 //! The pose file of `greenstage deform`: `[[pose]]` tables in TOML.
 
-use super::pose_loads::LARGEST;
-pub use super::pose_loads::{PointForce, PoseLoads};
+use super::loads::pose_loads::LARGEST;
+pub use super::loads::pose_loads::{PointForce, PoseLoads};
+use super::{COMPONENTS, ControlPose, ControlPoses, Freedom, ModelEntry, Screw};
 use crate::base::failure::Failure;
 use crate::config;
-use crate::deform::{COMPONENTS, ControlPose, ControlPoses, Freedom, ModelEntry, Screw};
 use crate::scene::{Body, LoadValue, Updates};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;

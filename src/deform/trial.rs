@@ -4,9 +4,8 @@
 //! each: force and torque as parts of the largest wrench, energy over energy, shape over length.
 
 use super::deformer::Deformer;
-use super::force::Wrench;
-use super::pose::{ControlPose, ControlPoses};
-use super::se3::slide_matrix;
+use super::pose::frame::{ControlPose, ControlPoses, Wrench};
+use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
 use crate::solve::Progress;

@@ -2,7 +2,7 @@
 //! far a body is deformed.
 
 use super::deformer::Deformer;
-use super::se3::slide_matrix;
+use super::pose::se3::slide_matrix;
 use crate::fem::nearest_turn;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 

@@ -3,7 +3,8 @@
 //!
 //! The methods of [`SOLVERS`] are Cholesky (nested dissection, then a multifrontal LLᵀ), the same in f32 with conjugate gradients
 //! in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them; all stand
-//! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`Newton`] finds static equilibrium at large
+//! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`minimise`](minimise()) leads any energy to its
+//! least. [`Newton`] finds static equilibrium at large
 //! strain, with a factor for each of its iterations, and [`Stability`] describes how it is lost; [`Settler`] keeps a body in
 //! equilibrium that moves, with one factor for many steps.
 
@@ -14,11 +15,13 @@ mod condition;
 mod conjugate_gradients;
 mod dense;
 mod dense_system;
+pub mod envelope;
 mod error;
 mod faer_cholesky;
 mod fronts;
 mod kept_factor;
 mod llt;
+pub mod minimise;
 mod mixed;
 mod multifrontal;
 mod multigrid;
@@ -40,7 +43,8 @@ pub use auto::AUTO;
 pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
-pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError, Setback};
+pub use minimise::{Minimum, Setback, minimise};
+pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::NO_UNKNOWNS;

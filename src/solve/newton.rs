@@ -10,6 +10,8 @@
 //! critical state, and the tangent's least eigenvalue and its mode show how the body gives way there.
 
 use super::error::SolveError;
+use super::minimise::{Energy, Setback, Step, minimise};
+use super::settle::{Settler, State, largest, sum};
 use super::solver::LinearSolver;
 use super::stability::{Stability, least_modes, twins, zero_at};
 use crate::base::progress::{Progress, Silent};
@@ -27,11 +29,6 @@ const SHORTEST_STEP: f64 = 1.0 / 4096.0;
 /// Earlier equilibria that are kept, and how far back on the way the one is that the least eigenvalue is compared with.
 const KEPT: usize = 16;
 const BEFORE: f64 = 16.0 * SHORTEST_STEP;
-/// A step must achieve this part of the decrease of energy that its slope predicts.
-const DECREASE: f64 = 1e-4;
-const HALVINGS: i32 = 8;
-/// Relative rounding error of the sum of energies.
-const SUM_ROUNDING: f64 = 1e-13;
 
 /// The problem that Newton's method solves.
 pub struct Newton<'a> {
@@ -80,17 +77,6 @@ pub struct Counts {
     /// max |d| of the iterations of the last load step, against the largest displacement: each about the square of the
     /// one before.
     pub moves: Vec<f64>,
-}
-
-/// The reason why a load step failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Setback {
-    /// K is not positive definite: the equilibrium is lost, or the step is too long.
-    Unstable,
-    /// No step along d, however short, lowers the energy.
-    NoDescent,
-    /// The iteration did not converge within its limit.
-    Slow,
 }
 
 #[derive(Debug)]
@@ -236,7 +222,7 @@ impl Newton<'_> {
         let loads = self.loads.map(|loads| (loads.forces)(target));
         let loads = loads.as_ref();
         if loads.is_some() {
-            rhs = sum(&rhs, 1.0, &self.downhill(&self.body.gradients(u), loads));
+            rhs = sum(&rhs, 1.0, &self.settler(loads).downhill(&self.body.gradients(u)));
         }
         let d = self.solve(solver, &k, &rhs, counts)?;
         let predicted = sum(&moved, 1.0, &d);
@@ -251,15 +237,9 @@ impl Newton<'_> {
         self.iterate(solver, predicted, (size, loads), counts)
     }
 
-    /// Loads less f at the free nodes.
-    fn downhill(&self, gradients: &[Matrix3<f64>], loads: Option<&NodeFields>) -> NodeFields {
-        let free = &self.partition.free;
-        let mut downhill = self.body.forces(gradients).at(free);
-        downhill.data.iter_mut().for_each(|value| *value = -*value);
-        match loads {
-            Some(loads) => sum(&downhill, 1.0, &loads.at(free)),
-            None => downhill,
-        }
+    /// The body under fixed loads.
+    fn settler<'a>(&'a self, loads: Option<&'a NodeFields>) -> Settler<'a> {
+        Settler { body: self.body, partition: self.partition, loads }
     }
 
     /// Newton's iteration from the equilibrium `before` by way of `u`, with the pressures as unknowns of their own that
@@ -279,7 +259,7 @@ impl Newton<'_> {
         let mut pressures = self.body.pressures_after(&self.body.gradients(before), &sum(&u, -1.0, before));
         for _ in 0..MAX_MIXED {
             let gradients = self.body.gradients(&u);
-            let downhill = self.downhill(&gradients, loads);
+            let downhill = self.settler(loads).downhill(&gradients);
             let k = self.body.tangent_with(&gradients, &pressures);
             let d = self.solve(solver, &k, &downhill, counts)?;
             counts.moves.push(largest(&d) / size);
@@ -296,45 +276,31 @@ impl Newton<'_> {
     fn iterate(
         &self,
         solver: &dyn LinearSolver,
-        mut u: NodeFields,
+        u: NodeFields,
         (size, loads): (f64, Option<&NodeFields>),
         counts: &mut Counts,
     ) -> Result<NodeFields, IterationEnd> {
         counts.moves.clear();
-        for _ in 0..MAX_ITERATIONS {
-            let gradients = self.body.gradients(&u);
-            let downhill = self.downhill(&gradients, loads);
-            let k = self.body.tangent(&gradients);
-            let d = self.solve(solver, &k, &downhill, counts)?;
-            counts.moves.push(largest(&d) / size);
-            if largest(&d) <= LAST_STEP * size {
-                return Ok(sum(&u, 1.0, &d));
-            }
-            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
-            u = self.search(&u, &d, (&gradients, loads), slope)?;
+        let settler = self.settler(loads);
+        let (now, nothing) = (settler.state(u), NodeFields::zeros(0, 1));
+        let (downhill, d) = (nothing.clone(), nothing);
+        let mut search = FreeNodes {
+            newton: self,
+            solver,
+            settler,
+            size,
+            counts,
+            now,
+            tried: None,
+            downhill,
+            d,
+            error: None,
+        };
+        let found = minimise(&mut search, MAX_ITERATIONS, &mut 0);
+        match search.error {
+            Some(error) => Err(IterationEnd::Solve(error)),
+            None => found.map(|_| search.now.u).map_err(IterationEnd::Setback),
         }
-        Err(IterationEnd::Setback(Setback::Slow))
-    }
-
-    /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
-    fn search(
-        &self,
-        u: &NodeFields,
-        d: &NodeFields,
-        (gradients, loads): (&[Matrix3<f64>], Option<&NodeFields>),
-        slope: f64,
-    ) -> Result<NodeFields, IterationEnd> {
-        let work = |u: &NodeFields| loads.map_or(0.0, |loads| loads.dots(u)[0]);
-        let (stored, done) = (self.body.energy(gradients), work(u));
-        let energy = stored - done;
-        let rounding = SUM_ROUNDING * (stored.abs() + done.abs()) + self.body.energy_rounding(gradients);
-        let tried = (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
-            let tried = sum(u, alpha, d);
-            let found = self.body.energy(&self.body.gradients(&tried)) - work(&tried);
-            let falls = found <= energy + rounding + DECREASE * alpha * slope;
-            falls.then_some(tried)
-        });
-        tried.ok_or(IterationEnd::Setback(Setback::NoDescent))
     }
 
     /// A d = `rhs` at the free nodes; d over all nodes, zero at the controlled ones.
@@ -366,11 +332,65 @@ impl Newton<'_> {
     }
 }
 
-/// a + s b.
-fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
-    NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
+/// The energy of a body at fixed controlled nodes, without shifts: what is found is stable.
+struct FreeNodes<'a> {
+    newton: &'a Newton<'a>,
+    solver: &'a dyn LinearSolver,
+    settler: Settler<'a>,
+    size: f64,
+    counts: &'a mut Counts,
+    now: State,
+    tried: Option<State>,
+    downhill: NodeFields,
+    d: NodeFields,
+    error: Option<SolveError>,
 }
 
-fn largest(fields: &NodeFields) -> f64 {
-    fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
+impl Energy for FreeNodes<'_> {
+    const TRIALS: usize = 8;
+
+    fn evaluate(&mut self) -> Option<f64> {
+        self.downhill = self.settler.downhill(&self.now.gradients);
+        Some(self.now.energy)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.settler.rounding(&self.now)
+    }
+
+    fn factorise(&mut self, shift: f64) -> bool {
+        if shift > 0.0 {
+            return false;
+        }
+        let k = self.newton.body.tangent(&self.now.gradients);
+        match self.newton.solve(self.solver, &k, &self.downhill, self.counts) {
+            Ok(d) => self.d = d,
+            Err(IterationEnd::Solve(error)) => self.error = Some(error),
+            Err(IterationEnd::Setback(_)) => return false,
+        }
+        self.error.is_none()
+    }
+
+    fn find_step(&mut self, _energy: f64) -> Step {
+        let longest = largest(&self.d);
+        self.counts.moves.push(longest / self.size);
+        let gain = self.downhill.dots(&self.d.at(&self.newton.partition.free))[0];
+        Step { gain, is_last: longest <= LAST_STEP * self.size }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        let tried = self.settler.state(sum(&self.now.u, share, &self.d));
+        Some(self.tried.insert(tried).energy)
+    }
+
+    fn accept(&mut self) {
+        if let Some(tried) = self.tried.take() {
+            self.now = tried;
+        }
+    }
+
+    fn finish(&mut self, energy: f64, _gain: f64) -> Option<f64> {
+        self.now.u = sum(&self.now.u, 1.0, &self.d);
+        Some(energy)
+    }
 }

@@ -7,6 +7,7 @@
 //! algorithm 7.1). A factor is too old where the iterations grow; the caller then makes a new one.
 
 use super::error::SolveError;
+use super::minimise::{Energy, Step, minimise};
 use super::solver::Factor;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
 use nalgebra::{Matrix3, Vector3};
@@ -22,9 +23,6 @@ const PREDICTED: f64 = 0.03;
 const FORCED: [f64; 2] = [1e-3, 0.1];
 /// A tangent is kept while a step leaves no more than this part of the forces.
 const KEPT: f64 = 0.1;
-/// A step must achieve this part of the decrease of energy that its slope predicts.
-const DECREASE: f64 = 1e-4;
-const HALVINGS: i32 = 6;
 /// Relative rounding error of the sum of energies.
 const SUM_ROUNDING: f64 = 1e-13;
 
@@ -106,51 +104,47 @@ impl Settler<'_> {
         }
         // The prediction keeps the free nodes in balance to first order: A d = loads - f - B Δb, where loads and f are the same
         // but for what has changed.
-        let mut k = self.body.tangent(&gradients);
+        let k = self.body.tangent(&gradients);
         let mut rhs = self.partition.minus_b_times(&k, &along);
         if self.loads.is_some() {
-            rhs = sum(&rhs, -1.0, &self.net_forces(&gradients).at(&self.partition.free));
+            rhs = sum(&rhs, 1.0, &self.downhill(&gradients));
         }
         let acting = self.loads.map_or(0.0, |loads| loads.at(&self.partition.free).norms()[0]);
         let direction = self.direction(&mut inverse, &k, &rhs, PREDICTED)?;
-        let mut now = self.state(sum(&sum(u, 1.0, &along), 1.0, &direction));
+        let now = self.state(sum(&sum(u, 1.0, &along), 1.0, &direction));
         let size = largest(u).max(largest(&now.u));
-        let mut last = None;
-        while inverse.solves < MOST_SOLVES {
-            let forces = self.net_forces(&now.gradients);
-            let norm = |nodes: &[u32]| forces.at(nodes).norms()[0];
-            let (left, held) = (norm(&self.partition.free), norm(&self.partition.controlled));
-            if !(left.is_finite() && held.is_finite()) {
-                return Ok(Err(Unsettled));
-            }
-            let residual = if held == 0.0 { left } else { left / held };
-            let solves = inverse.solves;
-            if left <= TOLERANCE * held.max(acting) {
-                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
-            }
-            let mut downhill = forces.at(&self.partition.free);
-            downhill.data.iter_mut().for_each(|value| *value = -*value);
-            let eased = last.map_or(1.0, |last: f64| left / last);
-            if eased > KEPT && last.is_some() {
-                k = self.body.tangent(&now.gradients);
-            }
-            last = Some(left);
-            // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
-            let forced = (0.5 * eased * eased).clamp(FORCED[0], FORCED[1]);
-            let d = self.direction(&mut inverse, &k, &downhill, forced)?;
-            if largest(&d) <= LAST_STEP * size {
-                return Ok(Ok(Settled { u: now.u, forces, energy: now.energy, residual, solves }));
-            }
-            let slope = -downhill.dots(&d.at(&self.partition.free))[0];
-            match self.search(&now, &d, slope) {
-                Some(next) => now = next,
-                None => return Ok(Err(Unsettled)),
-            }
+        let (forces, d) = (NodeFields::zeros(0, 1), NodeFields::zeros(0, 1));
+        let mut search = Search {
+            settler: self,
+            inverse,
+            k,
+            now,
+            tried: None,
+            forces,
+            norms: [0.0; 2],
+            last: None,
+            acting,
+            d,
+            size,
+            error: None,
+        };
+        let found = minimise(&mut search, MOST_SOLVES, &mut 0);
+        if let Some(error) = search.error {
+            return Err(error);
         }
-        Ok(Err(Unsettled))
+        let [left, held] = search.norms;
+        let Search { now, forces, inverse, .. } = search;
+        let settled = found.ok().map(|found| Settled {
+            u: now.u,
+            forces,
+            energy: found.energy,
+            residual: if held == 0.0 { left } else { left / held },
+            solves: inverse.solves,
+        });
+        Ok(settled.ok_or(Unsettled))
     }
 
-    fn state(&self, u: NodeFields) -> State {
+    pub(super) fn state(&self, u: NodeFields) -> State {
         let gradients = self.body.gradients(&u);
         State { energy: self.body.energy(&gradients) - self.work(&u), gradients, u }
     }
@@ -167,6 +161,19 @@ impl Settler<'_> {
             Some(loads) => sum(&forces, -1.0, loads),
             None => forces,
         }
+    }
+
+    /// The loads less f at the free nodes.
+    pub(super) fn downhill(&self, gradients: &[Matrix3<f64>]) -> NodeFields {
+        let mut downhill = self.net_forces(gradients).at(&self.partition.free);
+        downhill.data.iter_mut().for_each(|value| *value = -*value);
+        downhill
+    }
+
+    /// Rounding error of a state's energy, J.
+    pub(super) fn rounding(&self, state: &State) -> f64 {
+        let size = state.energy.abs() + self.work(&state.u).abs();
+        SUM_ROUNDING * size + self.body.energy_rounding(&state.gradients)
     }
 
     /// Turn of the material about each free node from one state to another.
@@ -222,30 +229,106 @@ impl Settler<'_> {
         self.partition.insert_free(&d, &mut all);
         Ok(all)
     }
+}
 
-    /// u + α d with the longest α = 1, ½, ¼ … that lowers the energy enough.
-    fn search(&self, from: &State, d: &NodeFields, slope: f64) -> Option<State> {
-        let size = from.energy.abs() + self.work(&from.u).abs();
-        let rounding = SUM_ROUNDING * size + self.body.energy_rounding(&from.gradients);
-        (0..HALVINGS).map(|halving| 0.5_f64.powi(halving)).find_map(|alpha| {
-            let tried = self.state(sum(&from.u, alpha, d));
-            (tried.energy <= from.energy + rounding + DECREASE * alpha * slope).then_some(tried)
-        })
+/// The energy at fixed controlled nodes, lowered along directions that an old factor helps to find.
+struct Search<'a> {
+    settler: &'a Settler<'a>,
+    inverse: Preconditioner<'a>,
+    /// The tangent stiffness, of this state or an earlier one.
+    k: StiffnessMatrix,
+    now: State,
+    tried: Option<State>,
+    /// f less the loads, and its norms at the free and the controlled nodes; that at the free ones a step before.
+    forces: NodeFields,
+    norms: [f64; 2],
+    last: Option<f64>,
+    /// Norm of the loads at the free nodes, N.
+    acting: f64,
+    d: NodeFields,
+    size: f64,
+    error: Option<SolveError>,
+}
+
+impl Energy for Search<'_> {
+    const TRIALS: usize = 6;
+
+    fn evaluate(&mut self) -> Option<f64> {
+        let Partition { free, controlled, .. } = self.settler.partition;
+        self.forces = self.settler.net_forces(&self.now.gradients);
+        self.norms = [free, controlled].map(|nodes| self.forces.at(nodes).norms()[0]);
+        let is_left = self.inverse.solves < MOST_SOLVES && self.norms.iter().all(|norm| norm.is_finite());
+        is_left.then_some(self.now.energy)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.settler.rounding(&self.now)
+    }
+
+    fn serves(&mut self) -> bool {
+        true
+    }
+
+    fn factorise(&mut self, _shift: f64) -> bool {
+        false
+    }
+
+    fn find_step(&mut self, _energy: f64) -> Step {
+        let Settler { body, partition, .. } = self.settler;
+        let [left, held] = self.norms;
+        if left <= TOLERANCE * held.max(self.acting) {
+            return Step { gain: 0.0, is_last: true };
+        }
+        let eased = self.last.map_or(1.0, |last| left / last);
+        if eased > KEPT && self.last.is_some() {
+            self.k = body.tangent(&self.now.gradients);
+        }
+        self.last = Some(left);
+        // Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996: as exact as the last step was good.
+        let forced = (0.5 * eased * eased).clamp(FORCED[0], FORCED[1]);
+        let mut downhill = self.forces.at(&partition.free);
+        downhill.data.iter_mut().for_each(|value| *value = -*value);
+        match self.settler.direction(&mut self.inverse, &self.k, &downhill, forced) {
+            Ok(d) => self.d = d,
+            Err(error) => {
+                self.error = Some(error);
+                return Step { gain: f64::NAN, is_last: true };
+            }
+        }
+        let gain = downhill.dots(&self.d.at(&partition.free))[0];
+        Step { gain, is_last: largest(&self.d) <= LAST_STEP * self.size }
+    }
+
+    fn trial(&mut self, share: f64) -> Option<f64> {
+        let tried = self.settler.state(sum(&self.now.u, share, &self.d));
+        Some(self.tried.insert(tried).energy)
+    }
+
+    fn accept(&mut self) {
+        if let Some(tried) = self.tried.take() {
+            self.now = tried;
+        }
+    }
+
+    /// A last step is so short that it need not be gone.
+    fn finish(&mut self, energy: f64, _gain: f64) -> Option<f64> {
+        Some(energy)
     }
 }
 
 /// Displacements with F - I at every point of the elements and the energy, that of the loads included, J.
-struct State {
-    u: NodeFields,
-    gradients: Vec<Matrix3<f64>>,
-    energy: f64,
+pub(super) struct State {
+    pub u: NodeFields,
+    pub gradients: Vec<Matrix3<f64>>,
+    pub energy: f64,
 }
 
 /// a + s b.
-fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
+pub(super) fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
     NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
 }
 
-fn largest(fields: &NodeFields) -> f64 {
+/// The largest number of fields.
+pub(super) fn largest(fields: &NodeFields) -> f64 {
     fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }

@@ -3,25 +3,21 @@
 //! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to date, and
 //! sums the others on request.
 
-mod loads;
 mod state;
 mod surface;
 
 use super::contribution::Contribution;
-use super::followed::FollowedTurn;
-use super::force::Wrench;
-use super::frames::PoseSlope;
+use super::kernel::parts::{PartialSum, move_parts, moved};
+use super::kernel::superposition::{Places, SumStats, Superposition, move_by};
+use super::kernel::surface::SurfaceNormals;
 use super::loads::{Loaded, SharedLoads, refusal};
 use super::model::{
     Bearing, BodyState, ColumnsAt, ControlRest, DeformationModel, Frame, Kind, LoadInput, ModelEntry,
     ModelInput, Response, StateAge,
 };
 use super::models::make_model;
-use super::normals::SurfaceNormals;
-use super::partial::PartialSum;
-use super::parts::{move_parts, moved};
-use super::pose::{ControlPose, ControlPoses};
-use super::superposition::{Places, SumStats, Superposition, move_by};
+use super::pose::follow::FollowedTurn;
+use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, Wrench};
 use crate::base::columns::ColumnGroup;
 use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};

@@ -2,10 +2,9 @@
 
 use super::Deformer;
 use crate::base::creases::Creases;
-use crate::deform::normals::{SurfaceNormals, vertex_normals};
-use crate::deform::partial::PartialSum;
-use crate::deform::parts::{move_parts, moved_exactly};
-use crate::deform::superposition::{Superposition, displacement};
+use crate::deform::kernel::parts::{PartialSum, move_parts, moved_exactly};
+use crate::deform::kernel::superposition::{Superposition, displacement};
+use crate::deform::kernel::surface::{SurfaceNormals, vertex_normals};
 use nalgebra::Vector3;
 use std::borrow::Cow;
 

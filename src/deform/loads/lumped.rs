@@ -4,16 +4,25 @@
 //! poses. Out: for each slot s the sum Σ f φ_s(X) along the body's axes, so that the forces' work on x = Σ_s φ_s(X) a_s is
 //! Σ_s a_s · (Σ f φ_s); behind the slots of the model those of the control elements, f and f ⊗ (X - o_e) of the nodes that each
 //! holds. Loads that follow the body turn with the mean turn of its control elements ([`mean_rotation`]).
+//!
+//! The load on a frame of a section or an interface ([`Borne`]), with N = Σ f and M = Σ f ⊗ a of forces at arms a from the frame, along
+//! the body's axes, has the potential -(N·x + M : R) of the
+//! frame (x, R), with derivatives by a motion exp (v, ω) along the frame's own axes, of x + R (v + ½ ω × v) and
+//! R (1 + ω̂ + ½ ω̂²).
+//!
+//! On a body that is solved anew ([`NodalLoads`]) they are forces over all nodes, N, along the body's axes, that keep their directions
+//! while a pose is solved, and warmth that lengthens what is free; pressure is that on the area at rest.
 
-use super::acting::Acting;
-use super::applied::AppliedLoads;
-use super::borne::{Borne, SLOTS};
-use crate::deform::frames::PoseSlope;
+use super::applied::{AppliedLoads, StaticForces};
+use super::in_frame::Acting;
 use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{ColumnsAt, ControlRest, ModelInput};
-use crate::deform::pose::ControlPose;
-use crate::deform::rotation::mean_rotation;
-use crate::green::{LoadForces, Turning};
+use crate::deform::models::rotation::mean_rotation;
+use crate::deform::pose::frame::{ControlPose, PoseSlope, axial};
+use crate::fem::NodeFields;
+use crate::green::{self, GreenError, LoadForces, LoadMeta, Turning};
+use crate::mesh::TetMesh;
+use crate::scene::Scene;
 use nalgebra::{DMatrix, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 type V3 = Vector3<f64>;
@@ -156,5 +165,152 @@ impl Lumped {
             slope.matrix -= moments;
         }
         potential
+    }
+}
+
+/// Slots of a frame in a list of shares: N, then the three columns of M.
+pub const SLOTS: usize = 4;
+
+/// N and M.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Borne {
+    pub force: V3,
+    pub moments: Matrix3<f64>,
+}
+
+impl Borne {
+    /// Reads the [`SLOTS`] of a frame.
+    pub fn of_slots(slots: &[V3]) -> Borne {
+        Borne { force: slots[0], moments: Matrix3::from_columns(&slots[1..SLOTS]) }
+    }
+
+    /// The share of a force in the slots of a frame from `first` on; `arm` is already multiplied by the share.
+    pub fn shares(first: usize, share: f64, arm: &V3) -> [(usize, f64); SLOTS] {
+        [(first, share), (first + 1, arm.x), (first + 2, arm.y), (first + 3, arm.z)]
+    }
+
+    /// J.
+    pub fn potential(&self, place: &V3, turn: &UnitQuaternion<f64>) -> f64 {
+        -self.force.dot(place) - self.moments.dot(turn.to_rotation_matrix().matrix())
+    }
+
+    /// This load along the frame's own axes.
+    pub fn along(&self, turn: &UnitQuaternion<f64>) -> Borne {
+        let inverse = turn.inverse().to_rotation_matrix();
+        Borne { force: inverse * self.force, moments: inverse.matrix() * self.moments }
+    }
+
+    /// Minus the slope of the potential by ω, of a load along the frame's own axes; by v it is the force.
+    pub fn torque(&self) -> V3 {
+        axial(&self.moments)
+    }
+
+    /// Minus the second derivatives of the potential by (v, ω) and by (ω, ω), of a load along the frame's own axes.
+    pub fn curvatures(&self) -> [Matrix3<f64>; 2] {
+        let symmetric = (self.moments + self.moments.transpose()) * 0.5;
+        [self.force.cross_matrix() * 0.5, symmetric - Matrix3::from_diagonal_element(self.moments.trace())]
+    }
+}
+
+/// The columns of a body's loads over all nodes of its mesh.
+#[derive(Clone)]
+pub struct NodalLoads(Vec<Column>);
+
+#[derive(Clone)]
+struct Column {
+    turning: Turning,
+    /// Empty of warmth.
+    force: Vec<V3>,
+}
+
+impl NodalLoads {
+    pub fn new(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<NodalLoads, GreenError> {
+        let mut columns = Vec::new();
+        for load in scene.body[name].loads() {
+            let turning = LoadMeta::of(&load).turning;
+            match turning {
+                Turning::Inner => columns.push(Column { turning, force: Vec::new() }),
+                Turning::Fixed | Turning::Follows => {
+                    let forces = green::nodal_forces(scene, name, mesh, &load)?;
+                    columns.extend(forces.into_iter().map(|force| Column { turning, force }));
+                }
+            }
+        }
+        Ok(NodalLoads(columns))
+    }
+
+    /// Loads from the table of a file: the forces of each column over all nodes, x, y and z of one after another.
+    pub fn of_table(metas: &[LoadMeta], forces: &DMatrix<f64>) -> NodalLoads {
+        let turnings = metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));
+        let column = |(turning, forces): (Turning, &[f64])| Column {
+            turning,
+            force: forces.chunks_exact(3).map(V3::from_column_slice).collect(),
+        };
+        let rows = forces.nrows().max(1);
+        NodalLoads(turnings.zip(forces.as_slice().chunks_exact(rows)).map(column).collect())
+    }
+
+    /// Factor by which warmth lengthens the body where it is free.
+    pub fn stretch(&self, of: &StaticForces) -> f64 {
+        let all = self.0.iter().zip(&of.coefficients);
+        1.0 + all.filter(|(column, _)| column.turning == Turning::Inner).map(|(_, c)| c).sum::<f64>()
+    }
+
+    /// All forces in poses to which control elements have turned so.
+    pub fn forces(
+        &self,
+        of: &StaticForces,
+        nodes: usize,
+        controls: &[ControlRest],
+        poses: &[ControlPose],
+        turns: &[UnitQuaternion<f64>],
+    ) -> NodeFields {
+        let follows = |column: &Column| column.turning == Turning::Follows;
+        let mean = self.0.iter().any(follows).then(|| mean_rotation(controls, poses, turns)).flatten();
+        let mean = mean.unwrap_or_else(Rotation3::identity);
+        let mut all = NodeFields::zeros(nodes, 1);
+        let mut add = |node: usize, force: V3| {
+            all.data[3 * node..][..3].iter_mut().zip(force.iter()).for_each(|(all, own)| *all += own);
+        };
+        for (column, c) in self.0.iter().zip(&of.coefficients).filter(|(_, c)| **c != 0.0) {
+            for (node, force) in column.force.iter().enumerate() {
+                add(node, if follows(column) { mean * force * *c } else { force * *c });
+            }
+        }
+        for (node, force) in &of.at_nodes {
+            add(*node as usize, *force);
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::random::Random;
+
+    /// The derivatives against differences of the potential along a motion of the frame.
+    #[test]
+    fn derivatives_are_those_of_the_potential() {
+        let mut random = Random::default();
+        let mut vector = || V3::from_fn(|_, _| random.draw());
+        let load = Borne { force: vector(), moments: Matrix3::from_columns(&[vector(), vector(), vector()]) };
+        let (place, turn) = (vector(), UnitQuaternion::from_scaled_axis(vector()));
+        let (v, w) = (vector(), vector());
+        let at = |t: f64| {
+            let (v, w) = (v * t, w * t);
+            load.potential(
+                &(place + turn * (v + w.cross(&v) * 0.5)),
+                &(turn * UnitQuaternion::from_scaled_axis(w)),
+            )
+        };
+        let own = load.along(&turn);
+        let slope = -own.force.dot(&v) - own.torque().dot(&w);
+        let [mixed, turning] = own.curvatures();
+        let second = -2.0 * v.dot(&(mixed * w)) - w.dot(&(turning * w));
+        let h = 1e-4;
+        let (high, low, here) = (at(h), at(-h), at(0.0));
+        assert!(((high - low) / (2.0 * h) - slope).abs() < 1e-7, "{slope}");
+        assert!(((high - 2.0 * here + low) / (h * h) - second).abs() < 1e-6, "{second}");
     }
 }

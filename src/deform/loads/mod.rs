@@ -12,17 +12,13 @@
 //! -Uᵀ f. Loads that turn with the body have no potential; theirs is the virtual work alone. A point that is held gets the
 //! force that brings it to its place, by the compliance of all held points together.
 
-mod acting;
-pub(super) mod applied;
-mod borne;
+pub mod applied;
 mod in_frame;
 mod loaded;
-mod lumped;
-mod points;
-mod work;
+pub mod lumped;
+pub mod pose_loads;
 
 pub use applied::{AppliedLoads, PointLoad, Pull, SharedLoads, set};
-pub use borne::{Borne, SLOTS};
 pub use in_frame::{Burden, FrameForces};
 pub use loaded::{Loaded, refusal};
-pub use lumped::Lumped;
+pub use lumped::{Borne, Lumped, SLOTS};

@@ -1,0 +1,203 @@
+//! The rod in a body, against the linear solution, static equilibrium at large rotations, and differences of its energy.
+
+use super::*;
+use crate::deform::Wrench;
+use crate::deform::models::fixture::{Body, assert_slopes, bend, pose, twist};
+use crate::deform::models::model_of;
+use crate::deform::statics::Statics;
+use crate::fem::LAWS;
+use crate::green::{self, Requirements};
+use crate::scene::Scene;
+use crate::solve::Silent;
+use nalgebra::{DVector, UnitVector3};
+use std::path::Path;
+
+/// A hollow bar of length 1 m between bands, with a radius of 5 cm.
+const BAR: &str = "tube = { inner_radius = 0.02, outer_radius = 0.05, length = 1.1, radial = 1, around = 10, along = 33, \
+                   control_length = 0.05 }";
+
+fn scene(generate: &str) -> Scene {
+    let text = format!(
+        "stage = \"desktop\"\n[body.b]\ngenerate = {{ {generate} }}\nmaterial = {{ young = 1e6, poisson = 0.3 }}\n\
+         model = \"stvk\"\n[body.b.control.a]\nnodes = {{ group = \"left\" }}\ngrab = \"fixed\"\n[body.b.control.b]\n\
+         nodes = {{ group = \"right\" }}\ngrab = \"dragger\"\n"
+    );
+    Scene::parse(&text, Path::new("bar.toml")).unwrap()
+}
+
+fn body() -> Body {
+    Body::new(&scene(BAR), &ENTRY)
+}
+
+fn rms(values: impl Iterator<Item = Vector3<f64>>) -> f64 {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v.norm_squared()));
+    f64::sqrt(sum / count)
+}
+
+/// All 24 numbers of both poses, with an amplitude of 1e-5: forces S c, shape Σ c u.
+#[test]
+fn small_motions_give_the_linear_solution() {
+    let mut body = body();
+    let stiffness = body.solution.stiffness().unwrap().clone();
+    let small = |k: usize| 1e-5 * (1.7 * k as f64 + 0.4).sin();
+    let poses: Vec<ControlPose> = (0..2)
+        .map(|e| ControlPose {
+            translation: Vector3::from_fn(|i, _| small(12 * e + i)),
+            matrix: Matrix3::identity() + Matrix3::from_fn(|i, j| small(12 * e + 3 + 3 * i + j)),
+        })
+        .collect();
+    let c = DVector::from_iterator(24, poses.iter().flat_map(ControlPose::coefficients));
+    let (forces, (energy, slopes)) = (&stiffness * &c, body.respond::<2>(&poses));
+    for (e, slope) in slopes.iter().enumerate() {
+        let force = forces.rows(12 * e, 3);
+        let matrix = Matrix3::from_row_slice(&forces.as_slice()[12 * e + 3..12 * e + 12]);
+        assert!(
+            (slope.translation - force).norm() < 1e-3 * force.norm(),
+            "{e}: {} {force}",
+            slope.translation
+        );
+        assert!((slope.matrix - matrix).norm() < 1e-3 * matrix.norm(), "{e}: {} {matrix}", slope.matrix);
+    }
+    assert!((energy / (0.5 * c.dot(&forces)) - 1.0).abs() < 1e-3);
+    let shape = body.shape(&poses);
+    let linear = |i: usize| {
+        let row = |axis| body.solution.fields.row(3 * body.solution.surface.nodes[i] as usize + axis);
+        Vector3::from_fn(|axis, _| row(axis).iter().zip(c.iter()).map(|(u, c)| u * c).sum())
+    };
+    let off = rms(shape.iter().enumerate().map(|(i, u)| u - linear(i)));
+    assert!(off < 2e-3 * rms(shape.iter().copied()), "{off:e}");
+}
+
+/// Force and torque in parts of their own size, shape in parts of the length, by St. Venant-Kirchhoff statics on the same
+/// mesh.
+#[test]
+fn a_bent_and_twisted_bar_is_that_of_static_equilibrium() {
+    let scene = scene(BAR);
+    let mut body = Body::new(&scene, &ENTRY);
+    let law = LAWS.iter().find(|law| law.name == "stvk").unwrap();
+    let mut statics = Statics::new(&scene, "b", law, &Silent).unwrap();
+    let length = (body.solution.controls[1].origin - body.solution.controls[0].origin).norm();
+    for (name, poses, [force, torque, shape]) in [
+        ("bend 30°", bend(30.0, length), [0.03, 0.01, 5e-5]),
+        ("bend 90°", bend(90.0, length), [0.08, 0.04, 4e-4]),
+        ("twist 90°", twist(90.0), [0.02, 0.01, 1e-4]),
+        ("twist 170°", twist(170.0), [0.04, 0.03, 4e-4]),
+        ("across by 5 %", pose(Vector3::zeros(), Vector3::y() * (0.05 * length)), [0.02, 0.01, 2e-5]),
+        (
+            "along by 5 %",
+            pose(Vector3::zeros(), Vector3::x() * (0.05 * length)),
+            [0.005, f64::INFINITY, 5e-5],
+        ),
+    ] {
+        body.model.forget();
+        let found = statics.solve(&poses.to_vec(), &Silent).unwrap();
+        let (_, slopes) = body.respond::<2>(&poses);
+        let wrench = Wrench::of(&slopes[1], &poses[1]);
+        let held = &found.wrenches[1];
+        let about_the_place = |w: &Wrench| w.moment - poses[1].translation.cross(&w.force);
+        let moment = about_the_place(held);
+        let (found_force, found_torque) = (
+            (wrench.force - held.force).norm() / held.force.norm(),
+            (about_the_place(&wrench) - moment).norm() / moment.norm(),
+        );
+        let nodes = body.solution.surface.nodes.clone();
+        let shapes = body.shape(&poses);
+        let off = shapes.iter().zip(&nodes).map(|(u, &node)| u - found.displacement[node as usize]);
+        let found_shape = rms(off) / length;
+        assert!(
+            found_force < force && found_torque < torque && found_shape < shape,
+            "{name}: force {found_force:.4}, torque {found_torque:.4}, shape {found_shape:.2e}"
+        );
+    }
+}
+
+#[test]
+fn slopes_are_those_of_the_energy_and_held_nodes_go_where_they_are_held() {
+    let mut body = body();
+    let stretch = [
+        Matrix3::new(1.05, 0.02, -0.03, 0.02, 0.97, 0.01, -0.03, 0.01, 1.02),
+        Matrix3::new(0.98, -0.02, 0.01, -0.02, 1.03, 0.02, 0.01, 0.02, 0.96),
+    ];
+    let length = (body.solution.controls[1].origin - body.solution.controls[0].origin).norm();
+    let mut poses = bend(0.8f64.to_degrees(), 0.95 * length);
+    poses[1].translation -= Vector3::x() * (0.05 * length);
+    for (pose, stretch) in poses.iter_mut().zip(stretch) {
+        pose.matrix *= stretch;
+    }
+    let (_, slopes) = body.respond::<2>(&poses);
+    let largest = slopes.iter().map(|slope| slope.translation.amax()).fold(0.0, f64::max);
+    assert_slopes(body.model.as_mut(), &poses, 1e-6, 1e-6 * largest);
+    body.assert_held_nodes_follow(&poses);
+}
+
+/// A twist by 360° there and back, and the same one given by a quaternion's sign: torque grows with the angle.
+#[test]
+fn whole_turns_are_followed() {
+    let mut body = body();
+    let mut energies = Vec::new();
+    for step in (0..=18).chain((0..18).rev()) {
+        energies.push(body.respond::<2>(&twist(20.0 * f64::from(step))).0);
+    }
+    for step in 0..18 {
+        let (there, back) = (energies[step], energies[36 - step]);
+        assert!((there - back).abs() < 1e-6 * energies[18], "{there} {back}");
+        assert!(there < energies[step + 1]);
+    }
+    // Of second order, but for what stretching adds.
+    assert!((3.6..5.5).contains(&(energies[18] / energies[9])), "{energies:?}");
+    let whole =
+        UnitQuaternion::from_axis_angle(&UnitVector3::new_normalize(Vector3::x()), 340f64.to_radians());
+    body.model.forget();
+    body.model.set_turn(1, whole);
+    let told = body.respond::<2>(&twist(360.0)).0;
+    assert!((told / energies[18] - 1.0).abs() < 1e-6, "{told} {energies:?}");
+    body.model.forget();
+    assert!(body.respond::<2>(&twist(360.0)).0 < 1e-9 * told);
+}
+
+#[test]
+fn a_body_that_is_no_rod_is_refused() {
+    let stout = "tube = { inner_radius = 0.07, outer_radius = 0.3, length = 0.8, radial = 1, around = 10, along = 8, \
+                 control_length = 0.1 }";
+    let solution = green::solve(&scene(stout), "b", &Requirements::of(ENTRY.requirements), &Silent).unwrap();
+    let error = model_of(&ENTRY, &solution).map(drop).unwrap_err();
+    assert!(error.contains("radii of gyration") && error.contains("rotation"), "{error}");
+    let mut alone = solution.clone();
+    alone.controls.truncate(1);
+    let error = model_of(&ENTRY, &alone).map(drop).unwrap_err();
+    assert!(error.contains("two control elements") && error.contains("it has 1"), "{error}");
+}
+
+fn block(size: [f64; 3], settings: &str) -> Prepared {
+    let text = format!(
+        "[body.a]\ngenerate = {{ block = {{ size = {size:?}, cells = [12, 4, 4] }} }}\n\
+         material = {{ young = 1.0e6, poisson = 0.3 }}\n\
+         control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{settings}\n"
+    );
+    green::prepare(&Scene::parse(&text, Path::new("any.toml")).unwrap(), "a").unwrap()
+}
+
+const LAST: &str = "control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }";
+
+/// √(I/A) of a rectangle is the root of the mean of b²/12 and h²/12.
+#[test]
+fn the_radius_of_gyration_is_that_of_the_section() {
+    let body = block([1.0, 0.3, 0.1], LAST);
+    let known = ((0.09 + 0.01) / 24.0_f64).sqrt();
+    let found = radius(&body, &body.controls[0].origin, &Vector3::x(), [0.0, 1.0]);
+    assert!((found / known - 1.0).abs() < 1e-9, "{found} {known}");
+}
+
+#[test]
+fn what_is_no_rod_is_refused_with_its_slenderness() {
+    assert_eq!(fits(&block([4.0, 0.5, 0.5], LAST)), Ok(()), "27.7 radii of gyration");
+    let (severity, why) = fits(&block([1.0, 1.0, 1.0], LAST)).unwrap_err();
+    assert!(
+        severity == Severity::Error && why.contains("about 3.5 radii of gyration"),
+        "a cube has √12: {why}"
+    );
+    let (severity, why) = fits(&block([2.1, 1.0, 1.0], LAST)).unwrap_err();
+    assert!(severity == Severity::Warning && why.contains("about 7.3 radii"), "{why}");
+    let (severity, why) = fits(&block([4.0, 0.5, 0.5], "")).unwrap_err();
+    assert!(severity == Severity::Error && why.contains("two control elements"), "{why}");
+}

@@ -1,0 +1,136 @@
+//! The state in which an energy is least: Newton's method, led downhill.
+//!
+//! In: an [`Energy`], which has the mechanics. Out: its state at the [`Minimum`], or the [`Setback`] that ended the search. A step
+//! solves (H + s D) d = -g with the least s of 0, 1, 4, 16 … at which the matrix is positive definite, D being the problem's own
+//! measure, and goes as far along d as the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and
+//! 3.2). A state that is stationary but not stable is left along its mode. Allocates nothing.
+
+/// A trial must achieve this part of the decrease of energy that the slope predicts (Armijo).
+const DECREASE: f64 = 1e-4;
+/// Factorisations of one state.
+const SHIFTS: i32 = 24;
+/// Lengths of a way along a mode, each half of the one before.
+const MODE_TRIALS: usize = 14;
+
+/// An energy with the state in which it is, and all that is needed to lower it.
+pub trait Energy {
+    /// Lengths of a step that are tried, each half of the one before.
+    const TRIALS: usize;
+
+    /// Finds V, its gradient, and where this costs little more, its Hessian; `None` where the state has no energy.
+    fn evaluate(&mut self) -> Option<f64>;
+
+    /// Rounding error of V.
+    fn rounding(&self) -> f64 {
+        0.0
+    }
+
+    /// Whether the factor of an earlier state still serves.
+    fn serves(&mut self) -> bool {
+        false
+    }
+
+    /// Factorises the Hessian, to which `shift` times the problem's own measure is added; false where it is not positive definite.
+    fn factorise(&mut self, shift: f64) -> bool;
+
+    /// Finds the step from a state of this energy with the factor, shortened to what one iteration may do.
+    fn find_step(&mut self, energy: f64) -> Step;
+
+    /// V after a share of the step, which becomes the trial.
+    fn trial(&mut self, share: f64) -> Option<f64>;
+
+    /// Makes the trial the state.
+    fn accept(&mut self);
+
+    /// Goes the last step; returns V after it.
+    fn finish(&mut self, _energy: f64, _gain: f64) -> Option<f64> {
+        let energy = self.trial(1.0).filter(|energy| energy.is_finite());
+        self.accept();
+        energy
+    }
+
+    /// Gives up a factor that was not of this state; false where it was, so that nothing is left to try.
+    fn renew(&mut self) -> bool {
+        false
+    }
+
+    /// Makes the step that mode along which V falls most, or rises least; returns the first share of it to go. `None` where a state
+    /// that is not stable may stay.
+    fn find_mode(&mut self) -> Option<f64> {
+        None
+    }
+}
+
+/// A step that was found.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// -g·d of the whole step, twice the energy that it should win.
+    pub gain: f64,
+    /// Whether nothing that counts is left to win after it.
+    pub is_last: bool,
+}
+
+/// A minimum that was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Minimum {
+    pub energy: f64,
+    /// Whether a state that was stationary but not stable was left on the way.
+    pub buckled: bool,
+}
+
+/// The reason why no minimum was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setback {
+    /// The Hessian is not positive definite, however it is shifted.
+    Unstable,
+    /// No step, however short, lowers the energy, or the state has none.
+    NoDescent,
+    /// The iteration did not converge within its limit.
+    Slow,
+}
+
+/// Leads the energy down to a minimum in at most `most` iterations, which are added to `iterations`. Where there is none, the
+/// state is the best that was found.
+pub fn minimise<E: Energy>(problem: &mut E, most: usize, iterations: &mut usize) -> Result<Minimum, Setback> {
+    let mut buckled = false;
+    for _ in 0..most {
+        *iterations += 1;
+        let energy = problem.evaluate().ok_or(Setback::NoDescent)?;
+        let shift = match problem.serves() {
+            true => 0.0,
+            false => factorise(problem).ok_or(Setback::Unstable)?,
+        };
+        let Step { gain, is_last } = problem.find_step(energy);
+        let first = if is_last && shift > 0.0 { problem.find_mode() } else { None };
+        if let Some(first) = first {
+            let mut ways = (0..MODE_TRIALS).flat_map(|k| [first, -first].map(|way| way * halved(k)));
+            ways.find(|way| problem.trial(*way).is_some_and(|after| after < energy))
+                .ok_or(Setback::NoDescent)?;
+            problem.accept();
+            buckled = true;
+        } else if is_last {
+            let energy = problem.finish(energy, gain).ok_or(Setback::NoDescent)?;
+            return Ok(Minimum { energy, buckled });
+        } else {
+            let most = energy + problem.rounding();
+            let falls = |share: f64, after: f64| after <= most - DECREASE * share * gain;
+            let mut shares = (0..E::TRIALS).map(halved);
+            if shares.any(|share| problem.trial(share).is_some_and(|after| falls(share, after))) {
+                problem.accept();
+            } else if !problem.renew() {
+                return Err(Setback::NoDescent);
+            }
+        }
+    }
+    Err(Setback::Slow)
+}
+
+/// Factorises with the least shift at which the matrix is positive definite; returns it.
+pub fn factorise<E: Energy>(problem: &mut E) -> Option<f64> {
+    let mut shifts = std::iter::once(0.0).chain((0..SHIFTS - 1).map(|k| 4.0_f64.powi(k)));
+    shifts.find(|shift| problem.factorise(*shift))
+}
+
+fn halved(k: usize) -> f64 {
+    0.5_f64.powi(k as i32)
+}
