@@ -5,10 +5,10 @@
 
 use super::drawing::canvas::Picture;
 use super::drawing::plot::{Plot, Point, Scale};
-use super::units::{Unit, power};
 use crate::base::progress::Progress;
 use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, AFFINE, Requirements};
+use crate::measure::units::{Unit, power};
 use crate::scene::Scene;
 use crate::solve::{Method, SOLVERS, Solver};
 use std::path::Path;

@@ -3,7 +3,6 @@
 
 use super::choice::{Choice, choose, choose_among, name as title};
 use super::poses::scripted_or_random;
-use super::verified::verify;
 use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
@@ -11,9 +10,11 @@ use crate::base::notice::notice;
 use crate::deform::{ControlPose, ControlPoses, MODELS};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
+use crate::measure::verify;
+use crate::measure::{FOLDER, remove, settings};
+use crate::measure::{Limits, Request};
+use crate::measure::{Measurement, SCHEMA, Setting};
 use crate::prepare::{self, Resolved};
-use crate::report::measure::{FOLDER, remove, settings};
-use crate::report::{Limits, Measurement, Request, SCHEMA, Setting};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};

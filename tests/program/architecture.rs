@@ -28,17 +28,21 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("world", &[BELOW_WORLD]),
     ("effect", &["world", BELOW_WORLD]),
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
-    ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("report", &["verify", "effect", "deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("export", &["prepare effect world", BELOW_WORLD]),
+    ("measure", &["prepare effect deform green scene mesh fem solve"]),
+    ("verify", &["measure deform green scene mesh fem solve"]),
+    ("report", &["measure green scene mesh solve"]),
     ("session", &["prepare effect world", BELOW_WORLD]),
-    ("tuning", &["session report prepare world deform green scene mesh fem solve"]),
+    ("tuning", &["session measure prepare world deform green scene mesh fem solve"]),
     ("edit", &["interact green prepare scene mesh config"]),
     ("display", &["edit session export prepare effect world", BELOW_WORLD]),
     ("demo", &["display session prepare effect world", BELOW_WORLD]),
     (
         "cli",
-        &["demo edit display session export tuning report verify manual prepare effect world", BELOW_WORLD],
+        &[
+            "demo edit display session tuning report verify measure export manual prepare effect world",
+            BELOW_WORLD,
+        ],
     ),
 ];
 

@@ -1,6 +1,6 @@
 //! An axis: the pixel of each value, and its ticks.
 
-use crate::report::units::Unit;
+use crate::measure::units::Unit;
 
 /// Room at the low end of a logarithmic axis for values of exactly zero, pixels, and for those below a floor.
 const ZERO_BAND: f64 = 26.0;

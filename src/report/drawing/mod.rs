@@ -4,6 +4,5 @@
 pub mod axis;
 pub mod canvas;
 pub mod labels;
-pub mod markup;
 pub mod plot;
 pub mod relief;

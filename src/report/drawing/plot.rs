@@ -1,11 +1,12 @@
 //! A plot of points on two axes as SVG: points that nothing else beats are bold, with labels beside them.
 
 use super::axis::Axis;
-use super::canvas::{Canvas, FONT, LONGEST_LABEL, MARGIN, Picture, WIDTH, colour, marker};
+use super::canvas::{
+    Canvas, FONT, LONGEST_LABEL, MARGIN, Picture, WIDTH, colour, escape, marker, shortened, width,
+};
 use super::labels::{Label, Obstacles, Rect, place};
-use super::markup::{escape, shortened, width};
-use crate::report::cost_metric::CostMetric;
-use crate::report::units::{Unit, digits};
+use crate::measure::units::{Unit, digits};
+use crate::report::pareto::CostMetric;
 
 const LEFT: f64 = 76.0;
 /// Height between the axes.

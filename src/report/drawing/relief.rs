@@ -2,7 +2,8 @@
 //!
 //! In: triangles, places and values. Out: a PNG file, or its bytes as a data address for a page. It needs no graphics device.
 
-use image::{ImageEncoder, codecs::png::PngEncoder};
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
 use nalgebra::{Matrix3, Vector3};
 
 /// Pixels of the longer side, and how many samples a pixel has along each axis.

@@ -1,12 +1,11 @@
 //! The smooth problem in the norms of L2 and of energy: error against h, with the fitted slopes, and the theory's as
 //! triangles.
 
-use super::common::{distinct, listed};
-use super::entry::PlotEntry;
-use crate::report::data::{Report, SmoothError};
+use super::common::{PlotEntry, distinct, listed};
+use crate::measure::units::{Unit, digits, relative};
+use crate::measure::{Report, SmoothError};
 use crate::report::drawing::canvas::Picture;
 use crate::report::drawing::plot::{Plot, Point, Scale, Triangle};
-use crate::report::units::{Unit, digits, relative};
 
 pub const SMOOTH_L2: PlotEntry = PlotEntry {
     name: "smooth-l2",
