@@ -1,6 +1,6 @@
 //! The displacement field of one setting in one pose, over all nodes.
 
-use super::poses::on_the_way;
+use super::poses::{about_origins, on_the_way};
 use super::variants::moves_inside;
 use crate::base::columns::{Storage, StoredColumns};
 use crate::base::parts::PartShare;
@@ -105,9 +105,7 @@ pub fn evaluate_about(
     poses: &ControlPoses,
     about: &[Vector3<f64>],
 ) -> Option<ModelOutput> {
-    let own = origins(solution);
-    let moved = poses.iter().zip(about).zip(&own).map(|((pose, from), to)| pose.with_origin(from, to));
-    evaluate(model, solution, &moved.collect())
+    evaluate(model, solution, &about_origins(poses, about, &origins(solution)))
 }
 
 /// Σ cₖ u⁽ᵏ⁾ at all nodes, before the rigid motion.
@@ -156,10 +154,8 @@ pub fn wrenches_about(
     poses: &ControlPoses,
     about: &[Vector3<f64>],
 ) -> Option<Vec<Wrench>> {
-    let moved = |(e, wrench): (usize, &Wrench)| {
-        let arm = solution.controls[e].origin - about[e] - poses[e].translation;
-        Wrench { force: wrench.force, moment: wrench.moment + arm.cross(&wrench.force) }
-    };
+    let moved =
+        |(e, wrench): (usize, &Wrench)| wrench.about(&(solution.controls[e].origin - about[e]), &poses[e]);
     Some(output.wrenches.as_ref()?.iter().enumerate().map(moved).collect())
 }
 

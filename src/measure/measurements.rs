@@ -202,15 +202,8 @@ fn written(
         return Ok(known.clone());
     }
     let path = request.scratch.join(&name);
-    let precomputed = Precomputed {
-        name: request.body.to_owned(),
-        fingerprint: String::new(),
-        storage,
-        requirements,
-        plan: None,
-        solution: candidate.solution.clone(),
-        sections: BTreeMap::new(),
-    };
+    let solution = candidate.solution.clone();
+    let precomputed = Precomputed::from_solution(request.body, storage, requirements, solution);
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let io = |source| MeasureError::Io { path: path.clone(), source };
     let mut packed_bytes = None;

@@ -44,7 +44,7 @@ pub use data::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, PARAMETERS, Parameter,
     Report, SCHEMA, Setting, Shapes, SmoothError, Spread, Timing, TrialMotion,
 };
-pub use norms::{MeshLadder, Norms};
+pub use norms::{MeshLadder, Norms, largest};
 pub use request::{Limits, MeasureError, Request, TimeLimit};
 pub use resume::{FOLDER, remove};
 pub use variants::online;

@@ -70,6 +70,17 @@ impl<'a> Norms<'a> {
     }
 }
 
+/// The longest vector of a field.
+pub fn largest(field: &[Vector3<f64>]) -> f64 {
+    field.iter().map(|u| u.norm()).fold(0.0, f64::max)
+}
+
+/// Root mean square of an error over that of the field in which it is, at the same nodes.
+pub fn relative(error: &[Vector3<f64>], field: &[Vector3<f64>]) -> f64 {
+    let square = |field: &[Vector3<f64>]| field.iter().map(|u| u.norm_squared()).sum::<f64>();
+    square(error).sqrt() / square(field).sqrt().max(f64::MIN_POSITIVE)
+}
+
 /// Q_0 … Q_top. Corners of Q_r come first, then its mids; tetrahedron t of Q_r is cut into 8 t … 8 t + 7 of Q_(r+1),
 /// the first four of which keep a corner each ([`crate::mesh::refine`]).
 pub struct MeshLadder {

@@ -7,7 +7,8 @@ use super::data::{Errors, Measurement, Setting, Shapes, Spread};
 use super::fields::{
     ModelOutput, difference, displaced, evaluate_about, storage_error, stored, wrenches_about,
 };
-use super::reference::{PoseReference, References, largest};
+use super::norms::largest;
+use super::reference::{PoseReference, References};
 use super::request::MeasureError;
 use super::variants::{Candidate, Meshes, moves_inside};
 use crate::base::statistics::{median, quantile};

@@ -76,6 +76,11 @@ pub fn on_the_way(poses: &[ControlPose]) -> Vec<ControlPoses> {
     (1..steps).map(|i| ways.iter().map(|way| way.pose(i as f64 / steps as f64)).collect()).collect()
 }
 
+/// The poses of the same affine motions about other origins.
+pub fn about_origins(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
+    poses.iter().zip(from).zip(to).map(|((pose, from), to)| pose.with_origin(from, to)).collect()
+}
+
 /// ∫₀¹ exp(s θ a×) ds = I + (1 - cos θ)/θ a× + (1 - sin θ/θ) (a×)².
 fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
     let cross = axis.cross_matrix();

@@ -3,11 +3,13 @@
 use super::course::{Course, Step};
 use super::data::ModelError;
 use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
-use super::norms::Norms;
+use super::norms::{Norms, largest, relative};
 use super::request::{MeasureError, Request};
 use super::variants::{Candidate, Meshes, moves_inside, of_affine_columns, online, solved, variant};
-use crate::deform::{ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Wrench, model_of};
-use crate::fem::{STVK, TET4, TET10, nearest_turn, tet4};
+use crate::deform::{
+    ControlPose, ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Truth, Wrench, model_of,
+};
+use crate::fem::{TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
 use crate::scene::Scene;
@@ -163,7 +165,7 @@ impl<'a> References<'a> {
     ) -> Result<(), MeasureError> {
         let scene = variant(request, 0, &TET4, Solver::default());
         let scene = softened(&scene, request.body).unwrap_or(scene);
-        let mut statics = Statics::new(&scene, request.body, &STVK, &Silent)?;
+        let mut statics = Truth::SameMesh.statics(&scene, request.body, &Silent)?;
         let suited = self.suited(candidates);
         let mut stateless = Vec::new();
         let all = course.step_as_json(Step::EQUILIBRIA, |progress| {
@@ -281,9 +283,8 @@ impl<'a> References<'a> {
         settled: EquilibriumOfPose,
     ) -> PoseReference {
         // The moments of an equilibrium are about where the origins rested.
-        let moved = |([force, moment], pose): (&[[f64; 3]; 2], &crate::deform::ControlPose)| {
-            let (force, moment) = (Vector3::from(*force), Vector3::from(*moment));
-            Wrench { force, moment: moment - pose.translation.cross(&force) }
+        let moved = |([force, moment], pose): (&[[f64; 3]; 2], &ControlPose)| {
+            Wrench { force: Vector3::from(*force), moment: Vector3::from(*moment) }.about_the_place(pose)
         };
         let held: Vec<Wrench> = settled.wrenches.iter().zip(poses).map(moved).collect();
         let settled_displacement: Vec<Vector3<f64>> =
@@ -380,9 +381,7 @@ impl PoseReference {
     pub fn surface_error(&self, solution: &green::Solution, u: &[Vector3<f64>]) -> (f64, f64) {
         let settled: Vec<_> = solution.surface.nodes.iter().map(|&n| self.displacement[n as usize]).collect();
         let error = difference(u, &settled);
-        let square = |field: &[Vector3<f64>]| field.iter().map(|u| u.norm_squared()).sum::<f64>();
-        let size = square(&settled).sqrt().max(f64::MIN_POSITIVE);
-        (square(&error).sqrt() / size, largest(&error))
+        (relative(&error, &settled), largest(&error))
     }
 }
 
@@ -395,8 +394,4 @@ fn largest_rotation(solution: &green::Solution, u: &[Vector3<f64>]) -> f64 {
         nearest_turn(&(Matrix3::identity() + h)).angle()
     };
     (0..solution.mesh.tets.len()).map(rotation).fold(0.0, f64::max)
-}
-
-pub fn largest(field: &[Vector3<f64>]) -> f64 {
-    field.iter().map(|u| u.norm()).fold(0.0, f64::max)
 }

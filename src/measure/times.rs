@@ -9,7 +9,6 @@ use crate::effect::{EFFECTS, EffectEntry, Resolved, add_sections};
 use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -169,15 +168,8 @@ fn with_effects(
 ) -> Result<[f64; 4], GreenError> {
     let solution = green::solve(scene, body, &requirements, &Silent)?;
     let stiffness_s: f64 = solution.times.families_s.values().sum();
-    let mut precomputed = Precomputed {
-        name: body.to_owned(),
-        fingerprint: String::new(),
-        requirements,
-        storage: scene.body[body].storage,
-        plan: None,
-        solution,
-        sections: BTreeMap::new(),
-    };
+    let storage = scene.body[body].storage;
+    let mut precomputed = Precomputed::from_solution(body, storage, requirements, solution);
     let started = Instant::now();
     add_sections(scene, &mut precomputed, &Silent)?;
     let offline_s = stiffness_s + started.elapsed().as_secs_f64();

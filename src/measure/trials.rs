@@ -8,15 +8,15 @@ use super::course::{Course, Step};
 use super::data::{ModelTrial, ModelTrials, TrialMotion};
 use super::reference::{MOST_POISSON, References, softened};
 use super::request::{MeasureError, Request};
-use super::variants::{Candidate, families, online, variant};
-use crate::deform::{Deformer, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, trials};
+use super::variants::{Candidate, online, variant};
+use crate::deform::{
+    Deformer, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, Truth, in_session, trials,
+};
 use crate::effect::expected::mesh::softest_turn;
-use crate::fem::{STVK, TET4};
-use crate::green::{self, GreenFile, Precomputed, Solution};
+use crate::fem::TET4;
+use crate::green::Precomputed;
 use crate::scene::{Grab, Scene, Storage};
 use crate::solve::{Progress, Solver};
-use std::collections::BTreeMap;
-use std::sync::Arc;
 
 const DEGREES: [f64; 10] = [1.0, 3.0, 10.0, 30.0, 60.0, 90.0, 135.0, 180.0, 270.0, 360.0];
 const QUICK_DEGREES: [f64; 3] = [10.0, 30.0, 90.0];
@@ -53,7 +53,7 @@ fn tried(
         ));
         return Ok(found);
     }
-    let mut statics = match Statics::new(&scene, request.body, &STVK, progress) {
+    let mut statics = match Truth::SameMesh.statics(&scene, request.body, progress) {
         Ok(statics) => statics,
         Err(StaticsError::Green(why)) => {
             found.about.push(format!("Not measured: {why}"));
@@ -80,7 +80,9 @@ fn tried(
             found.about.push(format!("Left out: {model}, which was not made with {element} on this mesh."));
             continue;
         };
-        let mut deformer = match deformer(request, model, &solved.solution)? {
+        let (name, solution) = (request.body, solved.solution.clone());
+        let made = Precomputed::from_solution(name, Storage::F32, model.with_energy(), solution);
+        let mut deformer = match in_session(&made, model)? {
             Ok(deformer) => deformer,
             Err(why) => {
                 found.about.push(format!("Left out: {}: {why}", model.name));
@@ -165,26 +167,6 @@ fn equilibria(
     let found = trials(statics, moved, &motions, progress, &mut told)?;
     progress.end();
     Ok(found)
-}
-
-/// The body as a session would have it, with the energy of the model; the inner error says why it does not suit the model.
-fn deformer(
-    request: &Request<'_>,
-    model: &'static ModelEntry,
-    solution: &Solution,
-) -> Result<Result<Deformer, String>, MeasureError> {
-    let path = request.scratch.join(format!("trial-{}.green", model.name));
-    let made = Precomputed {
-        name: request.body.to_owned(),
-        fingerprint: String::new(),
-        storage: Storage::F32,
-        requirements: families(&[model]),
-        plan: None,
-        solution: solution.clone(),
-        sections: BTreeMap::new(),
-    };
-    green::write(&path, std::slice::from_ref(&made))?;
-    Ok(Deformer::new(Arc::new(GreenFile::open(&path)?), request.body, model))
 }
 
 fn row(model: &ModelEntry, trial: &Trial, deformer: &mut Deformer, nodes: &[usize]) -> Option<ModelTrial> {

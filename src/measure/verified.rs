@@ -4,18 +4,21 @@
 //! settings are chosen adds parts of errors, each found apart from the others; this is the whole at once.
 
 use super::data::Measurement;
-use super::poses::on_the_way;
+use super::fields::difference;
+use super::norms::relative;
+use super::poses::{about_origins, on_the_way};
 use crate::base::failure::Failure;
-use crate::deform::{ControlPose, ControlPoses, Deformer, Statics, StaticsError, Wrench};
-use crate::fem::{STVK, TET4, TET10};
-use crate::green::{self, GreenFile, Requirements};
+use crate::deform::{
+    ControlPoses, Deformer, Deviation, PoseResult, Statics, StaticsError, Truth, Wrench, in_session,
+};
+use crate::fem::TET4;
+use crate::green;
 use crate::mesh::quality::bounding_box;
 use crate::prepare::Resolved;
 use crate::scene::Scene;
 use crate::solve::{Silent, Solver};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Unknowns of the largest finer reference, which is solved some dozen times for each pose.
 const LARGEST: f64 = 60_000.0;
@@ -45,8 +48,9 @@ pub fn verify(
     (body.element, body.solver, body.refine) = (&TET4, Solver::default(), 0);
     let about: Vec<Vector3<f64>> =
         green::prepare(&plain, name)?.controls.iter().map(|control| control.origin).collect();
-    let folder = tempfile::tempdir().map_err(Failure::work)?;
-    let mut deformer = deformer(scene, name, folder.path())?;
+    let model = scene.bodies[name].model;
+    let made = green::precompute(scene, name, &model.with_energy(), &Silent)?;
+    let mut deformer = in_session(&made, model)?.map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
     let Some((mut statics, added, against)) = reference(scene, name, row)? else { return Ok(None) };
     let (low, high) = bounding_box(&statics.mesh.nodes);
     let extent = (high - low).amax();
@@ -56,44 +60,41 @@ pub fn verify(
     let others: Vec<Vector3<f64>> = statics.controls.iter().map(|control| control.origin).collect();
     let mut found = Verified { shape: 0.0, held: None, count: 0, against };
     for (_, pose) in poses {
-        let settled = match statics.solve(&moved(pose, &about, &others), &Silent) {
+        let settled = match statics.solve(&about_origins(pose, &about, &others), &Silent) {
             Ok(settled) if settled.inverted.is_empty() => settled,
             Ok(_) | Err(StaticsError::Stopped { .. }) => continue,
             Err(error) => return Err(Failure::work(error)),
         };
         deformer.forget();
         for between in on_the_way(pose) {
-            deformer.take(&moved(&between, &about, &own));
+            deformer.take(&about_origins(&between, &about, &own));
         }
-        deformer.evaluate(&moved(pose, &about, &own));
-        let square = |of: &dyn Fn(usize, usize) -> Vector3<f64>| {
-            nodes.iter().map(|&(i, node)| of(i, node).norm_squared()).sum::<f64>().sqrt()
+        deformer.evaluate(&about_origins(pose, &about, &own));
+        // The same points have other origins in both: wrenches are compared about where the pose brings `about`.
+        let placed = |wrenches: &[Wrench], origins: &[Vector3<f64>]| {
+            let place = |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - about[e]), &pose[e]);
+            Some(wrenches.iter().enumerate().map(place).collect())
         };
-        let off = square(&|i, node| deformer.displacement(i) - settled.displacement[node]);
-        let size = square(&|_, node| settled.displacement[node]).max(f64::MIN_POSITIVE);
+        let (held, energy) = deformer.wrenches().unzip();
+        let model = PoseResult {
+            wrenches: held.and_then(|held| placed(&held, &own)),
+            energy: energy.unwrap_or(0.0),
+            surface: nodes.iter().map(|&(i, _)| deformer.displacement(i)).collect(),
+        };
+        let truth = PoseResult {
+            wrenches: placed(&settled.wrenches, &others),
+            energy: settled.energy,
+            surface: nodes.iter().map(|&(_, node)| settled.displacement[node]).collect(),
+        };
+        let off = Deviation::new(&model, &truth, extent);
         found.count += 1;
-        found.shape = found.shape.max((off / size).hypot(added[0]));
-        if let Some((wrenches, _)) = deformer.wrenches() {
-            let own = placed(&wrenches, pose, &about, &own, extent);
-            let truth = placed(&settled.wrenches, pose, &about, &others, extent);
-            let size = truth.iter().map(Vector3::norm).fold(f64::MIN_POSITIVE, f64::max);
-            let off = own.iter().zip(&truth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / size;
-            found.held = Some(found.held.unwrap_or(0.0).max(off.hypot(added[1])));
+        let shape = relative(&difference(&model.surface, &truth.surface), &truth.surface);
+        found.shape = found.shape.max(shape.hypot(added[0]));
+        if let Some((force, torque)) = off.force.zip(off.torque) {
+            found.held = Some(found.held.unwrap_or(0.0).max(force.max(torque).hypot(added[1])));
         }
     }
     Ok((found.count > 0).then_some(found))
-}
-
-/// The body as a session would have it, with the energy of its model.
-fn deformer(scene: &Resolved, name: &str, folder: &std::path::Path) -> Result<Deformer, Failure> {
-    let model = scene.bodies[name].model;
-    let requirements =
-        Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()));
-    let made = green::precompute(scene, name, &requirements, &Silent)?;
-    let path = folder.join("verified.green");
-    green::write(&path, std::slice::from_ref(&made))?;
-    let file = Arc::new(GreenFile::open(&path)?);
-    Deformer::new(file, name, model).map_err(|why| Failure::work(anyhow::anyhow!(why)))
 }
 
 /// A reference, what has to be added to errors against it (of shape and of force), and its name.
@@ -102,17 +103,11 @@ fn reference(
     name: &str,
     row: &Measurement,
 ) -> Result<Option<(Statics, [f64; 2], String)>, Failure> {
-    let mut finer = scene.clone();
-    let body = &mut finer.body[name];
-    body.solver = Solver::default();
-    let is_linear = body.element.order == 1;
+    let is_linear = scene.body[name].element.order == 1;
     let grown = if is_linear { QUADRATIC } else { 8.0 };
     let is_finer = 3.0 * grown * row.mesh_nodes as f64 <= LARGEST;
-    if is_finer {
-        body.refine += u32::from(!is_linear);
-        body.element = &TET10;
-    }
-    let statics = match Statics::new(&finer, name, &STVK, &Silent) {
+    let truth = if is_finer { Truth::Finer } else { Truth::SameMesh };
+    let statics = match truth.statics(scene, name, &Silent) {
         Ok(statics) => statics,
         Err(StaticsError::Green(_)) => return Ok(None),
         Err(error) => return Err(Failure::work(error)),
@@ -143,26 +138,6 @@ fn matching(statics: &Statics, deformer: &Deformer, extent: f64) -> Vec<(usize, 
     let rest = deformer.rest().iter().enumerate();
     let place = |x: &[f32; 3]| deformer.centre + Vector3::from(*x).cast::<f64>();
     rest.filter_map(|(i, x)| Some((i, near(&place(x))?))).collect()
-}
-
-/// The poses of the same affine motions about other origins.
-fn moved(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
-    poses.iter().zip(from).zip(to).map(|((pose, from), to)| pose.with_origin(from, to)).collect()
-}
-
-/// Forces, and torques about where the poses bring the points `about` over the extent.
-fn placed(
-    wrenches: &[Wrench],
-    poses: &[ControlPose],
-    about: &[Vector3<f64>],
-    own: &[Vector3<f64>],
-    extent: f64,
-) -> Vec<Vector3<f64>> {
-    let of = |(e, wrench): (usize, &Wrench)| {
-        let arm = own[e] - about[e] - poses[e].translation;
-        [wrench.force, (wrench.moment + arm.cross(&wrench.force)) / extent]
-    };
-    wrenches.iter().enumerate().flat_map(of).collect()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::pareto::costs;
 use super::plots::{PLOTS, PlotEntry, left_out};
 use super::tables::{self, capital};
 use crate::measure::units::{Unit, metres};
-use crate::measure::{EffectCost, Report, Shapes};
+use crate::measure::{EffectCost, Report, Shapes, largest};
 use nalgebra::Vector3;
 
 /// The whole file. `pictures` are those of [`super::pictures()`].
@@ -253,8 +253,4 @@ pub fn figure(report: &Report) -> String {
 
 fn moved(shapes: &Shapes, error: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     shapes.equilibrium.iter().zip(error).map(|(x, e)| x + e).collect()
-}
-
-fn largest(error: &[Vector3<f64>]) -> f64 {
-    error.iter().map(|e| e.norm()).fold(0.0, f64::max)
 }

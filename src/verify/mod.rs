@@ -12,10 +12,12 @@
 //! They are for judging elements; nothing here is called on the way to a .green file.
 
 mod analytic;
+pub mod haptic_tick;
 pub mod hard_cases;
 pub mod large_rotation;
 mod problem;
 mod published;
+pub mod studies;
 
 pub use problem::{Bound, Measure, Problem};
 

@@ -4,9 +4,6 @@
 //! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). Only this effect measures. `check`, `precompute`, `inspect`,
 //! `deform` and the overlay show what was measured.
 
-mod hung;
-#[cfg(test)]
-mod loaded_tests;
 pub mod mesh;
 pub mod model;
 #[cfg(test)]

@@ -4,17 +4,16 @@
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads of
 //! the scene. It is bent in the plane in which that is easiest, as hands bend it.
 
-use super::super::entry::Resolved;
-use super::hung::hung;
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{Deformer, ErrorsAt, Hung, Motion, Moved, Statics, Trial, reach, trials};
-use crate::fem::STVK;
-use crate::green::{self, GreenFile, Precomputed, Solution};
-use crate::scene::Scene;
-use crate::solve::{Progress, Silent, Solver};
-use std::sync::Arc;
+use crate::deform::{
+    ControlPose, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, PoseResult, Search, Statics,
+    Trial, Truth, in_session, reach, trials,
+};
+use crate::effect::entry::Resolved;
+use crate::green::{Precomputed, Solution};
+use crate::solve::{Progress, Silent};
 
 /// The motions of a control element at one level: bend, twist and both at once, °, and shifts that stretch the body.
 struct Level {
@@ -75,22 +74,15 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Writes the body into a file that is gone afterwards, and opens it as a session does.
+    /// The body as a session has it, and its equilibria, under the loads of the scene.
     pub fn new(scene: &Resolved, body: &mut Precomputed) -> Result<Measured, Failure> {
-        let mut factorised = Scene::clone(scene);
-        factorised.body[&body.name].solver = Solver::default();
-        let mut statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
-        let folder = tempfile::tempdir().map_err(Failure::work)?;
-        let path = folder.path().join("measured.green");
+        let mut statics = Truth::SameMesh.statics(scene, &body.name, &Silent).map_err(Failure::work)?;
         // Sections of effects are not there yet.
         let families = body.requirements.without_sections();
         let asked = std::mem::replace(&mut body.requirements, families);
-        let written = green::write(&path, std::slice::from_ref(body));
+        let opened = in_session(body, scene.bodies[&body.name].model);
         body.requirements = asked;
-        written.map_err(Failure::work)?;
-        let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-        let model = scene.bodies[&body.name].model;
-        let mut deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
+        let mut deformer = opened.map_err(Failure::work)?.map_err(Failure::wrong)?;
         // Under the loads of the scene, as it stands there.
         let loads = PoseLoads::of_scene(&scene.body[&body.name]);
         deformer.apply(&loads.applied(&deformer).map_err(Failure::wrong)?);
@@ -203,6 +195,88 @@ fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
         all.push(all.last().map_or(here, |last| last.and(&here)));
     }
     all
+}
+
+/// Turns to which the end comes, about, °: of a cantilever of length L it turns by 3 w/2 L.
+const ANGLES: [f64; 3] = [5.0, 15.0, 30.0];
+
+/// Tolerance of the searches, which is enough for errors of forces to a tenth of a per cent.
+const ENOUGH: f64 = 1e-4;
+
+/// Measures control element `moved` where it is pushed aside and free in all else; `left_out` is called with the angle from which on
+/// the model or the body has no equilibrium. A held end that is moved stretches
+/// a slender body, which resists that some (L/t)² times more than bending, so that errors of held poses say nothing of an end
+/// that is pushed: with E I = E b t³/12, its force is 3 E I w/L³ (Gere and Timoshenko, Mechanics of Materials, appendix G), and both
+/// the model and the body find for themselves where its end goes. The end is pushed along that axis of the body which is nearest to
+/// the plane in which it bends most easily; compared are the forces of both in their own poses.
+fn hung(
+    statics: &mut Statics,
+    deformer: &mut Deformer,
+    nodes: &[usize],
+    moved: &Moved,
+    left_out: &mut dyn FnMut(String),
+) -> Hung {
+    let along = moved.across.cross(&moved.axis).iamax();
+    let last = ANGLES[ANGLES.len() - 1];
+    let mut freedom = vec![Freedom::default(); moved.elements];
+    freedom[moved.element].free = std::array::from_fn(|k| k != along);
+    let way = |share: f64| {
+        let mut poses = vec![ControlPose::REST; moved.elements];
+        poses[moved.element].translation[along] = share * moved.length * last.to_radians() * 2.0 / 3.0;
+        poses
+    };
+    let mut of_model = Search::new(&freedom, moved.length, deformer.entry.is_linear(), &way);
+    let mut of_body = Search::new(&freedom, moved.length, false, &way);
+    (of_model.tolerance, of_body.tolerance) = (ENOUGH, ENOUGH);
+    let mut hung = Hung { along, at: Vec::new(), mesh: None };
+    deformer.forget();
+    for angle in ANGLES {
+        let both = of_deformer(&mut of_model, angle / last, deformer)
+            .and_then(|model| Ok((model, of_statics(&mut of_body, angle / last, statics, nodes)?)));
+        match both {
+            Ok((model, body)) => {
+                let at = ErrorsAt::new(angle, reach(deformer), &Deviation::new(&model, &body, moved.length));
+                let at = hung.at.last().map_or(at, |last| last.and(&at));
+                hung.at.push(at);
+            }
+            Err(why) => {
+                left_out(format!("pushed aside until it turns by {angle}°: {why}"));
+                break;
+            }
+        }
+    }
+    hung
+}
+
+fn of_deformer(search: &mut Search<'_>, share: f64, deformer: &mut Deformer) -> Result<PoseResult, String> {
+    const NONE: &str = "the model has no forces in such a pose";
+    let mut forces = |poses: &[ControlPose]| {
+        deformer.take(poses);
+        deformer.balance().ok_or_else(|| NONE.to_owned())
+    };
+    let poses = search.follow_to(share, &mut forces)?;
+    // The search has taken them already.
+    deformer.take(&poses);
+    deformer.deform();
+    Some(PoseResult::of_model(deformer))
+        .filter(|found| found.wrenches.is_some())
+        .ok_or_else(|| NONE.to_owned())
+}
+
+fn of_statics(
+    search: &mut Search<'_>,
+    share: f64,
+    statics: &mut Statics,
+    nodes: &[usize],
+) -> Result<PoseResult, String> {
+    let mut forces = |poses: &[ControlPose]| {
+        let found = statics.solve(&poses.to_vec(), &Silent);
+        found.map(|found| found.balance(poses)).map_err(|error| error.to_string())
+    };
+    let poses = search.follow_to(share, &mut forces)?;
+    // The last that was tried need not be the best.
+    let found = statics.solve(&poses, &Silent).map_err(|error| error.to_string())?;
+    Ok(PoseResult::of_equilibrium(&found, &poses, nodes))
 }
 
 #[cfg(test)]
