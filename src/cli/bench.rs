@@ -84,14 +84,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         full_speed.map_err(Failure::request)?;
         let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
             .map_err(Failure::request)?;
-        return super::sizes::run(&super::sizes::Request {
-            sizes: &args.sizes,
-            storage: args.storage,
-            frames: args.frames,
-            device: args.device,
-            json: args.json,
-            stage: &stage,
-        });
+        let figures = (args.storage, args.frames);
+        return super::sizes::run(&args.sizes, figures, args.device, &stage, args.json);
     };
     let scene = Resolved::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;

@@ -9,9 +9,9 @@
 //! | 0     D_dd | | u_d | = | D_dd g       |     D the diagonal of K
 //! ```
 
-use super::exact::{self as exact, Solution};
-use crate::fem::{AssemblyError, Element, Lame, NodeFields, StiffnessMatrix};
-use crate::mesh::{Block, GenerateError, TetMesh, block, quadratic};
+use super::exact::Solution;
+use crate::fem::{self, AssemblyError, Element, Lame, NodeFields, StiffnessMatrix};
+use crate::mesh::{Block, GenerateError, TetMesh, block, outer_faces, quadratic};
 use crate::solve::{Silent, SolveError, Solver};
 use nalgebra::Vector3;
 use std::time::Instant;
@@ -98,16 +98,11 @@ impl Body {
         on: impl Fn(&Vector3<f64>) -> bool,
         traction: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
     ) {
-        for face in exact::faces(&self.mesh, |node| on(&self.place[node])) {
-            exact::visit_face(&self.mesh, &face, |x, normal, shapes| {
-                let force = traction(&x, &normal.normalize()) * normal.norm();
-                for &(node, value) in shapes {
-                    for axis in 0..3 {
-                        self.force.data[3 * node + axis] += force[axis] * value;
-                    }
-                }
-            });
-        }
+        let is_on = |face: &Vec<u32>| face.iter().all(|&node| on(&self.place[node as usize]));
+        let faces: Vec<Vec<u32>> = outer_faces(&self.mesh).into_iter().filter(is_on).collect();
+        let forces = fem::traction(&self.mesh, &faces, &|at| traction(&at.place, &at.normal));
+        let own = self.force.data.iter_mut();
+        own.zip(forces.iter().flatten()).for_each(|(sum, force)| *sum += force);
     }
 
     /// Displacements of one material throughout.

@@ -7,7 +7,7 @@ use super::norms::{Norms, largest, relative};
 use super::request::{MeasureError, Request};
 use super::variants::{Candidate, Meshes, moves_inside, of_affine_columns, online, solved, variant};
 use crate::deform::{
-    ControlPose, ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Truth, Wrench, model_of,
+    ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Truth, Wrench, model_of,
 };
 use crate::fem::{TET4, TET10, nearest_turn, tet4};
 use crate::green;
@@ -74,18 +74,15 @@ pub struct PoseReference {
 #[derive(Serialize, Deserialize)]
 struct EquilibriumOfPose {
     displacement: Vec<[f64; 3]>,
-    /// Force and moment of each control element.
-    wrenches: Vec<[[f64; 3]; 2]>,
+    /// Wrenches about where the origins rested.
+    wrenches: Vec<Wrench>,
     energy: f64,
 }
 
-impl From<&EquilibriumResult> for EquilibriumOfPose {
-    fn from(found: &EquilibriumResult) -> EquilibriumOfPose {
-        EquilibriumOfPose {
-            displacement: found.displacement.iter().map(|u| (*u).into()).collect(),
-            wrenches: found.wrenches.iter().map(|w| [w.force.into(), w.moment.into()]).collect(),
-            energy: found.energy,
-        }
+impl From<EquilibriumResult> for EquilibriumOfPose {
+    fn from(found: EquilibriumResult) -> EquilibriumOfPose {
+        let displacement = found.displacement.iter().map(|u| (*u).into()).collect();
+        EquilibriumOfPose { displacement, wrenches: found.wrenches, energy: found.energy }
     }
 }
 
@@ -181,7 +178,7 @@ impl<'a> References<'a> {
                     )));
                 }
                 match statics.solve(poses, progress) {
-                    Ok(settled) if settled.inverted.is_empty() => Ok(Ok(EquilibriumOfPose::from(&settled))),
+                    Ok(settled) if settled.inverted.is_empty() => Ok(Ok(EquilibriumOfPose::from(settled))),
                     Ok(settled) => {
                         Ok(Err(format!("{name}: {} tetrahedra turn inside out", settled.inverted.len())))
                     }
@@ -282,11 +279,8 @@ impl<'a> References<'a> {
         poses: &ControlPoses,
         settled: EquilibriumOfPose,
     ) -> PoseReference {
-        // The moments of an equilibrium are about where the origins rested.
-        let moved = |([force, moment], pose): (&[[f64; 3]; 2], &ControlPose)| {
-            Wrench { force: Vector3::from(*force), moment: Vector3::from(*moment) }.about_the_place(pose)
-        };
-        let held: Vec<Wrench> = settled.wrenches.iter().zip(poses).map(moved).collect();
+        let held: Vec<Wrench> =
+            settled.wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect();
         let settled_displacement: Vec<Vector3<f64>> =
             settled.displacement.iter().map(|u| Vector3::from(*u)).collect();
         let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);

@@ -1,10 +1,13 @@
 //! Formats numbers with their units, short enough for an axis or a cell: "20 µs", "2·10⁻³", "0.31 %".
 
 /// The unit of an axis or a cost.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unit {
     /// A relative error, shown in percent where that is readable.
+    #[default]
     Ratio,
+    /// A number of things.
+    Count,
     Seconds,
     Bytes,
     Metres,
@@ -16,6 +19,7 @@ impl Unit {
         match self {
             Unit::Ratio if (0.99e-6..1e3).contains(&value) => format!("{} %", digits(100.0 * value, 3)),
             Unit::Ratio => power(value),
+            Unit::Count => format!("{value}"),
             Unit::Seconds => prefixed(value, "s"),
             Unit::Bytes => prefixed(value, "B"),
             Unit::Metres => prefixed(value, "m"),

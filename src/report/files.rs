@@ -2,6 +2,7 @@
 //! and plots/*.svg, and reads accuracy.json. The names of the columns in CSV hold their units (RFC 4180).
 
 use super::page::page;
+use super::pareto::COLUMNS;
 use super::plots::{PLOTS, pictures};
 use crate::base::csv::quoted;
 use crate::base::failure::Failure;
@@ -176,19 +177,7 @@ impl From<ReportError> for Failure {
 
 /// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
 fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
-    let (cost, error) = (&row.cost, &row.error);
-    let counts = [("mesh_nodes", row.mesh_nodes as f64), ("surface_nodes", row.surface_nodes as f64)];
-    let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
-    let costs = [
-        ("offline_s", Some(cost.offline_s)),
-        ("offline_bytes", Some(cost.offline_bytes)),
-        ("file_bytes", Some(cost.file_bytes)),
-        ("packed_bytes", cost.packed_bytes),
-        ("frame_p50_s", Some(cost.frame_p50_s)),
-        ("frame_p99_s", Some(cost.frame_p99_s)),
-        ("frame_one_p50_s", Some(cost.frame_one_p50_s)),
-        ("frame_bytes", cost.frame_bytes),
-    ];
+    let error = &row.error;
     let errors: [(&str, &str, Option<Spread>); 11] = [
         ("discretisation", "relative", Some(error.discretisation)),
         ("energy", "relative", Some(error.energy)),
@@ -202,8 +191,8 @@ fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
         ("torque", "relative", error.torque),
         ("uncancelled_held", "relative", error.uncancelled_held),
     ];
-    let counts = counts.map(|(name, count)| (name, Some(count)));
-    let plain = counts.into_iter().chain(costs).map(|(name, value)| (name.to_owned(), value));
+    let plain = COLUMNS.iter().map(|column| (column.name.to_owned(), (column.of)(row)));
+    let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
     let spreads = errors.into_iter().flat_map(|(name, unit, spread)| {
         [("median", spread.map(|s| s.median)), ("worst", spread.map(|s| s.worst))]
             .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))

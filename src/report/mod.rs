@@ -4,16 +4,20 @@
 //! (SVG) and one self-contained page (HTML).
 
 mod answer;
-mod drawing;
+mod axis;
+mod canvas;
 mod files;
+mod labels;
 mod page;
 mod pareto;
+mod plot;
 mod plots;
+mod relief;
 pub mod scale;
 mod tables;
 
 pub use answer::{cheapest, headline, ladder};
-pub use drawing::canvas::Picture;
+pub use canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};
 pub use page::page;
 pub use pareto::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};

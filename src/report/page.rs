@@ -2,11 +2,12 @@
 //! script.
 
 use super::answer::{Shown, headline, shown};
-use super::drawing::canvas::{Picture, STYLE, escape};
-use super::drawing::relief::{COLOURS, Frame, Relief, View, base64};
+use super::canvas::{Picture, STYLE, escape};
 use super::pareto::costs;
 use super::plots::{PLOTS, PlotEntry, left_out};
+use super::relief::{COLOURS, Frame, Relief, View};
 use super::tables::{self, capital};
+use crate::base::text::base64;
 use crate::measure::units::{Unit, metres};
 use crate::measure::{EffectCost, Report, Shapes, largest};
 use nalgebra::Vector3;

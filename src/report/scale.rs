@@ -3,8 +3,8 @@
 //!
 //! In: the largest number of nodes. Out: [`Row`]s with iterations, the time of every phase, memory and forward error.
 
-use super::drawing::canvas::Picture;
-use super::drawing::plot::{Plot, Point, Scale};
+use super::canvas::Picture;
+use super::plot::{Plot, Point, Scale};
 use crate::base::progress::Progress;
 use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, AFFINE, Requirements};
@@ -220,8 +220,7 @@ fn plot(title: &'static str, label: &str, unit: Unit, rows: &[Row], of: fn(&Row)
         y: Scale { label: label.to_owned(), unit, logarithmic: true },
         points: rows.iter().filter_map(point).collect(),
         series,
-        front: Vec::new(),
-        triangles: Vec::new(),
+        ..Plot::default()
     }
 }
 

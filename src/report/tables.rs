@@ -2,9 +2,8 @@
 //! every cell of the page is escaped here.
 
 use super::answer::{GOALS, Shown, Trust, cheapest_with, ladder, most_accurate, recommendations, shown};
-use super::drawing::canvas::escape;
-use super::pareto;
-use super::pareto::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
+use super::canvas::escape;
+use super::pareto::{self, COLUMNS, COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 use super::plots::common::distinct;
 use crate::base::statistics::median;
 use crate::base::table::Table;
@@ -180,21 +179,19 @@ fn parameters(row: &Measurement, is_bold: bool) -> NamedCells<'static> {
 
 pub fn costs(rows: &[Measurement]) -> String {
     let line = |(row, [online, offline, file]): (&Measurement, [bool; 3])| {
-        let (cost, on_any) = (&row.cost, online || offline || file);
+        let on_any = online || offline || file;
         let mut line = parameters(row, on_any);
-        line.extend([
-            ("nodes", number(row.mesh_nodes.to_string())),
-            ("of the surface", number(row.surface_nodes.to_string())),
-            ("offline", bold(number(seconds(cost.offline_s)), offline)),
-            ("memory offline", number(bytes(cost.offline_bytes))),
-            ("file", bold(number(bytes(cost.file_bytes)), file)),
-            ("file packed", number(cost.packed_bytes.map_or_else(|| "–".into(), bytes))),
-            ("one evaluation", bold(number(seconds(cost.frame_p50_s)), online)),
-            ("p99", number(seconds(cost.frame_p99_s))),
-            ("one element moved", number(seconds(cost.frame_one_p50_s))),
-            ("reads", number(cost.frame_bytes.map_or_else(|| "–".into(), bytes))),
-            ("total error", bold(number(relative(row.error.uncancelled.median)), on_any)),
-        ]);
+        line.extend(COLUMNS.iter().map(|column| {
+            let is_best = match column.name {
+                "offline_s" => offline,
+                "file_bytes" => file,
+                "frame_p50_s" => online,
+                _ => false,
+            };
+            let text = (column.of)(row).map_or_else(|| "–".into(), |value| column.unit.text(value));
+            (column.heading, bold(number(text), is_best))
+        }));
+        line.push(("total error", bold(number(relative(row.error.uncancelled.median)), on_any)));
         line
     };
     html(&rows.iter().zip(fronts(rows)).map(line).collect::<Vec<_>>())

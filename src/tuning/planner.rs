@@ -7,13 +7,12 @@ use crate::base::bars::Bars;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::notice::notice;
-use crate::deform::{ControlPose, ControlPoses, MODELS};
+use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
-use crate::measure::verify;
-use crate::measure::{FOLDER, remove, settings};
-use crate::measure::{Limits, Request};
-use crate::measure::{Measurement, SCHEMA, Setting};
+use crate::measure::{
+    FOLDER, Limits, Measurement, Request, SCHEMA, Setting, online, remove, settings, verify,
+};
 use crate::prepare::{self, Resolved};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
 use nalgebra::UnitQuaternion;
@@ -283,8 +282,7 @@ pub fn forget_steps(scene: &Scene) {
 
 /// The models of this program that are evaluated in every frame: a table without one of them is measured again.
 fn models() -> Vec<String> {
-    let online = MODELS.iter().filter(|model| model.law().is_none());
-    online.map(|model| model.name.to_owned()).collect()
+    online().map(|model| model.name.to_owned()).collect()
 }
 
 /// The scene's .green file, shipped or unpacked, where there is one.

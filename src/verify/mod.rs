@@ -12,6 +12,7 @@
 //! They are for judging elements; nothing here is called on the way to a .green file.
 
 mod analytic;
+pub mod frame_sizes;
 pub mod haptic_tick;
 pub mod hard_cases;
 pub mod large_rotation;

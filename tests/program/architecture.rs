@@ -30,7 +30,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
     ("export", &["prepare effect world", BELOW_WORLD]),
     ("measure", &["prepare effect deform green scene mesh fem solve"]),
-    ("verify", &["measure effect world deform green scene mesh fem solve stage"]),
+    ("verify", &["measure effect world deform green scene mesh fem solve stage render"]),
     ("report", &["measure green scene mesh solve"]),
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session measure prepare world deform green scene mesh fem solve"]),

@@ -17,7 +17,7 @@ use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::{BodyFrame, RunningEffect, World};
 use mesh::BetterBody;
-use model::{Measured, ModelErrors, motions};
+use model::{Measured, motions};
 use std::sync::Arc;
 
 /// Largest number of control elements that are moved: the first ones that a hand can grab.
@@ -151,13 +151,11 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
     let model = model_errors(scene, body, moved, progress, &mut errors);
-    let of_one = |((e, model), (mesh, better)): ((&usize, ModelErrors), (_, Option<[f64; 3]>))| MovedErrors {
+    let of_one = |((e, model), (mesh, better)): ((&usize, MovedErrors), (_, Option<[f64; 3]>))| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
-        bent: model.bent,
-        shifted: model.shifted,
-        pulled: model.pulled,
         hung: model.hung.map(|hung| Hung { mesh: better.map(|of_axes| of_axes[hung.along]), ..hung }),
         mesh,
+        ..model
     };
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
     if let Err(why) = errors.check() {
@@ -209,11 +207,11 @@ fn model_errors(
     moved: &[usize],
     progress: &dyn Progress,
     errors: &mut ExpectedErrors,
-) -> Vec<ModelErrors> {
+) -> Vec<MovedErrors> {
     let (model, left_out) = (errors.model, &mut errors.left_out);
     if model.law().is_some() {
         left_out.push(format!("the model \"{}\" is static equilibrium itself", model.name));
-        return moved.iter().map(|_| ModelErrors::default()).collect();
+        return moved.iter().map(|_| MovedErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
@@ -236,12 +234,16 @@ fn model_errors(
         };
         let found = found.unwrap_or_else(|why| {
             told(why);
-            ModelErrors::default()
+            MovedErrors::default()
         });
         let digits = |all: Vec<ErrorsAt>| all.iter().map(three_digits).collect();
-        let ModelErrors { bent, shifted, pulled, hung } = found;
-        let hung = hung.map(|hung| Hung { at: digits(hung.at), ..hung });
-        all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), pulled: digits(pulled), hung });
+        all.push(MovedErrors {
+            bent: digits(found.bent),
+            shifted: digits(found.shifted),
+            pulled: digits(found.pulled),
+            hung: found.hung.map(|hung| Hung { at: digits(hung.at), ..hung }),
+            ..MovedErrors::default()
+        });
     }
     progress.end();
     all

@@ -8,8 +8,8 @@ use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{
-    ControlPose, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, PoseResult, Search, Statics,
-    Trial, Truth, in_session, reach, trials,
+    ControlPose, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, MovedErrors, PoseResult,
+    Search, Statics, Trial, Truth, in_session, reach, trials,
 };
 use crate::effect::entry::Resolved;
 use crate::green::{Precomputed, Solution};
@@ -53,15 +53,6 @@ impl Level {
 /// Motions of one control element.
 pub fn motions() -> usize {
     LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
-}
-
-/// The measured errors of a control element.
-#[derive(Default)]
-pub struct ModelErrors {
-    pub bent: Vec<ErrorsAt>,
-    pub shifted: Vec<ErrorsAt>,
-    pub pulled: Vec<ErrorsAt>,
-    pub hung: Option<Hung>,
 }
 
 /// A body in its equilibria, and as its model has it.
@@ -112,8 +103,7 @@ impl Measured {
         Ok(held.first().map(|trial| self.at(trial)))
     }
 
-    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of
-    /// the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
+    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` of the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
     /// 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
@@ -121,11 +111,11 @@ impl Measured {
         e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-    ) -> Result<ModelErrors, Failure> {
+    ) -> Result<MovedErrors, Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
         let Some(mut moved) = Moved::new(&origins, e) else {
             left_out("no axis leads from the other control elements to it".into());
-            return Ok(ModelErrors::default());
+            return Ok(MovedErrors::default());
         };
         if let Some(across) = softest_turn(solution, e, &moved.axis) {
             moved = moved.about(across);
@@ -140,7 +130,7 @@ impl Measured {
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
         let pulled = pulled(&found);
         let hung = Some(hung(&mut self.statics, &mut self.deformer, &self.nodes, &moved, left_out));
-        Ok(ModelErrors { bent, shifted, pulled, hung })
+        Ok(MovedErrors { bent, shifted, pulled, hung, ..MovedErrors::default() })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -171,28 +161,28 @@ impl Measured {
     }
 }
 
-/// The largest errors and reach up to each level, as long as all motions up to it were found.
+/// The largest errors and reach up to each level, as long as all motions up to it were found; a level without motions of this kind
+/// ends the list too.
 fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
-    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
-    let mut levels: Vec<ErrorsAt> = Vec::new();
-    for level in &LEVELS {
-        let here = motions(level).iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
-        // A level without motions of this kind ends the list too.
-        let Some(here) = here.and_then(|all| all.into_iter().reduce(|a, b| a.and(&b))) else { break };
-        let all = levels.last().map_or(here, |last| last.and(&here));
-        levels.push(ErrorsAt { angle: level.angle, ..all });
-    }
-    levels
+    growing(found, LEVELS.iter().map(|level| (level.angle, motions(level))))
 }
 
 /// The largest errors and reach up to each pull, as long as all smaller ones were found.
 fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
-    let at = |along: &f64| {
-        found.iter().find(|(motion, _)| *motion == Motion::Shift([*along, 0.0])).map(|(_, at)| *at)
-    };
+    growing(found, PULLS.map(|along| (0.0, vec![Motion::Shift([along, 0.0])])))
+}
+
+fn growing(
+    found: &[(Motion, ErrorsAt)],
+    levels: impl IntoIterator<Item = (f64, Vec<Motion>)>,
+) -> Vec<ErrorsAt> {
+    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
     let mut all: Vec<ErrorsAt> = Vec::new();
-    for here in PULLS.iter().map_while(at) {
-        all.push(all.last().map_or(here, |last| last.and(&here)));
+    for (angle, motions) in levels {
+        let here = motions.iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
+        let Some(here) = here.and_then(|here| here.into_iter().reduce(|a, b| a.and(&b))) else { break };
+        let so_far = all.last().map_or(here, |last| last.and(&here));
+        all.push(ErrorsAt { angle, ..so_far });
     }
     all
 }

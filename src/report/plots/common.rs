@@ -2,7 +2,7 @@
 
 use crate::measure::units::{bytes, relative, seconds};
 use crate::measure::{Measurement, PARAMETERS, Report, Setting};
-use crate::report::drawing::canvas::Picture;
+use crate::report::canvas::Picture;
 use crate::report::pareto::OFFLINE;
 
 /// Values in the order of their first appearance.

@@ -8,7 +8,7 @@ mod smooth;
 
 pub use common::PlotEntry;
 
-use super::drawing::canvas::Picture;
+use super::canvas::Picture;
 use crate::measure::Report;
 
 /// All plots, in the order of the page.

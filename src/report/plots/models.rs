@@ -4,8 +4,8 @@
 use super::common::{PlotEntry, distinct, listed};
 use crate::measure::units::{Unit, digits, relative, seconds};
 use crate::measure::{ModelError, ModelTrial, Report, TrialMotion};
-use crate::report::drawing::canvas::Picture;
-use crate::report::drawing::plot::{Plot, Point, Scale};
+use crate::report::canvas::Picture;
+use crate::report::plot::{Plot, Point, Scale};
 use crate::report::tables;
 
 pub const MODELS: PlotEntry = PlotEntry {
@@ -48,8 +48,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         y: Scale::ratio("model error, relative L2"),
         series: models.iter().map(|(model, _)| (*model).clone()).collect(),
         points: marks.map(point).collect(),
-        front: Vec::new(),
-        triangles: Vec::new(),
+        ..Plot::default()
     };
     plot.told()
 }
@@ -164,8 +163,7 @@ impl Quantity {
             y: Scale::ratio(self.label),
             series: models,
             points,
-            front: Vec::new(),
-            triangles: Vec::new(),
+            ..Plot::default()
         };
         plot.told()
     }
@@ -212,8 +210,7 @@ fn trade(report: &Report) -> Result<Picture, String> {
         y: Scale::ratio("error of force and torque"),
         series: models,
         points,
-        front: Vec::new(),
-        triangles: Vec::new(),
+        ..Plot::default()
     };
     plot.told()
 }

@@ -3,9 +3,9 @@
 use super::common::{PlotEntry, distinct, fastest_on_each_mesh, listed};
 use crate::measure::data::{self, Measurement, PARAMETERS, Parameter, Report, Setting};
 use crate::measure::units::{relative, seconds, times};
-use crate::report::drawing::canvas::Picture;
-use crate::report::drawing::plot::{Plot, Point, Scale};
+use crate::report::canvas::Picture;
 use crate::report::pareto::{self, CostMetric, OFFLINE};
+use crate::report::plot::{Plot, Point, Scale};
 use std::cmp::Ordering;
 
 pub const MESH: PlotEntry = PlotEntry {
@@ -60,7 +60,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         series: elements.iter().map(|element| (*element).clone()).collect(),
         points: chosen.iter().enumerate().map(point).collect(),
         front,
-        triangles: Vec::new(),
+        ..Plot::default()
     };
     plot.told()
 }
@@ -181,8 +181,7 @@ impl OneParameter {
             y: Scale::ratio(&format!("{part} error, relative L2 (median of the poses)")),
             points: lines.flatten().collect(),
             series: values,
-            front: Vec::new(),
-            triangles: Vec::new(),
+            ..Plot::default()
         };
         plot.told()
     }

@@ -8,12 +8,10 @@ use super::common::{PlotEntry, largest_parts, names_and_note, tip};
 use crate::measure::units::{Unit, relative, seconds, times};
 use crate::measure::{Measurement, PARAMETERS, Report, Spread};
 use crate::report::answer::{ladder, ladder_by};
-use crate::report::drawing::axis::Axis;
-use crate::report::drawing::canvas::{
-    Canvas, FONT, Picture, WIDTH, colour, escape, marker, shortened, width,
-};
-use crate::report::drawing::plot::{Plot, Point, Scale};
+use crate::report::axis::Axis;
+use crate::report::canvas::{Canvas, FONT, Picture, WIDTH, colour, escape, marker, shortened, width};
 use crate::report::pareto::ONLINE as METRIC;
+use crate::report::plot::{Plot, Point, Scale};
 use crate::report::{pareto, tables};
 
 pub const ONLINE: PlotEntry = PlotEntry {
@@ -107,7 +105,7 @@ impl Quantity {
             series: if self.has_parts { parts.collect() } else { vec!["a setting".into()] },
             points,
             front,
-            triangles: Vec::new(),
+            ..Plot::default()
         };
         plot.told()
     }

@@ -4,8 +4,8 @@
 use super::common::{PlotEntry, distinct, listed};
 use crate::measure::units::{Unit, digits, relative};
 use crate::measure::{Report, SmoothError};
-use crate::report::drawing::canvas::Picture;
-use crate::report::drawing::plot::{Plot, Point, Scale, Triangle};
+use crate::report::canvas::Picture;
+use crate::report::plot::{Plot, Point, Scale, Triangle};
 
 pub const SMOOTH_L2: PlotEntry = PlotEntry {
     name: "smooth-l2",
@@ -82,8 +82,8 @@ impl Norm {
             y: Scale::ratio(self.label),
             series: elements.iter().map(name).collect(),
             points,
-            front: Vec::new(),
             triangles: self.triangles(rows),
+            ..Plot::default()
         };
         if !rows.is_empty() && rows.iter().all(|row| (self.rate)(row).is_none()) {
             return Err("a single refinement has no rate of convergence".into());

@@ -13,6 +13,7 @@ const LEFT: f64 = 76.0;
 const HEIGHT: f64 = 310.0;
 const LINE: f64 = 15.0;
 
+#[derive(Default)]
 pub struct Scale {
     pub label: String,
     pub unit: Unit,
@@ -61,6 +62,7 @@ impl Triangle {
     }
 }
 
+#[derive(Default)]
 pub struct Plot {
     pub title: &'static str,
     /// The property that all points share, or how to read the plot; one line.
