@@ -176,7 +176,7 @@ fn beside_frames(session: Session, args: &Args) -> Result<Vec<haptic_tick::Row>,
     let is_felt =
         |body: &str| scene.as_ref().is_some_and(|scene| scene.bodies[body].effects_require(STIFFNESS));
     let felt = session.world.bodies.iter().filter(|b| is_felt(&b.deformer.body));
-    let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
+    let subjects = felt.map(Subject::new).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
     if subjects.is_empty() {
         return Ok(Vec::new());
     }

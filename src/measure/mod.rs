@@ -163,7 +163,7 @@ pub fn measure(
     let shown = shown(&rows, &own);
     let shapes = pose_errors::shapes(&meshes, &solved.candidates, &solved.references, &rows, &shown, &own);
     let measured = solved.measured(rows, timing);
-    let mesh_of = |element: &'static Element, refine: u32| meshes.of(request, refine, element).cloned();
+    let mesh_of = |element: &'static Element, refine: u32| meshes.mesh(request, refine, element).cloned();
     let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, &course)?;
     let effects = course.step_as_json(Step::EFFECTS, |_| {
         let model = request.scene.bodies[request.body].model;
@@ -284,7 +284,7 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
         ));
     }
     let own = request.scene.body[request.body].element;
-    if meshes.of(request, 0, own).is_some() {
+    if meshes.mesh(request, 0, own).is_some() {
         for solver in iterative() {
             let digits = -solver.tolerance().unwrap_or(1e-10).log10();
             let seconds = (0.7 + 0.2 * digits) * unknowns(0, own).powf(4.0 / 3.0);
@@ -316,7 +316,7 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     if whole {
         if top > 0 {
             for element in ELEMENTS.iter().copied() {
-                let all = (0..=top).filter(|refine| meshes.of(request, *refine, element).is_some());
+                let all = (0..=top).filter(|refine| meshes.mesh(request, *refine, element).is_some());
                 let seconds =
                     all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
                 steps.push(step(Step::smooth(element), StepKind::Other, seconds, false));

@@ -147,7 +147,7 @@ impl Meshes {
     }
 
     /// The mesh that has the element's nodes, where it is affordable.
-    pub fn of(&self, request: &Request<'_>, refine: u32, element: &Element) -> Option<&TetMesh> {
+    pub fn mesh(&self, request: &Request<'_>, refine: u32, element: &Element) -> Option<&TetMesh> {
         let cost = self.unknowns(refine, element) * element.unknown_cost;
         self.meshes_of(element).get(refine as usize).filter(|_| cost <= request.limits.largest)
     }
@@ -169,7 +169,7 @@ impl Meshes {
 
     /// The elements on every mesh that is affordable.
     pub fn affordable(&self, request: &Request<'_>) -> Vec<(u32, &'static Element)> {
-        self.all().filter(|(refine, element)| self.of(request, *refine, element).is_some()).collect()
+        self.all().filter(|(refine, element)| self.mesh(request, *refine, element).is_some()).collect()
     }
 
     /// The models with families of their own, and the discretisations for which they are affordable, in the order in which they
@@ -233,7 +233,7 @@ pub fn solve(
     }
     solve_for_models(request, meshes, left_out, course, &mut candidates)?;
     let own = request.scene.body[request.body].element;
-    for solver in iterative().filter(|_| meshes.of(request, 0, own).is_some()) {
+    for solver in iterative().filter(|_| meshes.mesh(request, 0, own).is_some()) {
         // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
         match candidate(request, 0, own, solver, &common(), course) {
             Ok(candidate) => candidates.extend(candidate),

@@ -123,7 +123,7 @@ pub enum Trust {
 }
 
 impl Trust {
-    pub fn of(error: f64) -> Trust {
+    pub fn from_error(error: f64) -> Trust {
         match error {
             error if error <= GOOD => Trust::Good,
             error if error <= ROUGH => Trust::Rough,
@@ -210,7 +210,7 @@ fn verdict(row: &Measurement) -> String {
     let (within, and) =
         if row.is_reference() { ("wrong by at least", "by at least") } else { ("within", "within") };
     let Some(held) = row.held() else {
-        let verdict = match Trust::of(row.shape()) {
+        let verdict = match Trust::from_error(row.shape()) {
             Trust::Good => "the shape can be trusted",
             Trust::Rough => "the shape is a rough guide",
             Trust::Bad => "do not trust the shape",
@@ -219,10 +219,10 @@ fn verdict(row: &Measurement) -> String {
             "For {time} an evaluation the shape is {within} {shape}: {verdict}. Its forces were not measured."
         );
     };
-    let verdict = if row.is_reference() && Trust::of(row.worst()) == Trust::Good {
+    let verdict = if row.is_reference() && Trust::from_error(row.worst()) == Trust::Good {
         "it is the finest mesh that was measured, so the error of the mesh itself is not known"
     } else {
-        both(Trust::of(row.shape()), Trust::of(held))
+        both(Trust::from_error(row.shape()), Trust::from_error(held))
     };
     format!(
         "For {time} an evaluation the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",

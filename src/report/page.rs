@@ -211,7 +211,7 @@ fn glossary(report: &Report) -> String {
 /// The figure as HTML; empty where there are no shapes.
 pub fn figure(report: &Report) -> String {
     let Some(shapes) = &report.shapes else { return String::new() };
-    let view = View::of(&shapes.equilibrium);
+    let view = View::facing(&shapes.equilibrium);
     let bent: Vec<Vec<Vector3<f64>>> = shapes.errors.iter().map(|(_, error)| moved(shapes, error)).collect();
     let all = bent.iter().flatten().chain(&shapes.equilibrium);
     let Some(frame) = Frame::around(view, all) else { return String::new() };

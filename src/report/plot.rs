@@ -83,7 +83,7 @@ const SAME: f64 = 1.02;
 
 impl Plot {
     /// The picture, or the reason why it would show nothing; empty where there are no points.
-    pub fn told(&self) -> Result<Picture, String> {
+    pub fn picture(&self) -> Result<Picture, String> {
         let same = |of: fn(&Point) -> f64| {
             let values = || self.points.iter().map(of);
             let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
@@ -96,12 +96,12 @@ impl Plot {
                 "all its errors are below 10⁻¹²"
             }
             _ if same(|point| point.x) && same(|point| point.y) => "all its points are in one place",
-            _ => return Ok(self.picture()),
+            _ => return Ok(self.drawn()),
         };
         Err(why.to_owned())
     }
 
-    fn picture(&self) -> Picture {
+    fn drawn(&self) -> Picture {
         let (mut canvas, top) = Canvas::new(self.title, &self.note, &self.series);
         let area = Rect { x: LEFT, y: top, width: WIDTH - MARGIN - LEFT, height: HEIGHT };
         let [right, bottom] = [area.x + area.width, area.y + area.height];

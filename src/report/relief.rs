@@ -47,7 +47,7 @@ type Colour<'a> = dyn Fn(&[u32; 3], [f64; 3]) -> [f64; 3] + 'a;
 
 impl View {
     /// Looks at the side where the points extend furthest, from a little above, with Y upwards as far as it goes.
-    pub fn of(points: &[Vector3<f64>]) -> View {
+    pub fn facing(points: &[Vector3<f64>]) -> View {
         let count = points.len().max(1) as f64;
         let mean = points.iter().sum::<Vector3<f64>>() / count;
         let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
@@ -253,12 +253,12 @@ mod tests {
             .collect();
         let bar: Vec<Vector3<f64>> = (0..20).map(|i| Vector3::new(f64::from(i), 0.0, 0.0)).collect();
         for points in [plate.clone(), bar, vec![Vector3::zeros(); 3], Vec::new()] {
-            let View(rows) = View::of(&points);
+            let View(rows) = View::facing(&points);
             assert!(
                 (rows * rows.transpose() - Matrix3::identity()).amax() < 1e-12 && rows.determinant() > 0.0
             );
         }
-        assert!(View::of(&plate).0[(2, 1)].abs() > 0.8, "a plate is seen from above");
+        assert!(View::facing(&plate).0[(2, 1)].abs() > 0.8, "a plate is seen from above");
         assert!(Frame::around(View(Matrix3::identity()), [Vector3::zeros(); 2].iter()).is_none());
     }
 

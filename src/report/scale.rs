@@ -189,7 +189,7 @@ pub fn csv(rows: &[Row]) -> String {
 pub fn pictures(rows: &[Row]) -> Vec<(&'static str, Picture)> {
     let time = plot("Time of the offline stage", "time", Unit::Seconds, rows, |row| Some(row.all_s));
     let memory = plot("Memory of the offline stage", "largest memory", Unit::Bytes, rows, |row| row.memory);
-    let told = [("scale-time", time.told()), ("scale-memory", memory.told())];
+    let told = [("scale-time", time.picture()), ("scale-memory", memory.picture())];
     told.into_iter().filter_map(|(name, picture)| Some((name, picture.ok()?))).collect()
 }
 

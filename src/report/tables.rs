@@ -64,7 +64,7 @@ pub fn compared(report: &Report) -> String {
     let line = |Shown { role, row }: &Shown| {
         let Measurement { setting, cost, error, .. } = &report.rows[*row];
         let judged = |text: String, error: f64| {
-            let trust = Trust::of(error);
+            let trust = Trust::from_error(error);
             Cell { class: Some(trust_class(trust)), ..number(format!("{text}: {}", trust.word())) }
         };
         let maybe = |spread: Option<Spread>| {

@@ -59,7 +59,7 @@ pub struct Subject {
 
 impl Subject {
     /// The hand holds the first control element that a hand can take.
-    pub fn of(body: &PlacedBody) -> Result<Subject, String> {
+    pub fn new(body: &PlacedBody) -> Result<Subject, String> {
         let deformer = &body.deformer;
         let elastic = [Elastic::of(deformer)?, Elastic::of(deformer)?];
         let held = body.assets.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);

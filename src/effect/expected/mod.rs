@@ -60,7 +60,7 @@ pub const CHANGED: &str = "a control element was released, or a modulus changed,
 
 /// The tensor of a body of which something was released or changed since it was measured.
 fn not_measured(scene: &Resolved, body: &str) -> Tensor {
-    let mut errors = of(scene, body);
+    let mut errors = unmeasured(scene, body);
     errors.left_out.push(CHANGED.into());
     written(&errors)
 }
@@ -96,7 +96,7 @@ pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, Gree
 }
 
 /// Adds the measured errors of the bodies to each frame.
-struct Told(Vec<(usize, Arc<ExpectedErrors>)>);
+struct ShownErrors(Vec<(usize, Arc<ExpectedErrors>)>);
 
 fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut told = Vec::new();
@@ -105,10 +105,10 @@ fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn Running
         let errors = read(listed.file, name)?.filter(|errors| errors.model == model);
         told.extend(errors.map(|errors| (b, Arc::new(errors))));
     }
-    Ok(Some(Box::new(Told(told))))
+    Ok(Some(Box::new(ShownErrors(told))))
 }
 
-impl RunningEffect for Told {
+impl RunningEffect for ShownErrors {
     fn name(&self) -> &'static str {
         NAME
     }
@@ -120,7 +120,7 @@ impl RunningEffect for Told {
     }
 }
 
-fn of(scene: &Resolved, body: &str) -> ExpectedErrors {
+fn unmeasured(scene: &Resolved, body: &str) -> ExpectedErrors {
     let (model, element) = (scene.bodies[body].model, scene.body[body].element_name().to_owned());
     ExpectedErrors { model, element, begin_at_zero: model.is_exact_near_rest(), ..ExpectedErrors::default() }
 }
@@ -137,7 +137,7 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
 /// Measures the body. Anything that cannot be measured is left out with the reason, and never keeps the body from being written.
 pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
-    let mut errors = of(scene, &body.name);
+    let mut errors = unmeasured(scene, &body.name);
     if let Some(why) = unmeasurable(asked) {
         errors.left_out.push(why.into());
         return errors;

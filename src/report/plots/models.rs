@@ -50,7 +50,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         points: marks.map(point).collect(),
         ..Plot::default()
     };
-    plot.told()
+    plot.picture()
 }
 
 fn caption(report: &Report) -> String {
@@ -165,7 +165,7 @@ impl Quantity {
             points,
             ..Plot::default()
         };
-        plot.told()
+        plot.picture()
     }
 
     /// The bend up to which each model stays within a bearable error.
@@ -212,7 +212,7 @@ fn trade(report: &Report) -> Result<Picture, String> {
         points,
         ..Plot::default()
     };
-    plot.told()
+    plot.picture()
 }
 
 /// Angles that stand beside their points.

@@ -62,7 +62,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         front,
         ..Plot::default()
     };
-    plot.told()
+    plot.picture()
 }
 
 fn caption(report: &Report) -> String {
@@ -183,7 +183,7 @@ impl OneParameter {
             series: values,
             ..Plot::default()
         };
-        plot.told()
+        plot.picture()
     }
 
     /// Whether two settings differ in this parameter at most.

@@ -107,7 +107,7 @@ impl Quantity {
             front,
             ..Plot::default()
         };
-        plot.told()
+        plot.picture()
     }
 
     fn caption(&self, report: &Report) -> String {

@@ -88,7 +88,7 @@ impl Norm {
         if !rows.is_empty() && rows.iter().all(|row| (self.rate)(row).is_none()) {
             return Err("a single refinement has no rate of convergence".into());
         }
-        plot.told()
+        plot.picture()
     }
 
     /// One for every promised rate, below the lowest line that it is promised to.
