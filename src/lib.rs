@@ -30,10 +30,11 @@
 //! | [`demo`] | the demo's chapters, in one captioned window, or as pictures and a film |
 //! | [`display`] | a session on screens or in images: what is seen and who shows it, bodies on the GPU, overlays, the stage from outside |
 //! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
-//! | [`tuning`] | chooses element, refinement, storage, solver and model by measuring, for an accuracy or budget that is asked for |
+//! | [`tuning`] | chooses element, refinement, storage, solver and model from what was measured, for an accuracy or budget that is asked for |
 //! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
-//! | [`report`] | what accuracy costs in time: measured rows, table, CSV, JSON, plots, page |
-//! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases |
+//! | [`report`] | what accuracy costs in time, as table, CSV, JSON, plots and page |
+//! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases; studies behind the manual's tables |
+//! | [`measure`] | one machinery of comparison: references, variants, poses, norms, times, resumption |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
 //! | [`prepare`] | resolves the names in a scene ([`prepare::Resolved`]), and finds its .green file, or makes it where it is missing or stale |
 //! | [`effect`] | opt-in effects, each with all its parts: precomputation, phases of a frame, drawing, threads; what no scene lists costs nothing |
@@ -93,6 +94,7 @@ pub mod field;
 pub mod green;
 pub mod interact;
 pub mod manual;
+pub mod measure;
 pub mod mesh;
 pub mod prepare;
 pub mod render;

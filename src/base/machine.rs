@@ -270,6 +270,12 @@ pub fn expect_full_speed(anyway: bool) -> Result<(), TestBuild> {
     if IS_TEST_BUILD && !anyway { Err(TestBuild) } else { Ok(()) }
 }
 
+/// The mean number of waiting programs in the last minute, 0 where the system does not report it.
+pub fn load() -> f64 {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split_whitespace().next().and_then(|first| first.parse().ok()).unwrap_or(0.0)
+}
+
 /// Processor, threads and operating system in words, and whether this is a test build.
 pub fn description() -> String {
     let name = processor();

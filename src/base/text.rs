@@ -54,6 +54,21 @@ fn is_shown(c: char) -> bool {
     !(c.is_control() || turns || ends || matches!(c, '\u{fffe}' | '\u{ffff}'))
 }
 
+/// Bytes as text: RFC 4648, base 64, with padding.
+pub fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let place = (bits >> (18 - 6 * digit)) as usize & 63;
+            text.push(if digit <= three.len() { char::from(DIGITS[place]) } else { '=' });
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,5 +93,12 @@ mod tests {
         let shown = plain(format!("{value:#}"));
         assert!(!shown.contains(['\u{1b}', '\u{7f}', '\u{202e}']));
         assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
+    }
+
+    #[test]
+    fn base64_is_that_of_rfc_4648() {
+        let known = ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg==", "Zm9vYmE=", "Zm9vYmFy"];
+        assert_eq!([0, 1, 2, 3, 4, 5, 6].map(|length| base64(&b"foobar"[..length])), known);
+        assert_eq!(base64(&[0xfb, 0xef, 0xff]), "++//");
     }
 }

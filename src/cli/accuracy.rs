@@ -9,9 +9,9 @@ use crate::base::progress::Bars;
 use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::green::Requirements;
+use crate::measure::{self, Limits, Measurement, Request, TimeLimit};
 use crate::prepare::{self, Resolved};
-use crate::report::measure::TimeLimit;
-use crate::report::{self, Limits, Request};
+use crate::report;
 use crate::scene::{AccuracyTarget, Scene};
 use crate::tuning;
 use crate::tuning::poses::{NamedPoses, scripted_or_random};
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     scene.measured_requirements(&name)?;
     let (poses, pose_source) = all_poses(args, &scene, &name)?;
     let scratch = Scratch::in_folder(&args.output).map_err(Failure::work)?;
-    let keep = args.output.join(report::measure::FOLDER);
+    let keep = args.output.join(measure::FOLDER);
     let request = Request {
         scene: &scene,
         body: &name,
@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let report = report::measure(&request, &Bars::new(&name, args.quiet)).map_err(Failure::work)?;
     let written = report::write(&args.output, &report)?;
-    report::measure::remove(&keep);
+    measure::remove(&keep);
     if let Some(readme) = &args.readme {
         super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }
@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Answers to the questions by the measured settings.
-fn answers(asked: &[AccuracyTarget], rows: &[report::Measurement]) -> String {
+fn answers(asked: &[AccuracyTarget], rows: &[Measurement]) -> String {
     let answer = |demand: &AccuracyTarget| {
         let lines: String = tuning::answer(rows, demand).iter().map(|line| format!("  {line}\n")).collect();
         format!("Asked for {}:\n{lines}\n", demand.asked())

@@ -1,10 +1,9 @@
 //! `greenstage bench`: measures the frame rate, and where a frame's time goes.
 
-use super::bench_haptics::Subject;
 use super::opening::Guess;
 use super::parsers;
 use super::print::print;
-use super::{bench_haptics, bench_snapshot, marks, precompute};
+use super::{bench_snapshot, marks, precompute};
 use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
@@ -23,6 +22,7 @@ use crate::session::{Playback, Request, Session};
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::tuning;
+use crate::verify::haptic_tick::{self, Subject};
 use crate::world::StepTimes;
 use serde_json::{Value, json};
 use std::hint::black_box;
@@ -84,14 +84,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         full_speed.map_err(Failure::request)?;
         let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
             .map_err(Failure::request)?;
-        return super::sizes::run(&super::sizes::Request {
-            sizes: &args.sizes,
-            storage: args.storage,
-            frames: args.frames,
-            device: args.device,
-            json: args.json,
-            stage: &stage,
-        });
+        let figures = (args.storage, args.frames);
+        return super::sizes::run(&args.sizes, figures, args.device, &stage, args.json);
     };
     let scene = Resolved::load(scene)?;
     args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "bench"))?;
@@ -146,7 +140,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         bench_snapshot::table(&snapshot),
     ];
     if !ticks.is_empty() {
-        tables.push(bench_haptics::table(&ticks));
+        tables.push(haptic_tick::table(&ticks));
     }
     if let Some(path) = &args.readme {
         marks::write_between(path, "bench", &markdown(&tables))?;
@@ -174,7 +168,7 @@ fn felt(session: Session) -> Result<Session, Failure> {
 }
 
 /// Ticks of the force loop beside frames of a session: on the bodies that list the effect, or on all where that is asked for.
-fn beside_frames(session: Session, args: &Args) -> Result<Vec<bench_haptics::Row>, Failure> {
+fn beside_frames(session: Session, args: &Args) -> Result<Vec<haptic_tick::Row>, Failure> {
     let mut session = if args.haptics { felt(session)? } else { session };
     // The script moves it, as often as there is time for.
     session.input.replay = None;
@@ -182,7 +176,7 @@ fn beside_frames(session: Session, args: &Args) -> Result<Vec<bench_haptics::Row
     let is_felt =
         |body: &str| scene.as_ref().is_some_and(|scene| scene.bodies[body].effects_require(STIFFNESS));
     let felt = session.world.bodies.iter().filter(|b| is_felt(&b.deformer.body));
-    let subjects = felt.map(Subject::of).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
+    let subjects = felt.map(Subject::new).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
     if subjects.is_empty() {
         return Ok(Vec::new());
     }
@@ -190,7 +184,7 @@ fn beside_frames(session: Session, args: &Args) -> Result<Vec<bench_haptics::Row
     let mut targets = Targets::new(&mut session.world, eyes, samples, 1.0, args.device)?;
     let started = Instant::now();
     let duration_s = session.input.script.as_ref().map(|script| script.duration_s);
-    bench_haptics::measure(subjects, || {
+    haptic_tick::measure(subjects, || {
         if let Some(duration_s) = duration_s {
             session.advance(started.elapsed().as_secs_f64() % duration_s)?;
         }
@@ -440,7 +434,7 @@ fn as_json(
     peak_memory: Option<f64>,
     loops: &[Loop],
     drawn: &[Drawn],
-    ticks: &[bench_haptics::Row],
+    ticks: &[haptic_tick::Row],
 ) -> Value {
     let bodies: Vec<Value> = offline
         .iter()

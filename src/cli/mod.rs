@@ -6,9 +6,7 @@
 
 mod accuracy;
 mod bench;
-pub mod bench_haptics;
 mod bench_snapshot;
-mod bent;
 mod check;
 mod check_stage;
 mod completions;
@@ -17,7 +15,6 @@ mod deform;
 mod demo;
 mod expected;
 mod export;
-mod forces;
 mod inspect;
 mod manual;
 mod marks;
@@ -33,7 +30,6 @@ mod scale;
 mod serve;
 mod session_args;
 mod sizes;
-mod stability;
 mod stage_view;
 mod track;
 mod verify;

@@ -1,14 +1,13 @@
 //! `greenstage verify`: compares the elements with published and analytic answers, and fits their rates of convergence.
 
-use super::bent;
-use super::forces;
 use super::marks;
 use super::print::print;
-use super::stability;
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
+use crate::verify::studies::{MakeStudy, STUDIES, Study};
 use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -38,32 +37,15 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    let study = match &args.problems[..] {
+        [name] => STUDIES.iter().find(|(known, _)| known == name),
+        _ => None,
+    };
     if let Some(path) = &args.readme {
-        let special = args
-            .problems
-            .iter()
-            .find(|name| [stability::NAME, HARD_CASES, forces::NAME, bent::NAME].contains(&name.as_str()));
-        marks::try_between(
-            path,
-            special.filter(|_| args.problems.len() == 1).map_or("verify", String::as_str),
-        )?;
+        marks::try_between(path, study.map_or("verify", |(name, _)| name))?;
     }
-    if args.problems == [stability::NAME] {
-        stability::run_all(args.json, args.readme.as_deref())?;
-        return verdict(
-            args.json,
-            "every loop with all measures is stable, and the plain one up to where theory says",
-        );
-    }
-    if args.problems == [HARD_CASES] {
-        return hard_cases(args);
-    }
-    if args.problems == [bent::NAME] {
-        bent::run(args.json, args.readme.as_deref())?;
-        return verdict(args.json, "no loop makes energy");
-    }
-    if args.problems == [forces::NAME] {
-        return forces::run(args.json, args.readme.as_deref());
+    if let Some((name, make)) = study {
+        return print_study(args, name, *make);
     }
     let effort = match (args.fine, args.coarse) {
         (true, _) => Effort::Fine,
@@ -102,46 +84,26 @@ fn verdict(json: bool, said: &str) -> Result<(), Failure> {
     if json { Ok(()) } else { print(&format!("{said}\n")) }
 }
 
-/// Asks for the hard cases instead of problems.
-const HARD_CASES: &str = "hard-cases";
-
-fn hard_cases(args: &Args) -> Result<(), Failure> {
-    let rows = verify::hard_cases::run()?;
-    let mut table = Table::new(&["no.", "case", "outcome", "measured", "error", "bound"]);
-    for row in &rows {
-        let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.1e}"));
-        let outcome = format!("{:?}", row.outcome).to_lowercase();
-        let missed = if row.holds() { "" } else { " MISSED" };
-        table.row(&[
-            &row.number.to_string(),
-            &row.case,
-            &(outcome + missed),
-            row.measured,
-            &number(row.error),
-            &number(row.bound),
-        ]);
-    }
+fn print_study(args: &Args, name: &str, make: MakeStudy) -> Result<(), Failure> {
+    let Study { tables, json, verdict: judged } = make(&mut |left_out| notice!("note: {left_out}"))?;
+    let headed = |heading: &str, table: String| {
+        if heading.is_empty() { table } else { format!("{heading}\n\n{table}\n") }
+    };
     if args.json {
-        print(&format!("{:#}\n", json!(rows)))?;
+        print(&format!("{json:#}\n"))?;
     } else {
-        print(&format!("{}\n", table.text()))?;
+        let text = |([heading, _], table): &([String; 2], Table)| headed(heading, table.text());
+        let end = if tables.iter().all(|([heading, _], _)| heading.is_empty()) { "\n" } else { "" };
+        print(&(tables.iter().map(text).collect::<String>() + end))?;
     }
     if let Some(path) = &args.readme {
-        marks::write_between(path, HARD_CASES, &table.markdown())?;
+        let markdown = |([_, heading], table): &([String; 2], Table)| headed(heading, table.markdown());
+        marks::write_between(path, name, &tables.iter().map(markdown).collect::<String>())?;
     }
-    let missed: Vec<String> = rows
-        .iter()
-        .filter(|row| !row.holds())
-        .map(|row| format!("{} {}: {}", row.number, row.case, row.said))
-        .collect();
-    if missed.is_empty() {
-        return verdict(args.json, &format!("all {} hard cases ended as they must", rows.len()));
+    match judged {
+        Ok(said) => said.map_or(Ok(()), |said| verdict(args.json, &said)),
+        Err(why) => Err(Failure::Work(anyhow::anyhow!(why))),
     }
-    let (count, all) = (missed.len(), rows.len());
-    Err(Failure::Work(anyhow::anyhow!(
-        "{count} of {all} hard cases did not end as they must: {}",
-        missed.join("; ")
-    )))
 }
 
 fn chosen(names: &[String]) -> Result<Vec<&'static Problem>, Failure> {

@@ -4,8 +4,7 @@
 //! at a reach and in a pose, between the measured ones ([`ErrorsAt`]), and nothing beyond them.
 
 use super::deformer::Deformer;
-use super::errors_at::{ErrorsAt, between};
-use super::loads::pose_loads;
+use super::errors_at::{ErrorsAt, between, is_whole, load_share};
 use super::mesh_errors::MeshErrors;
 use super::model::ModelEntry;
 use super::pose::frame::Wrench;
@@ -121,7 +120,7 @@ impl ExpectedErrors {
             let begun = |at: ErrorsAt| at.begun_by(share, &ErrorsAt::NONE);
             return self.loaded.map(|at| if self.begin_at_zero { begun(at) } else { at });
         }
-        self.at(reach(deformer)).filter(|_| pose_loads::is_whole(share))
+        self.at(reach(deformer)).filter(|_| is_whole(share))
     }
 
     /// Errors where the control elements rest, with which all others begin; `None` where they are not known.
@@ -132,7 +131,7 @@ impl ExpectedErrors {
 
     /// Whether the loads act under which the errors were measured, and no others.
     pub fn is_under_its_loads(&self, deformer: &Deformer) -> bool {
-        self.load_share(deformer).is_some_and(pose_loads::is_whole)
+        self.load_share(deformer).is_some_and(is_whole)
     }
 
     /// The part of the loads under which errors were measured that acts; `None` where others do.
@@ -140,7 +139,7 @@ impl ExpectedErrors {
         let (acting, metas) = (deformer.acting(), deformer.load_metas());
         // One control element was moved and the others rested, against which the loads' directions stood as they are.
         let turns = deformer.poses.iter().map(|pose| nearest_turn(&pose.matrix));
-        turns.filter_map(|turn| pose_loads::share(&self.loads, &acting, metas, &turn)).reduce(f64::max)
+        turns.filter_map(|turn| load_share(&self.loads, &acting, metas, &turn)).reduce(f64::max)
     }
 
     /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where

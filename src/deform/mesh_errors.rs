@@ -73,7 +73,7 @@ impl RigidStiffness {
     }
 
     /// The wrenches K x and K' x.
-    fn of(&self, x: &Vector6<f64>) -> [Vector6<f64>; 2] {
+    fn wrenches(&self, x: &Vector6<f64>) -> [Vector6<f64>; 2] {
         [self.own, self.better].map(|k| Matrix6::from_fn(|i, j| k[i][j]) * x)
     }
 }
@@ -86,7 +86,7 @@ pub fn wrench_size(w: &Vector6<f64>, length: f64) -> f64 {
 impl MeshErrors {
     /// The mesh's part of the wrench on a control element.
     fn at(&self, against: &Against) -> Option<f64> {
-        let [own, better] = self.stiffness.as_ref()?.of(&against.motion);
+        let [own, better] = self.stiffness.as_ref()?.wrenches(&against.motion);
         let size = |w: Vector6<f64>| wrench_size(&w, against.length);
         let whole = size(against.wrench);
         let of_motion = match size(own - better) / size(better) {
@@ -126,7 +126,7 @@ struct Loads {
 
 impl Against {
     /// `None` where others move against each other too, where one is not moved rigidly, or by more than half a turn.
-    fn of(deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<Against> {
+    fn new(deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<Against> {
         let Deformer { controls, poses, .. } = deformer;
         let turn_of = |pose: &ControlPose| nearest_turn(&pose.matrix);
         let is_rigid =
@@ -163,7 +163,7 @@ impl Against {
 impl MeshErrors {
     /// The part of the wrench on a control element that is the mesh's, in the pose as it is; `None` where that was not measured of it.
     pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<f64> {
-        self.at(&Against::of(deformer, wrenches, element)?)
+        self.at(&Against::new(deformer, wrenches, element)?)
     }
 }
 
@@ -187,7 +187,7 @@ mod tests {
         let less = Matrix6::from_diagonal(&Vector6::new(1.0, 0.99, 1.0 / 1.017, 1.0 / 1.017, 0.98, 0.97));
         let better = rotation * along * less * rotation.transpose() * 2.1e6;
         let soft = turned(&Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), &turn);
-        let [own, better] = RigidStiffness::new(&own, &better).rounded().of(&soft);
+        let [own, better] = RigidStiffness::new(&own, &better).rounded().wrenches(&soft);
         let told = wrench_size(&(own - better), 1.0) / wrench_size(&better, 1.0);
         assert!((told / 0.017 - 1.0).abs() < 1e-3, "{told}");
     }

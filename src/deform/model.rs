@@ -5,7 +5,7 @@ use super::memory::ModelMemory;
 use super::pose::frame::{ControlPose, PoseSlope};
 use crate::base::parts::PartWeights;
 use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED};
+use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED, Requirements};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::cmp::Ordering;
 use std::fmt;
@@ -126,6 +126,11 @@ impl ModelEntry {
     pub fn is_of_small_strain(&self) -> bool {
         let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
         self.law().is_none() && has_columns && !self.is_quartic()
+    }
+
+    /// Column families that it and its strain energy need.
+    pub fn with_energy(&self) -> Requirements {
+        Requirements::of(self.requirements).and(Requirements::of(self.energy.unwrap_or_default()))
     }
 
     /// The material law, if the model is solved in the background for every pose.

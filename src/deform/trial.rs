@@ -1,16 +1,21 @@
 //! Trials of a body: motions of one of its control elements whose static equilibrium is known, and how far a model is from it.
 //!
-//! In: [`Statics`] of the body, which element moves, [`Motion`]s. Out: [`Trial`]s, and the [`Deviation`] of a [`Deformer`] in
-//! each: force and torque as parts of the largest wrench, energy over energy, shape over length.
+//! In: the [`Statics`] of a [`Truth`], which element moves, [`Motion`]s. Out: [`Trial`]s, and the [`Deviation`] of a [`Deformer`]
+//! in each: force and torque as parts of the largest wrench, energy over energy, shape over length.
 
 use super::deformer::Deformer;
+use super::model::ModelEntry;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
-use crate::solve::Progress;
+use crate::fem::{STVK, TET10};
+use crate::green::{self, GreenError, GreenFile, Precomputed};
+use crate::scene::Scene;
+use crate::solve::{Progress, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Motion of one control element against the others, which rest, along an axis towards it.
@@ -186,6 +191,75 @@ pub fn trials(
     Ok(found)
 }
 
+/// The equilibrium that errors are measured against, at large strain under St. Venant–Kirchhoff's law. Another reference is another
+/// variant: all comparisons solve it here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Truth {
+    /// The body's own element on its own mesh: discretisation has no part in the errors.
+    SameMesh,
+    /// tet10: of linear elements on the same mesh, of quadratic ones on the mesh refined once more.
+    Finer,
+}
+
+impl Truth {
+    /// The body ready to be held in any pose; it is factorised, whatever solver the scene names.
+    pub fn statics(
+        self,
+        scene: &Scene,
+        name: &str,
+        progress: &dyn Progress,
+    ) -> Result<Statics, StaticsError> {
+        let mut scene = scene.clone();
+        let body = &mut scene.body[name];
+        body.solver = Solver::default();
+        if self == Truth::Finer {
+            body.refine += u32::from(body.element.order > 1);
+            body.element = &TET10;
+        }
+        Statics::new(&scene, name, &STVK, progress)
+    }
+}
+
+/// The body as a session has it, from a .green file that is gone afterwards; the inner error says why it does not suit the model.
+pub fn in_session(
+    made: &Precomputed,
+    model: &'static ModelEntry,
+) -> Result<Result<Deformer, String>, GreenError> {
+    let folder =
+        tempfile::tempdir().map_err(|source| GreenError::Io { path: std::env::temp_dir(), source })?;
+    let path = folder.path().join("measured.green");
+    green::write(&path, std::slice::from_ref(made))?;
+    Ok(Deformer::new(Arc::new(GreenFile::open(&path)?), &made.name, model))
+}
+
+/// A body in one pose, by a model or in equilibrium: what is compared.
+pub struct PoseResult {
+    /// Wrenches about the places of the control elements; `None` if the model has no forces.
+    pub wrenches: Option<Vec<Wrench>>,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// Displacements of the surface nodes, m.
+    pub surface: Vec<Vector3<f64>>,
+}
+
+impl PoseResult {
+    /// A model's result in the poses that the deformer has evaluated, at all of its surface nodes.
+    pub fn of_model(deformer: &Deformer) -> PoseResult {
+        let held = deformer.wrenches();
+        let energy = held.as_ref().map_or(0.0, |(_, energy)| *energy);
+        let placed = |(wrench, pose): (&Wrench, &ControlPose)| wrench.about_the_place(pose);
+        let wrenches = held.map(|(all, _)| all.iter().zip(&deformer.poses).map(placed).collect());
+        let surface = (0..deformer.node_count()).map(|i| deformer.displacement(i)).collect();
+        PoseResult { wrenches, energy, surface }
+    }
+
+    /// An equilibrium at these nodes of its mesh.
+    pub fn of_equilibrium(settled: &EquilibriumResult, poses: &[ControlPose], nodes: &[usize]) -> PoseResult {
+        let surface = nodes.iter().map(|&node| settled.displacement[node]).collect();
+        PoseResult { wrenches: Some(settled.balance(poses)), energy: settled.energy, surface }
+    }
+}
+
 /// Deviation of a model from static equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Deviation {
@@ -199,6 +273,25 @@ pub struct Deviation {
     pub shape: f64,
 }
 
+impl Deviation {
+    /// Compares two results at the same nodes, each about the places of its own control elements.
+    pub fn new(model: &PoseResult, truth: &PoseResult, length: f64) -> Deviation {
+        let apart = model.surface.iter().zip(&truth.surface).map(|(a, b)| (a - b).norm_squared());
+        let shape = (apart.sum::<f64>() / model.surface.len().max(1) as f64).sqrt() / length;
+        let held = truth.wrenches.as_deref().unwrap_or_default();
+        let sizes = held.iter().map(|w| w.force.norm().max(w.moment.norm() / length));
+        let size = sizes.fold(f64::MIN_POSITIVE, f64::max);
+        let off = |of: &dyn Fn(&Wrench) -> Vector3<f64>| {
+            let both = model.wrenches.as_ref()?.iter().zip(held);
+            let most = both.map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max) / size;
+            Some(most).filter(|part| part.is_finite())
+        };
+        let energy = model.wrenches.as_ref().map(|_| model.energy / truth.energy);
+        let energy = energy.filter(|ratio| ratio.is_finite());
+        Deviation { force: off(&|w| w.force), torque: off(&|w| w.moment / length), energy, shape }
+    }
+}
+
 impl Trial {
     /// The mesh node of each of the deformer's surface nodes.
     pub fn surface_nodes(statics: &Statics, deformer: &Deformer) -> Vec<usize> {
@@ -209,26 +302,9 @@ impl Trial {
     /// Brings the deformer to the poses in steps from rest, as a hand does, and compares; `nodes` are those of
     /// [`Trial::surface_nodes`].
     pub fn deviation(&self, deformer: &mut Deformer, nodes: &[usize]) -> Deviation {
-        let Trial { moved, settled, poses, .. } = self;
         self.follow(deformer);
-        let held = deformer.wrenches();
-        let error = |i: usize| (deformer.displacement(i) - settled.displacement[nodes[i]]).norm_squared();
-        let shape = ((0..nodes.len()).map(error).sum::<f64>() / nodes.len() as f64).sqrt() / moved.length;
-        let placed = |wrenches: &[Wrench]| -> Vec<Wrench> {
-            wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
-        };
-        let truth = placed(&settled.wrenches);
-        let sizes = truth.iter().map(|w| w.force.norm().max(w.moment.norm() / moved.length));
-        let size = sizes.fold(f64::MIN_POSITIVE, f64::max);
-        let part = |error: f64| Some(error / size).filter(|part| part.is_finite());
-        let off = |of: &dyn Fn(&Wrench) -> Vector3<f64>| {
-            let found = placed(&held.as_ref()?.0);
-            part(found.iter().zip(&truth).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max))
-        };
-        let (force, torque) = (off(&|w| w.force), off(&|w| w.moment / moved.length));
-        let energy =
-            held.as_ref().map(|(_, energy)| energy / settled.energy).filter(|ratio| ratio.is_finite());
-        Deviation { force, torque, energy, shape }
+        let truth = PoseResult::of_equilibrium(&self.settled, &self.poses, nodes);
+        Deviation::new(&PoseResult::of_model(deformer), &truth, self.moved.length)
     }
 
     /// Takes the deformer to the poses from rest in steps of about 10° at most.

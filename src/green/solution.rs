@@ -131,3 +131,24 @@ pub struct Precomputed {
     /// Tensors of effects that own some, by `EFFECT/TENSOR`.
     pub sections: BTreeMap<String, Tensor>,
 }
+
+impl Precomputed {
+    /// A solution to be written with these families, and no more.
+    pub fn from_solution(
+        name: &str,
+        storage: Storage,
+        requirements: Requirements,
+        solution: Solution,
+    ) -> Precomputed {
+        let (fingerprint, sections) = (String::new(), BTreeMap::new());
+        Precomputed {
+            name: name.to_owned(),
+            storage,
+            fingerprint,
+            requirements,
+            plan: None,
+            solution,
+            sections,
+        }
+    }
+}

@@ -1,12 +1,14 @@
-//! The report's folder: writes accuracy.json, accuracy.csv, models.csv, index.html and plots/*.svg, and reads accuracy.json.
+//! The report's folder: writes accuracy.json, accuracy.csv (a line a setting), models.csv (a line a model and motion), index.html
+//! and plots/*.svg, and reads accuracy.json. The names of the columns in CSV hold their units (RFC 4180).
 
-use super::csv;
-use super::data::{Report, SCHEMA};
 use super::page::page;
+use super::pareto::COLUMNS;
 use super::plots::{PLOTS, pictures};
 use crate::base::failure::Failure;
 use crate::base::input;
 use crate::base::output::{self, Kind, OutputError};
+use crate::base::table::quoted;
+use crate::measure::{Measurement, ModelTrial, Report, SCHEMA, Spread};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -82,7 +84,7 @@ pub fn write(dir: &Path, report: &Report) -> Result<Vec<PathBuf>, ReportError> {
     let pictures = pictures(report);
     output::make_folder(&dir.join("plots"))?;
     let texts =
-        [page(report, &pictures), json + "\n", csv::csv(&report.rows), csv::trials(&report.trials.rows)];
+        [page(report, &pictures), json + "\n", settings_csv(&report.rows), trials_csv(&report.trials.rows)];
     let named = NAMES.into_iter().map(|(name, kind)| (dir.join(name), kind));
     let plots = pictures.iter().map(|(entry, picture)| ((plot_path(dir, entry.name), &PLOT), picture.file()));
     let (mut staged, mut written) = (Vec::new(), Vec::new());
@@ -132,7 +134,7 @@ fn check(report: &Report) -> Result<(), ReportError> {
     numbers("report", &[("size", report.size)])?;
     for (i, row) in report.rows.iter().enumerate() {
         let place = format!("row {} ({})", i + 1, row.setting);
-        for (name, value) in csv::numbers(row) {
+        for (name, value) in numbers_of(row) {
             numbers(&place, &[(&name, value.unwrap_or(0.0))])?;
         }
     }
@@ -143,7 +145,7 @@ fn check(report: &Report) -> Result<(), ReportError> {
     }
     for of in &report.trials.rows {
         let place = format!("model {}, {} by {}°", of.model, of.motion.name(), of.degrees);
-        for (name, value) in csv::trial_numbers(of) {
+        for (name, value) in trial_numbers(of) {
             // An energy may be negative.
             let value = value.map_or(0.0, |value| if name == "energy_ratio" { value.abs() } else { value });
             numbers(&place, &[(name, value)])?;
@@ -171,4 +173,80 @@ impl From<ReportError> for Failure {
             error => Failure::work(error),
         }
     }
+}
+
+/// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
+fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
+    let error = &row.error;
+    let errors: [(&str, &str, Option<Spread>); 11] = [
+        ("discretisation", "relative", Some(error.discretisation)),
+        ("energy", "relative", Some(error.energy)),
+        ("solver", "relative", Some(error.solver)),
+        ("storage", "relative", error.storage),
+        ("model", "relative", Some(error.model)),
+        ("total", "relative", Some(error.total)),
+        ("uncancelled", "relative", Some(error.uncancelled)),
+        ("displacement", "m", Some(error.displacement_m)),
+        ("force", "relative", error.force),
+        ("torque", "relative", error.torque),
+        ("uncancelled_held", "relative", error.uncancelled_held),
+    ];
+    let plain = COLUMNS.iter().map(|column| (column.name.to_owned(), (column.of)(row)));
+    let forward_error = ("forward_error_relative".to_owned(), row.forward_error);
+    let spreads = errors.into_iter().flat_map(|(name, unit, spread)| {
+        [("median", spread.map(|s| s.median)), ("worst", spread.map(|s| s.worst))]
+            .map(|(which, value)| (format!("{name}_{which}_{unit}"), value))
+    });
+    plain.chain([forward_error]).chain(spreads).collect()
+}
+
+/// Every number of a trial by its name.
+fn trial_numbers(row: &ModelTrial) -> [(&'static str, Option<f64>); 6] {
+    [
+        ("degrees", Some(row.degrees)),
+        ("displacement_relative", Some(row.displacement)),
+        ("force_relative", row.force),
+        ("torque_relative", row.torque),
+        ("energy_ratio", row.energy),
+        ("frame_s", Some(row.frame_s)),
+    ]
+}
+
+/// The trials of the models, as [`settings_csv`].
+fn trials_csv(rows: &[ModelTrial]) -> String {
+    let mut text =
+        "model,motion,degrees,displacement_relative,force_relative,torque_relative,energy_ratio,frame_s\r\n"
+            .to_owned();
+    for row in rows {
+        let numbers = trial_numbers(row).map(|(_, value)| value.map_or_else(String::new, |v| v.to_string()));
+        text += &format!("{},{},{}\r\n", quoted(&row.model), row.motion.name(), numbers.join(","));
+    }
+    text
+}
+
+/// Lines end with CR LF. Numbers are the shortest that read back as the same f64; a cell without one was not measured.
+fn settings_csv(rows: &[Measurement]) -> String {
+    let mut text = String::new();
+    for (i, row) in rows.iter().enumerate() {
+        let setting = &row.setting;
+        let (refine, solver) = (setting.refine.to_string(), setting.solver.to_string());
+        let words = [
+            ("refine", refine.as_str()),
+            ("element", &setting.element),
+            ("solver", &solver),
+            ("storage", &setting.storage),
+            ("model", setting.model.name),
+        ];
+        let words = words.into_iter().map(|(name, word)| (name.to_owned(), quoted(word)));
+        let numbers = numbers_of(row).into_iter();
+        let numbers = numbers.map(|(name, value)| (name, value.map_or_else(String::new, |v| v.to_string())));
+        let (names, cells): (Vec<String>, Vec<String>) = words.chain(numbers).unzip();
+        if i == 0 {
+            text.push_str(&names.join(","));
+            text.push_str("\r\n");
+        }
+        text.push_str(&cells.join(","));
+        text.push_str("\r\n");
+    }
+    text
 }

@@ -3,38 +3,34 @@
 //! In: a scene's body and a set of poses ([`measure()`]). Out: a [`Report`], written as JSON, CSV, work-precision plots
 //! (SVG) and one self-contained page (HTML).
 
-pub mod measure;
-
-mod bodies;
-mod cost_metric;
-mod csv;
-mod data;
-mod drawing;
+mod answer;
+mod axis;
+mod canvas;
 mod files;
-mod headline;
+mod labels;
 mod page;
-mod parameters;
 mod pareto;
+mod plot;
 mod plots;
-mod readme_table;
-mod recommendation;
+mod relief;
 pub mod scale;
-mod summary;
 mod tables;
-pub mod units;
 
-pub use cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
-pub use data::{
-    Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
-    Shapes, SmoothError, Spread, Timing, TrialMotion,
-};
-pub use drawing::canvas::Picture;
+pub use answer::{cheapest, headline, ladder};
+pub use canvas::Picture;
 pub use files::{ReportError, read, try_folder, write};
-pub use headline::headline;
-pub use measure::{Limits, MeasureError, Request, measure};
 pub use page::page;
-pub use parameters::{PARAMETERS, Parameter};
+pub use pareto::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 pub use plots::{PLOTS, PlotEntry, pictures};
-pub use readme_table::readme_table;
-pub use recommendation::{cheapest, ladder};
-pub use summary::summary;
+pub use tables::{readme_table, summary};
+
+use crate::measure::{self, MeasureError, Measurement, Report, Request, Setting};
+use crate::solve::Progress;
+
+/// Measures settings, models, the smooth problem and effects. This takes long; `progress` follows it.
+pub fn measure(request: &Request<'_>, progress: &dyn Progress) -> Result<Report, MeasureError> {
+    let shown = |rows: &[Measurement], own: &Setting| {
+        answer::shown_of(rows, own).into_iter().map(|shown| shown.row).collect()
+    };
+    measure::measure(request, &shown, progress)
+}

@@ -1,6 +1,74 @@
-//! Pareto fronts: the settings that no other beats in both cost and error.
+//! Pareto fronts: the settings that no other beats in both cost and error; and the costs that they can be compared by.
 
-use super::data::Measurement;
+use crate::measure::units::{Unit, bytes, seconds};
+use crate::measure::{Cost, Measurement};
+
+pub struct CostMetric {
+    /// Names the axis of a plot.
+    pub name: &'static str,
+    pub of: fn(&Cost) -> f64,
+    pub unit: Unit,
+    /// Heads the column of the settings that cost least.
+    pub least: &'static str,
+}
+
+pub const ONLINE: CostMetric = CostMetric {
+    name: "time of one evaluation with every control element moved (median)",
+    of: |cost| cost.frame_p50_s,
+    unit: Unit::Seconds,
+    least: "least time of an evaluation",
+};
+pub const OFFLINE: CostMetric = CostMetric {
+    name: "offline time",
+    of: |cost| cost.offline_s,
+    unit: Unit::Seconds,
+    least: "least offline time",
+};
+pub const FILE: CostMetric = CostMetric {
+    name: "size of the .green file",
+    of: |cost| cost.file_bytes,
+    unit: Unit::Bytes,
+    least: "smallest file",
+};
+pub const COST_METRICS: [&CostMetric; 3] = [&ONLINE, &OFFLINE, &FILE];
+
+/// A number of every row: its name in files, its heading in tables, its unit; `None` where it was not measured.
+pub struct Column {
+    pub name: &'static str,
+    pub heading: &'static str,
+    pub unit: Unit,
+    pub of: fn(&Measurement) -> Option<f64>,
+}
+
+const fn column(
+    name: &'static str,
+    heading: &'static str,
+    unit: Unit,
+    of: fn(&Measurement) -> Option<f64>,
+) -> Column {
+    Column { name, heading, unit, of }
+}
+
+/// Sizes and costs, in the order of the columns of files and tables.
+pub const COLUMNS: [Column; 10] = [
+    column("mesh_nodes", "nodes", Unit::Count, |row| Some(row.mesh_nodes as f64)),
+    column("surface_nodes", "of the surface", Unit::Count, |row| Some(row.surface_nodes as f64)),
+    column("offline_s", "offline", Unit::Seconds, |row| Some(row.cost.offline_s)),
+    column("offline_bytes", "memory offline", Unit::Bytes, |row| Some(row.cost.offline_bytes)),
+    column("file_bytes", "file", Unit::Bytes, |row| Some(row.cost.file_bytes)),
+    column("packed_bytes", "file packed", Unit::Bytes, |row| row.cost.packed_bytes),
+    column("frame_p50_s", "one evaluation", Unit::Seconds, |row| Some(row.cost.frame_p50_s)),
+    column("frame_p99_s", "p99", Unit::Seconds, |row| Some(row.cost.frame_p99_s)),
+    column("frame_one_p50_s", "one element moved", Unit::Seconds, |row| Some(row.cost.frame_one_p50_s)),
+    column("frame_bytes", "reads", Unit::Bytes, |row| row.cost.frame_bytes),
+];
+
+/// "43 µs an evaluation, 0.84 s offline, a file of 1.2 MB".
+pub fn costs(cost: &Cost) -> String {
+    let (online, offline, file) =
+        (seconds(cost.frame_p50_s), seconds(cost.offline_s), bytes(cost.file_bytes));
+    format!("{online} an evaluation, {offline} offline, a file of {file}")
+}
 
 /// Whether each point `[cost, error]` is on the front: no other has neither larger and one of them smaller. Equal
 /// points are on it together. Coordinates are no NaN.

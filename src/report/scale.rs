@@ -3,12 +3,12 @@
 //!
 //! In: the largest number of nodes. Out: [`Row`]s with iterations, the time of every phase, memory and forward error.
 
-use super::drawing::canvas::Picture;
-use super::drawing::plot::{Plot, Point, Scale};
-use super::units::{Unit, power};
+use super::canvas::Picture;
+use super::plot::{Plot, Point, Scale};
 use crate::base::progress::Progress;
 use crate::base::table::{Table, bytes, seconds};
 use crate::green::{self, AFFINE, Requirements};
+use crate::measure::units::{Unit, power};
 use crate::scene::Scene;
 use crate::solve::{Method, SOLVERS, Solver};
 use std::path::Path;
@@ -189,7 +189,7 @@ pub fn csv(rows: &[Row]) -> String {
 pub fn pictures(rows: &[Row]) -> Vec<(&'static str, Picture)> {
     let time = plot("Time of the offline stage", "time", Unit::Seconds, rows, |row| Some(row.all_s));
     let memory = plot("Memory of the offline stage", "largest memory", Unit::Bytes, rows, |row| row.memory);
-    let told = [("scale-time", time.told()), ("scale-memory", memory.told())];
+    let told = [("scale-time", time.picture()), ("scale-memory", memory.picture())];
     told.into_iter().filter_map(|(name, picture)| Some((name, picture.ok()?))).collect()
 }
 
@@ -220,8 +220,7 @@ fn plot(title: &'static str, label: &str, unit: Unit, rows: &[Row], of: fn(&Row)
         y: Scale { label: label.to_owned(), unit, logarithmic: true },
         points: rows.iter().filter_map(point).collect(),
         series,
-        front: Vec::new(),
-        triangles: Vec::new(),
+        ..Plot::default()
     }
 }
 

@@ -1,16 +1,15 @@
-//! The page's tables in HTML. A row is a list of named cells; every cell is escaped here.
+//! The tables of a report: in HTML for its page, as text for a terminal, as Markdown for a README. A row is a list of named cells;
+//! every cell of the page is escaped here.
 
-use super::bodies::capital;
-use super::cost_metric::{COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
-use super::data::{Measurement, ModelTrial, Report, Spread, TrialMotion};
-use super::drawing::markup::escape;
-use super::headline::{Shown, Trust, shown};
-use super::parameters::PARAMETERS;
-use super::pareto;
+use super::answer::{GOALS, Shown, Trust, cheapest_with, ladder, most_accurate, recommendations, shown};
+use super::canvas::escape;
+use super::pareto::{self, COLUMNS, COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 use super::plots::common::distinct;
-use super::recommendation::{GOALS, cheapest_with, ladder, most_accurate};
-use super::units::{Unit, bytes, digits, metres, relative, seconds};
 use crate::base::statistics::median;
+use crate::base::table::Table;
+use crate::base::text::plain;
+use crate::measure::units::{Unit, bytes, digits, metres, relative, seconds};
+use crate::measure::{Measurement, ModelTrial, PARAMETERS, Report, Spread, TrialMotion};
 
 pub struct Cell {
     pub text: String,
@@ -65,7 +64,7 @@ pub fn compared(report: &Report) -> String {
     let line = |Shown { role, row }: &Shown| {
         let Measurement { setting, cost, error, .. } = &report.rows[*row];
         let judged = |text: String, error: f64| {
-            let trust = Trust::of(error);
+            let trust = Trust::from_error(error);
             Cell { class: Some(trust_class(trust)), ..number(format!("{text}: {}", trust.word())) }
         };
         let maybe = |spread: Option<Spread>| {
@@ -180,21 +179,19 @@ fn parameters(row: &Measurement, is_bold: bool) -> NamedCells<'static> {
 
 pub fn costs(rows: &[Measurement]) -> String {
     let line = |(row, [online, offline, file]): (&Measurement, [bool; 3])| {
-        let (cost, on_any) = (&row.cost, online || offline || file);
+        let on_any = online || offline || file;
         let mut line = parameters(row, on_any);
-        line.extend([
-            ("nodes", number(row.mesh_nodes.to_string())),
-            ("of the surface", number(row.surface_nodes.to_string())),
-            ("offline", bold(number(seconds(cost.offline_s)), offline)),
-            ("memory offline", number(bytes(cost.offline_bytes))),
-            ("file", bold(number(bytes(cost.file_bytes)), file)),
-            ("file packed", number(cost.packed_bytes.map_or_else(|| "–".into(), bytes))),
-            ("one evaluation", bold(number(seconds(cost.frame_p50_s)), online)),
-            ("p99", number(seconds(cost.frame_p99_s))),
-            ("one element moved", number(seconds(cost.frame_one_p50_s))),
-            ("reads", number(cost.frame_bytes.map_or_else(|| "–".into(), bytes))),
-            ("total error", bold(number(relative(row.error.uncancelled.median)), on_any)),
-        ]);
+        line.extend(COLUMNS.iter().map(|column| {
+            let is_best = match column.name {
+                "offline_s" => offline,
+                "file_bytes" => file,
+                "frame_p50_s" => online,
+                _ => false,
+            };
+            let text = (column.of)(row).map_or_else(|| "–".into(), |value| column.unit.text(value));
+            (column.heading, bold(number(text), is_best))
+        }));
+        line.push(("total error", bold(number(relative(row.error.uncancelled.median)), on_any)));
         line
     };
     html(&rows.iter().zip(fronts(rows)).map(line).collect::<Vec<_>>())
@@ -341,4 +338,87 @@ pub fn effects(report: &Report) -> String {
         ]
     });
     html(&lines.collect::<Vec<_>>())
+}
+
+/// Begins a text with a capital letter.
+pub fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// The angles in the table of models, degrees.
+const TURNS: [f64; 4] = [10.0, 30.0, 90.0, 180.0];
+
+/// The settings that are worth their online time, from cheap to accurate, and the recommendations in sentences.
+pub fn summary(report: &Report) -> String {
+    let settings = efficient_settings(&report.rows);
+    let motions = trial_lines(report, &|degrees| TURNS.contains(&degrees), &errors_of);
+    let models = if motions.is_empty() {
+        String::new()
+    } else {
+        let lead = "Models alone, by what one control element does: error of displacement · larger error of force and \
+                    torque";
+        format!("\n{lead}:\n\n{}", text(&motions))
+    };
+    let busy = report.timing.warning().map_or_else(String::new, |warning| format!("{warning}\n\n"));
+    format!(
+        "{busy}{} of {} settings, from fast to accurate, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n{models}",
+        settings.len(),
+        report.rows.len(),
+        report.poses.len(),
+        text(&settings),
+        plain(recommendations(report).join("\n")),
+    )
+}
+
+/// Lines as a table for a terminal.
+fn text(lines: &[NamedCells<'_>]) -> String {
+    let heading: Vec<&str> = lines.first().into_iter().flatten().map(|(name, _)| *name).collect();
+    let mut table = Table::new(&heading);
+    for line in lines {
+        let cells: Vec<String> = line.iter().map(|(_, cell)| plain(&cell.text)).collect();
+        table.row(&cells.iter().map(String::as_str).collect::<Vec<_>>());
+    }
+    table.text()
+}
+
+/// A table with a line, for each parameter, for every setting that differs from the first row's in that parameter only.
+pub fn readme_table(report: &Report) -> String {
+    let heading =
+        ["parameter", "setting", "offline", "file", "one evaluation", "its part of the error", "worst pose"];
+    let mut table = Table::new(&heading);
+    let Some(first) = report.rows.first() else { return String::new() };
+    let first = first.setting.values();
+    for (changed, parameter) in PARAMETERS.iter().enumerate() {
+        for row in &report.rows {
+            let values = row.setting.values();
+            if (0..values.len()).any(|other| other != changed && values[other] != first[other]) {
+                continue;
+            }
+            let part = (parameter.error)(&row.error);
+            let is_reference = changed == 0 && row.is_reference();
+            let error = |of: fn(Spread) -> f64| match part {
+                _ if is_reference => "reference".to_owned(),
+                None => "–".to_owned(),
+                Some(part) => relative(of(part)),
+            };
+            table.row(&[
+                parameter.name,
+                &values[changed],
+                &seconds(row.cost.offline_s),
+                &bytes(row.cost.file_bytes),
+                &seconds(row.cost.frame_p50_s),
+                &error(|part| part.median),
+                &error(|part| part.worst),
+            ]);
+        }
+    }
+    let references: String = report.references.iter().map(|line| format!("- {line}\n")).collect();
+    format!(
+        "{}, {} poses from {}; errors are relative L2, median and worst over the poses:\n\n{}\nErrors are against:\n\n{references}",
+        report.machine,
+        report.poses.len(),
+        report.pose_source,
+        table.markdown()
+    )
 }

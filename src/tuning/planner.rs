@@ -3,17 +3,17 @@
 
 use super::choice::{Choice, choose, choose_among, name as title};
 use super::poses::scripted_or_random;
-use super::verified::verify;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::progress::Bars;
-use crate::deform::{ControlPose, ControlPoses, MODELS};
+use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::{find_element, nearest_turn};
 use crate::green::{self, GreenError, GreenFile};
+use crate::measure::{
+    FOLDER, Limits, Measurement, Request, SCHEMA, Setting, online, remove, settings, verify,
+};
 use crate::prepare::{self, Resolved};
-use crate::report::measure::{FOLDER, remove, settings};
-use crate::report::{Limits, Measurement, Request, SCHEMA, Setting};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -282,8 +282,7 @@ pub fn forget_steps(scene: &Scene) {
 
 /// The models of this program that are evaluated in every frame: a table without one of them is measured again.
 fn models() -> Vec<String> {
-    let online = MODELS.iter().filter(|model| model.law().is_none());
-    online.map(|model| model.name.to_owned()).collect()
+    online().map(|model| model.name.to_owned()).collect()
 }
 
 /// The scene's .green file, shipped or unpacked, where there is one.

@@ -6,13 +6,12 @@
 
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{Deformer, Deviation, LINEAR, MODELS, ModelEntry, Motion, Moved, Statics, Trial, trials};
-use crate::fem::STVK;
-use crate::green::{self, GreenFile, Requirements};
+use crate::deform::{Deviation, LINEAR, ModelEntry, Motion, Moved, Trial, Truth, in_session, trials};
+use crate::green;
+use crate::measure::online;
 use crate::scene::Scene;
 use serde::Serialize;
 use std::path::Path;
-use std::sync::Arc;
 
 /// A body that is held at both ends.
 struct HeldBody {
@@ -89,8 +88,8 @@ const MOTIONS: [Motion; 16] = [
 pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     let mut rows = Vec::new();
     for body in &BODIES {
-        let scene = scene(body, &LINEAR)?;
-        let mut statics = Statics::new(&scene, "b", &STVK, &Silent).map_err(Failure::work)?;
+        let plain = scene(body, &LINEAR)?;
+        let mut statics = Truth::SameMesh.statics(&plain, "b", &Silent).map_err(Failure::work)?;
         let origins = [statics.controls[0].origin, statics.controls[1].origin];
         let moved = Moved::new(&origins, RIGHT).ok_or_else(|| Failure::wrong("the ends are in one place"))?;
         let mut left_out =
@@ -98,8 +97,10 @@ pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
         let held = trials(&mut statics, &moved, &MOTIONS, &Silent, &mut left_out).map_err(Failure::work)?;
         let first = rows.len();
         rows.extend(held.iter().map(|trial| row(body.name, trial)));
-        for model in MODELS.iter().filter(|model| model.energy.is_some() && model.law().is_none()) {
-            let mut deformer = match deformer(body, model) {
+        for model in online().filter(|model| model.energy.is_some()) {
+            let made = green::precompute(&scene(body, model)?, "b", &model.with_energy(), &Silent);
+            let deformer = made.and_then(|made| in_session(&made, model));
+            let mut deformer = match deformer.map_err(|error| error.to_string()).and_then(|made| made) {
                 Ok(deformer) => deformer,
                 Err(why) => {
                     told(format!("{} {}: {why}", body.name, model.name));
@@ -126,19 +127,6 @@ fn scene(body: &HeldBody, model: &ModelEntry) -> Result<Scene, Failure> {
         body.generate, model.name
     );
     Scene::parse(&text, Path::new("large-rotation.toml")).map_err(Failure::request)
-}
-
-/// The body as a session would have it, with the energy of the model.
-fn deformer(body: &HeldBody, model: &'static ModelEntry) -> Result<Deformer, Failure> {
-    let scene = scene(body, model)?;
-    let energy = Requirements::of(model.energy.unwrap_or_default());
-    let requirements = Requirements::of(model.requirements).and(energy);
-    let made = green::precompute(&scene, "b", &requirements, &Silent).map_err(Failure::work)?;
-    let folder = tempfile::tempdir().map_err(Failure::work)?;
-    let path = folder.path().join("b.green");
-    green::write(&path, &[made]).map_err(Failure::work)?;
-    let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-    Deformer::new(file, "b", model).map_err(Failure::wrong)
 }
 
 fn row(body: &'static str, trial: &Trial) -> HeldPose {

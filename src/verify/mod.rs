@@ -8,43 +8,35 @@
 //! Problem × Element × mesh → Body (mesh, loads, supports) → Solution → Measures → ConvergenceRow
 //! ```
 //!
-//! What scenes do not know is in [`body`]: tractions on curved faces, and supports of single components. They are for
-//! judging elements; nothing here is called on the way to a .green file.
+//! What scenes do not know is in [`body`](crate::measure::body): tractions on curved faces, and supports of single components.
+//! They are for judging elements; nothing here is called on the way to a .green file.
 
-pub mod body;
-mod convergence;
-mod cook;
-mod cylinder;
-mod element;
+mod analytic;
+pub mod frame_sizes;
+pub mod haptic_tick;
 pub mod hard_cases;
-mod kelvin;
 pub mod large_rotation;
-mod le10;
 mod problem;
-pub mod quadrature;
-mod solution;
-mod torsion;
-mod twisted_beam;
+mod published;
+pub mod studies;
 
-pub use crate::fem::Element;
-pub use body::Body;
-pub use convergence::{Level, rate};
-pub use kelvin::Kelvin;
-pub use problem::{Problem, ProblemError};
-pub use solution::{Bound, Exact, Measure, Solution};
+pub use problem::{Bound, Measure, Problem};
 
 use crate::fem::ELEMENTS;
+use crate::fem::Element;
+use crate::measure::body::ProblemError;
+use crate::measure::exact::{Level, rate};
 use problem::POISSON;
 use serde::Serialize;
 
 pub const PROBLEMS: &[Problem] = &[
-    le10::PROBLEM,
-    twisted_beam::PROBLEM,
-    cylinder::PROBLEM,
-    cook::PLANE_STRESS,
-    cook::PLANE_STRAIN,
-    torsion::PROBLEM,
-    kelvin::PROBLEM,
+    published::LE10,
+    published::TWISTED_BEAM,
+    analytic::CYLINDER,
+    published::PLANE_STRESS,
+    published::PLANE_STRAIN,
+    analytic::TORSION,
+    analytic::KELVIN,
 ];
 
 /// The number of a problem's meshes that are solved.

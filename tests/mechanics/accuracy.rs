@@ -7,10 +7,10 @@ use greenstage::deform::{
 use greenstage::effect::Resolved;
 use greenstage::fem::{Element, Lame, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
+use greenstage::measure::poses::random;
+use greenstage::measure::{Limits, Measurement, MeshLadder, Norms, Report, Request, TimeLimit};
 use greenstage::mesh::quadratic::straight;
-use greenstage::report::measure::poses::random;
-use greenstage::report::measure::{MeshLadder, Norms, TimeLimit};
-use greenstage::report::{Limits, Measurement, Report, Request, measure};
+use greenstage::report::measure;
 use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
 use greenstage::solve::Silent;
 use greenstage::tuning::{choose, miss, time};
@@ -369,7 +369,7 @@ fn a_run_that_was_stopped_goes_on() {
     assert_eq!(again.models, whole.models);
     let other = of(&poses(scene, &[0.3]));
     assert!(!other.machine.contains("were reused"), "{}", other.machine);
-    greenstage::report::measure::remove(&keep);
+    greenstage::measure::remove(&keep);
     assert!(!keep.exists());
 }
 
@@ -496,7 +496,7 @@ fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
     assert!(reduced.error.model.worst < 0.1 * rotation.error.model.worst);
     // The same error as the trials find on their own way, through a .green file: small at 30°, and none at rest.
     let trial = |model: &str, degrees: f64| {
-        let is = |t: &&greenstage::report::ModelTrial| t.model == model && t.degrees == degrees;
+        let is = |t: &&greenstage::measure::ModelTrial| t.model == model && t.degrees == degrees;
         report.trials.rows.iter().find(is).unwrap().held().unwrap()
     };
     assert!(trial("reduced", 30.0) < 0.01 && trial("rotation", 30.0) > 0.05 && trial("linear", 30.0) > 1.0);

@@ -1,11 +1,11 @@
 //! The report of `accuracy`: its files are well formed, honest and safe, whatever was measured. All data are made up.
 
 use crate::report_common::made_up;
-use greenstage::report::measure::poses::Random;
-use greenstage::report::{
-    self, COST_METRICS, Errors, Measurement, ONLINE, Report, ReportError, SCHEMA, Setting, Shapes, Spread,
-    Timing, TrialMotion, cheapest, ladder, pictures, summary,
+use greenstage::measure::poses::Random;
+use greenstage::measure::{
+    Errors, Measurement, Report, SCHEMA, Setting, Shapes, Spread, Timing, TrialMotion,
 };
+use greenstage::report::{self, COST_METRICS, ONLINE, ReportError, cheapest, ladder, pictures, summary};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use quick_xml::escape::resolve_predefined_entity;

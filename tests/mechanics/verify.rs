@@ -1,7 +1,8 @@
 //! `greenstage verify`: the fitted rates are those of theory, and misses are reported.
 
 use crate::common::{self, folder};
-use greenstage::verify::{Bound, ConvergenceRow, Effort, Level, PROBLEMS, run};
+use greenstage::measure::exact::Level;
+use greenstage::verify::{Bound, ConvergenceRow, Effort, PROBLEMS, run};
 use std::sync::OnceLock;
 
 fn solve(name: &str, effort: Effort) -> Vec<ConvergenceRow> {

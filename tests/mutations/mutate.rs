@@ -1,6 +1,6 @@
 //! Random damage to a file's bytes: as a disk, an editor or a forger would do it.
 
-use greenstage::report::measure::poses;
+use greenstage::measure::poses;
 
 /// Random numbers that are the same on every machine.
 pub struct Random(poses::Random);

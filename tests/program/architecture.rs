@@ -28,17 +28,21 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("world", &[BELOW_WORLD]),
     ("effect", &["world", BELOW_WORLD]),
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
-    ("verify", &["deform", "green", "scene", "mesh", "fem", "solve", "config"]),
-    ("report", &["verify", "effect", "deform", "green", "scene", "mesh", "fem", "solve", "config"]),
     ("export", &["prepare effect world", BELOW_WORLD]),
+    ("measure", &["prepare effect deform green scene mesh fem solve"]),
+    ("verify", &["measure effect world deform green scene mesh fem solve stage render"]),
+    ("report", &["measure green scene mesh solve"]),
     ("session", &["prepare effect world", BELOW_WORLD]),
-    ("tuning", &["session report prepare world deform green scene mesh fem solve"]),
+    ("tuning", &["session measure prepare world deform green scene mesh fem solve"]),
     ("edit", &["interact green prepare scene mesh config"]),
     ("display", &["edit session export prepare effect world", BELOW_WORLD]),
     ("demo", &["display session prepare effect world", BELOW_WORLD]),
     (
         "cli",
-        &["demo edit display session export tuning report verify manual prepare effect world", BELOW_WORLD],
+        &[
+            "demo edit display session tuning report verify measure export manual prepare effect world",
+            BELOW_WORLD,
+        ],
     ),
 ];
 
@@ -303,7 +307,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("src/scene/proposal/choice.rs", "*", "what a proposed scene lists by default"),
     ("src/demo/chapters.rs", "ghost_equilibrium", "what a chapter of the demo lists"),
     ("src/cli/check.rs", "expected_errors", "a key of the JSON that it prints"),
-    ("src/cli/stability.rs", "haptics", "the mark of its table in the README"),
+    ("src/verify/studies.rs", "haptics", "the mark of its table in the manual"),
     ("src/green/families/perturbation.rs", "perturbation", "a family of columns"),
     ("src/green/families/reduced.rs", "reduced", "a family of columns"),
     ("src/export/basis/gltf.rs", "rotation", "a key of glTF"),
@@ -395,11 +399,11 @@ fn the_crates_documentation_lists_every_public_module() {
 fn notices_go_through_base() {
     let ours = |(file, text): (String, String)| {
         let own = text.split("#[cfg(test)]\nmod ").next().unwrap_or("").contains("eprint");
-        (own && !file.ends_with("tests.rs") && !file.contains("/tests/") && file != "src/base/notice.rs")
+        (own && !file.ends_with("tests.rs") && !file.contains("/tests/") && file != "src/base/diagnostic.rs")
             .then_some(file)
     };
     let faults: Vec<String> = files("src", "rs").into_iter().filter_map(ours).collect();
-    assert!(faults.is_empty(), "{faults:?} should write `notice!` of base::notice");
+    assert!(faults.is_empty(), "{faults:?} should write `notice!` of base::diagnostic");
 }
 
 /// A sentence that goes on in the next line without a backslash has the indentation of that line in its middle. Texts with line

@@ -1,7 +1,7 @@
 //! A point on an edge that two screens share is shown at the same physical place by both, for both eyes, from
 //! any head pose; and a point on a screen is shown where it is.
 
-use greenstage::report::measure::poses::Random;
+use greenstage::measure::poses::Random;
 use greenstage::stage::{BUILT_IN, Eye, EyeView, Screen, Stage};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 

@@ -1,7 +1,7 @@
 //! A made-up report: no figure in it was measured.
 
 use greenstage::deform::find_model;
-use greenstage::report::{
+use greenstage::measure::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, Report, SCHEMA, Setting,
     SmoothError, Spread, Timing, TrialMotion,
 };

@@ -240,7 +240,12 @@ impl Wrench {
 
     /// This wrench with the moment about where the element's origin is at `pose`.
     pub fn about_the_place(&self, pose: &ControlPose) -> Wrench {
-        Wrench { moment: self.moment - pose.translation.cross(&self.force), ..*self }
+        self.about(&Vector3::zeros(), pose)
+    }
+
+    /// This wrench with the moment about where `pose` brings a point; `arm` leads from the point to the element's origin at rest.
+    pub fn about(&self, arm: &Vector3<f64>, pose: &ControlPose) -> Wrench {
+        Wrench { moment: self.moment + (arm - pose.translation).cross(&self.force), ..*self }
     }
 }
 

@@ -4,9 +4,6 @@
 //! equilibrium ([`model`]), and what mesh and element add ([`mesh`]). Only this effect measures. `check`, `precompute`, `inspect`,
 //! `deform` and the overlay show what was measured.
 
-mod hung;
-#[cfg(test)]
-mod loaded_tests;
 pub mod mesh;
 pub mod model;
 #[cfg(test)]
@@ -20,7 +17,7 @@ use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::{BodyFrame, RunningEffect, World};
 use mesh::BetterBody;
-use model::{Measured, ModelErrors, motions};
+use model::{Measured, motions};
 use std::sync::Arc;
 
 /// Largest number of control elements that are moved: the first ones that a hand can grab.
@@ -63,7 +60,7 @@ pub const CHANGED: &str = "a control element was released, or a modulus changed,
 
 /// The tensor of a body of which something was released or changed since it was measured.
 fn not_measured(scene: &Resolved, body: &str) -> Tensor {
-    let mut errors = of(scene, body);
+    let mut errors = unmeasured(scene, body);
     errors.left_out.push(CHANGED.into());
     written(&errors)
 }
@@ -99,7 +96,7 @@ pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, Gree
 }
 
 /// Adds the measured errors of the bodies to each frame.
-struct Told(Vec<(usize, Arc<ExpectedErrors>)>);
+struct ShownErrors(Vec<(usize, Arc<ExpectedErrors>)>);
 
 fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut told = Vec::new();
@@ -108,10 +105,10 @@ fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn Running
         let errors = read(listed.file, name)?.filter(|errors| errors.model == model);
         told.extend(errors.map(|errors| (b, Arc::new(errors))));
     }
-    Ok(Some(Box::new(Told(told))))
+    Ok(Some(Box::new(ShownErrors(told))))
 }
 
-impl RunningEffect for Told {
+impl RunningEffect for ShownErrors {
     fn name(&self) -> &'static str {
         NAME
     }
@@ -123,7 +120,7 @@ impl RunningEffect for Told {
     }
 }
 
-fn of(scene: &Resolved, body: &str) -> ExpectedErrors {
+fn unmeasured(scene: &Resolved, body: &str) -> ExpectedErrors {
     let (model, element) = (scene.bodies[body].model, scene.body[body].element_name().to_owned());
     ExpectedErrors { model, element, begin_at_zero: model.is_exact_near_rest(), ..ExpectedErrors::default() }
 }
@@ -140,7 +137,7 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
 /// Measures the body. Anything that cannot be measured is left out with the reason, and never keeps the body from being written.
 pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress) -> ExpectedErrors {
     let asked = &scene.body[&body.name];
-    let mut errors = of(scene, &body.name);
+    let mut errors = unmeasured(scene, &body.name);
     if let Some(why) = unmeasurable(asked) {
         errors.left_out.push(why.into());
         return errors;
@@ -154,13 +151,11 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
     let model = model_errors(scene, body, moved, progress, &mut errors);
-    let of_one = |((e, model), (mesh, better)): ((&usize, ModelErrors), (_, Option<[f64; 3]>))| MovedErrors {
+    let of_one = |((e, model), (mesh, better)): ((&usize, MovedErrors), (_, Option<[f64; 3]>))| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
-        bent: model.bent,
-        shifted: model.shifted,
-        pulled: model.pulled,
         hung: model.hung.map(|hung| Hung { mesh: better.map(|of_axes| of_axes[hung.along]), ..hung }),
         mesh,
+        ..model
     };
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
     if let Err(why) = errors.check() {
@@ -212,11 +207,11 @@ fn model_errors(
     moved: &[usize],
     progress: &dyn Progress,
     errors: &mut ExpectedErrors,
-) -> Vec<ModelErrors> {
+) -> Vec<MovedErrors> {
     let (model, left_out) = (errors.model, &mut errors.left_out);
     if model.law().is_some() {
         left_out.push(format!("the model \"{}\" is static equilibrium itself", model.name));
-        return moved.iter().map(|_| ModelErrors::default()).collect();
+        return moved.iter().map(|_| MovedErrors::default()).collect();
     }
     progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);
     let mut measured = Measured::new(scene, body);
@@ -239,12 +234,16 @@ fn model_errors(
         };
         let found = found.unwrap_or_else(|why| {
             told(why);
-            ModelErrors::default()
+            MovedErrors::default()
         });
         let digits = |all: Vec<ErrorsAt>| all.iter().map(three_digits).collect();
-        let ModelErrors { bent, shifted, pulled, hung } = found;
-        let hung = hung.map(|hung| Hung { at: digits(hung.at), ..hung });
-        all.push(ModelErrors { bent: digits(bent), shifted: digits(shifted), pulled: digits(pulled), hung });
+        all.push(MovedErrors {
+            bent: digits(found.bent),
+            shifted: digits(found.shifted),
+            pulled: digits(found.pulled),
+            hung: found.hung.map(|hung| Hung { at: digits(hung.at), ..hung }),
+            ..MovedErrors::default()
+        });
     }
     progress.end();
     all

@@ -4,17 +4,16 @@
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads of
 //! the scene. It is bent in the plane in which that is easiest, as hands bend it.
 
-use super::super::entry::Resolved;
-use super::hung::hung;
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
-use crate::deform::{Deformer, ErrorsAt, Hung, Motion, Moved, Statics, Trial, reach, trials};
-use crate::fem::STVK;
-use crate::green::{self, GreenFile, Precomputed, Solution};
-use crate::scene::Scene;
-use crate::solve::{Progress, Silent, Solver};
-use std::sync::Arc;
+use crate::deform::{
+    ControlPose, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, MovedErrors, PoseResult,
+    Search, Statics, Trial, Truth, in_session, reach, trials,
+};
+use crate::effect::entry::Resolved;
+use crate::green::{Precomputed, Solution};
+use crate::solve::{Progress, Silent};
 
 /// The motions of a control element at one level: bend, twist and both at once, °, and shifts that stretch the body.
 struct Level {
@@ -56,15 +55,6 @@ pub fn motions() -> usize {
     LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
 }
 
-/// The measured errors of a control element.
-#[derive(Default)]
-pub struct ModelErrors {
-    pub bent: Vec<ErrorsAt>,
-    pub shifted: Vec<ErrorsAt>,
-    pub pulled: Vec<ErrorsAt>,
-    pub hung: Option<Hung>,
-}
-
 /// A body in its equilibria, and as its model has it.
 pub struct Measured {
     statics: Statics,
@@ -75,22 +65,15 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Writes the body into a file that is gone afterwards, and opens it as a session does.
+    /// The body as a session has it, and its equilibria, under the loads of the scene.
     pub fn new(scene: &Resolved, body: &mut Precomputed) -> Result<Measured, Failure> {
-        let mut factorised = Scene::clone(scene);
-        factorised.body[&body.name].solver = Solver::default();
-        let mut statics = Statics::new(&factorised, &body.name, &STVK, &Silent).map_err(Failure::work)?;
-        let folder = tempfile::tempdir().map_err(Failure::work)?;
-        let path = folder.path().join("measured.green");
+        let mut statics = Truth::SameMesh.statics(scene, &body.name, &Silent).map_err(Failure::work)?;
         // Sections of effects are not there yet.
         let families = body.requirements.without_sections();
         let asked = std::mem::replace(&mut body.requirements, families);
-        let written = green::write(&path, std::slice::from_ref(body));
+        let opened = in_session(body, scene.bodies[&body.name].model);
         body.requirements = asked;
-        written.map_err(Failure::work)?;
-        let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
-        let model = scene.bodies[&body.name].model;
-        let mut deformer = Deformer::new(file, &body.name, model).map_err(Failure::wrong)?;
+        let mut deformer = opened.map_err(Failure::work)?.map_err(Failure::wrong)?;
         // Under the loads of the scene, as it stands there.
         let loads = PoseLoads::of_scene(&scene.body[&body.name]);
         deformer.apply(&loads.applied(&deformer).map_err(Failure::wrong)?);
@@ -120,8 +103,7 @@ impl Measured {
         Ok(held.first().map(|trial| self.at(trial)))
     }
 
-    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` ([`MovedErrors`](crate::deform::MovedErrors)) of
-    /// the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
+    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` of the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
     /// 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
@@ -129,11 +111,11 @@ impl Measured {
         e: usize,
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-    ) -> Result<ModelErrors, Failure> {
+    ) -> Result<MovedErrors, Failure> {
         let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
         let Some(mut moved) = Moved::new(&origins, e) else {
             left_out("no axis leads from the other control elements to it".into());
-            return Ok(ModelErrors::default());
+            return Ok(MovedErrors::default());
         };
         if let Some(across) = softest_turn(solution, e, &moved.axis) {
             moved = moved.about(across);
@@ -148,7 +130,7 @@ impl Measured {
         let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
         let pulled = pulled(&found);
         let hung = Some(hung(&mut self.statics, &mut self.deformer, &self.nodes, &moved, left_out));
-        Ok(ModelErrors { bent, shifted, pulled, hung })
+        Ok(MovedErrors { bent, shifted, pulled, hung, ..MovedErrors::default() })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -179,30 +161,112 @@ impl Measured {
     }
 }
 
-/// The largest errors and reach up to each level, as long as all motions up to it were found.
+/// The largest errors and reach up to each level, as long as all motions up to it were found; a level without motions of this kind
+/// ends the list too.
 fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
-    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
-    let mut levels: Vec<ErrorsAt> = Vec::new();
-    for level in &LEVELS {
-        let here = motions(level).iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
-        // A level without motions of this kind ends the list too.
-        let Some(here) = here.and_then(|all| all.into_iter().reduce(|a, b| a.and(&b))) else { break };
-        let all = levels.last().map_or(here, |last| last.and(&here));
-        levels.push(ErrorsAt { angle: level.angle, ..all });
-    }
-    levels
+    growing(found, LEVELS.iter().map(|level| (level.angle, motions(level))))
 }
 
 /// The largest errors and reach up to each pull, as long as all smaller ones were found.
 fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
-    let at = |along: &f64| {
-        found.iter().find(|(motion, _)| *motion == Motion::Shift([*along, 0.0])).map(|(_, at)| *at)
-    };
+    growing(found, PULLS.map(|along| (0.0, vec![Motion::Shift([along, 0.0])])))
+}
+
+fn growing(
+    found: &[(Motion, ErrorsAt)],
+    levels: impl IntoIterator<Item = (f64, Vec<Motion>)>,
+) -> Vec<ErrorsAt> {
+    let at = |wanted: &Motion| found.iter().find(|(motion, _)| motion == wanted).map(|(_, at)| *at);
     let mut all: Vec<ErrorsAt> = Vec::new();
-    for here in PULLS.iter().map_while(at) {
-        all.push(all.last().map_or(here, |last| last.and(&here)));
+    for (angle, motions) in levels {
+        let here = motions.iter().map(at).collect::<Option<Vec<ErrorsAt>>>();
+        let Some(here) = here.and_then(|here| here.into_iter().reduce(|a, b| a.and(&b))) else { break };
+        let so_far = all.last().map_or(here, |last| last.and(&here));
+        all.push(ErrorsAt { angle, ..so_far });
     }
     all
+}
+
+/// Turns to which the end comes, about, °: of a cantilever of length L it turns by 3 w/2 L.
+const ANGLES: [f64; 3] = [5.0, 15.0, 30.0];
+
+/// Tolerance of the searches, which is enough for errors of forces to a tenth of a per cent.
+const ENOUGH: f64 = 1e-4;
+
+/// Measures control element `moved` where it is pushed aside and free in all else; `left_out` is called with the angle from which on
+/// the model or the body has no equilibrium. A held end that is moved stretches
+/// a slender body, which resists that some (L/t)² times more than bending, so that errors of held poses say nothing of an end
+/// that is pushed: with E I = E b t³/12, its force is 3 E I w/L³ (Gere and Timoshenko, Mechanics of Materials, appendix G), and both
+/// the model and the body find for themselves where its end goes. The end is pushed along that axis of the body which is nearest to
+/// the plane in which it bends most easily; compared are the forces of both in their own poses.
+fn hung(
+    statics: &mut Statics,
+    deformer: &mut Deformer,
+    nodes: &[usize],
+    moved: &Moved,
+    left_out: &mut dyn FnMut(String),
+) -> Hung {
+    let along = moved.across.cross(&moved.axis).iamax();
+    let last = ANGLES[ANGLES.len() - 1];
+    let mut freedom = vec![Freedom::default(); moved.elements];
+    freedom[moved.element].free = std::array::from_fn(|k| k != along);
+    let way = |share: f64| {
+        let mut poses = vec![ControlPose::REST; moved.elements];
+        poses[moved.element].translation[along] = share * moved.length * last.to_radians() * 2.0 / 3.0;
+        poses
+    };
+    let mut of_model = Search::new(&freedom, moved.length, deformer.entry.is_linear(), &way);
+    let mut of_body = Search::new(&freedom, moved.length, false, &way);
+    (of_model.tolerance, of_body.tolerance) = (ENOUGH, ENOUGH);
+    let mut hung = Hung { along, at: Vec::new(), mesh: None };
+    deformer.forget();
+    for angle in ANGLES {
+        let both = of_deformer(&mut of_model, angle / last, deformer)
+            .and_then(|model| Ok((model, of_statics(&mut of_body, angle / last, statics, nodes)?)));
+        match both {
+            Ok((model, body)) => {
+                let at = ErrorsAt::new(angle, reach(deformer), &Deviation::new(&model, &body, moved.length));
+                let at = hung.at.last().map_or(at, |last| last.and(&at));
+                hung.at.push(at);
+            }
+            Err(why) => {
+                left_out(format!("pushed aside until it turns by {angle}°: {why}"));
+                break;
+            }
+        }
+    }
+    hung
+}
+
+fn of_deformer(search: &mut Search<'_>, share: f64, deformer: &mut Deformer) -> Result<PoseResult, String> {
+    const NONE: &str = "the model has no forces in such a pose";
+    let mut forces = |poses: &[ControlPose]| {
+        deformer.take(poses);
+        deformer.balance().ok_or_else(|| NONE.to_owned())
+    };
+    let poses = search.follow_to(share, &mut forces)?;
+    // The search has taken them already.
+    deformer.take(&poses);
+    deformer.deform();
+    Some(PoseResult::of_model(deformer))
+        .filter(|found| found.wrenches.is_some())
+        .ok_or_else(|| NONE.to_owned())
+}
+
+fn of_statics(
+    search: &mut Search<'_>,
+    share: f64,
+    statics: &mut Statics,
+    nodes: &[usize],
+) -> Result<PoseResult, String> {
+    let mut forces = |poses: &[ControlPose]| {
+        let found = statics.solve(&poses.to_vec(), &Silent);
+        found.map(|found| found.balance(poses)).map_err(|error| error.to_string())
+    };
+    let poses = search.follow_to(share, &mut forces)?;
+    // The last that was tried need not be the best.
+    let found = statics.solve(&poses, &Silent).map_err(|error| error.to_string())?;
+    Ok(PoseResult::of_equilibrium(&found, &poses, nodes))
 }
 
 #[cfg(test)]

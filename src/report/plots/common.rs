@@ -1,9 +1,9 @@
 //! Helpers of several plots and their captions: names of settings, tips, lists of words.
 
-use crate::report::cost_metric::OFFLINE;
-use crate::report::data::{Measurement, Setting};
-use crate::report::parameters::PARAMETERS;
-use crate::report::units::{bytes, relative, seconds};
+use crate::measure::units::{bytes, relative, seconds};
+use crate::measure::{Measurement, PARAMETERS, Report, Setting};
+use crate::report::canvas::Picture;
+use crate::report::pareto::OFFLINE;
 
 /// Values in the order of their first appearance.
 pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
@@ -90,3 +90,20 @@ pub fn fastest_on_each_mesh(rows: &[Measurement]) -> Vec<&Measurement> {
     chosen.sort_by_key(|row| row.setting.refine);
     chosen
 }
+
+pub struct PlotEntry {
+    /// The stem of the plot's file.
+    pub name: &'static str,
+    /// The heading above it on the page; empty where it continues the plot before it.
+    pub heading: &'static str,
+    /// Advice for reading it.
+    pub reading: &'static str,
+    /// Sentences about this body, made from the data; empty where there is nothing to report.
+    pub caption: fn(&Report) -> String,
+    /// Draws it; the error says why the plot would be empty, and is empty where the report has no data for it.
+    pub picture: fn(&Report) -> Result<Picture, String>,
+    pub table: Option<TableBelow>,
+}
+
+/// A paragraph and a table below a plot.
+pub type TableBelow = (&'static str, fn(&Report) -> String);

@@ -1,33 +1,29 @@
 //! The plots of a report: one question and one file each. In: a [`Report`]. Out: pictures in SVG with their captions.
 
 pub mod common;
-mod entry;
-mod mesh;
 mod models;
-mod one_parameter;
-mod online;
+mod parameters;
+mod settings;
 mod smooth;
-mod split;
-mod trials;
 
-pub use entry::PlotEntry;
+pub use common::PlotEntry;
 
-use super::data::Report;
-use super::drawing::canvas::Picture;
+use super::canvas::Picture;
+use crate::measure::Report;
 
 /// All plots, in the order of the page.
 pub const PLOTS: [&PlotEntry; 13] = [
-    &online::ONLINE,
-    &online::FORCE,
-    &split::SPLIT,
-    &mesh::MESH,
-    &one_parameter::SOLVER,
-    &one_parameter::STORAGE,
+    &settings::ONLINE,
+    &settings::FORCE,
+    &settings::SPLIT,
+    &parameters::MESH,
+    &parameters::SOLVER,
+    &parameters::STORAGE,
     &models::MODELS,
-    &trials::DISPLACEMENT,
-    &trials::FORCE,
-    &trials::TORQUE,
-    &trials::TRADE,
+    &models::DISPLACEMENT,
+    &models::FORCE,
+    &models::TORQUE,
+    &models::TRADE,
     &smooth::SMOOTH_L2,
     &smooth::SMOOTH_ENERGY,
 ];

@@ -1,12 +1,11 @@
 //! The smooth problem in the norms of L2 and of energy: error against h, with the fitted slopes, and the theory's as
 //! triangles.
 
-use super::common::{distinct, listed};
-use super::entry::PlotEntry;
-use crate::report::data::{Report, SmoothError};
-use crate::report::drawing::canvas::Picture;
-use crate::report::drawing::plot::{Plot, Point, Scale, Triangle};
-use crate::report::units::{Unit, digits, relative};
+use super::common::{PlotEntry, distinct, listed};
+use crate::measure::units::{Unit, digits, relative};
+use crate::measure::{Report, SmoothError};
+use crate::report::canvas::Picture;
+use crate::report::plot::{Plot, Point, Scale, Triangle};
 
 pub const SMOOTH_L2: PlotEntry = PlotEntry {
     name: "smooth-l2",
@@ -83,13 +82,13 @@ impl Norm {
             y: Scale::ratio(self.label),
             series: elements.iter().map(name).collect(),
             points,
-            front: Vec::new(),
             triangles: self.triangles(rows),
+            ..Plot::default()
         };
         if !rows.is_empty() && rows.iter().all(|row| (self.rate)(row).is_none()) {
             return Err("a single refinement has no rate of convergence".into());
         }
-        plot.told()
+        plot.picture()
     }
 
     /// One for every promised rate, below the lowest line that it is promised to.

@@ -6,8 +6,6 @@
 //! The base case is a block of 1 × 1 × 2 m in 5 × 5 × 10 cells, of E = 1 MPa and ν = 0.3, held at both ends of z.
 
 mod case;
-mod files;
-mod large;
 mod materials;
 mod meshes;
 mod poses;
@@ -18,7 +16,7 @@ pub use case::{CaseRow, CaseRows, Outcome};
 /// Builds, solves and judges all cases, in the order of their numbers. Errors where a reference cannot be solved.
 pub fn run() -> CaseRows {
     let mut rows = Vec::new();
-    for cases in [materials::rows, meshes::rows, supports::rows, poses::rows, large::rows, files::rows] {
+    for cases in [materials::rows, meshes::rows, supports::rows, poses::rows] {
         rows.extend(cases()?);
     }
     rows.sort_by_key(|row| row.number);

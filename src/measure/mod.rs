@@ -1,0 +1,336 @@
+//! One machinery of comparison: references, variants, poses, norms, times and resumption.
+//!
+//! In: a [`Request`]: a scene's body, poses and limits. Out: the costs of every setting and the parts of its error
+//! ([`settings`]), and beside them models, a smooth problem and effects ([`measure()`]). Report, planner and verification read
+//! what is measured here; errors to expect are measured with the same [`Trial`](crate::deform::Trial)s and
+//! [`Truth`](crate::deform::Truth)s.
+//!
+//! ```text
+//! u_setting - u* =   (stored - f64)                    storage
+//!                  + (conjugate gradients - Cholesky)  solver
+//!                  + (this mesh, element - finest)     discretisation, with the model's own coefficients
+//!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
+//! ```
+//!
+//! A model with its own column families is made on fewer meshes. From the finest of them on, its discretisation error is the
+//! change by refinement in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at
+//! rotations from 1° to 360° (`trials`).
+//!
+//! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
+//! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
+//! linear theory; forces and torques are compared in the same way. All errors are relative to that equilibrium: to the L2
+//! norm of its displacement, the root of its energy, its largest wrench.
+
+pub mod body;
+mod course;
+pub mod data;
+pub mod exact;
+mod fields;
+mod measurements;
+mod norms;
+mod pose_errors;
+pub mod poses;
+mod reference;
+mod request;
+mod resume;
+pub mod smooth;
+mod times;
+pub mod trials;
+pub mod units;
+mod variants;
+mod verified;
+
+pub use data::{
+    Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, PARAMETERS, Parameter,
+    Report, SCHEMA, Setting, Shapes, SmoothError, Spread, Timing, TrialMotion,
+};
+pub use norms::{MeshLadder, Norms, largest};
+pub use request::{Limits, MeasureError, Request, TimeLimit};
+pub use resume::{FOLDER, remove};
+pub use variants::online;
+pub use verified::{Verified, verify};
+
+use crate::base::machine;
+use crate::deform::{ControlPoses, LINEAR};
+use crate::fem::{ELEMENTS, Element, TET4, TET10};
+use crate::mesh::TetMesh;
+use crate::solve::{Progress, Solver};
+use course::{Course, Step, StepKind};
+use reference::References;
+use resume::Kept;
+use std::path::Path;
+use variants::{Candidate, Meshes, iterative};
+
+/// Costs and errors of every setting, and what they are compared with.
+pub struct Measured {
+    pub rows: Vec<Measurement>,
+    pub timing: Timing,
+    pub models: Vec<ModelError>,
+    /// The reference of each part of the error.
+    pub references: Vec<String>,
+    /// The poses that were measured, and why others were left out.
+    pub poses: Vec<(String, ControlPoses)>,
+    pub left_out: Vec<String>,
+    /// Models that were not measured, and why.
+    pub models_left_out: Vec<String>,
+}
+
+/// The body solved in every way, and what it is compared with.
+struct Solved<'a> {
+    candidates: Vec<Candidate>,
+    references: References<'a>,
+    /// Models that a body or an element does not suit, and why.
+    left_out: Vec<String>,
+}
+
+/// The course of a request, with an announcement of how long it will take.
+fn course<'a>(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    whole: bool,
+    progress: &'a dyn Progress,
+) -> Result<Course<'a>, MeasureError> {
+    let mut kept = None;
+    if let Some(folder) = request.keep {
+        let io = |source| MeasureError::Io { path: folder.to_owned(), source };
+        let (found, told) = Kept::open(folder, request).map_err(io)?;
+        told.iter().for_each(|told| progress.tell(told));
+        kept = Some(found);
+    }
+    let can_stop = if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
+    let course = Course::new(agenda(request, meshes, whole), request.limit, kept, progress);
+    progress.tell(&format!("measuring {}{can_stop}", course.forecast()));
+    Ok(course)
+}
+
+/// Measures all settings, and nothing else. This takes long; `progress` follows it.
+pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
+    let meshes = Meshes::new(request)?;
+    let course = course(request, &meshes, false, progress)?;
+    let mut solved = Solved::new(&meshes, request, &course)?;
+    let (rows, timing) = solved.rows(&meshes, request, &course)?;
+    Ok(solved.measured(rows, timing))
+}
+
+impl<'a> Solved<'a> {
+    fn new(
+        meshes: &'a Meshes,
+        request: &Request<'_>,
+        course: &Course<'_>,
+    ) -> Result<Solved<'a>, MeasureError> {
+        let mut left_out = Vec::new();
+        let candidates = variants::solve(request, meshes, &mut left_out, course)?;
+        let references = References::new(request, meshes, &candidates, course)?;
+        Ok(Solved { candidates, references, left_out })
+    }
+
+    fn rows(
+        &mut self,
+        meshes: &Meshes,
+        request: &Request<'_>,
+        course: &Course<'_>,
+    ) -> Result<(Vec<Measurement>, Timing), MeasureError> {
+        let (candidates, references) = (&self.candidates, &self.references);
+        measurements::measurements(request, meshes, candidates, references, &mut self.left_out, course)
+    }
+
+    fn measured(mut self, rows: Vec<Measurement>, timing: Timing) -> Measured {
+        self.references.models_left_out.append(&mut self.left_out);
+        Measured {
+            rows,
+            timing,
+            references: self.references.sentences(&self.candidates),
+            models: self.references.models,
+            poses: self.references.poses.into_iter().map(|pose| (pose.name, pose.poses)).collect(),
+            left_out: self.references.left_out,
+            models_left_out: self.references.models_left_out,
+        }
+    }
+}
+
+/// Measures settings, models, the smooth problem and effects; `shown` chooses the rows whose shapes a page will draw.
+pub fn measure(
+    request: &Request<'_>,
+    shown: &dyn Fn(&[Measurement], &Setting) -> Vec<usize>,
+    progress: &dyn Progress,
+) -> Result<Report, MeasureError> {
+    let meshes = Meshes::new(request)?;
+    let course = course(request, &meshes, true, progress)?;
+    let mut solved = Solved::new(&meshes, request, &course)?;
+    let trials = trials::measure(request, &solved.candidates, &solved.references, &course)?;
+    let (rows, timing) = solved.rows(&meshes, request, &course)?;
+    let own = own_setting(request);
+    let shown = shown(&rows, &own);
+    let shapes = pose_errors::shapes(&meshes, &solved.candidates, &solved.references, &rows, &shown, &own);
+    let measured = solved.measured(rows, timing);
+    let mesh_of = |element: &'static Element, refine: u32| meshes.mesh(request, refine, element).cloned();
+    let smooth = smooth::measure(&mesh_of, meshes.linear.len() as u32, &course)?;
+    let effects = course.step_as_json(Step::EFFECTS, |_| {
+        let model = request.scene.bodies[request.body].model;
+        let model = if model.law().is_some() { &LINEAR } else { model };
+        let (of, poses) = (request.requirements_of, &measured.poses[0].1);
+        Ok(times::of_effects(request.scene, request.body, of, model, poses, request.scratch)?)
+    })?;
+    let base = &meshes.linear[0];
+    let (low, high) = crate::mesh::quality::bounding_box(&base.nodes);
+    let machine = [Some(machine::description()), course.taken_over()];
+    Ok(Report {
+        schema: SCHEMA,
+        program: format!("greenstage {}", env!("CARGO_PKG_VERSION")),
+        machine: machine.into_iter().flatten().collect::<Vec<_>>().join(". "),
+        scene: scene_name(&request.scene.path),
+        command: request.command.clone(),
+        body: request.body.to_owned(),
+        about: about(request, base),
+        size: (high - low).amax(),
+        references: measured.references,
+        poses: measured.poses.into_iter().map(|(name, _)| name).collect(),
+        pose_source: request.pose_source.clone(),
+        quick: request.quick,
+        own,
+        rows: measured.rows,
+        timing: measured.timing,
+        models: measured.models,
+        trials,
+        smooth,
+        effects,
+        left_out: course.left_out(),
+        shapes,
+    })
+}
+
+/// The file, or the name of a scene that the program brings along.
+fn scene_name(path: &Path) -> String {
+    match path.file_stem() {
+        Some(name) if !path.exists() => format!("{}, which the program brings along", name.to_string_lossy()),
+        _ => path.display().to_string(),
+    }
+}
+
+/// The setting that the scene asks for; the tolerance of a direct solver means nothing.
+fn own_setting(request: &Request<'_>) -> Setting {
+    let body = &request.scene.body[request.body];
+    let Solver { method, tolerance, .. } = body.solver;
+    Setting {
+        refine: 0,
+        element: body.element.name.into(),
+        solver: if method.is_direct {
+            Solver::default()
+        } else {
+            Solver { method, tolerance, ..Solver::default() }
+        },
+        storage: body.storage.name(),
+        model: request.scene.bodies[request.body].model,
+    }
+}
+
+/// Mesh, material and control elements of the body, one sentence each.
+fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
+    let body = &request.scene.body[request.body];
+    let origin = match (&body.mesh, &body.generate) {
+        (Some(file), _) => format!("read from {}", file.display()),
+        _ => "generated".into(),
+    };
+    let material = |m: &crate::scene::Material| {
+        format!("Young's modulus {:.3e} Pa, Poisson's ratio {}", m.young, m.poisson)
+    };
+    let mut said = vec![
+        format!("{} nodes and {} tetrahedra, {origin}", base.nodes.len(), base.tets.len()),
+        format!("isotropic: {}", material(&body.material)),
+    ];
+    said.extend(body.region.iter().map(|(region, m)| format!("region {region}: {}", material(m))));
+    let names: Vec<&str> = body.control.keys().map(String::as_str).collect();
+    said.push(format!("{} control elements: {}", names.len(), names.join(", ")));
+    let loads: Vec<&str> = body.loads().iter().map(|load| load.name).collect();
+    if !loads.is_empty() {
+        said.push(format!(
+            "measured without its loads ({}); the effect expected_errors measures the scene's model under them",
+            loads.join(", ")
+        ));
+    }
+    said
+}
+
+/// Unknowns of the demo's tube with tet4, to which times are fitted.
+const TUBE: f64 = 30_240.0;
+
+/// The steps of a measurement in their order, with their expected times on an idle machine with two cores, fitted to the demo's
+/// tube; the course corrects them by what the first steps take. `whole` with all that stands in a report beside the settings.
+fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let step =
+        |key: String, kind: StepKind, seconds: f64, is_needed: bool| Step { key, kind, seconds, is_needed };
+    let unknowns = |refine: u32, element: &Element| meshes.unknowns(refine, element) / TUBE;
+    let top = meshes.linear.len() as u32 - 1;
+    let repeats = if request.quick { 1.0 } else { 2.0 };
+    // Errors of every storage in three poses, all on the finest mesh.
+    let judged = |own: f64| 0.18 * unknowns(top, &TET10) + 0.75 * own;
+    let mut solved = Vec::new();
+    for (refine, element) in meshes.affordable(request) {
+        let is_needed = (refine, element) == (0, &TET4) || (refine, element) == (top, &TET10);
+        let seconds = repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
+        let key = Step::solved(refine, element, Solver::default(), None);
+        // One storage in place of all of them.
+        let spared = if request.limit.is_some() && (refine, element) == (top, &TET10) { 0.4 } else { 1.0 };
+        let judged = spared * judged(unknowns(refine, element));
+        solved.push((step(key, StepKind::Solve, seconds, is_needed), judged));
+    }
+    for (model, refine, element) in meshes.for_models(request) {
+        let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
+        let key = Step::solved(refine, element, Solver::default(), Some(model.name));
+        solved.push((
+            step(key, StepKind::SolveForModel, seconds, false),
+            0.5 * judged(unknowns(refine, element)),
+        ));
+    }
+    let own = request.scene.body[request.body].element;
+    if meshes.mesh(request, 0, own).is_some() {
+        for solver in iterative() {
+            let digits = -solver.tolerance().unwrap_or(1e-10).log10();
+            let seconds = (0.7 + 0.2 * digits) * unknowns(0, own).powf(4.0 / 3.0);
+            let key = Step::solved(0, own, solver, None);
+            solved.push((
+                step(key, StepKind::SolveIteratively, seconds, false),
+                0.5 * judged(unknowns(0, own)),
+            ));
+        }
+    }
+    let poses = request.poses.len() as f64;
+    let base = unknowns(0, &TET4);
+    steps.extend(solved.iter().map(|(step, _)| step.clone()));
+    steps.push(step(Step::EQUILIBRIA.into(), StepKind::Equilibria, 0.5 * poses * base.powf(1.4), true));
+    if whole {
+        let motions = if request.quick { 6.0 } else { 20.0 };
+        steps.push(step(Step::TRIALS.into(), StepKind::Trials, 1.5 * motions * base.powf(1.4), false));
+    }
+    steps.extend(solved.iter().map(|(of, seconds)| {
+        step(Step::errors(&of.key), StepKind::Errors, seconds * poses / 3.0, of.is_needed)
+    }));
+    let rows = 2.0 * solved.len() as f64;
+    steps.push(step(
+        Step::TIMES.into(),
+        StepKind::Other,
+        4e-4 * rows * request.limits.rounds as f64 * base,
+        true,
+    ));
+    if whole {
+        if top > 0 {
+            for element in ELEMENTS.iter().copied() {
+                let all = (0..=top).filter(|refine| meshes.mesh(request, *refine, element).is_some());
+                let seconds =
+                    all.map(|refine| direct(unknowns(refine, element) * element.unknown_cost.sqrt())).sum();
+                steps.push(step(Step::smooth(element), StepKind::Other, seconds, false));
+            }
+        }
+        steps.push(step(Step::EFFECTS.into(), StepKind::Other, 0.5 * base + direct(base), true));
+    }
+    steps
+}
+
+/// Time of a direct solve with the columns of two control elements, s, by the unknowns over [`TUBE`].
+fn direct(unknowns: f64) -> f64 {
+    0.4 * unknowns.powf(1.6)
+}
+
+/// A solve with column families of a model's own over one without.
+const OF_MODELS: f64 = 30.0;

@@ -1,0 +1,143 @@
+//! Random poses from a seed, for a body that no script moves.
+
+use crate::deform::{ControlPose, ControlPoses, Screw, Way};
+use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
+
+/// Random numbers that are the same on every machine (SplitMix64: Steele, Lea and Flood, OOPSLA 2014); every seed gives
+/// its own sequence.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A random number in [0, 1).
+    pub fn number(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// A vector of length 1; all directions are equally likely.
+    pub fn direction(&mut self) -> Vector3<f64> {
+        loop {
+            let v = Vector3::from_fn(|_, _| 2.0 * self.number() - 1.0);
+            let square = v.norm_squared();
+            if square > 1e-4 && square <= 1.0 {
+                return v / square.sqrt();
+            }
+        }
+    }
+}
+
+/// One pose for each of `angles` (rad): every control element but the first turns by that angle about its own random axis and
+/// comes to stand where a rod of constant curvature and twist from the first one would carry it, T = ∫₀¹ exp(s θ a×) ds d - d
+/// with d the way between their origins at rest, moved on by up to `play` (m) across the chord. Neither stretches the rod: a
+/// slender body resists a stretch of some percent so much more than a bend that the force of the bend would be lost beside that
+/// of the stretch.
+pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) -> Vec<(String, ControlPoses)> {
+    let mut random = Random(seed);
+    angles
+        .iter()
+        .map(|&angle| {
+            let poses = origins.iter().enumerate().map(|(e, origin)| {
+                if e == 0 {
+                    return ControlPose::REST;
+                }
+                let axis = UnitVector3::new_normalize(random.direction());
+                let way = origin - origins[0];
+                let chord = mean_rotation(&axis, angle) * way;
+                let translation =
+                    chord - way + across(&random.direction(), &chord) * (play * random.number());
+                ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
+            });
+            (format!("turned {:.0}°", angle.to_degrees()), poses.collect())
+        })
+        .collect()
+}
+
+/// The part of `v` across the direction of `chord`.
+fn across(v: &Vector3<f64>, chord: &Vector3<f64>) -> Vector3<f64> {
+    chord.try_normalize(f64::MIN_POSITIVE).map_or(*v, |along| v - along * along.dot(v))
+}
+
+/// No control element turns by more between two poses of [`on_the_way`], rad.
+const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// The poses between rest and `poses` through which a hand brings a body there: a model with its own equilibrium finds it from
+/// the last one.
+pub fn on_the_way(poses: &[ControlPose]) -> Vec<ControlPoses> {
+    let way = |pose: &ControlPose| Way::between(Screw::default(), Screw::of(pose));
+    let ways: Vec<Way> = poses.iter().map(way).collect();
+    let most = ways.iter().map(|way| way.length().0).fold(0.0, f64::max);
+    let steps = (most / STEP).ceil().max(1.0) as usize;
+    (1..steps).map(|i| ways.iter().map(|way| way.pose(i as f64 / steps as f64)).collect()).collect()
+}
+
+/// The poses of the same affine motions about other origins.
+pub fn about_origins(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3<f64>]) -> ControlPoses {
+    poses.iter().zip(from).zip(to).map(|((pose, from), to)| pose.with_origin(from, to)).collect()
+}
+
+/// ∫₀¹ exp(s θ a×) ds = I + (1 - cos θ)/θ a× + (1 - sin θ/θ) (a×)².
+fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
+    let cross = axis.cross_matrix();
+    if angle.abs() < 1e-9 {
+        return Matrix3::identity();
+    }
+    Matrix3::identity() + cross * ((1.0 - angle.cos()) / angle) + cross * cross * (1.0 - angle.sin() / angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_rotation_is_the_integral() {
+        let axis = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));
+        let steps = 2000;
+        let sum: Matrix3<f64> = (0..steps)
+            .map(|s| {
+                *Rotation3::from_axis_angle(&axis, 1.3 * (f64::from(s) + 0.5) / f64::from(steps)).matrix()
+            })
+            .sum();
+        assert!((sum / f64::from(steps) - mean_rotation(&axis, 1.3)).amax() < 1e-7);
+    }
+
+    #[test]
+    fn a_hand_comes_in_steps_of_ten_degrees() {
+        let (_, poses) = random(&[Vector3::zeros(), Vector3::x()], &[0.6], 0.0, 1).remove(0);
+        let way = on_the_way(&poses);
+        assert_eq!(way.len(), 3, "0.6 rad are 34.4°");
+        let turn = |pose: &ControlPose| Rotation3::from_matrix_unchecked(pose.matrix).angle();
+        for (i, between) in way.iter().enumerate() {
+            assert!((turn(&between[1]) - 0.15 * (i + 1) as f64).abs() < 1e-12);
+        }
+        assert!(on_the_way(&[ControlPose::REST; 2]).is_empty());
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_poses_and_the_angles_are_kept() {
+        let origins = [Vector3::zeros(), Vector3::x(), Vector3::new(1.0, 1.0, 0.0)];
+        let still = random(&origins, &[0.5, 1.0], 0.0, 7);
+        let poses = random(&origins, &[0.5, 1.0], 0.01, 7);
+        assert_eq!(poses, random(&origins, &[0.5, 1.0], 0.01, 7));
+        assert_ne!(poses, random(&origins, &[0.5, 1.0], 0.01, 8));
+        for ((_, poses), angle) in poses.iter().zip([0.5, 1.0]) {
+            assert_eq!(poses[0], ControlPose::REST);
+            for pose in &poses[1..] {
+                assert!((Rotation3::from_matrix_unchecked(pose.matrix).angle() - angle).abs() < 1e-12);
+            }
+        }
+        // The play moves across the chord.
+        for ((_, poses), (_, still)) in poses.iter().zip(&still) {
+            for e in 1..origins.len() {
+                let shift = poses[e].translation - still[e].translation;
+                let chord = origins[e] - origins[0] + still[e].translation;
+                assert!(shift.norm() > 1e-4 && shift.dot(&chord).abs() < 1e-12, "{shift} across {chord}");
+            }
+        }
+    }
+}

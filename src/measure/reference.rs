@@ -1,0 +1,391 @@
+//! References of the settings' errors: static equilibria at large strain, and the finest mesh.
+
+use super::course::{Course, Step};
+use super::data::ModelError;
+use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
+use super::norms::{Norms, largest, relative};
+use super::request::{MeasureError, Request};
+use super::variants::{Candidate, Meshes, moves_inside, of_affine_columns, online, solved, variant};
+use crate::deform::{
+    ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Truth, Wrench, model_of,
+};
+use crate::fem::{TET4, TET10, nearest_turn, tet4};
+use crate::green;
+use crate::mesh::quality;
+use crate::scene::Scene;
+use crate::solve::{Silent, Solver};
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+pub struct References<'a> {
+    pub norms: Norms<'a>,
+    pub poses: Vec<PoseReference>,
+    /// Origins of the scene's control elements with tet4.
+    pub origins: Vec<Vector3<f64>>,
+    pub models: Vec<ModelError>,
+    /// Poses that were left out, and why.
+    pub left_out: Vec<String>,
+    /// Models that were left out, with a pose, mesh or element where only that was, and why.
+    pub models_left_out: Vec<String>,
+    /// The models that were measured in every pose.
+    pub models_of_settings: Vec<&'static ModelEntry>,
+    /// Index of the candidate of the best discretisation.
+    pub finest: usize,
+    /// tet4 on the scene's mesh with a material that does not lock ([`softened`]), where the scene's own would.
+    soft: Vec<Candidate>,
+}
+
+/// Largest Poisson's ratio at which the models are measured. They are compared with an equilibrium of tet4, which locks
+/// near 1/2: at 0.49 the model `linear` seemed to be wrong by 13.0 % in a bar bent by 10°, and by 10.9, 9.2 and 8.4 % on
+/// its mesh refined once, twice and three times. At 0.4 it is 8.6 % on the bar's own mesh.
+pub const MOST_POISSON: f64 = 0.4;
+
+/// The scene with the same shear moduli, and Poisson's ratios of at most [`MOST_POISSON`]; `None` where the scene's own
+/// are no larger.
+pub fn softened(scene: &Scene, body: &str) -> Option<Scene> {
+    let mut scene = scene.clone();
+    let body = &mut scene.body[body];
+    let materials = std::iter::once(&mut body.material).chain(body.region.values_mut());
+    let mut is_other = false;
+    for material in materials.filter(|material| material.poisson > MOST_POISSON) {
+        // E = 2 G (1 + ν)
+        material.young *= (1.0 + MOST_POISSON) / (1.0 + material.poisson);
+        material.poisson = MOST_POISSON;
+        is_other = true;
+    }
+    is_other.then_some(scene)
+}
+
+/// A pose and its nonlinear equilibrium, with tet4 on the scene's mesh.
+pub struct PoseReference {
+    pub name: String,
+    /// Poses about the origins of that mesh.
+    pub poses: ControlPoses,
+    /// Displacement of all nodes, m.
+    pub displacement: Vec<Vector3<f64>>,
+    /// The wrench that holds each control element, about its moved origin.
+    pub held: Vec<Wrench>,
+    /// The sizes that errors are relative to.
+    pub size: Size,
+}
+
+/// An equilibrium as it is kept.
+#[derive(Serialize, Deserialize)]
+struct EquilibriumOfPose {
+    displacement: Vec<[f64; 3]>,
+    /// Wrenches about where the origins rested.
+    wrenches: Vec<Wrench>,
+    energy: f64,
+}
+
+impl From<EquilibriumResult> for EquilibriumOfPose {
+    fn from(found: EquilibriumResult) -> EquilibriumOfPose {
+        let displacement = found.displacement.iter().map(|u| (*u).into()).collect();
+        EquilibriumOfPose { displacement, wrenches: found.wrenches, energy: found.energy }
+    }
+}
+
+/// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
+pub struct Size {
+    /// Norm of the displacement in L2, m.
+    pub displacement: f64,
+    /// Square root of the strain energy, J^½.
+    pub energy: f64,
+    /// Largest force on a control element, N, or its torque divided by the body's extent where that is larger: a pose
+    /// that only bends has hardly any force.
+    pub force: f64,
+    /// `force` times the extent, N m.
+    pub torque: f64,
+}
+
+/// Energies and forces smaller than this part of stiffness times displacement are rounding.
+const ROUNDING: f64 = 1e-8;
+
+impl<'a> References<'a> {
+    pub fn new(
+        request: &Request<'_>,
+        meshes: &'a Meshes,
+        candidates: &[Candidate],
+        course: &Course<'_>,
+    ) -> Result<References<'a>, MeasureError> {
+        let is_ordinary = |c: &Candidate| of_affine_columns().all(|model| c.is_exact(model));
+        let ordinary = candidates.iter().enumerate().filter(|(_, c)| is_ordinary(c));
+        let finest = ordinary.clone().max_by_key(|(_, c)| c.fineness());
+        let own = ordinary.map(|(_, c)| c).find(|c| c.refine == 0 && c.element == &TET4);
+        let (Some((finest, _)), Some(own)) = (finest, own) else {
+            return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
+        };
+        let top = meshes.ladder.levels.len() as u32 - 1;
+        let scene = variant(request, top, &TET10, Solver::default());
+        let prepared = green::prepare(&scene, request.body)?;
+        let stiffness = TET10.assemble(meshes.ladder.top(), &prepared.lame)?;
+        let plain = variant(request, 0, &TET4, Solver::default());
+        let mut soft = Vec::new();
+        if let Some(scene) = softened(&plain, request.body) {
+            for own in candidates.iter().filter(|c| c.refine == 0 && c.element == &TET4) {
+                if own.solver.method.is_direct {
+                    let of: Vec<&str> = own.models.iter().map(|model| model.name).collect();
+                    let key = format!("a material that does not lock: {}", of.join(", "));
+                    soft.push(solved(&key, &scene, request, &own.models, course)?);
+                }
+            }
+        }
+        let mut found = References {
+            norms: Norms::new(meshes.ladder.top(), stiffness),
+            poses: Vec::new(),
+            origins: origins(&own.solution),
+            models: Vec::new(),
+            models_of_settings: Vec::new(),
+            left_out: Vec::new(),
+            models_left_out: Vec::new(),
+            finest,
+            soft,
+        };
+        found.settle(request, meshes, candidates, course)?;
+        Ok(found)
+    }
+
+    /// The solution that a model's error is measured with: tet4 on the scene's mesh, of a material that does not lock.
+    pub fn base<'c>(&'c self, candidates: &'c [Candidate], model: &ModelEntry) -> Option<&'c Candidate> {
+        let of = if self.soft.is_empty() { candidates } else { &self.soft };
+        of.iter().find(|c| c.is_of(0, &TET4, model))
+    }
+
+    /// Finds the nonlinear equilibria, and the models' errors against them.
+    fn settle(
+        &mut self,
+        request: &Request<'_>,
+        meshes: &Meshes,
+        candidates: &[Candidate],
+        course: &Course<'_>,
+    ) -> Result<(), MeasureError> {
+        let scene = variant(request, 0, &TET4, Solver::default());
+        let scene = softened(&scene, request.body).unwrap_or(scene);
+        let mut statics = Truth::SameMesh.statics(&scene, request.body, &Silent)?;
+        let suited = self.suited(candidates);
+        let mut stateless = Vec::new();
+        let all = course.step_as_json(Step::EQUILIBRIA, |progress| {
+            let (started, mut count) = (Instant::now(), 0);
+            let of = |(name, poses): &(String, ControlPoses)| {
+                if count > 0 && !course.has_time(started.elapsed().as_secs_f64() / f64::from(count)) {
+                    return Ok(Err(format!("{name}: there was no time for it")));
+                }
+                count += 1;
+                if let Some(model) = self.undefined(candidates, poses) {
+                    return Ok(Err(format!(
+                        "{name}: the control elements are half a turn apart, where the model {model} has no mean rotation"
+                    )));
+                }
+                match statics.solve(poses, progress) {
+                    Ok(settled) if settled.inverted.is_empty() => Ok(Ok(EquilibriumOfPose::from(settled))),
+                    Ok(settled) => {
+                        Ok(Err(format!("{name}: {} tetrahedra turn inside out", settled.inverted.len())))
+                    }
+                    Err(StaticsError::Stopped { share, .. }) => {
+                        Ok(Err(format!("{name}: no equilibrium beyond {:.0} % of the way", 100.0 * share)))
+                    }
+                    Err(error) => Err(error.into()),
+                }
+            };
+            request.poses.iter().map(of).collect::<Result<Vec<Result<_, String>>, MeasureError>>()
+        })?;
+        for ((name, poses), settled) in request.poses.iter().zip(all) {
+            let settled = match settled {
+                Ok(settled) => settled,
+                Err(why) => {
+                    self.left_out.push(why);
+                    continue;
+                }
+            };
+            let reference = self.reference(meshes, &statics, name, poses, settled);
+            for &model in &suited {
+                let Some(base) = self.base(candidates, model) else { continue };
+                match evaluate(model, &base.solution, poses) {
+                    Some(output) if output.wrenches.is_some() => {
+                        let error = self.model_error(meshes, base, model, &output, &reference);
+                        self.models.push(error);
+                    }
+                    _ => {
+                        stateless.push(model.name);
+                        self.models_left_out
+                            .push(format!("model {}: it has no state in the pose {name}", model.name));
+                    }
+                }
+            }
+            self.poses.push(reference);
+        }
+        self.models_of_settings = suited.into_iter().filter(|m| !stateless.contains(&m.name)).collect();
+        if self.poses.is_empty() {
+            return Err(MeasureError::NoPose(self.left_out.join("; ")));
+        }
+        Ok(())
+    }
+
+    /// The models that the body suits; the reasons for the others go into `models_left_out`.
+    fn suited(&mut self, candidates: &[Candidate]) -> Vec<&'static ModelEntry> {
+        let mut suited = Vec::new();
+        for model in online() {
+            let Some(base) = self.base(candidates, model) else { continue };
+            match model_of(model, &base.solution) {
+                Ok(_) => suited.push(model),
+                Err(why) => self.models_left_out.push(format!("model {}: {why}", model.name)),
+            }
+        }
+        suited
+    }
+
+    /// The model's error alone, in the norm of the whole body, or of its surface where the model does not move the inside.
+    fn model_error(
+        &self,
+        meshes: &Meshes,
+        base: &Candidate,
+        model: &ModelEntry,
+        output: &ModelOutput,
+        reference: &PoseReference,
+    ) -> ModelError {
+        let (error, displacement_m) = match &output.surface {
+            Some(u) => reference.surface_error(&base.solution, u),
+            None => {
+                let error = difference(&displaced(&base.solution, output), &reference.displacement);
+                let error = meshes.ladder.raise(0, &error);
+                (self.norms.l2(&error) / reference.size.displacement, largest(&error))
+            }
+        };
+        ModelError {
+            model: model.name.into(),
+            pose: reference.name.clone(),
+            rotation: largest_rotation(&base.solution, &reference.displacement),
+            error,
+            displacement_m,
+        }
+    }
+
+    /// The first model of the affine columns that is undefined in a pose on one of the meshes.
+    fn undefined(&self, candidates: &[Candidate], poses: &ControlPoses) -> Option<&'static str> {
+        let fails = |model: &&ModelEntry| {
+            let mut measured =
+                candidates.iter().filter(|c| c.models.iter().any(|own| own.name == model.name));
+            measured.any(|c| evaluate_about(model, &c.solution, poses, &self.origins).is_none())
+        };
+        of_affine_columns().find(fails).map(|model| model.name)
+    }
+
+    fn reference(
+        &self,
+        meshes: &Meshes,
+        statics: &Statics,
+        name: &str,
+        poses: &ControlPoses,
+        settled: EquilibriumOfPose,
+    ) -> PoseReference {
+        let held: Vec<Wrench> =
+            settled.wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect();
+        let settled_displacement: Vec<Vector3<f64>> =
+            settled.displacement.iter().map(|u| Vector3::from(*u)).collect();
+        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
+        let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled_displacement));
+        let (low, high) = quality::bounding_box(&statics.mesh.nodes);
+        let extent = (high - low).amax();
+        let stiffest = self.norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
+        let force =
+            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
+        let size = Size {
+            displacement,
+            energy: settled.energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement),
+            force,
+            torque: force * extent,
+        };
+        PoseReference {
+            name: name.to_owned(),
+            poses: poses.clone(),
+            displacement: settled_displacement,
+            held,
+            size,
+        }
+    }
+
+    /// The models by which a discretisation is carried on to meshes on which another model is not made: those that move the
+    /// inside, by their worst error in the poses.
+    pub fn carriers(&self) -> Vec<&'static ModelEntry> {
+        let worst = |model: &ModelEntry| {
+            let own = self.models.iter().filter(|error| error.model == model.name);
+            own.map(|error| error.error).fold(0.0, f64::max)
+        };
+        let mut carriers = self.models_of_settings.clone();
+        carriers.retain(|model| moves_inside(model));
+        carriers.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
+        carriers
+    }
+
+    /// Sentences about the reference of each part of the error.
+    pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
+        let finest = &candidates[self.finest];
+        let mut sentences = vec![
+            format!(
+                "discretisation: {} on the scene's mesh refined {} times, {} nodes; what is as fine as that cannot be \
+                 told from it",
+                finest.element.name,
+                finest.refine,
+                finest.solution.mesh.nodes.len()
+            ),
+            "solver: Cholesky in f64 on the same mesh".into(),
+            "storage: the f64 columns of the same mesh".into(),
+            format!(
+                "model: static equilibrium of a St. Venant-Kirchhoff body, Newton's method, tet4 on the scene's mesh{}",
+                match self.soft.is_empty() {
+                    false => format!(
+                        ", with Poisson's ratio {MOST_POISSON} and the same shear modulus where the scene's is larger: \
+                         tet4 locks near 1/2"
+                    ),
+                    true => String::new(),
+                }
+            ),
+            "total, force and torque: that equilibrium, corrected by what the finest mesh changes in the linear theory"
+                .into(),
+        ];
+        let names = |of: &dyn Fn(&ModelEntry) -> bool| -> String {
+            let own = self.models_of_settings.iter().filter(|model| of(model)).map(|model| model.name);
+            own.collect::<Vec<_>>().join(", ")
+        };
+        let coarser = names(&|model| !candidates[self.finest].is_exact(model));
+        if !coarser.is_empty() {
+            sentences.push(format!(
+                "discretisation of {coarser}: the finest mesh on which the model was made, and from there on what refinement \
+                 changes in the most accurate model of {}",
+                self.carriers().iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
+            ));
+        }
+        let surface = names(&|model| !moves_inside(model));
+        if !surface.is_empty() {
+            sentences.push(format!(
+                "{surface}: displacements of the surface alone, which no part inside can cancel; the total is the sum of \
+                 the parts' norms"
+            ));
+        }
+        sentences.extend(
+            self.left_out.iter().chain(&self.models_left_out).map(|pose| format!("left out: {pose}")),
+        );
+        sentences
+    }
+}
+
+impl PoseReference {
+    /// Errors of displacements `u` of the surface nodes: their root mean square over that of the equilibrium, and the largest, m.
+    pub fn surface_error(&self, solution: &green::Solution, u: &[Vector3<f64>]) -> (f64, f64) {
+        let settled: Vec<_> = solution.surface.nodes.iter().map(|&n| self.displacement[n as usize]).collect();
+        let error = difference(u, &settled);
+        (relative(&error, &settled), largest(&error))
+    }
+}
+
+/// The largest rotation of a tetrahedron, by the polar decomposition of its deformation gradient.
+fn largest_rotation(solution: &green::Solution, u: &[Vector3<f64>]) -> f64 {
+    let rotation = |tet: usize| {
+        let Some(geometry) = tet4::geometry(solution.mesh.corners(tet)) else { return 0.0 };
+        let nodes = solution.mesh.tets[tet];
+        let h: Matrix3<f64> = (0..4).map(|a| u[nodes[a] as usize] * geometry.gradients[a].transpose()).sum();
+        nearest_turn(&(Matrix3::identity() + h)).angle()
+    };
+    (0..solution.mesh.tets.len()).map(rotation).fold(0.0, f64::max)
+}

@@ -1,0 +1,392 @@
+//! The answer in plain words: the costs and the worth of the scene's own setting, the costs of a better one, and the setting that
+//! reaches a given error for the least cost.
+//!
+//! In: the measured rows. Out: sentences, and the three settings that the page compares.
+
+use super::pareto::{COST_METRICS, CostMetric, ONLINE, costs};
+use crate::measure::units::{relative, seconds};
+use crate::measure::{Measurement, Report, Setting};
+
+/// Errors that recommendations are made for, from lax to strict.
+pub const GOALS: [f64; 3] = [0.1, 0.01, 0.001];
+
+/// Costs within this ratio count as equal: timings scatter by more.
+const SAME_COST: f64 = 1.02;
+/// Each step of the ladder reduces the error to at most this share of the one before.
+const STEP: f64 = 0.9;
+
+/// The error that recommendations are made by: total, uncancelled, median of the poses.
+fn error(row: &Measurement) -> f64 {
+    row.error.uncancelled.median
+}
+
+/// The row that can be chosen and reaches an error of `goal` for the least cost. Of those whose cost is within 2 % of the least,
+/// the one with the least product of all three costs.
+pub fn cheapest(rows: &[Measurement], metric: &CostMetric, goal: f64) -> Option<usize> {
+    cheapest_with(rows, metric, |row| error(row) <= goal)
+}
+
+/// [`cheapest`] among the rows that are good enough by another measure.
+pub fn cheapest_with(
+    rows: &[Measurement],
+    metric: &CostMetric,
+    is_good: impl Fn(&Measurement) -> bool,
+) -> Option<usize> {
+    let reaches = |row: &Measurement| row.can_be_chosen() && is_good(row);
+    let reaching: Vec<usize> = (0..rows.len()).filter(|&i| reaches(&rows[i])).collect();
+    let least = reaching.iter().map(|&i| (metric.of)(&rows[i].cost)).fold(f64::INFINITY, f64::min);
+    let all = |i: usize| {
+        COST_METRICS.iter().map(|by| (by.of)(&rows[i].cost).max(f64::MIN_POSITIVE).ln()).sum::<f64>()
+    };
+    reaching
+        .into_iter()
+        .filter(|&i| (metric.of)(&rows[i].cost) <= SAME_COST * least)
+        .min_by(|&a, &b| all(a).total_cmp(&all(b)))
+}
+
+/// The rows from the cheapest that can be chosen to the most accurate: each costs over 2 % more than the one before it, and has
+/// at most 0.9 of its error.
+pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
+    ladder_by(rows, metric, error)
+}
+
+/// [`ladder`] by another error.
+pub fn ladder_by(rows: &[Measurement], metric: &CostMetric, error: fn(&Measurement) -> f64) -> Vec<usize> {
+    let cost = |i: usize| (metric.of)(&rows[i].cost);
+    let mut rungs: Vec<usize> = Vec::new();
+    let mut next = cheapest(rows, metric, f64::INFINITY);
+    let mut least = 0.0;
+    while let Some(i) = next {
+        if !rungs.is_empty() && cost(i) <= SAME_COST * least {
+            rungs.pop();
+        } else {
+            least = cost(i);
+        }
+        rungs.push(i);
+        let own = error(&rows[i]);
+        next = cheapest_with(rows, metric, |row| error(row) <= STEP * own && error(row) < own);
+    }
+    rungs
+}
+
+/// The row with the least error of shape, force and torque together; of those within 2 % of it the fastest.
+pub fn most_accurate(rows: &[Measurement]) -> Option<usize> {
+    let known = rows.iter().filter(|row| row.can_be_chosen());
+    let least = known.map(Measurement::worst).fold(f64::INFINITY, f64::min);
+    cheapest_with(rows, &ONLINE, |row| row.worst() <= SAME_COST * least)
+}
+
+/// Recommendations in sentences, one for each of [`GOALS`], by the online cost and the worst pose.
+pub fn recommendations(report: &Report) -> Vec<String> {
+    let rows = &report.rows;
+    let Some(best) = most_accurate(rows) else { return Vec::new() };
+    let mut sentences = Vec::new();
+    for goal in GOALS {
+        let Some(i) = cheapest_with(rows, &ONLINE, |row| row.worst() <= goal) else {
+            sentences.push(format!(
+                "Within {}: nothing that was measured. The most accurate is {}, with {}; it costs {}.",
+                relative(goal),
+                rows[best].setting,
+                errors(&rows[best]),
+                costs(&rows[best].cost),
+            ));
+            return sentences;
+        };
+        sentences.push(format!(
+            "Within {}: {}, with {}; it costs {}.",
+            relative(goal),
+            rows[i].setting,
+            errors(&rows[i]),
+            costs(&rows[i].cost)
+        ));
+    }
+    sentences
+}
+
+/// "shape to 0.3 %, force and torque to 1.2 %": in the worst pose.
+pub fn errors(row: &Measurement) -> String {
+    let held =
+        row.held().map_or("no forces".into(), |held| format!("force and torque to {}", relative(held)));
+    format!("shape to {}, {held}", relative(row.shape()))
+}
+
+/// Up to the first of these errors a quantity is trusted, up to the second it is a rough guide.
+const GOOD: f64 = 0.05;
+const ROUGH: f64 = 0.25;
+
+/// A grade of trust that an error allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Trust {
+    Good,
+    Rough,
+    Bad,
+}
+
+impl Trust {
+    pub fn from_error(error: f64) -> Trust {
+        match error {
+            error if error <= GOOD => Trust::Good,
+            error if error <= ROUGH => Trust::Rough,
+            _ => Trust::Bad,
+        }
+    }
+
+    /// The words of a table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Trust::Good => "trust it",
+            Trust::Rough => "rough guide",
+            Trust::Bad => "do not trust it",
+        }
+    }
+}
+
+/// A setting that the page shows, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    pub role: String,
+    pub row: usize,
+}
+
+/// The most accurate setting, the scene's own and the cheapest; where two of them are one, it is shown once.
+pub fn shown(report: &Report) -> Vec<Shown> {
+    shown_of(&report.rows, &report.own)
+}
+
+/// The rows that a headline shows, each with its role, from these rows.
+pub fn shown_of(rows: &[Measurement], own: &Setting) -> Vec<Shown> {
+    let own = rows.iter().position(|row| row.setting == *own);
+    let found = [
+        ("most accurate", most_accurate(rows)),
+        ("this scene's", own),
+        ("cheapest", cheapest(rows, &ONLINE, f64::INFINITY)),
+    ];
+    let mut shown: Vec<Shown> = Vec::new();
+    for (role, row) in found {
+        let Some(row) = row else { continue };
+        match shown.iter_mut().find(|other| other.row == row) {
+            Some(other) => other.role = format!("{} and {role}", other.role),
+            None => shown.push(Shown { role: role.into(), row }),
+        }
+    }
+    shown
+}
+
+/// The row of the scene's own setting, where it was measured.
+fn own(report: &Report) -> Option<usize> {
+    report.rows.iter().position(|row| row.setting == report.own)
+}
+
+/// The answer in two sentences, true for whatever was measured; empty where there are no rows that can be chosen.
+pub fn headline(report: &Report) -> Vec<String> {
+    let rows = &report.rows;
+    let Some(i) = own(report).or_else(|| cheapest(rows, &ONLINE, f64::INFINITY)) else { return Vec::new() };
+    let row = &rows[i];
+    let mut said = Vec::new();
+    if own(report).is_none() {
+        said.push(format!(
+            "The scene's own setting ({}) was not measured; this is the cheapest one, {}.",
+            report.own, row.setting
+        ));
+    }
+    said.push(verdict(row));
+    said.push(remedy(rows, i));
+    said.extend(report.timing.warning());
+    said
+}
+
+/// "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: do not trust the force."
+fn verdict(row: &Measurement) -> String {
+    let time = seconds(row.cost.frame_p50_s);
+    let shape = relative(row.shape());
+    if !row.is_trusted() {
+        return format!(
+            "For {time} an evaluation: do not trust this setting. Its solver ({}) stops before its own estimate of the error is small \
+             enough, whatever the measured poses show.",
+            row.setting.solver
+        );
+    }
+    // The finest mesh is compared with itself: the rest of its error is known, that of its mesh is not.
+    let (within, and) =
+        if row.is_reference() { ("wrong by at least", "by at least") } else { ("within", "within") };
+    let Some(held) = row.held() else {
+        let verdict = match Trust::from_error(row.shape()) {
+            Trust::Good => "the shape can be trusted",
+            Trust::Rough => "the shape is a rough guide",
+            Trust::Bad => "do not trust the shape",
+        };
+        return format!(
+            "For {time} an evaluation the shape is {within} {shape}: {verdict}. Its forces were not measured."
+        );
+    };
+    let verdict = if row.is_reference() && Trust::from_error(row.worst()) == Trust::Good {
+        "it is the finest mesh that was measured, so the error of the mesh itself is not known"
+    } else {
+        both(Trust::from_error(row.shape()), Trust::from_error(held))
+    };
+    format!(
+        "For {time} an evaluation the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
+        relative(held)
+    )
+}
+
+fn both(shape: Trust, force: Trust) -> &'static str {
+    use Trust::{Bad, Good, Rough};
+    match (shape, force) {
+        (Good, Good) => "both can be trusted",
+        (Good, Rough) => "trust the shape, and take the force as a rough guide",
+        (Good, Bad) => "trust the shape, do not trust the force",
+        (Rough, Good) => "trust the force, and take the shape as a rough guide",
+        (Rough, Rough) => "both are rough guides",
+        (Rough, Bad) => "the shape is a rough guide, do not trust the force",
+        (Bad, Good) => "trust the force, do not trust the shape",
+        (Bad, Rough) => "do not trust the shape; the force is a rough guide",
+        (Bad, Bad) => "do not trust either",
+    }
+}
+
+/// Names the setting that brings everything within 5 %, or comes nearest to that.
+fn remedy(rows: &[Measurement], own: usize) -> String {
+    let what = if rows[own].held().is_some() { "both" } else { "the shape" };
+    let is_good = |row: &Measurement| row.worst() <= GOOD;
+    let Some(i) = cheapest_with(rows, &ONLINE, is_good) else {
+        let Some(best) = most_accurate(rows) else { return String::new() };
+        let nearest = if best == own { "This one comes nearest".to_owned() } else { price(&rows[best]) };
+        let verb =
+            if best == own { String::new() } else { format!(" comes nearest, with {}", errors(&rows[best])) };
+        return format!("Nothing that was measured brings {what} within 5 %. {nearest}{verb}.");
+    };
+    if i == own {
+        return format!("Nothing cheaper that was measured keeps {what} within 5 %.");
+    }
+    let (other, time) = (&rows[i], rows[i].cost.frame_p50_s);
+    if rows[own].can_be_chosen() && is_good(&rows[own]) {
+        if time < rows[own].cost.frame_p50_s {
+            return format!("{} keeps {what} within 5 % too, and is cheaper.", price(other));
+        }
+        return format!("Nothing faster that was measured keeps {what} within 5 %.");
+    }
+    format!("{} brings {what} within 5 %: {}.", price(other), errors(other))
+}
+
+/// "tet10 h · cholesky · f32 · reduced (900 µs an evaluation, 12 s offline)".
+fn price(row: &Measurement) -> String {
+    let (time, offline) = (seconds(row.cost.frame_p50_s), seconds(row.cost.offline_s));
+    format!("{} ({time} an evaluation, {offline} offline)", row.setting)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::{Cost, Errors, Spread};
+
+    fn row(model: &str, time_us: f64, shape: f64, held: impl Into<Option<f64>>) -> Measurement {
+        let spread = |worst: f64| Spread { median: 0.5 * worst, worst };
+        Measurement {
+            setting: Setting {
+                refine: 0,
+                element: "tet4".into(),
+                solver: Default::default(),
+                storage: "f32".into(),
+                model: crate::deform::find_model(model).unwrap(),
+            },
+            mesh_nodes: 100,
+            surface_nodes: 80,
+            forward_error: Some(1e-12),
+            cost: Cost { frame_p50_s: 1e-6 * time_us, offline_s: 2.0, file_bytes: 1e6, ..Cost::default() },
+            error: Errors {
+                discretisation: spread(1e-3),
+                uncancelled: spread(shape),
+                uncancelled_held: held.into().map(spread),
+                ..Errors::default()
+            },
+        }
+    }
+
+    fn said(rows: Vec<Measurement>) -> String {
+        let own = row("rotation", 0.0, 0.0, 0.0).setting;
+        let mut report = Report { own, rows, ..Report::default() };
+        report.body = "tube".into();
+        headline(&report).join(" ")
+    }
+
+    #[test]
+    fn the_headline_says_what_can_be_trusted() {
+        let reduced = || row("reduced", 900.0, 0.01, 0.02);
+        assert_eq!(
+            said(vec![row("rotation", 43.0, 0.023, 2.64), reduced()]),
+            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: trust the shape, do not trust \
+             the force. tet4 h · cholesky · f32 · reduced (900 µs an evaluation, 2 s offline) brings both within 5 %: shape to \
+             1 %, force and torque to 2 %."
+        );
+        assert_eq!(
+            said(vec![row("rotation", 43.0, 0.023, 0.04), reduced()]),
+            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 4 %: both can be trusted. Nothing \
+             cheaper that was measured keeps both within 5 %."
+        );
+        let all = [0.01, 0.1, 1.0];
+        for (shape, force) in all.iter().flat_map(|a| all.iter().map(move |b| (*a, *b))) {
+            let text = said(vec![row("rotation", 43.0, shape, force)]);
+            assert_eq!(text.contains("do not trust"), shape > 0.25 || force > 0.25, "{text}");
+            assert_eq!(text.contains("both can be trusted"), shape.max(force) <= 0.05, "{text}");
+            assert_eq!(text.contains("This one comes nearest."), shape.max(force) > 0.05, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_claimed() {
+        let text = said(vec![row("rotation", 43.0, 0.023, None)]);
+        assert!(
+            text.contains("its forces were not measured") || text.contains("Its forces were not measured"),
+            "{text}"
+        );
+        assert!(!text.contains("both") && !text.contains("force and torque"), "{text}");
+        // The scene's setting was not measured.
+        let text = said(vec![row("linear", 20.0, 0.3, 0.6), row("reduced", 900.0, 0.01, 0.02)]);
+        assert!(
+            text.starts_with("The scene's own setting (tet4 h · cholesky · f32 · rotation) was not measured"),
+            "{text}"
+        );
+        assert!(text.contains("do not trust either. tet4 h · cholesky · f32 · reduced"), "{text}");
+        // A solver that its own estimate does not trust.
+        let loose = Measurement { forward_error: Some(4.0), ..row("rotation", 43.0, 0.01, 0.01) };
+        let text = said(vec![loose, row("reduced", 900.0, 0.01, 0.02)]);
+        assert!(text.contains("do not trust this setting") && text.contains("reduced (900 µs"), "{text}");
+        // The finest mesh has no discretisation error that is known.
+        let mut finest = row("rotation", 43.0, 0.01, 0.02);
+        finest.error.discretisation = Spread::default();
+        let text = said(vec![finest, row("reduced", 900.0, 0.01, 0.02)]);
+        assert!(text.contains("wrong by at least 1 %") && !text.contains("within 1 %"), "{text}");
+        assert_eq!(said(Vec::new()), "");
+    }
+
+    #[test]
+    fn a_cheaper_setting_that_is_as_good_is_named() {
+        let text = said(vec![row("rotation", 43.0, 0.01, 0.01), row("linear", 20.0, 0.02, 0.02)]);
+        assert!(
+            text.contains(
+                "linear (20 µs an evaluation, 2 s offline) keeps both within 5 % too, and is cheaper."
+            ),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn settings_that_are_one_are_shown_once() {
+        let own = row("rotation", 0.0, 0.0, 0.0).setting;
+        let report = |rows| Report { own: own.clone(), rows, ..Default::default() };
+        let roles = |rows| shown(&report(rows)).into_iter().map(|s| (s.role, s.row)).collect::<Vec<_>>();
+        assert_eq!(
+            roles(vec![
+                row("rotation", 43.0, 0.1, 0.3),
+                row("reduced", 900.0, 0.01, 0.02),
+                row("linear", 20.0, 0.3, 4.0)
+            ]),
+            [("most accurate".into(), 1), ("this scene's".into(), 0), ("cheapest".into(), 2)]
+        );
+        assert_eq!(
+            roles(vec![row("rotation", 43.0, 0.1, 0.3)]),
+            [("most accurate and this scene's and cheapest".into(), 0)]
+        );
+    }
+}
