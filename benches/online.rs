@@ -129,7 +129,7 @@ fn bent_tube() -> Result<World, Failure> {
          control.right = { nodes = { group = \"right\" }, grab = \"dragger\" }\n";
     let folder = tempfile::tempdir().map_err(Failure::work)?;
     let scene = Resolved::parse(text, &folder.path().join("tube.toml"))?;
-    let mut session = Session::open(&Request::of(&scene))?;
+    let mut session = Session::open(&Request::new(&scene))?;
     let right = session.world.fields.bodies[0].poses[1];
     let turn = Rotation3::from_scaled_axis(Vector3::z() * 0.4);
     let pose = ControlPose { translation: Vector3::new(-0.02, 0.2, 0.0), matrix: *turn.matrix() };

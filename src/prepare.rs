@@ -109,7 +109,7 @@ pub fn make(
         }
         Some(hasher.finalize().into())
     };
-    let journal = Journal::of(path, kept_after, &identity);
+    let journal = Journal::new(path, kept_after, &identity);
     let unwritten = unwritten(path);
     let bodies = precompute_telling(scene, Some(&journal), teller)?;
     drop(unwritten);

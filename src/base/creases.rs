@@ -17,7 +17,7 @@ pub struct Creases {
 impl Creases {
     /// The sharp edges of a surface: those whose two triangles have normals more than `angle` (rad) apart at rest.
     /// Triangles around a node that hang together over other edges share a vertex. `None` where no node has two sides.
-    pub fn of(triangles: &[[u32; 3]], rest: &[[f32; 3]], angle: f64) -> Option<Creases> {
+    pub fn new(triangles: &[[u32; 3]], rest: &[[f32; 3]], angle: f64) -> Option<Creases> {
         let normals: Vec<[f64; 3]> = triangles.iter().map(|triangle| normal(triangle, rest)).collect();
         let least = angle.cos();
         let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn a_cubes_corner_is_drawn_with_three_normals_that_are_the_axes() {
         let (rest, triangles) = cube();
-        let creases = Creases::of(&triangles, &rest, 40f64.to_radians()).unwrap();
+        let creases = Creases::new(&triangles, &rest, 40f64.to_radians()).unwrap();
         assert_eq!(creases.copies.len(), 2 * 8);
         let mut drawn = rest.clone();
         creases.extend(&mut drawn);
@@ -116,7 +116,7 @@ mod tests {
                 assert!(sides[*vertex as usize].replace(normal).is_none_or(|known| known == normal));
             }
         }
-        assert_eq!(Creases::of(&triangles, &rest, 91f64.to_radians()), None, "all of it is smooth");
+        assert_eq!(Creases::new(&triangles, &rest, 91f64.to_radians()), None, "all of it is smooth");
     }
 
     /// A prism of 20 sides, 18° from each to the next, closed at one end: the wall stays smooth, the rim is sharp.
@@ -135,11 +135,11 @@ mod tests {
             [[k, next, n + k], [next, n + next, n + k], [n + k, n + next, 2 * n]]
         };
         let triangles: Vec<[u32; 3]> = (0..n).flat_map(side).collect();
-        let creases = Creases::of(&triangles, &rest, 40f64.to_radians()).unwrap();
+        let creases = Creases::new(&triangles, &rest, 40f64.to_radians()).unwrap();
         let mut copies = creases.copies.clone();
         copies.sort_unstable();
         assert_eq!(copies, (n..2 * n).collect::<Vec<u32>>(), "each node of the rim once more");
-        let all = Creases::of(&triangles, &rest, 10f64.to_radians()).unwrap();
+        let all = Creases::new(&triangles, &rest, 10f64.to_radians()).unwrap();
         assert_eq!(all.copies.len(), 3 * n as usize, "below 18° every side stands alone");
     }
 }

@@ -32,7 +32,7 @@ impl From<&Isometry3<f64>> for PartMotion {
 impl PartMotion {
     /// R x + t.
     #[inline(always)]
-    pub fn of(&self, x: [f32; 3]) -> [f32; 3] {
+    pub fn apply(&self, x: [f32; 3]) -> [f32; 3] {
         self.rows.map(|[a, b, c, t]| a * x[0] + b * x[1] + c * x[2] + t)
     }
 }
@@ -93,7 +93,7 @@ impl PartWeights {
     }
 
     /// The parts that move a node.
-    pub fn of(&self, node: usize) -> &[PartShare] {
+    pub fn at(&self, node: usize) -> &[PartShare] {
         &self.shares[self.starts[node] as usize..self.starts[node + 1] as usize]
     }
 }
@@ -107,8 +107,8 @@ mod tests {
         let rows = [vec![(0, 1.0)], vec![(0, 0.25), (1, 0.75)], vec![(1, 1.0 + 1e-7)]];
         let weights = PartWeights::new(2, &rows).unwrap();
         assert_eq!((weights.parts(), weights.nodes(), weights.starts()), (2, 3, &[0, 1, 3, 4][..]));
-        assert_eq!(weights.of(1)[1], PartShare { part: 1, weight: 0.75 });
-        assert_eq!(weights.of(2), [PartShare { part: 1, weight: 1.0 }]);
+        assert_eq!(weights.at(1)[1], PartShare { part: 1, weight: 0.75 });
+        assert_eq!(weights.at(2), [PartShare { part: 1, weight: 1.0 }]);
         for (row, expected) in [
             (vec![(2, 1.0)], "node 0 names part 2, but the body has 2 parts"),
             (vec![(0, 0.5)], "with the sum 0.5"),
@@ -125,7 +125,7 @@ mod tests {
     fn a_motion_in_single_precision_is_the_isometry() {
         let motion =
             Isometry3::new(nalgebra::Vector3::new(1.0, -2.0, 0.5), nalgebra::Vector3::new(0.3, 1.0, -0.7));
-        let found = PartMotion::from(&motion).of([0.2, -0.4, 0.9]);
+        let found = PartMotion::from(&motion).apply([0.2, -0.4, 0.9]);
         let expected = motion * nalgebra::Point3::new(0.2, -0.4, 0.9);
         assert!((0..3).all(|axis| (f64::from(found[axis]) - expected[axis]).abs() < 1e-6), "{found:?}");
     }

@@ -62,7 +62,7 @@ pub struct Axis {
 
 impl Plate {
     /// A plate with one line of plain words.
-    pub fn of(anchor: Anchor, words: impl Into<String>) -> Plate {
+    pub fn new(anchor: Anchor, words: impl Into<String>) -> Plate {
         Plate { anchor, lines: vec![vec![(words.into(), Tone::Plain)]], plot: None, legend: None }
     }
 }

@@ -159,7 +159,7 @@ pub fn solve(
     let tractions = mesh.tractions(&loaded, progress);
     let entries = tractions.len() + 9 * count * count;
     progress.begin("elimination of the tractions", 0);
-    let tractions = Elimination::of(tractions, 3 * loaded.len(), 3 * count)?;
+    let tractions = Elimination::from_numbers(tractions, 3 * loaded.len(), 3 * count)?;
     let mut matrix = tractions.taken();
     progress.end();
     mesh.add_hypersingular(&mut matrix, progress);

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         scene = scene.with_script(MOVING);
     }
     let (stage, replay) = (args.stage.as_deref(), args.replay.as_deref());
-    let open = || Session::open(&Request { stage, replay, ..Request::of(&scene) });
+    let open = || Session::open(&Request { stage, replay, ..Request::new(&scene) });
     let stage = open()?.world.assets.stage.clone();
     full_speed.map_err(Failure::request)?;
     let offline = prepare::precompute(&scene, true)?;
@@ -164,7 +164,7 @@ fn felt(session: Session) -> Result<Session, Failure> {
     let folder = tempfile::tempdir().map_err(Failure::work)?;
     let path = folder.path().join("felt.green");
     let known = std::slice::from_ref(file);
-    Session::open_with(&Request::of(&scene), || prepare::changed_file(&scene, &path, known, &Silent))
+    Session::open_with(&Request::new(&scene), || prepare::changed_file(&scene, &path, known, &Silent))
 }
 
 /// Ticks of the force loop beside frames of a session: on the bodies that list the effect, or on all where that is asked for.

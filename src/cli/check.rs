@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(scene) = &survey.scene {
         let mut meshes = Vec::new();
         for ((name, body), state) in scene.body.iter().zip(&survey.states) {
-            let resolved = ResolvedBody::of(scene, name, EFFECTS);
+            let resolved = ResolvedBody::new(scene, name, EFFECTS);
             if let (Err(unknown), false) = (&resolved, *state == State::Faulty) {
                 findings.extend(unknown.iter().map(SceneError::finding));
             }
@@ -169,7 +169,7 @@ fn of_body<'a>(
         findings.push(Diagnostic::new(severity, format!("{entity}.model"), why));
     }
     findings.extend(prepared.findings);
-    let Surface { triangles, nodes } = Surface::of(&prepared.mesh);
+    let Surface { triangles, nodes } = Surface::from_mesh(&prepared.mesh);
     let points = nodes.iter().map(|&node| Point3::from(prepared.mesh.nodes[node as usize])).collect();
     meshes.push(Standing { name, body, points, triangles });
     Ok(findings)
@@ -185,7 +185,7 @@ fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
 /// The forecast of the time and memory that precomputing the body takes.
 fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
     let entity = format!("body.{name}");
-    let forecast = Forecast::of(&prepared.mesh, prepared.controls.len());
+    let forecast = Forecast::new(&prepared.mesh, prepared.controls.len());
     let mut findings = Vec::new();
     if let Some(asked) = &body.surface_compliance {
         let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());

@@ -61,13 +61,13 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let scene = Resolved::of(updated(Scene::load(&args.scene)?, args)?)?;
+    let scene = Resolved::new(updated(Scene::load(&args.scene)?, args)?)?;
     let poses = pose_file::load(&args.poses)?;
     // A pose may stand once for each body.
     let names: indexmap::IndexSet<String> = poses.iter().map(|pose| pose.name.clone()).collect();
     let mut surfaces = args.surface.clone();
     surfaces.extend(args.pictures.then(|| "png".to_owned()));
-    let files = Files::of(&args.output, &surfaces, names.into_iter().collect())?;
+    let files = Files::new(&args.output, &surfaces, names.into_iter().collect())?;
     try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<Asked> =

@@ -80,7 +80,7 @@ enum Format {
 }
 
 impl Format {
-    fn of(path: &Path) -> Option<Format> {
+    fn from_path(path: &Path) -> Option<Format> {
         let suffix = suffix(path);
         let basis = BASIS_FILES.iter().find(|file| file.suffix == suffix).map(Format::Basis);
         basis.or_else(|| surfaces().find(|exporter| exporter.suffix == suffix).map(Format::Surface))
@@ -118,7 +118,7 @@ fn unknown(args: &Args) -> Failure {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let format = Format::of(&args.output).ok_or_else(|| unknown(args))?;
+    let format = Format::from_path(&args.output).ok_or_else(|| unknown(args))?;
     let scene = Resolved::load(&args.scene)?;
     let names = names(args, &scene)?;
     let poses = args.poses.as_deref().map(pose_file::load).transpose()?;
@@ -316,14 +316,14 @@ mod tests {
     fn the_extension_chooses() {
         for (path, suffix) in [("a/b.iv", ".iv"), ("x.GLB", ".glb"), ("x.y.vtu", ".vtu")] {
             assert!(
-                matches!(Format::of(Path::new(path)), Some(Format::Basis(file)) if file.suffix == suffix)
+                matches!(Format::from_path(Path::new(path)), Some(Format::Basis(file)) if file.suffix == suffix)
             );
         }
         for suffix in ["stl", "ply", "obj", "png"] {
             let path = PathBuf::from("x").with_extension(suffix);
-            assert!(matches!(Format::of(&path), Some(Format::Surface(file)) if file.name() == suffix));
+            assert!(matches!(Format::from_path(&path), Some(Format::Surface(file)) if file.name() == suffix));
         }
-        assert!(["x", "x.gltf", "x.csv"].iter().all(|path| Format::of(Path::new(path)).is_none()));
+        assert!(["x", "x.gltf", "x.csv"].iter().all(|path| Format::from_path(Path::new(path)).is_none()));
     }
 
     #[test]

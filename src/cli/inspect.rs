@@ -95,7 +95,7 @@ pub fn is_stage(path: &Path) -> Result<bool, Failure> {
 
 fn mesh(path: &Path) -> Result<(String, Value), Failure> {
     let loaded = mesh::load(path).map_err(Failure::request)?;
-    let surface = Surface::of(&loaded.mesh);
+    let surface = Surface::from_mesh(&loaded.mesh);
     let report = quality::report(&loaded.mesh, &surface);
     let [low, high] = report.bounding_box;
     let mut text = format!(

@@ -172,7 +172,7 @@ pub fn report(body: &Precomputed) -> Table {
             Some(asymmetry) => format!("S: {0} × {0}, asymmetry {asymmetry:.1e}", stats.columns),
             None => entry.holds.to_owned(),
         };
-        row(entry.family.name, times.of(entry.family), what);
+        row(entry.family.name, times.family_s(entry.family), what);
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {

@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = &session.world.assets.stage;
     let camera = match args.from {
         Some(place) => Camera::from(stage, place.into()),
-        None => Camera::of(stage),
+        None => Camera::facing(stage),
     };
     if let Some(path) = &args.output {
         if !session.world.assets.stage.tracking.trackers.is_empty() {
@@ -135,7 +135,7 @@ fn open(args: &Args) -> Result<Session, Failure> {
     Session::open(&Request {
         stage: args.stage.as_deref(),
         green: args.green.as_deref(),
-        ..Request::of(&scene)
+        ..Request::new(&scene)
     })
 }
 

@@ -135,11 +135,11 @@ impl Against {
             return None;
         }
         let base = (0..controls.len()).find(|e| *e != element)?;
-        let rests = |e: usize| Relative::of(deformer, base, e).rests();
+        let rests = |e: usize| Relative::between(deformer, base, e).rests();
         if !(0..controls.len()).all(|e| e == element || e == base || rests(e)) {
             return None;
         }
-        let Relative { way, turn, shift } = Relative::of(deformer, base, element);
+        let Relative { way, turn, shift } = Relative::between(deformer, base, element);
         let shift = inverse_slide_matrix(&turn) * (way + shift) - way + 0.5 * turn.cross(&way);
         let half = UnitQuaternion::from_scaled_axis(-0.5 * turn) * turn_of(&poses[base]).inverse();
         let wrench = wrenches.get(element)?.about_the_place(&poses[element]);

@@ -130,7 +130,7 @@ impl ModelEntry {
 
     /// Column families that it and its strain energy need.
     pub fn with_energy(&self) -> Requirements {
-        Requirements::of(self.requirements).and(Requirements::of(self.energy.unwrap_or_default()))
+        Requirements::new(self.requirements).and(Requirements::new(self.energy.unwrap_or_default()))
     }
 
     /// The material law, if the model is solved in the background for every pose.

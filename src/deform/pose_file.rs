@@ -284,7 +284,7 @@ pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<
 /// Description of the turn that was taken, where two control elements of `body` are turned so far against each other that their
 /// matrices, which are the same after whole turns, leave a doubt.
 pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
-    let turns: Vec<Vector3<f64>> = poses.iter().map(|pose| Screw::of(pose).turn).collect();
+    let turns: Vec<Vector3<f64>> = poses.iter().map(|pose| Screw::from_pose(pose).turn).collect();
     let pairs = (0..turns.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
     let apart = |&(i, j): &(usize, usize)| (turns[i] - turns[j]).norm();
     let (i, j) = pairs.max_by(|a, b| apart(a).total_cmp(&apart(b)))?;

@@ -59,7 +59,7 @@ pub(super) struct Relative {
 
 impl Relative {
     /// Pose of control element `b` against `a`.
-    pub fn of(deformer: &Deformer, a: usize, b: usize) -> Relative {
+    pub fn between(deformer: &Deformer, a: usize, b: usize) -> Relative {
         let Deformer { controls, poses, .. } = deformer;
         let way = controls[b].origin - controls[a].origin;
         let to_a = nearest_turn(&poses[a].matrix).inverse();
@@ -111,8 +111,8 @@ fn is_pulled(deformer: &Deformer) -> bool {
     let count = deformer.controls.len();
     let is_alone = |e: usize| {
         let others = || (0..count).filter(move |&a| a != e);
-        let rest = others().all(|b| others().all(|a| a == b || Relative::of(deformer, a, b).rests()));
-        rest && others().all(|a| Relative::of(deformer, a, e).is_pulled())
+        let rest = others().all(|b| others().all(|a| a == b || Relative::between(deformer, a, b).rests()));
+        rest && others().all(|a| Relative::between(deformer, a, e).is_pulled())
     };
     count > 1 && (0..count).any(is_alone)
 }
@@ -120,7 +120,7 @@ fn is_pulled(deformer: &Deformer) -> bool {
 /// The largest of all pairs of control elements.
 fn largest(deformer: &Deformer, of: fn(&Relative) -> f64) -> f64 {
     let pairs = (0..deformer.controls.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
-    let found = pairs.map(|(a, b)| of(&Relative::of(deformer, a, b)));
+    let found = pairs.map(|(a, b)| of(&Relative::between(deformer, a, b)));
     found.filter(|found| found.is_finite()).fold(0.0, f64::max)
 }
 

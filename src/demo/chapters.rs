@@ -148,6 +148,6 @@ impl Chapter {
         for body in scene.body.values_mut() {
             body.effects.extend(self.effects.iter().map(|effect| (*effect).to_owned()));
         }
-        Resolved::of(scene)
+        Resolved::new(scene)
     }
 }

@@ -66,7 +66,7 @@ impl Preparation {
         Ok(Preparation { told })
     }
 
-    pub fn of(&self, chapter: usize) -> Readiness {
+    pub fn readiness(&self, chapter: usize) -> Readiness {
         self.told.lock()[chapter].clone()
     }
 

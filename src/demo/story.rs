@@ -182,7 +182,7 @@ impl Story {
     pub fn frame(&mut self, presenter: &mut dyn Presenter, step_s: f64) -> Result<(), Failure> {
         let told_s = step_s.min(LONGEST_STEP_S);
         self.keys_s = (self.keys_s - told_s).max(0.0);
-        let readiness = self.preparation.of(self.chapter);
+        let readiness = self.preparation.readiness(self.chapter);
         if self.shown.as_ref().is_none_or(|shown| shown.scene.is_none()) {
             self.open(presenter.gpu(), &readiness)?;
         }
@@ -221,7 +221,7 @@ impl Story {
             shown.mechanics_s = times.total_s();
         }
         if chapter.looks == Looks::AtRoom && !shown.camera_rests {
-            let camera = Camera::of(&shown.session.world.assets.stage);
+            let camera = Camera::facing(&shown.session.world.assets.stage);
             // Round from behind the viewer's shoulder; lower, so that the caption hides nothing.
             let azimuth = camera.azimuth - 0.55 + 0.16 * self.clock_s;
             let target = camera.target - Vector3::y() * (0.07 * camera.distance_m);

@@ -41,7 +41,7 @@ const SAMPLED: usize = 4;
 struct Sample(Vec<u8>);
 
 impl Sample {
-    fn of(pictures: &[(String, RgbaImage)]) -> Sample {
+    fn from_pictures(pictures: &[(String, RgbaImage)]) -> Sample {
         let rows = pictures.iter().flat_map(|(_, picture)| picture.rows().step_by(SAMPLED));
         let pixels = rows.flat_map(|row| row.step_by(SAMPLED));
         Sample(pixels.flat_map(|pixel| [pixel.0[0], pixel.0[1], pixel.0[2]]).collect())
@@ -75,7 +75,7 @@ impl Chosen {
     pub fn take(&mut self, number: usize, pictures: Vec<(&str, RgbaImage)>) {
         let pictures: Pictures =
             pictures.into_iter().map(|(name, picture)| (name.to_owned(), picture)).collect();
-        let sample = Sample::of(&pictures);
+        let sample = Sample::from_pictures(&pictures);
         let Some((first, _)) = &self.first else {
             self.first = Some((sample, SheetFrame::new(number, &pictures)));
             return;

@@ -132,7 +132,7 @@ sensor = \"wand\"
         for (name, size) in BUILT_IN.iter().flat_map(|(name, _)| [(*name, [1280, 960]), (*name, [960, 600])])
         {
             let stage = Stage::find(name).unwrap();
-            let camera = Camera::of(&stage);
+            let camera = Camera::facing(&stage);
             let mut room = StageModel::new(&stage, &stage.viewer.room_from_head, &camera.eye());
             room.add_measures(&stage);
             room.note.clear();
@@ -166,7 +166,7 @@ sensor = \"wand\"
         session.input.trackers = Some(trackers);
         let drawn = |session: &mut Session| {
             session.advance(0.0).unwrap();
-            let camera = Camera::of(&session.world.assets.stage);
+            let camera = Camera::facing(&session.world.assets.stage);
             let model = model(session, &camera);
             let said = |model: &StageModel, of: &str| {
                 model.labels.iter().find(|label| label.text.starts_with(of)).map(|label| label.place)

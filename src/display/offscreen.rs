@@ -136,7 +136,7 @@ impl Targets {
                 deformation: self.bodies.deformation(),
                 source: "offscreen; present is the drawing".to_owned(),
                 warnings: world.warnings.clone(),
-                ..Readings::of(world)
+                ..Readings::take(world)
             });
             let overlay = self.overlay.get_or_insert_with(|| Overlay::new(COLOR_FORMAT));
             let panel = readings.as_ref().zip(self.panel.as_mut());

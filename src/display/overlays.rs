@@ -178,7 +178,8 @@ impl Overlays {
             2 => {
                 if !self.leave_room(window) {
                     let leader = self.leader[window];
-                    self.outside[leader] = self.kept[leader].or_else(|| Some(Orbit::new(Camera::of(stage))));
+                    self.outside[leader] =
+                        self.kept[leader].or_else(|| Some(Orbit::new(Camera::facing(stage))));
                 }
             }
             // In a window that shows the room, the key calls for what cannot be seen there.

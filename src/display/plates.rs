@@ -257,9 +257,9 @@ mod tests {
         };
         let long = "a sentence of many words that goes on and on ".repeat(4);
         let plates = [
-            Plate::of(Anchor::LowerLeft, long.clone()),
-            Plate { plot: Some(plot), ..Plate::of(Anchor::LowerRight, "curve") },
-            Plate::of(Anchor::LowerLeft, "second"),
+            Plate::new(Anchor::LowerLeft, long.clone()),
+            Plate { plot: Some(plot), ..Plate::new(Anchor::LowerRight, "curve") },
+            Plate::new(Anchor::LowerLeft, "second"),
         ];
         let (rects, _) = painted(&plates, [0.0; 3], &[]);
         let [right, left, above] = rects[..] else { panic!("{rects:?}") };
@@ -276,7 +276,7 @@ mod tests {
         let stage = Stage::find("desktop").unwrap();
         let centre = stage.workspace.centre;
         let [seen, behind] = [centre.into(), (centre + nalgebra::Vector3::z() * 10.0).into()];
-        let plates = [Plate::of(Anchor::Place(seen), "here"), Plate::of(Anchor::Place(behind), "nowhere")];
+        let plates = [Plate::new(Anchor::Place(seen), "here"), Plate::new(Anchor::Place(behind), "nowhere")];
         let (rects, at) = painted(&plates, seen, &[]);
         let ([rect], Some(at)) = (&rects[..], at) else { panic!("{rects:?} {at:?}") };
         assert!((at.x - 640.0).abs() < 2.0, "the middle of the workspace is before the viewer: {at}");
@@ -296,7 +296,7 @@ mod tests {
         let words = "reduced: turned 1.0 times round; the model reduced holds up to 75°";
         let plate = |k: i32| {
             let place = centre + nalgebra::Vector3::x() * (0.05 * f64::from(k));
-            Plate::of(Anchor::Place(place.into()), words)
+            Plate::new(Anchor::Place(place.into()), words)
         };
         let plates: Vec<Plate> = (-2..=2).map(plate).collect();
         let (rects, _) = painted(&plates, centre.into(), &[]);

@@ -139,9 +139,9 @@ impl ScreenWindows {
             deformation,
             source: source.to_owned(),
             warnings: world.warnings.clone(),
-            sensors: SensorReading::of(&reports),
+            sensors: SensorReading::list(&reports),
             devices,
-            ..Readings::of(world)
+            ..Readings::take(world)
         };
         let instances = edited.map_or_else(|| bodies.instances(world), |edited| vec![edited]);
         let mut contents = contents(world, &instances);

@@ -33,7 +33,7 @@ pub struct Touch {
 
 impl Canvas {
     pub fn new(mesh: TetMesh) -> Canvas {
-        let Surface { nodes, triangles } = Surface::of(&mesh);
+        let Surface { nodes, triangles } = Surface::from_mesh(&mesh);
         let places: Vec<_> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
         let (low, high) = quality::bounding_box(&mesh.nodes);
         Canvas {

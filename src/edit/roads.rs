@@ -76,7 +76,7 @@ mod tests {
         let is_gap = |x: Vector3<f64>| x.x.abs() < 0.1 && x.z > -0.3;
         let kept = |tet: &usize| !is_gap(mesh.corners(*tet).iter().sum::<Vector3<f64>>() / 4.0);
         mesh.tets = (0..mesh.tets.len()).filter(kept).map(|tet| mesh.tets[tet]).collect();
-        let surface = Surface::of(&mesh);
+        let surface = Surface::from_mesh(&mesh);
         (mesh, surface)
     }
 

@@ -89,7 +89,7 @@ const BRUSH: f64 = 0.04;
 
 impl Sketch {
     /// The elements that the body has; nodes that cannot be found in the mesh are left out.
-    pub fn of(body: &Body, canvas: &Canvas) -> Sketch {
+    pub fn new(body: &Body, canvas: &Canvas) -> Sketch {
         let element = |(name, control): (&String, &Control)| Element {
             name: name.clone(),
             grab: control.grab,

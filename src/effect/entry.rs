@@ -128,7 +128,7 @@ impl EffectEntry {
 
     /// The families and the section that must be precomputed for it.
     pub fn requirements(&self) -> Requirements {
-        let families = Requirements::of(self.requirements);
+        let families = Requirements::new(self.requirements);
         if self.precompute.is_some() { families.with_section(self.name) } else { families }
     }
 

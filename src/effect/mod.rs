@@ -233,7 +233,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("halo.green");
         let [unlisted, scene] = ["", "\"halo\""].map(scene);
-        let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+        let body = green::precompute(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
         let mut world =
@@ -257,7 +257,7 @@ mod tests {
         let by_stiffness = |family: &Family| family.name == STIFFNESS.name;
         let online = MODELS.iter().filter(|model| model.energy.is_some_and(|of| of.iter().any(by_stiffness)));
         for model in online {
-            let is_own = Requirements::of(model.requirements).has(STIFFNESS);
+            let is_own = Requirements::new(model.requirements).has(STIFFNESS);
             assert_eq!(requirements(model, []).has(STIFFNESS), is_own, "{}", model.name);
             assert!(requirements(model, EFFECTS).has(STIFFNESS), "{}", model.name);
         }

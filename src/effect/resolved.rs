@@ -18,7 +18,7 @@ use std::path::Path;
 
 impl Resolved {
     /// Errors name all that the scene names and that there is not, and settings that its effects do not have.
-    pub fn of(scene: Scene) -> Result<Resolved, Failure> {
+    pub fn new(scene: Scene) -> Result<Resolved, Failure> {
         Resolved::among(scene, EFFECTS)
     }
 
@@ -26,7 +26,7 @@ impl Resolved {
     pub fn among(scene: Scene, effects: &'static [EffectEntry]) -> Result<Resolved, Failure> {
         let (mut bodies, mut unknown) = (indexmap::IndexMap::new(), Vec::new());
         for name in scene.body.keys() {
-            match ResolvedBody::of(&scene, name, effects) {
+            match ResolvedBody::new(&scene, name, effects) {
                 Ok(body) => drop(bodies.insert(name.clone(), body)),
                 Err(mut errors) => unknown.append(&mut errors),
             }
@@ -43,12 +43,12 @@ impl Resolved {
 
     /// The scene of a text ([`Scene::parse`]), resolved.
     pub fn parse(text: &str, path: &Path) -> Result<Resolved, Failure> {
-        Resolved::of(Scene::parse(text, path)?)
+        Resolved::new(Scene::parse(text, path)?)
     }
 
     /// The scene file at a path, or the built-in scene of this name ([`Scene::load`]), resolved.
     pub fn load(path: &Path) -> Result<Resolved, Failure> {
-        Resolved::of(Scene::load(path)?)
+        Resolved::new(Scene::load(path)?)
     }
 
     /// The models of all bodies, in the order of the scene.
@@ -140,14 +140,14 @@ impl Resolved {
                 body.effects.push(haptics::live::ENTRY.name.to_owned());
             }
         }
-        Resolved::of(scene)
+        Resolved::new(scene)
     }
 }
 
 impl ResolvedBody {
     /// Finds the entries that a body of a scene names, among these effects. The errors are all names that do not exist, and
     /// settings that its effects do not have.
-    pub fn of(
+    pub fn new(
         scene: &Scene,
         name: &str,
         known: &'static [EffectEntry],
@@ -241,7 +241,7 @@ impl ResolvedBody {
             !updates.release.is_empty() && can_update(false)
                 || !updates.modulus.is_empty() && can_update(true)
         });
-        Ok(if is_of_use { required.and(Requirements::of(&[UPDATES])) } else { required })
+        Ok(if is_of_use { required.and(Requirements::new(&[UPDATES])) } else { required })
     }
 
     /// Errors name what a body of boundary elements cannot have.
@@ -279,10 +279,10 @@ pub fn requirements<'a>(
     model: &ModelEntry,
     effects: impl IntoIterator<Item = &'a EffectEntry>,
 ) -> Requirements {
-    let of_model = Requirements::of(model.requirements);
+    let of_model = Requirements::new(model.requirements);
     effects.into_iter().fold(of_model, |all, effect| {
         let energy = model.energy.filter(|_| effect.needs_energy).unwrap_or_default();
-        all.and(effect.requirements()).and(Requirements::of(energy))
+        all.and(effect.requirements()).and(Requirements::new(energy))
     })
 }
 
@@ -298,7 +298,7 @@ fn loads_required(
         return Err(wrong(scene, name, "model", message));
     }
     if let Bearing::Forces(families) = model.loads {
-        return Ok(if loads { Requirements::of(families) } else { Requirements::default() });
+        return Ok(if loads { Requirements::new(families) } else { Requirements::default() });
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
         Kept::Inverse => COMPLIANCE,
@@ -306,7 +306,7 @@ fn loads_required(
         Kept::Factor => KEPT_FACTOR,
     });
     let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
-    Ok(Requirements::of(&families))
+    Ok(Requirements::new(&families))
 }
 
 fn wrong(scene: &Scene, name: &str, key: &str, message: String) -> Failure {

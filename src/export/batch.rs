@@ -223,7 +223,7 @@ fn surface_results(
         deformer.apply(applied);
         let result = surface_result(asked, all, standing, body, &mut deformer);
         let stress = stressed.as_ref().map(|stressed| {
-            let nodes = stressed.of(&deformer);
+            let nodes = stressed.stress(&deformer);
             StressResult { reached: stressed.reached(&nodes), nodes }
         });
         let wrenches = deformer.wrenches().map(|(wrenches, _)| wrenches);
@@ -237,7 +237,7 @@ fn surface_results(
         let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
         told.beyond = out_of_range_of(&deformer);
-        told.pushed = Pushed::of(&applied.points, &geometry.rest, &result.displacement);
+        told.pushed = Pushed::list(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield = free_poses::first_yield(asked, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
@@ -371,7 +371,8 @@ fn volume_result(
             .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
             .collect(),
         wrenches: volume_slopes(asked, model, solution).map(|(slopes, energy)| {
-            let wrenches = slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::of(slope, pose));
+            let wrenches =
+                slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::from_slope(slope, pose));
             control_forces(body, (wrenches.collect(), energy))
         }),
         stress: None,
@@ -432,7 +433,7 @@ fn static_results(
                 let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &displacement));
                 let mut told = told;
                 let forced = asked.loads.points_on_mesh(&solved.statics).map_err(Failure::wrong)?;
-                told.pushed = Pushed::of(&forced, &solved.statics.mesh.nodes, &displacement);
+                told.pushed = Pushed::list(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
                     let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
                     statics::apply(asked, &mut solved.statics)?;

@@ -19,7 +19,7 @@ pub struct Files {
 
 impl Files {
     /// Makes the names from the user's OUT, or OUT.csv, and the surface formats of which a file for each of `poses` is wanted.
-    pub fn of(output: &Path, surfaces: &[String], poses: Vec<String>) -> Result<Files, Failure> {
+    pub fn new(output: &Path, surfaces: &[String], poses: Vec<String>) -> Result<Files, Failure> {
         let surfaces = surfaces.iter().map(|name| find_surface(name));
         let surfaces: Vec<&Exporter> = surfaces.collect::<Result<_, _>>().map_err(Failure::wrong)?;
         for (i, pose) in poses.iter().enumerate().filter(|_| !surfaces.is_empty()) {

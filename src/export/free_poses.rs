@@ -30,7 +30,7 @@ pub(super) fn way(
             matrix: Matrix3::identity() * (1.0 - share) + pose.matrix * share,
         },
         None if share == 1.0 => *pose,
-        None => Screw::default().towards(&Screw::of(pose), share).pose(),
+        None => Screw::default().towards(&Screw::from_pose(pose), share).pose(),
     };
     asked.iter().enumerate().map(part).collect()
 }
@@ -200,7 +200,7 @@ pub(super) fn first_yield(
         // The search may have taken them already.
         deformer.take(&poses);
         deformer.deform();
-        let [inside, all] = parts(&stressed.reached(&stressed.of(deformer)))?;
+        let [inside, all] = parts(&stressed.reached(&stressed.stress(deformer)))?;
         at_edges = all;
         Some((poses, inside))
     })?;

@@ -26,7 +26,7 @@ pub const SURFACE: Exporter = Exporter {
     },
     needs: Needs::Nothing,
     spread: Spread::EachPose,
-    write: |set: &ResultSet| write(&Shape::of(set)),
+    write: |set: &ResultSet| write(&Shape::list(set)),
 };
 
 /// The parts of the document that refer to each other by number.

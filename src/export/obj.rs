@@ -14,7 +14,7 @@ pub const SURFACE: Exporter = Exporter {
     kind: Kind { name: "an OBJ file by greenstage", recognizes: |head| head.starts_with(HEADER.as_bytes()) },
     needs: Needs::Nothing,
     spread: Spread::EachPose,
-    write: |set: &ResultSet| write(&Shape::of(set)),
+    write: |set: &ResultSet| write(&Shape::list(set)),
 };
 
 pub fn write(shapes: &[Shape]) -> Vec<u8> {

@@ -26,7 +26,7 @@ pub struct Shape {
 impl Shape {
     /// The bodies of a set that holds one pose; one that the pose does not name is at rest, one that has no equilibrium in it
     /// is left out.
-    pub fn of(set: &ResultSet) -> Vec<Shape> {
+    pub fn list(set: &ResultSet) -> Vec<Shape> {
         let is_missed = |body: &str| set.missed.iter().any(|missed| missed.body == body);
         let shown = set.geometry.iter().filter(|geometry| !is_missed(&geometry.body));
         shown
@@ -66,6 +66,6 @@ pub fn boundary(geometry: &Geometry) -> (Vec<u32>, Vec<[u32; 3]>) {
     let tets = tets.map(|cell| [cell[0], cell[1], cell[2], cell[3]]).collect();
     let mesh =
         TetMesh { nodes: geometry.rest.clone(), tags: geometry.tags.clone(), tets, ..TetMesh::default() };
-    let Surface { nodes, triangles } = Surface::of(&mesh);
+    let Surface { nodes, triangles } = Surface::from_mesh(&mesh);
     (nodes, triangles)
 }

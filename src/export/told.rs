@@ -83,7 +83,7 @@ pub struct Pushed {
 
 impl Pushed {
     /// The motions of the points of a body whose nodes rest at `rest` and are displaced by `displacement`.
-    pub fn of(points: &[PointLoad], rest: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Vec<Pushed> {
+    pub fn list(points: &[PointLoad], rest: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Vec<Pushed> {
         let one = |point: &PointLoad| {
             let Pull::Force(force) = point.pull else { return None };
             let mean = |all: &[Vector3<f64>]| {

@@ -89,7 +89,7 @@ mod tests {
     }
 
     fn why_of(scene: &Scene, looked: Looked<'_>, freedom: &[Freedom]) -> String {
-        why(&Resolved::of(scene.clone()).unwrap(), "a", looked, freedom)
+        why(&Resolved::new(scene.clone()).unwrap(), "a", looked, freedom)
     }
 
     const BOTH: [&str; 2] = ["xmin", "xmax"];

@@ -45,7 +45,7 @@ pub trait ElementSet: Elements + Strains {}
 
 /// K = Σ K_e over all sets of elements, on nodes 0..`nodes`.
 pub fn assemble_elements<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> StiffnessMatrix {
-    Pattern::of(nodes, sets).assemble(sets)
+    Pattern::from_sets(nodes, sets).assemble(sets)
 }
 
 /// The blocks of K, and the elements of which each row is summed: kept where K is assembled many times.
@@ -60,7 +60,7 @@ const ROWS: usize = 64;
 
 impl Pattern {
     /// The pattern of `sets` on nodes 0..`nodes`.
-    pub fn of<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> Pattern {
+    pub fn from_sets<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>]) -> Pattern {
         let incident: Vec<Incidence> = sets.iter().map(|set| incidence(nodes, set.as_ref())).collect();
         Pattern { zero: StiffnessMatrix::zeros(nodes, edges(nodes, sets, &incident)), incident }
     }
@@ -112,7 +112,7 @@ impl Pattern {
         add: &mut dyn FnMut(usize, &Matrix3<f64>),
     ) {
         for (set, incident) in sets.iter().zip(&self.incident) {
-            for &(element, a) in incident.of(node) {
+            for &(element, a) in incident.elements_at(node) {
                 let nodes = set.nodes(element as usize);
                 row.resize(nodes.len(), Matrix3::zeros());
                 set.row(element as usize, a as usize, row);
@@ -132,7 +132,7 @@ struct Incidence {
 }
 
 impl Incidence {
-    fn of(&self, node: usize) -> &[(u32, u32)] {
+    fn elements_at(&self, node: usize) -> &[(u32, u32)] {
         &self.elements[self.start[node]..self.start[node + 1]]
     }
 }
@@ -164,7 +164,8 @@ fn edges<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>], incident: &[Incide
         .map(|node| {
             let mut above: Vec<u32> = Vec::new();
             for (set, incident) in sets.iter().zip(incident) {
-                let around = incident.of(node).iter().flat_map(|&(element, _)| set.nodes(element as usize));
+                let around =
+                    incident.elements_at(node).iter().flat_map(|&(element, _)| set.nodes(element as usize));
                 above.extend(around.filter(|&&other| other as usize > node));
             }
             above.sort_unstable();

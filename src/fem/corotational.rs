@@ -35,7 +35,7 @@ const LEAST: f64 = 1e-6;
 
 /// R and S - I, the latter to a rounding of H.
 fn parts(h: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
-    let Some(polar) = Polar::of(&(Matrix3::identity() + h)) else { return (Matrix3::identity(), *h) };
+    let Some(polar) = Polar::new(&(Matrix3::identity() + h)) else { return (Matrix3::identity(), *h) };
     let (axes, sigma) = (polar.vt.transpose(), polar.sigma);
     let strain = if polar.sign < 0.0 {
         // A stretch of -σ₃ is no small strain.

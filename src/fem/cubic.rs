@@ -44,7 +44,7 @@ pub fn cubic_energy(
     let (n, tets) = (fields.columns, mesh.tets.len());
     let nodal = match element.dilatation {
         Dilatation::Own => None,
-        Dilatation::Nodal => Some(NodalDilatation::of(mesh, lame, fields)),
+        Dilatation::Nodal => Some(NodalDilatation::from_fields(mesh, lame, fields)),
     };
     let width = tets.div_ceil(PARTS).max(1);
     let parts: Vec<DMatrix<f64>> = (0..tets.div_ceil(width))
@@ -216,7 +216,7 @@ fn key(node: u32, lame: Lame) -> (u32, [u64; 2]) {
 }
 
 impl NodalDilatation {
-    fn of(mesh: &TetMesh, lame: &[Lame], fields: &NodeFields) -> NodalDilatation {
+    fn from_fields(mesh: &TetMesh, lame: &[Lame], fields: &NodeFields) -> NodalDilatation {
         let mut means: BTreeMap<_, (f64, Vec<f64>)> = BTreeMap::new();
         for (tet, nodes) in mesh.tets.iter().enumerate() {
             let Some(geometry) = tet4::geometry(mesh.corners(tet)) else { continue };

@@ -52,7 +52,7 @@ impl Hyperelastic {
         lame: &[Lame],
     ) -> Result<Hyperelastic, AssemblyError> {
         let points = element.points(mesh, lame)?;
-        let pattern = Pattern::of(mesh.nodes.len(), &sets(&points, &[], &[]));
+        let pattern = Pattern::from_sets(mesh.nodes.len(), &sets(&points, &[], &[]));
         Ok(Hyperelastic { law, free_stretch: 1.0, points, pattern })
     }
 
@@ -104,7 +104,7 @@ impl Hyperelastic {
             return own;
         }
         let of_mean = |(p, theta): (usize, &f64)| 0.5 * means.stiffness(p) * theta * theta;
-        own + means.of(&self.dilatations(gradients)).iter().enumerate().map(of_mean).sum::<f64>()
+        own + means.means(&self.dilatations(gradients)).iter().enumerate().map(of_mean).sum::<f64>()
     }
 
     /// Largest rounding error of the energy, J: where a body is turned far, the terms of ψ cancel.
@@ -191,7 +191,7 @@ impl Hyperelastic {
             return Vec::new();
         }
         let dilatations = dilatations();
-        means.pressures(&means.of(&dilatations), dilatations.len())
+        means.pressures(&means.means(&dilatations), dilatations.len())
     }
 
     /// K of V C + π ∂²θ/∂F² at every point.

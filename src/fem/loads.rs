@@ -107,7 +107,7 @@ pub struct Area {
 }
 
 impl Area {
-    pub fn of(mesh: &TetMesh, faces: &[Vec<u32>]) -> Area {
+    pub fn new(mesh: &TetMesh, faces: &[Vec<u32>]) -> Area {
         let all = || faces.iter().flat_map(|face| points(mesh, face));
         let size: f64 = all().map(|point| point.area.norm()).sum();
         let middle = all().map(|point| point.place * point.area.norm()).sum::<V3>() / size;
@@ -193,13 +193,13 @@ mod tests {
         };
         let mesh = quadratic::quadratic(generate::tube(&tube).unwrap(), &|a, b| tube.curve(a, b));
         let faces = outer_faces(&mesh);
-        assert!(Area::of(&mesh, &faces).normal.norm() < 1e-12);
+        assert!(Area::new(&mesh, &faces).normal.norm() < 1e-12);
         let pressure = traction(&mesh, &faces, &|at| -at.normal);
         assert!(pressure.iter().sum::<V3>().norm() < 1e-12);
         let radius = |node: u32| mesh.nodes[node as usize].yz().norm();
         let inner: Vec<Vec<u32>> =
             faces.into_iter().filter(|face| face.iter().all(|&n| radius(n) < 0.51)).collect();
-        let area = Area::of(&mesh, &inner);
+        let area = Area::new(&mesh, &inner);
         let exact = std::f64::consts::TAU * 0.5 * 2.0;
         assert!((area.size / exact - 1.0).abs() < 1e-4, "{} {exact}", area.size);
         let outward = traction(&mesh, &inner, &|at| -at.normal);

@@ -23,7 +23,7 @@ pub struct Polar {
 
 impl Polar {
     /// `None` where a number of A, or of its decomposition, is not finite.
-    pub fn of(a: &Matrix3<f64>) -> Option<Polar> {
+    pub fn new(a: &Matrix3<f64>) -> Option<Polar> {
         if !a.iter().all(|value| value.is_finite()) {
             return None;
         }
@@ -58,7 +58,7 @@ impl Polar {
 
 /// The proper rotation nearest to A; the identity where A is not finite.
 pub fn nearest_turn(a: &Matrix3<f64>) -> UnitQuaternion<f64> {
-    Polar::of(a).map_or_else(UnitQuaternion::identity, |polar| polar.turn())
+    Polar::new(a).map_or_else(UnitQuaternion::identity, |polar| polar.turn())
 }
 
 #[cfg(test)]
@@ -92,7 +92,7 @@ mod tests {
             for angle in [0.0, 1e-9, 0.5, PI / 2.0, 2.0, PI - 1e-7, PI - 1e-15, PI] {
                 let exact = Rotation3::new(axis * angle);
                 for s in [Matrix3::identity(), stretch] {
-                    let polar = Polar::of(&(exact.matrix() * s)).unwrap();
+                    let polar = Polar::new(&(exact.matrix() * s)).unwrap();
                     let rotation = polar.rotation();
                     let what = format!("{angle} rad about {axis:?}");
                     assert_proper(&rotation, &what);
@@ -111,7 +111,7 @@ mod tests {
     fn half_a_turn_that_is_exact_is_kept_exactly() {
         for signs in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
             let half_turn = Matrix3::from_diagonal(&Vector3::from(signs));
-            assert_eq!(*Polar::of(&half_turn).unwrap().rotation().matrix(), half_turn);
+            assert_eq!(*Polar::new(&half_turn).unwrap().rotation().matrix(), half_turn);
             assert_eq!(nearest_turn(&half_turn).angle(), PI);
         }
     }
@@ -125,7 +125,7 @@ mod tests {
             for least in [1e-3, 1e-8, 1e-15, 1e-300, 0.0, -1e-15, -1e-8, -1e-3] {
                 let what = format!("{least} about {axis:?}");
                 let flat = exact.matrix() * Matrix3::from_diagonal(&Vector3::new(1.0, 0.6, least));
-                let polar = Polar::of(&flat).unwrap();
+                let polar = Polar::new(&flat).unwrap();
                 assert_proper(&polar.rotation(), &what);
                 assert!((polar.rotation().matrix() - exact.matrix()).amax() < 1e-12, "{what}");
                 assert!((polar.sigma - Vector3::new(1.0, 0.6, least.abs())).amax() < 1e-13, "{what}");
@@ -133,11 +133,11 @@ mod tests {
                     assert_eq!(polar.sign, least.signum(), "{what}");
                 }
                 let line = exact.matrix() * Matrix3::from_diagonal(&Vector3::new(1.0, least, least));
-                assert_proper(&Polar::of(&line).unwrap().rotation(), &what);
-                assert_proper(&Polar::of(&(flat * 1e-30)).unwrap().rotation(), &what);
+                assert_proper(&Polar::new(&line).unwrap().rotation(), &what);
+                assert_proper(&Polar::new(&(flat * 1e-30)).unwrap().rotation(), &what);
             }
         }
-        assert_proper(&Polar::of(&Matrix3::zeros()).unwrap().rotation(), "nothing");
+        assert_proper(&Polar::new(&Matrix3::zeros()).unwrap().rotation(), "nothing");
     }
 
     #[test]
@@ -145,7 +145,7 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
             let mut a = Matrix3::identity();
             a[(1, 2)] = bad;
-            assert_eq!((Polar::of(&a), nearest_turn(&a)), (None, UnitQuaternion::identity()));
+            assert_eq!((Polar::new(&a), nearest_turn(&a)), (None, UnitQuaternion::identity()));
         }
     }
 }

@@ -180,7 +180,7 @@ mod tests {
             (0..mesh.tets.len()).map(|i| Lame::from_young_poisson(1.0 + (i % 3) as f64, 0.3)).collect();
         let straight = quadratic::quadratic(mesh.clone(), &quadratic::straight);
         for (element, mesh) in [(&TET4, &mesh), (&TET10, &straight)] {
-            let points = RestPoints::of(element, mesh, &lame).unwrap();
+            let points = RestPoints::new(element, mesh, &lame).unwrap();
             let mut fields = NodeFields::zeros(mesh.nodes.len(), 4);
             fields.data.iter_mut().enumerate().for_each(|(i, u)| *u = (1.7 * i as f64).sin());
             let coefficients = points.quartic(&fields, &|_| ());
@@ -209,7 +209,7 @@ mod tests {
         }
         let bulged = |a: &Vector3<f64>, b: &Vector3<f64>| (a + b) * 0.5 + (a - b).cross(&Vector3::x()) * 0.05;
         let curved = quadratic::quadratic(mesh.clone(), &bulged);
-        assert!(RestPoints::of(&TET10, &curved, &lame).is_err());
-        assert!(RestPoints::of(&TET4_ANP, &mesh, &lame).is_err());
+        assert!(RestPoints::new(&TET10, &curved, &lame).is_err());
+        assert!(RestPoints::new(&TET4_ANP, &mesh, &lame).is_err());
     }
 }

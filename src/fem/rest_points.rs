@@ -32,7 +32,7 @@ pub struct RestPoint<'a> {
 
 impl RestPoints {
     /// Errors as [`Element::assemble`], and where the element takes means.
-    pub fn of(element: &Element, mesh: &TetMesh, lame: &[Lame]) -> Result<RestPoints, AssemblyError> {
+    pub fn new(element: &Element, mesh: &TetMesh, lame: &[Lame]) -> Result<RestPoints, AssemblyError> {
         let points = element.points(mesh, lame)?;
         if points.means.count() > 0 {
             return Err(AssemblyError::NoQuartic { element: element.name });

@@ -80,7 +80,7 @@ mod tests {
     fn loads_are_the_coefficients_of_the_forces() {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [2, 1, 2] }).unwrap();
         let lame = vec![Lame::from_young_poisson(2.0, 0.3); mesh.tets.len()];
-        let points = RestPoints::of(&TET4, &mesh, &lame).unwrap();
+        let points = RestPoints::new(&TET4, &mesh, &lame).unwrap();
         let body = Hyperelastic::new(&TET4, &STVK, &mesh, &lame).unwrap();
         let nodes = mesh.nodes.len();
         let orders: Vec<NodeFields> = (0..3)

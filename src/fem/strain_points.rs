@@ -176,7 +176,7 @@ impl Means {
     }
 
     /// θ_p, one mean after another, of the points' θ.
-    pub fn of(&self, dilatations: &[f64]) -> Vec<f64> {
+    pub fn means(&self, dilatations: &[f64]) -> Vec<f64> {
         let term = |&(point, weight): &(u32, f64)| weight * dilatations[point as usize];
         self.start.windows(2).map(|span| self.terms[span[0]..span[1]].iter().map(term).sum()).collect()
     }

@@ -148,7 +148,7 @@ fn solve_kept(
     let Prepared { mesh, controls, lame, findings: mut notices } = prepared;
     notices.extend(acting(scene, name, &mesh, &controls)?);
     refuse(scene, &notices)?;
-    let surface = Surface::of(&mesh);
+    let surface = Surface::from_mesh(&mesh);
     let mut times = StepTimes { mesh_s: started.elapsed().as_secs_f64(), ..Default::default() };
 
     let memory = |source| GreenError::Memory { body: place.clone(), source };
@@ -233,7 +233,7 @@ fn solve_kept(
     add_families(&families, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
-        solution.rigid = RigidMotion::of(mesh, controls, fields, solution.stiffness());
+        solution.rigid = RigidMotion::new(mesh, controls, fields, solution.stiffness());
         let forward_error = solution.stats.conditioning.map(|conditioning| conditioning.forward_error);
         let (entity, method) = (format!("body.{name}"), solution.stats.method);
         notices.extend(judge(&entity, method, forward_error, &solution.rigid).map_err(failed)?);

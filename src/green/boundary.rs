@@ -31,7 +31,7 @@ pub fn solve(
     let place = format!("{}: body.{name}", scene.path.display());
     let Prepared { mesh, controls, findings: mut notices, .. } = prepared;
     refuse(scene, &notices)?;
-    let surface = Surface::of(&mesh);
+    let surface = Surface::from_mesh(&mesh);
     let mut prescribed = NodeFields::zeros(mesh.nodes.len(), FIELDS * controls.len());
     let mut is_held = vec![false; mesh.nodes.len()];
     for (e, control) in controls.iter().enumerate() {
@@ -42,7 +42,7 @@ pub fn solve(
     let solved = bem::solve(of, body.material.lame(), &is_held, &prescribed, progress)
         .map_err(|source| GreenError::Boundary { body: place.clone(), source })?;
 
-    let rigid = RigidMotion::of(&mesh, &controls, &solved.fields, Some(&solved.work));
+    let rigid = RigidMotion::new(&mesh, &controls, &solved.fields, Some(&solved.work));
     let entity = format!("body.{name}");
     let failed = |source| GreenError::Solve { body: place.clone(), source };
     let forward_error = solved.stats.conditioning.map(|conditioning| conditioning.forward_error);
@@ -101,7 +101,7 @@ mod tests {
     }
 
     fn solved(body: &str) -> Result<Solution, GreenError> {
-        super::super::solve(&scene(body), "b", &Requirements::of(&[AFFINE, STIFFNESS]), &Silent)
+        super::super::solve(&scene(body), "b", &Requirements::new(&[AFFINE, STIFFNESS]), &Silent)
     }
 
     /// The clamped beam of the manual's table: its force against a sideways shift of one end.

@@ -145,7 +145,7 @@ fn update(base: &GreenFile, name: &str, body: &Body) -> Result<Result<Contents, 
     }
     if own.requirements.has(COMPRESSED) {
         // It is changed number by number.
-        own.requirements = own.requirements.without(COMPRESSED).and(Requirements::of(&[COMPLIANCE]));
+        own.requirements = own.requirements.without(COMPRESSED).and(Requirements::new(&[COMPLIANCE]));
         own.compressed = None;
     }
     if let Some(compliance) = compliance {

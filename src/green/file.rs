@@ -218,7 +218,7 @@ impl GreenFile {
     }
 
     /// The error says what is wrong.
-    pub(super) fn of(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
+    pub(super) fn parse(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
         let length = bytes.as_slice().len() as u64;
         let (meta, tensors) = read_container(bytes.as_slice(), length)?;
         let (on_disk, recent, shapes, on_demand) =

@@ -77,7 +77,7 @@ struct Known(BTreeMap<(u8, String), Guesses>);
 impl Known {
     const KINDS: [u8; 2] = [b'p', b'f'];
 
-    fn of(&mut self, kind: u8, columns: &Columns, (rest, triangles): &SurfaceOf) -> Option<&Guesses> {
+    fn guesses(&mut self, kind: u8, columns: &Columns, (rest, triangles): &SurfaceOf) -> Option<&Guesses> {
         let key = (kind, columns.body.clone());
         Some(match self.0.entry(key) {
             Entry::Occupied(known) => known.into_mut(),
@@ -99,7 +99,7 @@ pub fn filtered(container: &[u8]) -> std::io::Result<Vec<u8>> {
     for of in &columns {
         let mut least: Option<(usize, u8, Vec<u8>)> = None;
         for kind in Known::KINDS {
-            let Some(guesses) = known.of(kind, of, &surfaces[&of.body]) else { continue };
+            let Some(guesses) = known.guesses(kind, of, &surfaces[&of.body]) else { continue };
             let mut hidden = container[of.place.clone()].to_vec();
             hidden.chunks_exact_mut(6 * of.nodes).for_each(|column| guesses.hide(column));
             let size = zstd_context::compressed(&hidden, TRIAL)?.len();
@@ -132,7 +132,7 @@ pub fn restored(mut bytes: Vec<u8>) -> Result<Vec<u8>, String> {
     }
     let mut known = Known::default();
     for (of, kind) in columns.iter().zip(chosen) {
-        let guesses = known.of(kind, of, &surfaces[&of.body]).ok_or(damaged)?;
+        let guesses = known.guesses(kind, of, &surfaces[&of.body]).ok_or(damaged)?;
         bytes[of.place.clone()].chunks_exact_mut(6 * of.nodes).for_each(|column| guesses.show(column));
     }
     Ok(bytes)

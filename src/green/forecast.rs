@@ -62,7 +62,7 @@ pub struct Forecast {
 
 impl Forecast {
     /// For a mesh with so many control elements, all of whose nodes are unknown but theirs, which are few.
-    pub fn of(mesh: &TetMesh, controls: usize) -> Forecast {
+    pub fn new(mesh: &TetMesh, controls: usize) -> Forecast {
         let unknowns = 3.0 * mesh.nodes.len() as f64;
         let columns = 12.0 * controls as f64;
         let base = PROGRAM + TETRAHEDRON * mesh.tets.len() as f64 + (ROW + 16.0 * columns) * unknowns;
@@ -162,7 +162,7 @@ fn fill(mesh: &TetMesh) -> [f64; 2] {
     let nodes = mesh.nodes.len().max(1) as f64;
     let compact = (COMPACT[0] - COMPACT[1] / (3.0 * nodes).cbrt()).max(THIN);
     let of_cube = 6.0 * nodes.powf(2.0 / 3.0);
-    let surface = Surface::of(mesh).nodes.len() as f64 / of_cube;
+    let surface = Surface::from_mesh(mesh).nodes.len() as f64 / of_cube;
     [(LEAST * compact * surface.max(1.0).powf(SURFACE_POWER)).max(THIN), compact]
 }
 
@@ -215,7 +215,7 @@ mod tests {
             ([100, 10, 10], 35_937.0, 7.824e6),
         ] {
             let mesh = block(&Block { size: cells.map(f64::from), cells }).unwrap();
-            let forecast = Forecast::of(&mesh, 2);
+            let forecast = Forecast::new(&mesh, 2);
             // Those of the control elements are counted too.
             assert!((1.0..1.2).contains(&(forecast.unknowns / unknowns)), "{}", forecast.unknowns);
             let [thin, compact] = forecast.factor_entries;
@@ -239,14 +239,14 @@ mod tests {
             ([60, 60, 6], 0.421e9),
         ] {
             let mesh = block(&Block { size: cells.map(f64::from), cells }).unwrap();
-            let [least, most] = Forecast::of(&mesh, 2).memory;
+            let [least, most] = Forecast::new(&mesh, 2).memory;
             assert!(least <= peak && peak <= most, "{cells:?}: {peak:e} in {least:e}..{most:e}");
         }
     }
 
     #[test]
     fn what_surely_does_not_fit_is_refused_with_what_does() {
-        let mut forecast = Forecast::of(&block(&Block { size: [1.0; 3], cells: [8; 3] }).unwrap(), 2);
+        let mut forecast = Forecast::new(&block(&Block { size: [1.0; 3], cells: [8; 3] }).unwrap(), 2);
         let of = |method: &str| Solver {
             method: SOLVERS.iter().find(|m| m.name == method).unwrap(),
             ..Solver::default()
@@ -266,7 +266,7 @@ mod tests {
         for (size, cells, kept) in
             [([1.0, 1.0, 0.005], [60, 60, 2], 23.2e6), ([1.0; 3], [21, 21, 20], 39.1e6)]
         {
-            let forecast = Forecast::of(&block(&Block { size, cells }).unwrap(), 2);
+            let forecast = Forecast::new(&block(&Block { size, cells }).unwrap(), 2);
             let [thin, compact] = [0, 1].map(|i| NUMBER as f64 * KEPT[i] * forecast.factor_entries[i]);
             assert!(thin <= kept && kept <= compact, "{cells:?}: {kept} in {thin}..{compact}");
             let told = forecast.kept_factor_told([10, 20, 5_000_000]);
@@ -282,7 +282,7 @@ mod tests {
         let mut mesh = TetMesh::default();
         mesh.nodes.resize(1_400_000, Default::default());
         mesh.tets.resize(8_000_000, [0; 4]);
-        let forecast = Forecast::of(&mesh, 2);
+        let forecast = Forecast::new(&mesh, 2);
         assert!(forecast.memory[0] > 3e10 && forecast.memory[1] < 3e11, "{forecast:?}");
         let told = forecast.told().unwrap();
         assert!(

@@ -69,7 +69,7 @@ struct Records {
 impl<'a> Journal<'a> {
     /// The journal next to a .green file, with the results that a killed run left there, which a notice reports. `identity`
     /// computes the hash of the scene's state.
-    pub fn of(green: &Path, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
+    pub fn new(green: &Path, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
         let path = path_of(green);
         let is_place =
             std::fs::metadata(green).map_or_else(|e| e.kind() == ErrorKind::NotFound, |m| m.is_file());
@@ -315,7 +315,7 @@ mod tests {
             let green = folder.path().join("a.green");
             let identity = || Some([7; 32]);
             let written = contents(6);
-            let journal = Journal::of(&green, NOW, &identity);
+            let journal = Journal::new(&green, NOW, &identity);
             for (i, content) in written.iter().enumerate() {
                 journal.keep(&[i as u8; 32], &[&content[..content.len() / 2], &content[content.len() / 2..]]);
             }
@@ -325,7 +325,7 @@ mod tests {
             if is_cut { bytes.truncate(place) } else { bytes[place] = bytes[place].wrapping_add(change) }
             let is_same = !is_cut && change == 0;
             std::fs::write(path_of(&green), &bytes).unwrap();
-            let journal = Journal::of(&green, NOW, &identity);
+            let journal = Journal::new(&green, NOW, &identity);
             let found = |journal: &Journal<'_>| -> Vec<Vec<u8>> {
                 (0..6).map_while(|i| journal.find(&[i as u8; 32])).collect()
             };
@@ -336,7 +336,7 @@ mod tests {
             if journal.is_kept() {
                 journal.keep(&[9; 32], &[b"more"]);
                 drop(journal);
-                let journal = Journal::of(&green, NOW, &identity);
+                let journal = Journal::new(&green, NOW, &identity);
                 prop_assert_eq!(journal.find(&[9; 32]).unwrap(), b"more");
                 prop_assert_eq!(found(&journal).len(), before.len());
                 journal.remove();
@@ -350,20 +350,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let green = folder.path().join("a.green");
         let [one, other] = [[1; 32], [2; 32]].map(|state| move || Some(state));
-        let first = Journal::of(&green, NOW, &one);
+        let first = Journal::new(&green, NOW, &one);
         first.keep(&[3; 32], &[b"x"]);
-        let second = Journal::of(&green, NOW, &one);
+        let second = Journal::new(&green, NOW, &one);
         assert!(!second.is_kept() && second.find(&[3; 32]).is_none(), "the first has the lock");
         drop((first, second));
-        assert!(Journal::of(&green, NOW, &one).has_records());
-        assert!(!Journal::of(&green, NOW, &other).has_records());
+        assert!(Journal::new(&green, NOW, &one).has_records());
+        assert!(!Journal::new(&green, NOW, &other).has_records());
         assert!(!path_of(&green).exists());
         std::fs::write(path_of(&green), "notes of my own").unwrap();
-        let journal = Journal::of(&green, NOW, &one);
+        let journal = Journal::new(&green, NOW, &one);
         journal.keep(&[3; 32], &[b"x"]);
         drop_journal(&green, None);
         assert_eq!(std::fs::read(path_of(&green)).unwrap(), b"notes of my own");
-        assert!(Journal::of(Path::new("/dev/null"), NOW, &one).state().is_closed());
+        assert!(Journal::new(Path::new("/dev/null"), NOW, &one).state().is_closed());
     }
 
     impl State {

@@ -53,7 +53,7 @@ impl GreenFile {
 
 /// Names of the columns of a body's control elements and loads, which are known from its scene before anything is solved.
 pub fn column_names_of(body: &Body) -> Vec<ColumnName> {
-    let loads: Vec<LoadMeta> = body.loads().iter().map(LoadMeta::of).collect();
+    let loads: Vec<LoadMeta> = body.loads().iter().map(LoadMeta::new).collect();
     let mut names = names_of_fields(body.control.keys().map(String::as_str));
     names.extend(names_of_loads(&loads));
     names

@@ -17,7 +17,7 @@ pub struct Lift {
 }
 
 impl Lift {
-    pub fn of(elements: usize) -> Lift {
+    pub fn new(elements: usize) -> Lift {
         let (differences, mean) = split(elements);
         let translations: Vec<[f64; 12]> = (0..3).map(unit).collect();
         let skew: Vec<[f64; 12]> = (0..3).map(turn).collect();
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn columns_are_orthonormal_and_leave_out_the_common_translation_alone() {
         for (elements, rigid, all) in [(1, 0, 6), (2, 12, 21), (3, 33, 33), (4, 45, 45)] {
-            let lift = Lift::of(elements);
+            let lift = Lift::new(elements);
             assert_eq!((lift.rigid, lift.len()), (rigid, all));
             let gram = lift.columns.transpose() * &lift.columns;
             assert!((gram - DMatrix::identity(all, all)).amax() < 1e-15);

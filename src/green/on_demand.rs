@@ -40,7 +40,7 @@ struct State {
 }
 
 impl OnDemand {
-    pub fn of(&self, body: &str) -> Arc<OfBody> {
+    pub fn body(&self, body: &str) -> Arc<OfBody> {
         lock(&self.0).entry(body.to_owned()).or_default().clone()
     }
 }

@@ -25,7 +25,7 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    pub fn of(mesh: &TetMesh) -> Pieces {
+    pub fn new(mesh: &TetMesh) -> Pieces {
         let components = quality::components(mesh);
         let part = joined(&components, mesh, &[]);
         Pieces { components, part }
@@ -85,7 +85,7 @@ fn joined(components: &Components, mesh: &TetMesh, controls: &[ControlElement]) 
 /// Errors for pieces that no control element holds at three points off one line, and a warning where pieces have no
 /// control element in common with the rest.
 pub fn find(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec<Diagnostic> {
-    let pieces = Pieces::of(mesh);
+    let pieces = Pieces::new(mesh);
     let mut findings = loose(entity, mesh, controls, &pieces);
     if findings.is_empty() {
         findings.extend(apart(entity, mesh, controls, &pieces));
@@ -250,7 +250,7 @@ mod tests {
         ] {
             assert!(said.contains(words), "{said} lacks {words}");
         }
-        assert_eq!(Pieces::of(&mesh).is_joined(&mesh, &controls), [false, false]);
+        assert_eq!(Pieces::new(&mesh).is_joined(&mesh, &controls), [false, false]);
 
         let (mesh, controls) = two_cubes(0.5);
         let said = &find("body.b", &mesh, &controls)[0].message;
@@ -268,7 +268,7 @@ mod tests {
         let ends =
             ["xmin", "xmax"].map(|end| ControlElement::new(end, whole.groups[end].clone(), &whole, 1.0));
         assert_eq!(find("body.b", &whole, &ends), []);
-        assert_eq!(Pieces::of(&whole).is_joined(&whole, &ends), [true, true]);
+        assert_eq!(Pieces::new(&whole).is_joined(&whole, &ends), [true, true]);
     }
 
     #[test]

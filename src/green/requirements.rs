@@ -26,7 +26,7 @@ pub struct Requirements {
 
 impl Requirements {
     /// Requirements for `families`, and for those from which they are made.
-    pub fn of(families: &[Family]) -> Requirements {
+    pub fn new(families: &[Family]) -> Requirements {
         let mut all = Requirements::default();
         families.iter().for_each(|family| all.add(*family));
         all
@@ -92,20 +92,20 @@ mod tests {
 
     #[test]
     fn a_family_brings_what_it_is_made_from() {
-        let second = Requirements::of(&[SECOND]);
+        let second = Requirements::new(&[SECOND]);
         assert!(second.has(FIRST) && second.has(SECOND) && !second.has(OTHER));
-        assert_eq!(second, Requirements::of(&[SECOND, FIRST]));
-        assert!(!Requirements::of(&[FIRST]).has(SECOND));
+        assert_eq!(second, Requirements::new(&[SECOND, FIRST]));
+        assert!(!Requirements::new(&[FIRST]).has(SECOND));
     }
 
     #[test]
     fn requirements_are_joined_and_come_back_from_a_file() {
-        let both = Requirements::of(&[SECOND]).and(Requirements::of(&[OTHER]).with_section("gravity"));
+        let both = Requirements::new(&[SECOND]).and(Requirements::new(&[OTHER]).with_section("gravity"));
         assert_eq!(both.describe(), "first, other, second, gravity");
         let text = serde_json::to_string(&both).unwrap();
         assert_eq!(serde_json::from_str::<Requirements>(&text).unwrap(), both);
         assert_eq!(both.clone().and(Requirements::default()), both);
-        let plain = serde_json::to_string(&Requirements::of(&[FIRST])).unwrap();
+        let plain = serde_json::to_string(&Requirements::new(&[FIRST])).unwrap();
         assert_eq!(plain, r#"{"families":["first"]}"#);
     }
 }

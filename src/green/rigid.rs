@@ -42,14 +42,14 @@ struct Columns<'a> {
 }
 
 impl RigidMotion {
-    pub fn of(
+    pub fn new(
         mesh: &TetMesh,
         controls: &[ControlElement],
         fields: &NodeFields,
         stiffness: Option<&DMatrix<f64>>,
     ) -> RigidMotion {
         let origins: Vec<Vector3<f64>> = controls.iter().map(|control| control.origin).collect();
-        let joined = Pieces::of(mesh).is_joined(mesh, controls);
+        let joined = Pieces::new(mesh).is_joined(mesh, controls);
         let value = |row: usize, column: usize| fields.row(row)[column];
         let nodes = &mesh.nodes;
         Columns { nodes, origins: &origins, joined: &joined, value: &value, errors: &[] }.check(stiffness)

@@ -26,7 +26,7 @@ pub struct StepTimes {
 
 impl StepTimes {
     /// Time of a family, s; 0 where it was not made.
-    pub fn of(&self, family: Family) -> f64 {
+    pub fn family_s(&self, family: Family) -> f64 {
         self.families_s.get(family.name).copied().unwrap_or(0.0)
     }
 }

@@ -167,7 +167,7 @@ impl Ports {
 impl Updates {
     /// From the tables of a body with so many control elements, surface nodes and columns of loads; the error names the first
     /// fault.
-    pub fn of(
+    pub fn read(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         [controls, surface, loads]: [usize; 3],
     ) -> Result<Updates, String> {

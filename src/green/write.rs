@@ -112,7 +112,7 @@ impl GreenFile {
         drop(tensors);
         let bytes = Bytes::read(&mut bytes.as_slice(), bytes.len() as u64)
             .map_err(|source| GreenError::Io { path: self.path.clone(), source })?;
-        let file = GreenFile::of(&self.path, bytes).map_err(damaged)?;
+        let file = GreenFile::parse(&self.path, bytes).map_err(damaged)?;
         Ok(GreenFile { base: Some(self), ..file })
     }
 }

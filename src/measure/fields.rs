@@ -34,7 +34,7 @@ pub fn evaluate(model: &ModelEntry, solution: &Solution, poses: &ControlPoses) -
     let state = come_to(&mut *made, poses);
     let mut slopes = vec![PoseSlope::default(); poses.len()];
     let response = made.respond(poses, &mut slopes).filter(|response| response.is_defined);
-    let wrench = |(slope, pose)| Wrench::of(slope, pose);
+    let wrench = |(slope, pose)| Wrench::from_slope(slope, pose);
     let wrenches = response.map(|_| slopes.iter().zip(poses).map(wrench).collect());
     let (mut own, mut surface) = (None, None);
     if !moves_inside(model) {
@@ -77,7 +77,7 @@ fn displacements(
                 let part = |share: &PartShare| {
                     (state.parts[share.part as usize] * x).coords * f64::from(share.weight)
                 };
-                weights.of(i).iter().map(part).sum()
+                weights.at(i).iter().map(part).sum()
             }
         };
         moved - about(node)

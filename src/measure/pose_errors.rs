@@ -333,7 +333,7 @@ pub fn shapes(
     }
     let pose = &references.poses[worst?.0];
     let mesh = &meshes.linear[0];
-    let surface = Surface::of(mesh);
+    let surface = Surface::from_mesh(mesh);
     let on_surface = |field: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
         surface.nodes.iter().map(|&node| field[node as usize]).collect()
     };

@@ -69,7 +69,7 @@ const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// The poses between rest and `poses` through which a hand brings a body there: a model with its own equilibrium finds it from
 /// the last one.
 pub fn on_the_way(poses: &[ControlPose]) -> Vec<ControlPoses> {
-    let way = |pose: &ControlPose| Way::between(Screw::default(), Screw::of(pose));
+    let way = |pose: &ControlPose| Way::between(Screw::default(), Screw::from_pose(pose));
     let ways: Vec<Way> = poses.iter().map(way).collect();
     let most = ways.iter().map(|way| way.length().0).fold(0.0, f64::max);
     let steps = (most / STEP).ceil().max(1.0) as usize;

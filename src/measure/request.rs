@@ -72,7 +72,7 @@ impl Request<'_> {
     pub fn requirements(&self, model: &'static ModelEntry) -> Requirements {
         let scene = self.scene.with_model(self.body, model);
         let requirements = (self.requirements_of)(&scene).without_sections();
-        requirements.and(Requirements::of(model.requirements))
+        requirements.and(Requirements::new(model.requirements))
     }
 }
 

@@ -206,7 +206,7 @@ pub fn read(scene: &Scene, body: &str, bytes: &[u8]) -> Option<Solution> {
     Some(Solution {
         element: own.element,
         method: own.method,
-        surface: Surface::of(&prepared.mesh),
+        surface: Surface::from_mesh(&prepared.mesh),
         mesh: prepared.mesh,
         controls: prepared.controls,
         fields,

@@ -116,7 +116,7 @@ fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, P
     let exact = Placed { kelvin: Kelvin::new(POISSON), origin: low, size };
     let nodes = mesh.nodes.len();
     let mut fixed = vec![None; 3 * nodes];
-    for node in Surface::of(&mesh).nodes {
+    for node in Surface::from_mesh(&mesh).nodes {
         let u = exact.displacement(&mesh.nodes[node as usize]);
         (0..3).for_each(|axis| fixed[3 * node as usize + axis] = Some(u[axis]));
     }

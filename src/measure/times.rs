@@ -206,7 +206,7 @@ mod tests {
         let scene = Scene::parse(text, std::path::Path::new("test.toml")).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("b.green");
-        let body = green::precompute(&scene, "b", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+        let body = green::precompute(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
         green::write(&path, &[body]).unwrap();
         let file = Arc::new(GreenFile::open(&path).unwrap());
         let rotation = crate::deform::find_model("rotation").unwrap();

@@ -34,7 +34,7 @@ pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
 
 /// Whether the model is made from what every candidate has.
 pub fn is_common(model: &ModelEntry) -> bool {
-    let made = Requirements::of(COMMON);
+    let made = Requirements::new(COMMON);
     model.requirements.iter().all(|family| made.has(*family))
 }
 
@@ -85,7 +85,7 @@ impl Candidate {
     pub fn offline_s(&self, needed: &Requirements) -> f64 {
         let is_shared = self.models.iter().all(|model| is_common(model));
         let spared = [STIFFNESS, CUBIC].into_iter().filter(|family| is_shared && !needed.has(*family));
-        self.solution.offline_s() - spared.map(|family| self.solution.times.of(family)).sum::<f64>()
+        self.solution.offline_s() - spared.map(|family| self.solution.times.family_s(family)).sum::<f64>()
     }
 
     /// The solver's estimate; finite.

@@ -171,7 +171,7 @@ mod tests {
 
     fn volume(body: &Blobs) -> f64 {
         let mesh = blobs(body).unwrap().mesh;
-        Surface::of(&mesh).volume(&mesh)
+        Surface::from_mesh(&mesh).volume(&mesh)
     }
 
     /// The hull of two balls: two caps and the frustum between their circles of contact.
@@ -221,7 +221,7 @@ mod tests {
         let least = (0..mesh.tets.len()).map(|tet| quality::quality(&mesh.corners(tet))).fold(1.0, f64::min);
         assert!(least > 0.1, "{least}");
         assert_eq!(quality::components(&mesh).nodes.len(), 1);
-        let surface = Surface::of(&mesh);
+        let surface = Surface::from_mesh(&mesh);
         for &node in &surface.nodes {
             assert!(body.depth(&mesh.nodes[node as usize]).abs() < 1e-6);
         }

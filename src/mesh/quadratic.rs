@@ -125,7 +125,7 @@ pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
         let mut joining = Vec::new();
         let holds = |node: &u32| group.binary_search(node).is_ok();
         let (mut solid, mut covered) = (Vec::new(), Vec::new());
-        for tet in group.iter().flat_map(|&node| tets.of(node)).map(|tet| mesh.tets[tet as usize]) {
+        for tet in group.iter().flat_map(|&node| tets.from_node(node)).map(|tet| mesh.tets[tet as usize]) {
             if tet.iter().all(holds) {
                 solid.extend(edges_of(&tet));
                 covered.extend(tet);
@@ -136,7 +136,7 @@ pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
         covered.dedup();
         let is_volume = covered.len() == group.len();
         let is_surface = group.iter().all(|node| is_outer[*node as usize]);
-        for i in group.iter().flat_map(|&node| edges.of(node)) {
+        for i in group.iter().flat_map(|&node| edges.from_node(node)) {
             let edge = ends[i as usize];
             let belongs = match (is_volume, is_surface) {
                 (true, _) => solid.binary_search(&edge).is_ok(),
@@ -165,7 +165,7 @@ impl ByLeast {
         ByLeast { sorted }
     }
 
-    fn of(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
+    fn from_node(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
         let first = self.sorted.partition_point(|(least, _)| *least < node);
         self.sorted[first..].iter().take_while(move |(least, _)| *least == node).map(|(_, thing)| *thing)
     }
@@ -198,7 +198,7 @@ mod tests {
         for tet in 0..mesh.tets.len() {
             assert!((least_jacobian(&mesh, tet) - 1.0).abs() < 1e-12);
         }
-        let (linear, surface) = (Surface::of(&linear), Surface::of(&mesh));
+        let (linear, surface) = (Surface::from_mesh(&linear), Surface::from_mesh(&mesh));
         assert_eq!(surface.triangles.len(), 4 * linear.triangles.len());
         assert!((surface.volume(&mesh) - 6.0).abs() < 1e-12);
         assert!((surface.area(&mesh) - 22.0).abs() < 1e-12);
@@ -208,7 +208,7 @@ mod tests {
     fn a_ring_is_rounder_with_curved_edges() {
         let mesh = quadratic(tube(&RING).unwrap(), &|a, b| RING.curve(a, b));
         let exact = std::f64::consts::PI * 0.75;
-        let error = |mesh: &TetMesh| (Surface::of(mesh).volume(mesh) - exact).abs() / exact;
+        let error = |mesh: &TetMesh| (Surface::from_mesh(mesh).volume(mesh) - exact).abs() / exact;
         assert!(error(&mesh) < 0.03 && error(&tube(&RING).unwrap()) > 0.09);
         assert!((0..mesh.tets.len()).all(|tet| least_jacobian(&mesh, tet) > 0.3));
         assert_eq!(quality::components(&mesh).nodes[0].len(), mesh.nodes.len());

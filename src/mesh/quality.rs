@@ -238,7 +238,7 @@ mod tests {
         let mut mesh = block(&Block { size: [2.0, 1.0, 1.0], cells: [2, 1, 1] }).unwrap();
         mesh.regions[5..].fill(7);
         mesh.region_names.insert(7, "stiff".to_owned());
-        let report = report(&mesh, &Surface::of(&mesh));
+        let report = report(&mesh, &Surface::from_mesh(&mesh));
         assert_eq!((report.nodes, report.tetrahedra, report.components), (12, 10, 1));
         assert_eq!((report.surface_nodes, report.surface_triangles), (12, 20));
         assert_eq!(report.bounding_box, [[-1.0, -0.5, -0.5], [1.0, 0.5, 0.5]]);

@@ -52,7 +52,7 @@ fn refuse(report: &SurfaceReport) -> Result<(), String> {
 
 /// The surface of a mesh of tetrahedra, with the groups' nodes on it.
 pub fn of_tetrahedra(mesh: &TetMesh) -> TetMesh {
-    let Surface { triangles, nodes } = Surface::of(mesh);
+    let Surface { triangles, nodes } = Surface::from_mesh(mesh);
     let local = |node: &u32| nodes.binary_search(node).ok().map(|at| at as u32);
     let groups = mesh.groups.iter().map(|(name, own)| (name.clone(), own.iter().filter_map(local).collect()));
     TetMesh {
@@ -155,7 +155,7 @@ mod tests {
     }
 
     fn area_and_volume(mesh: &TetMesh) -> [f64; 2] {
-        let surface = Surface::of(mesh);
+        let surface = Surface::from_mesh(mesh);
         [surface.area(mesh), surface.volume(mesh)]
     }
 

@@ -59,7 +59,7 @@ const MOST_SOLID_ANGLES: usize = 50_000_000;
 /// Turns the triangles of every shell one way, outward or into a cavity, and reports the remaining defects. The triangles that
 /// were turned are added to `notices`.
 pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> SurfaceReport {
-    let edges = Edges::of(surface);
+    let edges = Edges::new(surface);
     let (shell_of, turned, unorientable_edges) = orient(surface, &edges);
     let mut report = SurfaceReport {
         vertices: surface.vertices.len(),
@@ -149,7 +149,7 @@ impl SurfaceReport {
 struct Edges(Vec<([u32; 2], u32, bool)>);
 
 impl Edges {
-    fn of(surface: &TriangleSurface) -> Edges {
+    fn new(surface: &TriangleSurface) -> Edges {
         let mut edges = Vec::with_capacity(3 * surface.triangles.len());
         for (t, [a, b, c]) in (0u32..).zip(&surface.triangles) {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {

@@ -134,7 +134,7 @@ pub fn outer_faces(mesh: &TetMesh) -> Vec<Vec<u32>> {
 }
 
 impl Surface {
-    pub fn of(mesh: &TetMesh) -> Surface {
+    pub fn from_mesh(mesh: &TetMesh) -> Surface {
         if !mesh.triangles.is_empty() {
             return Surface {
                 triangles: mesh.triangles.clone(),
@@ -163,7 +163,7 @@ impl Surface {
         Surface { triangles, nodes }
     }
 
-    /// The tetrahedron behind each triangle of [`Surface::of`] this mesh.
+    /// The tetrahedron behind each triangle of [`Surface::from_mesh`] this mesh.
     pub fn tets_behind(mesh: &TetMesh) -> Vec<u32> {
         let faces = sorted_faces(mesh);
         let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);

@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn the_thinnest_wall_of_a_block_is_its_shortest_side() {
         let mesh = block(&Block { size: [80.0, 40.0, 6.0], cells: [3, 2, 1] }).unwrap();
-        let Surface { triangles, nodes } = Surface::of(&mesh);
+        let Surface { triangles, nodes } = Surface::from_mesh(&mesh);
         let vertices = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
         let found = wall_thickness(&TriangleSurface { vertices, triangles }, 0.05).unwrap();
         assert!((found - 6.0).abs() < 1e-4, "{found}");

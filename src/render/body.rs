@@ -72,7 +72,7 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    fn of(buffers: &BodyBuffers, shadowed: bool) -> Kind {
+    fn new(buffers: &BodyBuffers, shadowed: bool) -> Kind {
         let pattern = buffers.pattern.as_ref();
         Kind {
             patterned: pattern.is_some(),
@@ -110,7 +110,7 @@ impl DrawPass for BodyPass {
         }
         let maps = kinds.first().and_then(|kind| kind.maps);
         for body in contents.bodies {
-            let kind = Kind::of(body.buffers, maps.is_some());
+            let kind = Kind::new(body.buffers, maps.is_some());
             let image = kind.image.then(|| image_layout(&gpu.device));
             let maps = maps.map(|maps| &maps.layout);
             let groups: &[_] = match (maps, &image) {
@@ -139,8 +139,8 @@ impl DrawPass for BodyPass {
             to.pass.set_bind_group(1, &maps.group, &[]);
         }
         for (k, body) in contents.bodies.iter().enumerate() {
-            let kind = Kind::of(body.buffers, to.maps.is_some());
-            if let Some(pipeline) = self.pipelines.get(&kind).and_then(|made| made.of(to.view_draw)) {
+            let kind = Kind::new(body.buffers, to.maps.is_some());
+            if let Some(pipeline) = self.pipelines.get(&kind).and_then(|made| made.pipeline(to.view_draw)) {
                 to.pass.set_pipeline(pipeline);
                 self.draw_body(to, k, body);
             }

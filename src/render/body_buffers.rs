@@ -121,7 +121,7 @@ impl BodyBuffers {
             positions: moving("positions")?,
             normals: moving("normals")?,
             colors: gpu.buffer("vertex colours", vertices as u64 * 4, vertex)?,
-            patches: vec![Patch { indices: 0..3 * triangles.len() as u32, bounds: Bounds::of(&[]) }],
+            patches: vec![Patch { indices: 0..3 * triangles.len() as u32, bounds: Bounds::around(&[]) }],
             pattern: None,
             deform: None,
         };
@@ -184,7 +184,7 @@ impl BodyBuffers {
         normals: &[[f32; 3]],
     ) -> Result<(), RenderError> {
         self.write(gpu, "positions", &self.positions, positions)?;
-        let bounds = Bounds::of(positions);
+        let bounds = Bounds::around(positions);
         self.patches.iter_mut().for_each(|patch| patch.bounds = bounds);
         self.write(gpu, "normals", &self.normals, normals)
     }

@@ -37,7 +37,7 @@ struct ContactFloor {
 
 impl ContactFloor {
     /// The part of the floor that bodies in these bounds can shade; `None` where all of them are below it.
-    fn of(grid: &Grid, bounds: &Bounds) -> Option<ContactFloor> {
+    fn under(grid: &Grid, bounds: &Bounds) -> Option<ContactFloor> {
         let top = bounds.centre.y + bounds.half.y;
         // A little more, so that the highest place is still nearer than nothing.
         let height_m = 1.01 * (top - grid.center.y);
@@ -102,7 +102,7 @@ impl DrawPass for ContactPass {
         let has_shadows = kinds.iter().any(|kind| kind.shadows != Shadows::Off);
         let grid = contents.grid.as_ref().filter(|_| has_shadows);
         let floor =
-            grid.zip(bounds_in_room(contents.bodies)).and_then(|(grid, b)| ContactFloor::of(grid, &b));
+            grid.zip(bounds_in_room(contents.bodies)).and_then(|(grid, b)| ContactFloor::under(grid, &b));
         self.is_shown = floor.is_some();
         let Some(floor) = floor else { return Ok(()) };
         let mut map = self.map.take().map_or_else(|| ContactMap::new(gpu), Ok)?;
@@ -116,7 +116,7 @@ impl DrawPass for ContactPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
-        let made = self.pipelines.of(to.view_draw).zip(self.map.as_ref());
+        let made = self.pipelines.pipeline(to.view_draw).zip(self.map.as_ref());
         let Some((pipeline, map)) = made.filter(|_| self.is_shown) else { return };
         to.pass.set_pipeline(pipeline);
         to.pass.set_bind_group(1, &map.read_hidden, &[]);
@@ -272,7 +272,7 @@ mod tests {
     const BOUNDS: Bounds = Bounds { centre: Vector3::new(0.5, 1.2, -0.3), half: Vector3::new(0.3, 0.1, 0.2) };
 
     fn floor(height: f32) -> Option<ContactFloor> {
-        ContactFloor::of(&Grid::new(Point3::new(0.0, height, 0.0), [1.0; 2], 0.1), &BOUNDS)
+        ContactFloor::under(&Grid::new(Point3::new(0.0, height, 0.0), [1.0; 2], 0.1), &BOUNDS)
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl Uploaded {
             normals: buffer("ghost normals", bytemuck::cast_slice(normals), vertex)?,
             indices: buffer("ghost triangles", bytemuck::cast_slice(triangles), index)?,
             corners: 3 * triangles.len() as u32,
-            bounds: Bounds::of(positions),
+            bounds: Bounds::around(positions),
         })
     }
 }
@@ -125,7 +125,7 @@ impl DrawPass for GhostPass {
             }
             let ways = if ghost.through > 0.0 { 2 } else { 1 };
             for (way, pipelines) in self.pipelines.iter().enumerate().take(ways) {
-                let Some(pipeline) = pipelines.of(to.view_draw) else { continue };
+                let Some(pipeline) = pipelines.pipeline(to.view_draw) else { continue };
                 to.pass.set_pipeline(pipeline);
                 to.pass.set_index_buffer(shape.indices.slice(..), wgpu::IndexFormat::Uint32);
                 to.pass.set_vertex_buffer(0, shape.positions.slice(..));

@@ -92,11 +92,11 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| RenderError::NoDevice { adapter: info.name, reason: error.to_string() })?;
-        Ok(Self::of(instance, adapter, device, queue))
+        Ok(Self::from_adapter(instance, adapter, device, queue))
     }
 
     /// A device that was opened elsewhere, as the runtime of a headset does.
-    pub fn of(
+    pub fn from_adapter(
         instance: wgpu::Instance,
         adapter: wgpu::Adapter,
         device: wgpu::Device,

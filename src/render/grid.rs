@@ -27,7 +27,7 @@ impl Strip for Floor {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x2, 2 => Float32, 3 => Float32, 4 => Float32x3];
 
-    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+    fn from_contents(contents: &FrameContents<'_>) -> Vec<Self> {
         let floor = |grid: &Grid| Floor {
             center: grid.center.into(),
             half_size: grid.half_size,
@@ -63,7 +63,7 @@ impl DrawPass for BackgroundPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
-        if let Some(pipeline) = self.0.of(to.view_draw) {
+        if let Some(pipeline) = self.0.pipeline(to.view_draw) {
             to.pass.set_pipeline(pipeline);
             to.pass.draw(0..3, 0..1);
         }

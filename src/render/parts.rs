@@ -61,7 +61,7 @@ pub(super) fn moved_bounds(bounds: &Bounds, parts: &[u32], motions: &[PartMotion
     for motion in parts.iter().map(|&part| &motions[part as usize]) {
         let [x, y, z] = motion.rows;
         let rotation = Matrix3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]).abs();
-        let centre = Vector3::from(motion.of(bounds.centre.into()));
+        let centre = Vector3::from(motion.apply(bounds.centre.into()));
         let half = rotation * bounds.half;
         let shift = Vector3::new(x[3], y[3], z[3]).abs();
         low = low.inf(&(centre - half));
@@ -143,7 +143,7 @@ mod tests {
             let sign = |bit: i32| if corner & bit == 0 { -1.0 } else { 1.0 };
             let point = bounds.centre + bounds.half.component_mul(&Vector3::new(sign(1), sign(2), sign(4)));
             for share in [0.0, 0.3, 1.0] {
-                let ends = [0, 1].map(|part| Vector3::from(motions[part].of(point.into())));
+                let ends = [0, 1].map(|part| Vector3::from(motions[part].apply(point.into())));
                 let away = (ends[0].lerp(&ends[1], share) - moved.centre).abs() - moved.half;
                 assert!(away.max() <= 0.0, "{away}");
             }

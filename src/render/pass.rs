@@ -96,7 +96,7 @@ impl EyePipelines {
         }
     }
 
-    pub(super) fn of(&self, view_draw: &ViewDraw) -> Option<&wgpu::RenderPipeline> {
+    pub(super) fn pipeline(&self, view_draw: &ViewDraw) -> Option<&wgpu::RenderPipeline> {
         self.0[usize::from(view_draw.both_eyes)].as_ref()
     }
 

@@ -53,7 +53,7 @@ fn halved<'a>(piece: &'a mut [u32], middles: &[[f32; 3]]) -> Vec<&'a mut [u32]> 
         return vec![piece];
     }
     let places: Vec<[f32; 3]> = piece.iter().map(|&k| middles[k as usize]).collect();
-    let longest = Bounds::of(&places).half.imax();
+    let longest = Bounds::around(&places).half.imax();
     let along = |k: &u32| middles[*k as usize][longest];
     let half = piece.len() / 2;
     piece.select_nth_unstable_by(half, |a, b| along(a).total_cmp(&along(b)));
@@ -109,7 +109,7 @@ impl Reach {
         };
         let at_rest = extent(&ColumnGroup::F32(rest.as_flattened()), 0, &nodes, rest.len());
         let shares = |weights: &PartWeights| -> BTreeSet<u32> {
-            let moving = nodes.iter().flat_map(|&node| weights.of(node as usize));
+            let moving = nodes.iter().flat_map(|&node| weights.at(node as usize));
             moving.filter(|share| share.weight > 0.0).map(|share| share.part).collect()
         };
         Reach {
@@ -248,7 +248,7 @@ mod tests {
                         assert!(away.max() <= 0.0, "{point:?} is {away} outside of {bounds:?}");
                     }
                     ours += bounds.half.sum();
-                    least += Bounds::of(&points).half.sum();
+                    least += Bounds::around(&points).half.sum();
                     first += length;
                 }
             }

@@ -90,7 +90,7 @@ impl DrawPass for SolidPass {
     }
 
     fn draw(&self, to: &mut DrawTo<'_, '_>, _: &FrameContents<'_>) {
-        let made = self.pipelines.of(to.view_draw).zip(self.meshes.as_ref());
+        let made = self.pipelines.pipeline(to.view_draw).zip(self.meshes.as_ref());
         let Some((pipeline, meshes)) = made.filter(|_| !self.instances.list.is_empty()) else { return };
         to.pass.set_pipeline(pipeline);
         to.pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -130,7 +130,7 @@ impl SolidMeshes {
         let bounds = ranges.clone().map(|range| {
             let used = &mesh.indices[range.start as usize..range.end as usize];
             let points: Vec<_> = used.iter().map(|&index| mesh.vertices[index as usize].position).collect();
-            Bounds::of(&points)
+            Bounds::around(&points)
         });
         let buffer = |bytes: &[u8], usage| -> Result<wgpu::Buffer, RenderError> {
             let buffer = gpu.buffer("solids", bytes.len() as u64, usage | BufferUsages::COPY_DST)?;

@@ -26,7 +26,7 @@ pub(super) trait Strip: bytemuck::Pod {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute];
 
     /// The strips of a frame, in the order in which they are blended.
-    fn of(contents: &FrameContents<'_>) -> Vec<Self>;
+    fn from_contents(contents: &FrameContents<'_>) -> Vec<Self>;
 }
 
 /// The pass of one kind of strip; it makes nothing on the device until it is used.
@@ -56,7 +56,7 @@ impl<S: Strip> DrawPass for StripPass<S> {
         kinds: &[MadeFor<'_>],
         contents: &FrameContents<'_>,
     ) -> Result<(), RenderError> {
-        let strips = S::of(contents);
+        let strips = S::from_contents(contents);
         let shape = StripShape {
             name: S::NAME,
             parts: S::SHADER,
@@ -118,7 +118,7 @@ impl StripBuffer {
     }
 
     pub(super) fn draw(&self, to: &mut DrawTo<'_, '_>) {
-        let made = self.pipelines.of(to.view_draw).zip(self.buffer.as_ref());
+        let made = self.pipelines.pipeline(to.view_draw).zip(self.buffer.as_ref());
         if let Some((pipeline, buffer)) = made.filter(|_| self.count > 0) {
             to.pass.set_pipeline(pipeline);
             to.pass.set_vertex_buffer(0, buffer.slice(..));
@@ -142,7 +142,7 @@ impl Strip for Line {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] =
         &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4, 3 => Float32, 4 => Float32];
 
-    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+    fn from_contents(contents: &FrameContents<'_>) -> Vec<Self> {
         contents.all(Drawable::lines).flatten().copied().collect()
     }
 }
@@ -153,7 +153,7 @@ impl Strip for Quad {
     const ATTRIBUTES: &'static [wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
         0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x4, 4 => Float32x4];
 
-    fn of(contents: &FrameContents<'_>) -> Vec<Self> {
+    fn from_contents(contents: &FrameContents<'_>) -> Vec<Self> {
         contents.all(Drawable::quad).copied().collect()
     }
 }

@@ -85,7 +85,7 @@ const ROUNDING: f32 = 1e-5;
 
 impl Bounds {
     /// The smallest box around `points`; around none, the origin alone.
-    pub fn of(points: &[[f32; 3]]) -> Bounds {
+    pub fn around(points: &[[f32; 3]]) -> Bounds {
         let Some(first) = points.first() else {
             return Bounds { centre: Vector3::zeros(), half: Vector3::zeros() };
         };
@@ -171,7 +171,7 @@ mod tests {
         let points =
             [[1.0, 2.0, 3.0], [-1.0, 0.0, 3.0], [0.0, 5.0, -3.0], [0.0; 3], [0.5; 3], [0.0, 1.0, 0.0]];
         let bounds = Bounds { centre: Vector3::new(0.0, 2.5, 0.0), half: Vector3::new(1.0, 2.5, 3.0) };
-        assert_eq!(Bounds::of(&points), bounds);
-        assert_eq!(Bounds::of(&[]).half, Vector3::zeros());
+        assert_eq!(Bounds::around(&points), bounds);
+        assert_eq!(Bounds::around(&[]).half, Vector3::zeros());
     }
 }

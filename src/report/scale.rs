@@ -100,7 +100,7 @@ fn solve(
     let mut scene = Scene::parse(&text, Path::new("box.toml")).map_err(|error| error.to_string())?;
     scene.body["box"].solver = Solver { method, tolerance, ..Solver::default() };
     forget_peak();
-    let solution = green::solve(&scene, "box", &Requirements::of(&[AFFINE]), progress)
+    let solution = green::solve(&scene, "box", &Requirements::new(&[AFFINE]), progress)
         .map_err(|error| error.to_string())?;
     let (stats, times) = (&solution.stats, &solution.times);
     let conditioning = stats.conditioning.unwrap_or_default();

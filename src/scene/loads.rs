@@ -119,7 +119,7 @@ impl LoadValue {
     }
 
     /// The value of one or three numbers, as text gives them: "3.0" or "0, 0, -1".
-    pub fn of(numbers: &[f64]) -> Option<LoadValue> {
+    pub fn from_numbers(numbers: &[f64]) -> Option<LoadValue> {
         match *numbers {
             [one] => Some(LoadValue::One(one)),
             [x, y, z] => Some(LoadValue::Three([x, y, z])),

@@ -162,7 +162,7 @@ fn group(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, String> {
 }
 
 fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, String> {
-    let Some((start, distance)) = geodesic::nearest(mesh, &Surface::of(mesh).nodes, from) else {
+    let Some((start, distance)) = geodesic::nearest(mesh, &Surface::from_mesh(mesh).nodes, from) else {
         return Ok(Vec::new());
     };
     if distance > radius {

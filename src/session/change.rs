@@ -179,7 +179,7 @@ mod tests {
 
     fn session(folder: &Path) -> Session {
         let scene = Resolved::parse(SCENE, &folder.join("scene.toml")).unwrap();
-        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let mut session = Session::open(&Request::new(&scene)).unwrap();
         let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
         let field = session.world.fields.bodies[0].poses[1];
         session.world.graph.restore(field, pose);
@@ -196,7 +196,7 @@ mod tests {
         let mut scene = Scene::clone(session.scene.as_ref().unwrap());
         edit(&mut scene);
         let (stage, known) = (session.world.assets.stage.clone(), session.file.iter().cloned().collect());
-        let scene = Resolved::of(scene)?;
+        let scene = Resolved::new(scene)?;
         let changed = Change::begin(session, scene, stage, folder.join("new.green"), known)?.finish()?;
         let file = changed.file.clone();
         session.take(changed)?;
@@ -261,8 +261,8 @@ mod tests {
         body.effects = vec!["haptics".into(), "stress".into()];
         body.material.density = Some(1000.0);
         body.gravity = Some(crate::scene::Gravity::Earth(true));
-        let scene = Resolved::of(scene).unwrap();
-        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let scene = Resolved::new(scene).unwrap();
+        let mut session = Session::open(&Request::new(&scene)).unwrap();
         let pose = ControlPose { translation: Vector3::new(0.1, 0.02, 0.0), ..ControlPose::REST };
         let field = session.world.fields.bodies[0].poses[1];
         session.world.graph.restore(field, pose);
@@ -324,7 +324,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = Resolved::parse(SCENE, &folder.path().join("scene.toml")).unwrap();
         let path = folder.path().join("all.jsonl");
-        let mut session = Session::open(&Request { record: Some(&path), ..Request::of(&scene) }).unwrap();
+        let mut session = Session::open(&Request { record: Some(&path), ..Request::new(&scene) }).unwrap();
         let error = change(&mut session, folder.path(), |_| {}).unwrap_err().to_string();
         assert!(error.contains("being recorded"), "{error}");
         session.stop_recording().unwrap();

@@ -40,7 +40,7 @@ pub struct Request<'a> {
 
 impl<'a> Request<'a> {
     /// A request with everything as the scene has it.
-    pub fn of(scene: &'a Resolved) -> Request<'a> {
+    pub fn new(scene: &'a Resolved) -> Request<'a> {
         Request { scene, stage: None, script: None, green: None, replay: None, record: None, curve: None }
     }
 

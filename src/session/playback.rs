@@ -33,7 +33,7 @@ enum Source {
 const SCRIPT_STEPS: usize = 240;
 
 impl Source {
-    fn of(session: &Session) -> Result<Source, Failure> {
+    fn from_session(session: &Session) -> Result<Source, Failure> {
         Ok(match (session.input.leader(), &session.input.replay, &session.input.script) {
             (Leader::Recording, Some(replay), _) => Source::Recording { length: replay.length()? },
             (Leader::Script, _, Some(script)) => Source::Script { duration_s: script.duration_s },
@@ -45,7 +45,7 @@ impl Source {
 impl Playback {
     /// Plays the session's recording, or its script, in `frames` pictures.
     pub fn new(session: &Session, frames: usize) -> Result<Playback, Failure> {
-        Ok(Playback { source: Source::of(session)?, frames: frames.max(1), done: 0 })
+        Ok(Playback { source: Source::from_session(session)?, frames: frames.max(1), done: 0 })
     }
 
     /// Whether a recording or a script moves anything.
@@ -83,7 +83,7 @@ impl Playback {
 /// Plays the script or the recording without windows and devices: every frame's state against the recorded one, and
 /// what the mechanics took, in words.
 pub fn check(session: &mut Session) -> Result<String, Failure> {
-    let source = Source::of(session)?;
+    let source = Source::from_session(session)?;
     let frames = match source {
         Source::Rest => 1,
         Source::Script { .. } => SCRIPT_STEPS,

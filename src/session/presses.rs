@@ -102,7 +102,7 @@ mod tests {
     fn every_built_in_script_grabs_on_every_stage() {
         let folder = tempfile::tempdir().unwrap();
         for (name, _) in crate::scene::built_in::BUILT_IN {
-            let scene = Resolved::of(coarse(name)).unwrap();
+            let scene = Resolved::new(coarse(name)).unwrap();
             let path = folder.path().join(format!("{name}.green"));
             green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
             let file = Arc::new(GreenFile::open(&path).unwrap());

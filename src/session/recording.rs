@@ -374,7 +374,7 @@ mod tests {
         std::fs::write(&scene, text).unwrap();
         std::fs::write(&script, keys).unwrap();
         let scene = Resolved::load(&scene).unwrap();
-        let request = Request { script: Some(&script), record: Some(&recording), ..Request::of(&scene) };
+        let request = Request { script: Some(&script), record: Some(&recording), ..Request::new(&scene) };
         let mut session = Session::open(&request).unwrap();
         (0..30).for_each(|frame| {
             session.advance(f64::from(frame) / 60.0).unwrap();
@@ -383,7 +383,7 @@ mod tests {
         let expected = session.world.warnings.clone();
         let has = |part: &str| expected.iter().any(|(_, warning)| warning.contains(part));
         assert!(has("sets the load weight, which no body has") && has("grabs nothing"), "{expected:?}");
-        let request = Request { replay: Some(&recording), ..Request::of(&scene) };
+        let request = Request { replay: Some(&recording), ..Request::new(&scene) };
         let mut replay = Session::open(&request).unwrap();
         replay.advance(10.0).unwrap();
         assert_eq!(replay.world.warnings, expected);

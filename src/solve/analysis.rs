@@ -147,7 +147,7 @@ impl SharedAnalysis {
         LEAST * half * seconds_of(parts * WORK * entries.powf(1.5), parts * entries, columns)
     }
 
-    pub(super) fn of(
+    pub(super) fn analysis(
         &self,
         a: &StiffnessMatrix,
         progress: &dyn Progress,

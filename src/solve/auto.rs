@@ -305,7 +305,7 @@ mod tests {
         assert_eq!(stats.method.name, "cholesky");
         assert!(stats.chosen.unwrap().contains("after pcg had given up"));
         let (_, r) = residuals(&a, &x, &b);
-        let errors = (0..b.columns).map(|column| Column::of(&a, &x, &b, &r, column).backward_error());
+        let errors = (0..b.columns).map(|column| Column::new(&a, &x, &b, &r, column).backward_error());
         assert!(errors.into_iter().all(|error| error < 1e-13));
 
         // Without another it says why.

@@ -20,7 +20,7 @@ pub const CHOLESKY: Method = Method {
              as thick, and for a Poisson's ratio next to 0.5",
     factor_number: size_of::<f64>(),
     least_seconds: Some(|asked| asked.pattern.least_seconds::<f64>(asked.a, asked.job.columns)),
-    analyse: |asked| Ok(Box::new(Direct { analysis: asked.pattern.of(asked.a, asked.progress)? })),
+    analyse: |asked| Ok(Box::new(Direct { analysis: asked.pattern.analysis(asked.a, asked.progress)? })),
 };
 
 /// All matrices of one graph.

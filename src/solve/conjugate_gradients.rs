@@ -154,7 +154,7 @@ impl<'a> Batch<'a> {
         let is_refused = |&c: &usize| {
             is_above(&self.relative[c])
                 && is_above(&errors[c])
-                && Column::of(self.system.a, &self.x, &self.p, &self.r, c).normwise_error() > ROUNDING
+                && Column::new(self.system.a, &self.x, &self.p, &self.r, c).normwise_error() > ROUNDING
         };
         let refused = (0..self.columns.len()).find(is_refused);
         refused.map_or(Ok(()), |number| {

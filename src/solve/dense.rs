@@ -19,12 +19,12 @@ use std::ops::{AddAssign, SubAssign};
 
 /// f64, and f32 for preconditioners.
 pub(super) trait Real: RealField + Copy + AddAssign + SubAssign {
-    fn of(value: f64) -> Self;
+    fn from_f64(value: f64) -> Self;
     fn to_f64(self) -> f64;
 }
 
 impl Real for f64 {
-    fn of(value: f64) -> f64 {
+    fn from_f64(value: f64) -> f64 {
         value
     }
     fn to_f64(self) -> f64 {
@@ -33,7 +33,7 @@ impl Real for f64 {
 }
 
 impl Real for f32 {
-    fn of(value: f64) -> f32 {
+    fn from_f64(value: f64) -> f32 {
         value as f32
     }
     fn to_f64(self) -> f64 {
@@ -61,7 +61,7 @@ pub(super) fn each<I: Send>(shared: bool, pieces: Vec<I>, work: impl Fn(I) + Syn
 /// Makes the first `n` columns of a symmetric front, `own` with n + m rows, those of its Cholesky factor. Errors with the
 /// first column whose pivot is not positive.
 pub(super) fn factorize<T: Real>(own: &mut [T], n: usize, m: usize, shared: bool) -> Result<(), usize> {
-    let minus_one = T::of(-1.0);
+    let minus_one = T::from_f64(-1.0);
     let rows = n + m;
     let params: Spec<LltParams, T> = Default::default();
     let mut memory = MemBuffer::new(cholesky_in_place_scratch::<T>(PANEL.min(n), Par::Seq, params));
@@ -119,12 +119,12 @@ pub(super) fn update<T: Real>(own: &[T], n: usize, m: usize, numbers: &mut [T], 
             BlockStructure::Rectangular,
             across,
             BlockStructure::Rectangular,
-            T::of(-1.0),
+            T::from_f64(-1.0),
             Par::Seq,
         );
         if at + width < m {
             let below = b.subrows(at + width, m - at - width);
-            matmul(rest, Accum::Replace, below, across, T::of(-1.0), Par::Seq);
+            matmul(rest, Accum::Replace, below, across, T::from_f64(-1.0), Par::Seq);
         }
     });
 }

@@ -31,7 +31,11 @@ pub struct Elimination {
 impl Elimination {
     /// `numbers`: the lower half of at least the first `eliminated` columns, each of `eliminated + kept` rows. Errors where it is
     /// not positive definite.
-    pub fn of(mut numbers: Vec<f64>, eliminated: usize, kept: usize) -> Result<Elimination, SolveError> {
+    pub fn from_numbers(
+        mut numbers: Vec<f64>,
+        eliminated: usize,
+        kept: usize,
+    ) -> Result<Elimination, SolveError> {
         let own = &mut numbers[..eliminated * (eliminated + kept)];
         factorize(own, eliminated, kept, true)
             .map_err(|pivot| SolveError::NotPositiveDefinite { unknowns: eliminated, pivot })?;
@@ -105,7 +109,7 @@ impl DenseSystem {
         // The kernel writes above the diagonal, too, within a panel.
         let panel = |j: usize| j * size + j / PANEL * PANEL..j * size + j;
         let above: Vec<f64> = (0..free).flat_map(|j| &matrix[panel(j)]).copied().collect();
-        let mut elimination = Elimination::of(matrix, free, size - free)?;
+        let mut elimination = Elimination::from_numbers(matrix, free, size - free)?;
         let mut above = above.as_slice();
         for j in 0..free {
             let own = &mut elimination.numbers[panel(j)];

@@ -56,7 +56,10 @@ fn rounded(number: f64) -> [u8; NUMBER] {
 
 impl KeptFactor {
     /// The part of L that solves between these nodes.
-    pub(super) fn of<T: Real>(l: &Triangle<'_, T>, nodes: &[u32]) -> Result<KeptFactor, SolveError> {
+    pub(super) fn from_triangle<T: Real>(
+        l: &Triangle<'_, T>,
+        nodes: &[u32],
+    ) -> Result<KeptFactor, SolveError> {
         let (taken, supernodes, rows, places) = l.supernodes.part(nodes);
         let size = kept_bytes(&supernodes) as usize;
         let mut numbers = Vec::new();

@@ -128,7 +128,7 @@ impl<'a, T: Real> Llt<'a, T> {
 
     /// The part of the factor that solves between these nodes.
     pub(super) fn kept(&self, nodes: &[u32]) -> Result<KeptFactor, SolveError> {
-        KeptFactor::of(&self.triangle(), nodes)
+        KeptFactor::from_triangle(&self.triangle(), nodes)
     }
 
     /// See [`super::Factor::solve_memory`]: all columns at all nodes, and at those asked.
@@ -175,10 +175,10 @@ impl<'a, T: Real> Llt<'a, T> {
             // Nothing that is eliminated before the supernode of the first column is read.
             let x = &mut block[..3 * fronts.nodes() * count];
             let lowest = fronts.of_node(position(columns[0]));
-            x[3 * fronts.own(lowest).start * count..].fill(T::of(0.0));
+            x[3 * fronts.own(lowest).start * count..].fill(T::from_f64(0.0));
             for (i, &place) in columns.iter().enumerate() {
                 for axis in 0..3 {
-                    x[(3 * position(place) + axis) * count + 3 * i + axis] = T::of(1.0);
+                    x[(3 * position(place) + axis) * count + 3 * i + axis] = T::from_f64(1.0);
                 }
             }
             let own: Vec<u32> = columns.iter().map(|&place| nodes[place as usize]).collect();

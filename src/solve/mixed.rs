@@ -30,7 +30,7 @@ pub const MIXED: Method = Method {
     factor_number: size_of::<f32>(),
     least_seconds: Some(|asked| asked.pattern.least_seconds::<f32>(asked.a, asked.job.columns)),
     analyse: |asked| {
-        let analysis = asked.pattern.of(asked.a, asked.progress)?;
+        let analysis = asked.pattern.analysis(asked.a, asked.progress)?;
         Ok(Box::new(Direct { analysis, iterations: OnceLock::new() }))
     },
 };

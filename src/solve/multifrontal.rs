@@ -109,7 +109,7 @@ pub(super) fn factorize<T: Real>(
 pub(super) fn zeros<T: Real>(count: usize) -> Result<Vec<T>, Failure> {
     let mut numbers = Vec::new();
     numbers.try_reserve_exact(count).map_err(|_full| Failure::NoMemory)?;
-    numbers.par_extend(rayon::iter::repeat_n(T::of(0.0), count));
+    numbers.par_extend(rayon::iter::repeat_n(T::from_f64(0.0), count));
     Ok(numbers)
 }
 
@@ -124,7 +124,7 @@ fn subtree<T: Real>(
     let mut stacks: [Vec<T>; 2] = [Vec::new(), Vec::new()];
     for (stack, &size) in stacks.iter_mut().zip(&sizes) {
         stack.try_reserve_exact(size).map_err(|_full| Failure::NoMemory)?;
-        stack.resize(size, T::of(0.0));
+        stack.resize(size, T::from_f64(0.0));
     }
     let mut ends = [0; 2];
     let (mut rest, mut result) = (own, Ok(()));
@@ -199,7 +199,7 @@ fn gather<T: Real>(a: &StiffnessMatrix, fronts: &Fronts, s: usize, columns: Rang
         let node = fronts.forward[p] as usize;
         for axis in 0..3 {
             for row in axis..3 {
-                numbers[axis * rows + 3 * j + row] = T::of(a.diagonal[node][(row, axis)]);
+                numbers[axis * rows + 3 * j + row] = T::from_f64(a.diagonal[node][(row, axis)]);
             }
         }
         for (other, edge, transposed) in a.neighbours(node) {
@@ -218,7 +218,8 @@ fn gather<T: Real>(a: &StiffnessMatrix, fronts: &Fronts, s: usize, columns: Rang
             for axis in 0..3 {
                 let three = &mut numbers[axis * rows + 3 * place..][..3];
                 for row in 0..3 {
-                    three[row] = T::of(if transposed { block[(row, axis)] } else { block[(axis, row)] });
+                    three[row] =
+                        T::from_f64(if transposed { block[(row, axis)] } else { block[(axis, row)] });
                 }
             }
         }

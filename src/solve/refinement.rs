@@ -41,7 +41,7 @@ pub(super) fn refined(
     let (column, residual) = worst(&relative);
     if residual > REFUSE_ABOVE || residual.is_nan() {
         // A stiff part that floats makes residuals large beside b although x is as exact as A allows.
-        let backward = Column::of(a, &x, b, &r, column).backward_error();
+        let backward = Column::new(a, &x, b, &r, column).backward_error();
         if backward > BACKWARD_ABOVE || backward.is_nan() {
             return Err(SolveError::Factor { column, residual, backward });
         }
@@ -60,7 +60,7 @@ pub(super) fn conditioning(
     progress.begin("conditioning", 0);
     let started = Instant::now();
     let (relative, r) = residuals(a, x, b);
-    let column = Column::of(a, x, b, &r, worst(&relative).0);
+    let column = Column::new(a, x, b, &r, worst(&relative).0);
     let (scaled_condition, forward_error) = condition::estimates(a, x, &column, inverse)?;
     progress.end();
     Ok(Conditioning {

@@ -20,7 +20,7 @@ pub(super) struct Column {
 }
 
 impl Column {
-    pub(super) fn of(
+    pub(super) fn new(
         a: &StiffnessMatrix,
         x: &NodeFields,
         b: &NodeFields,

@@ -38,7 +38,7 @@ fn zeros<T: Real>(count: usize, columns: usize) -> Result<Vec<T>, SolveError> {
         let what = format!("a block of {columns} columns");
         SolveError::Memory(machine::refused(what, (size_of::<T>() * count) as f64))
     })?;
-    numbers.resize(count, T::of(0.0));
+    numbers.resize(count, T::from_f64(0.0));
     Ok(numbers)
 }
 
@@ -158,7 +158,7 @@ impl<T: Real> Triangle<'_, T> {
             let xs = xs.as_ref();
             in_pieces(rest, node, shared, &|at, rest| {
                 let bottom = bottom.subrows(3 * at, rest.len() / columns);
-                matmul(rows_mut(rest, columns), Accum::Replace, bottom, xs, T::of(1.0), Par::Seq);
+                matmul(rows_mut(rest, columns), Accum::Replace, bottom, xs, T::from_f64(1.0), Par::Seq);
             });
             for (part, &row) in rest.chunks_exact(node).zip(below) {
                 x.at(row).iter_mut().zip(part).for_each(|(out, part)| *out -= *part);
@@ -190,7 +190,7 @@ impl<T: Real> Triangle<'_, T> {
                         Accum::Add,
                         bottom,
                         rows(rest, columns),
-                        T::of(-1.0),
+                        T::from_f64(-1.0),
                         Par::Seq,
                     );
                 });
@@ -282,7 +282,7 @@ impl<T: Real> Triangle<'_, T> {
                     for axis in 0..3 {
                         let from = &b.row(3 * i + axis)[first..][..count];
                         let to = &mut x[(at + axis) * count..][..count];
-                        to.iter_mut().zip(from).for_each(|(to, from)| *to = T::of(*from));
+                        to.iter_mut().zip(from).for_each(|(to, from)| *to = T::from_f64(*from));
                     }
                 }
                 if count == b.columns && !self.branches.is_empty() {

@@ -82,7 +82,7 @@ impl Stage {
         let (low, high) = bounds(&turned)?;
         let largest = self.workspace.room_from_body(low, high)?.scaling();
         let middle = nalgebra::center(&low, &high);
-        let sight = Sight::of(self);
+        let sight = Sight::new(self);
         let at = |scale: f64| {
             let chosen = self.workspace.centre.coords - middle.coords * scale;
             let place = |position| Similarity3::from_parts(Translation3::from(position), rotation, scale);
@@ -115,7 +115,7 @@ impl Stage {
     /// The standing of a body whose points these are, in the room. `None` without points, or if one is not finite.
     pub fn standing(&self, points: &[Point3<f64>]) -> Option<Standing> {
         let (low, high) = bounds(points)?;
-        let sight = Sight::of(self);
+        let sight = Sight::new(self);
         let unseen = points.iter().filter(|place| !sight.sees(place)).count() as f64 / points.len() as f64;
         let sunk = self.levels().filter_map(|(name, depth)| {
             let deepest = points.iter().map(&depth).fold(0.0, f64::max);
@@ -166,7 +166,7 @@ struct Sight {
 }
 
 impl Sight {
-    fn of(stage: &Stage) -> Sight {
+    fn new(stage: &Stage) -> Sight {
         let of_eye = |eye: &super::viewer::Eye| {
             let place = stage.viewer.eye_in_room(&stage.viewer.room_from_head, *eye);
             let views = stage.screens.iter().filter_map(|screen| screen.view(&place, NEAR_M).ok());

@@ -113,7 +113,7 @@ fn verify_choice(
         };
         let mut chosen = Scene::clone(plain);
         set(&mut chosen.body[name], &setting).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
-        let chosen = Resolved::of(chosen)?;
+        let chosen = Resolved::new(chosen)?;
         table.verified.push(setting.clone());
         let Some(found) = verify(&chosen, name, &row, poses)? else {
             notice!(
@@ -184,7 +184,7 @@ fn choose_from(
     for (name, _) in &demands {
         (plain.body[name].accuracy, plain.body[name].budget) = (None, None);
     }
-    let plain = Resolved::of(plain)?;
+    let plain = Resolved::new(plain)?;
     for (name, demand) in demands {
         let requirements = plain.measured_requirements(&name)?;
         let largest = demand.largest().unwrap_or(LARGEST);
@@ -203,7 +203,7 @@ fn choose_from(
         })?;
         settled.body[&name].plan = Some(serde_json::to_value(&table).map_err(Failure::work)?);
     }
-    Resolved::of(settled)
+    Resolved::new(settled)
 }
 
 /// The table in the scene's .green file where it is of this body and, for what is asked in seconds, of this machine.

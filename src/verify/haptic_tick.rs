@@ -61,7 +61,7 @@ impl Subject {
     /// The hand holds the first control element that a hand can take.
     pub fn new(body: &PlacedBody) -> Result<Subject, String> {
         let deformer = &body.deformer;
-        let elastic = [Elastic::of(deformer)?, Elastic::of(deformer)?];
+        let elastic = [Elastic::from_deformer(deformer)?, Elastic::from_deformer(deformer)?];
         let held = body.assets.controls.iter().position(|control| control.grab == Grab::Dragger).unwrap_or(0);
         Ok(Subject {
             body: deformer.body.clone(),

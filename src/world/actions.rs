@@ -154,7 +154,7 @@ impl World {
         let step = |(target, from): &(usize, Posed)| {
             let (translation, matrix, turn) =
                 towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn.quaternion, share);
-            (*target, Posed { pose: ControlPose { translation, matrix }, turn: FollowedTurn::of(turn) })
+            (*target, Posed { pose: ControlPose { translation, matrix }, turn: FollowedTurn::new(turn) })
         };
         let steps: Vec<_> = from.iter().map(step).collect();
         self.put_targets(steps);

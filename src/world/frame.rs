@@ -67,7 +67,7 @@ impl BodyFrame {
 
 impl Frame {
     /// A frame with nothing but the bodies.
-    pub(super) fn of(assets: &Assets) -> Frame {
+    pub(super) fn at_rest(assets: &Assets) -> Frame {
         let of = |body: &Arc<BodyAssets>| BodyFrame {
             highlights: vec![Highlight::Idle; body.controls.len()],
             ..BodyFrame::default()

@@ -72,9 +72,9 @@ impl World {
                 let line =
                     |(opacity, over)| Line { over, ..Line::new(*a, *b, [red, green, blue, opacity], 3.0) };
                 self.frame.draw(Drawable::Lines([(1.0, 0.0), (0.35, 1.0)].map(line).to_vec()));
-                Plate::of(Anchor::Place(nalgebra::center(a, b).into()), measured.words())
+                Plate::new(Anchor::Place(nalgebra::center(a, b).into()), measured.words())
             }
-            _ => Plate::of(Anchor::Place(ends[0].into()), "ruler: M again sets the other end"),
+            _ => Plate::new(Anchor::Place(ends[0].into()), "ruler: M again sets the other end"),
         };
         self.frame.draw(Drawable::Plate(plate));
     }

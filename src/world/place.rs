@@ -170,7 +170,7 @@ mod tests {
 
     fn cube(corner: f64, side: f64) -> TriangleSurface {
         let mesh = block(&Block { size: [side; 3], cells: [4; 3] }).unwrap();
-        let Surface { triangles, nodes } = Surface::of(&mesh);
+        let Surface { triangles, nodes } = Surface::from_mesh(&mesh);
         let (low, _) = bounding_box(&mesh.nodes);
         let at = |node: &u32| mesh.nodes[*node as usize] - low + Vector3::repeat(corner);
         TriangleSurface { vertices: nodes.iter().map(at).collect(), triangles }

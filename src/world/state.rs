@@ -100,7 +100,7 @@ impl World {
         self.field_changes = state.field_changes;
         self.warnings = state.warnings.clone();
         self.told = state.told.clone();
-        self.frame = Frame::of(&self.assets);
+        self.frame = Frame::at_rest(&self.assets);
         self.colour();
         Ok(())
     }

@@ -65,22 +65,22 @@ impl World {
         let bodies: Bodies = deformers.into_iter().zip(assets).map(body).collect();
         let models: Vec<_> = bodies.iter().map(|body| body.assets.model).collect();
         let (graph, fields) = flow::graph(&scene.body, &models, &stage).map_err(Failure::request)?;
-        Ok(World::of(stage, bodies, graph, fields))
+        Ok(World::from_parts(stage, bodies, graph, fields))
     }
 
     /// A stage without bodies: head and styli alone.
     pub fn of_stage(stage: Stage) -> Result<World, Failure> {
         let (graph, fields) = flow::graph(&IndexMap::new(), &[], &stage).map_err(Failure::request)?;
-        Ok(World::of(stage, Bodies::new(), graph, fields))
+        Ok(World::from_parts(stage, Bodies::new(), graph, fields))
     }
 
-    fn of(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
+    fn from_parts(stage: Stage, bodies: Bodies, graph: Graph<Bodies>, fields: Fields) -> World {
         let assets = Assets { stage, bodies: bodies.iter().map(|body| body.assets.clone()).collect() };
         let mut world = World {
             edit: EditState::new(&assets.stage.workspace, bodies.len(), fields.targets.len()),
             effects: Vec::new(),
             room_from_head: assets.stage.viewer.room_from_head,
-            frame: Frame::of(&assets),
+            frame: Frame::at_rest(&assets),
             assets: Arc::new(assets),
             bodies,
             is_for_pictures: false,
@@ -147,7 +147,7 @@ impl World {
             self.carry_out(*action);
         }
         let trackers = &input.trackers;
-        self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::of(&self.assets) };
+        self.frame = Frame { dt_s: (input.clock_s - self.clock_s).max(0.0), ..Frame::at_rest(&self.assets) };
         self.clock_s = input.clock_s;
         input.warnings.iter().for_each(|warning| self.warn(warning.clone()));
         self.have_styli(trackers.styli.len());

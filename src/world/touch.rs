@@ -73,7 +73,7 @@ pub struct LoadValues(pub Vec<f64>);
 
 impl Touches {
     /// The touch of stylus `i`.
-    pub fn of(&self, i: usize) -> Option<&Touch> {
+    pub fn get(&self, i: usize) -> Option<&Touch> {
         self.0.get(i)?.touch.as_ref()
     }
 

@@ -32,8 +32,8 @@ impl World {
     /// The touch of stylus `i`, and where its point is now.
     pub fn touched(&self, i: usize) -> Option<(&Touch, Point3<f64>)> {
         let touches = self.graph.get(self.fields.touch.as_ref()?.touches);
-        let touch = touches.of(i)?;
-        let before = (0..i).filter(|&j| touches.of(j).is_some_and(|other| other.body == touch.body)).count();
+        let touch = touches.get(i)?;
+        let before = (0..i).filter(|&j| touches.get(j).is_some_and(|other| other.body == touch.body)).count();
         let body = &self.bodies[touch.body];
         let result = body.deformer.point_results().get(before)?;
         Some((touch, body.room_from_body * Point3::from(result.place)))
@@ -46,7 +46,7 @@ impl World {
         let radius_m = self.assets.stage.workspace.radius_m;
         for touch in touches.coming() {
             let words = "solving for this point".to_owned();
-            self.frame.draw(Drawable::Plate(Plate::of(Anchor::Place(touch.place_in_room.into()), words)));
+            self.frame.draw(Drawable::Plate(Plate::new(Anchor::Place(touch.place_in_room.into()), words)));
         }
         let mut shown = vec![0; self.bodies.len()];
         for touch in touches.all() {
@@ -72,7 +72,7 @@ impl World {
                 Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
                 None => format!("{newtons}, held in place"),
             };
-            self.frame.draw(Drawable::Plate(Plate::of(Anchor::Place(place.into()), words)));
+            self.frame.draw(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
         }
     }
 

@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use std::sync::LazyLock;
 
 /// Column families of an effect with forces.
-pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS, CUBIC]));
+pub static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::new(&[STIFFNESS, CUBIC]));
 
 /// The folder of independently computed cases beside the project, where there is one; else says that it skips.
 pub fn shared(what: &str) -> Option<PathBuf> {

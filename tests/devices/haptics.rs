@@ -28,7 +28,7 @@ fn tube() -> Arc<GreenFile> {
         let place = folder("haptics-tube");
         let scene = Scene::load(&coarse_demo(&place)).unwrap();
         let tube =
-            green::precompute(&scene, "tube", &Requirements::of(&[STIFFNESS, CUBIC]), &Silent).unwrap();
+            green::precompute(&scene, "tube", &Requirements::new(&[STIFFNESS, CUBIC]), &Silent).unwrap();
         let path = place.join("tube.green");
         green::write(&path, &[tube]).unwrap();
         Arc::new(GreenFile::open(&path).unwrap())
@@ -41,7 +41,7 @@ fn deformer(model: &str) -> Deformer {
 }
 
 fn elastic(model: &str) -> Elastic {
-    Elastic::of(&deformer(model)).unwrap()
+    Elastic::from_deformer(&deformer(model)).unwrap()
 }
 
 /// Two ends in the hand: the right one turned by `angle` about an oblique axis and moved, the left one a little.

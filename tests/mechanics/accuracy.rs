@@ -31,7 +31,7 @@ grab = "dragger"
 
 fn held(body: &str, low: &str, high: &str) -> Resolved {
     let body = scene(&format!("[body.b]\n{body}{}", HELD.replace("LOW", low).replace("HIGH", high)));
-    Resolved::of(body).unwrap()
+    Resolved::new(body).unwrap()
 }
 
 fn bodies() -> [(&'static str, Resolved); 3] {
@@ -80,7 +80,7 @@ fn request<'a>(
         largest_key: "--largest".into(),
         quick: true,
         packs: false,
-        requirements_of: &|_| Requirements::of(&[STIFFNESS]),
+        requirements_of: &|_| Requirements::new(&[STIFFNESS]),
         command: String::new(),
         scratch,
         keep: None,
@@ -177,12 +177,14 @@ fn errors_of_energy_and_force_are_against_the_equilibrium() {
     let solved = |element: &'static Element| {
         let mut scene = Scene::clone(scene);
         scene.body["b"].element = element;
-        let solution = green::solve(&scene, "b", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+        let solution = green::solve(&scene, "b", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
         let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
         let mut slopes = vec![PoseSlope::default(); poses.len()];
         let energy = model.respond(poses, &mut slopes).unwrap().energy;
-        let wrenches =
-            slopes.iter().zip(poses).map(|(slope, pose)| about_the_place(Wrench::of(slope, pose), pose));
+        let wrenches = slopes
+            .iter()
+            .zip(poses)
+            .map(|(slope, pose)| about_the_place(Wrench::from_slope(slope, pose), pose));
         (wrenches.collect::<Vec<_>>(), energy)
     };
     let (coarse, fine) = (solved(&TET4), solved(&TET10));
@@ -413,7 +415,7 @@ fn effects_that_are_not_listed_cost_nothing() {
             limits: Limits { largest: 5_000.0, largest_of_models: 0.0, refinements: 0, rounds: 1 },
             requirements_of: &|scene: &Resolved| {
                 let is_listed = !scene.body["b"].effects.is_empty();
-                Requirements::of(if is_listed { &[STIFFNESS] } else { &[AFFINE] })
+                Requirements::new(if is_listed { &[STIFFNESS] } else { &[AFFINE] })
             },
             ..request(scene, &poses, &folder, 0)
         };
@@ -441,7 +443,7 @@ fn linear_against_quadratic_elements_as_found_elsewhere() {
         let solved = |element: &'static Element| {
             let mut scene = scene.clone();
             scene.body[&name].element = element;
-            let solution = green::solve(&scene, &name, &Requirements::of(&[AFFINE]), &Silent).unwrap();
+            let solution = green::solve(&scene, &name, &Requirements::new(&[AFFINE]), &Silent).unwrap();
             let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
             let c = model.state(&poses).coefficients;
             let sum = |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
@@ -469,7 +471,7 @@ fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
     let (folder, poses) = (folder("accuracy-models"), poses(&scene, &[0.5, 1.0]));
     let request = Request {
         limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
-        requirements_of: &|scene| Requirements::of(scene.bodies["b"].model.requirements),
+        requirements_of: &|scene| Requirements::new(scene.bodies["b"].model.requirements),
         ..request(&scene, &poses, &folder, 0)
     };
     let costs_more = |report: &Report| {
@@ -486,7 +488,7 @@ fn every_model_that_suits_the_body_is_a_setting_and_is_tried() {
         let (row, entry) = (of(model), find_model(model).unwrap());
         println!("{model}: {:.4} of {:.4}", row.error.model.worst, rotation.error.model.worst);
         assert!(row.cost.file_bytes > rotation.cost.file_bytes, "{model}");
-        let own = Requirements::of(entry.requirements);
+        let own = Requirements::new(entry.requirements);
         let file = green::GreenFile::open(&folder.join(file_name(&own))).unwrap();
         assert_eq!(file.meta.bodies["b"].requirements, own);
         let tried = report.trials.rows.iter().filter(|trial| trial.model == model);
@@ -557,11 +559,11 @@ fn a_body_that_cannot_be_cut_is_measured_without_parts() {
                 control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.mid = { nodes = { sphere = { centre = [0.0, 0.05, 0.05], radius = 0.03 } }, grab = \"dragger\" }\n\
                 control.right = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n";
-    let scene = Resolved::of(scene(text)).unwrap();
+    let scene = Resolved::new(scene(text)).unwrap();
     let (folder, poses) = (folder("accuracy-uncut"), poses(&scene, &[0.1]));
     let request = Request {
         limits: Limits { largest: 20_000.0, largest_of_models: 200.0, refinements: 0, rounds: 3 },
-        requirements_of: &|scene| Requirements::of(scene.bodies["b"].model.requirements),
+        requirements_of: &|scene| Requirements::new(scene.bodies["b"].model.requirements),
         ..request(&scene, &poses, &folder, 0)
     };
     let report = measure(&request, &Silent).unwrap();

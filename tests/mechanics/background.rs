@@ -25,7 +25,7 @@ control.low = { nodes = { group = "xmin" }, grab = "fixed" }
 fn file_of(name: &str, scene: &Scene) -> Arc<GreenFile> {
     let body = scene.body.keys().next().unwrap();
     let path = folder(name).join("body.green");
-    let precomputed = green::precompute(scene, body, &Requirements::of(&[VOLUME]), &Silent).unwrap();
+    let precomputed = green::precompute(scene, body, &Requirements::new(&[VOLUME]), &Silent).unwrap();
     green::write(&path, &[precomputed]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
@@ -239,8 +239,8 @@ fn a_hand_is_followed_without_waiting() {
 #[test]
 fn a_volume_that_is_damaged_is_refused() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
-    let solution = green::solve(&scene, "b", &Requirements::of(&[VOLUME]), &Silent).unwrap();
-    let found = green::Volume::of(&|name| solution.tables.get(name).cloned(), 2).unwrap();
+    let solution = green::solve(&scene, "b", &Requirements::new(&[VOLUME]), &Silent).unwrap();
+    let found = green::Volume::read(&|name| solution.tables.get(name).cloned(), 2).unwrap();
     assert_eq!((&found.mesh.nodes, &found.mesh.tets), (&solution.mesh.nodes, &solution.mesh.tets));
     assert_eq!(found.surface, solution.surface.nodes);
     let held: Vec<&Vec<u32>> = solution.controls.iter().map(|control| &control.nodes).collect();
@@ -260,9 +260,9 @@ fn a_volume_that_is_damaged_is_refused() {
             }
             found
         };
-        let message = green::Volume::of(&damaged, 2).unwrap_err();
+        let message = green::Volume::read(&damaged, 2).unwrap_err();
         assert!(message.contains(name), "{message}");
     }
     let missing = |name: &str| solution.tables.get(name).filter(|_| name != "volume/lame").cloned();
-    assert!(green::Volume::of(&missing, 2).unwrap_err().contains("volume/lame"));
+    assert!(green::Volume::read(&missing, 2).unwrap_err().contains("volume/lame"));
 }

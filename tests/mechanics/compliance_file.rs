@@ -19,7 +19,8 @@ use std::time::{Duration, Instant};
 fn compliant(name: &str, nodes: &str) -> (PathBuf, Scene) {
     let path = folder(name).join("block.green");
     let scene = block_scene([8, 4, 4], &format!("surface_compliance = {{ nodes = {nodes} }}"));
-    let made = green::precompute(&scene, "block", &Requirements::of(&[AFFINE, COMPLIANCE]), &Silent).unwrap();
+    let made =
+        green::precompute(&scene, "block", &Requirements::new(&[AFFINE, COMPLIANCE]), &Silent).unwrap();
     green::write(&path, &[made]).unwrap();
     (path, scene)
 }
@@ -30,7 +31,7 @@ fn kept_factor(name: &str, nodes: &str) -> (PathBuf, Scene) {
     let keys = format!("surface_compliance = {{ nodes = {nodes}, kept = \"factor\" }}");
     let scene = block_scene([8, 4, 4], &keys);
     let made =
-        green::precompute(&scene, "block", &Requirements::of(&[AFFINE, KEPT_FACTOR]), &Silent).unwrap();
+        green::precompute(&scene, "block", &Requirements::new(&[AFFINE, KEPT_FACTOR]), &Silent).unwrap();
     green::write(&path, &[made]).unwrap();
     (path, scene)
 }
@@ -50,7 +51,7 @@ fn a_compliance_is_read_piece_by_piece_and_is_the_inverse() {
         let a = partition.a(&k);
         let solver = Solver::default().analyse(&a, &Silent).unwrap();
         let factor = solver.factor(&a, &Silent).unwrap();
-        let surface = Surface::of(&prepared.mesh).nodes;
+        let surface = Surface::from_mesh(&prepared.mesh).nodes;
         let free = |node: usize| partition.free.binary_search(&surface[node]).ok();
         let compliance = file.compliance("block").unwrap();
         let places = compliance.places();

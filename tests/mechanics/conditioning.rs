@@ -18,7 +18,7 @@ fn block(poisson: &str, extra: &str) -> Scene {
 }
 
 fn solve(poisson: &str, extra: &str) -> Solution {
-    green::solve(&block(poisson, extra), "block", &Requirements::of(&[AFFINE]), &Silent).unwrap()
+    green::solve(&block(poisson, extra), "block", &Requirements::new(&[AFFINE]), &Silent).unwrap()
 }
 
 /// κ₂ of A scaled by its diagonal, from all its eigenvalues.
@@ -102,7 +102,7 @@ fn the_error_of_conjugate_gradients_is_bounded() {
         for tolerance in ["1e-3", "1e-5", "1e-8", "1e-13"] {
             let pcg = format!("solver = {{ method = \"pcg\", tolerance = {tolerance} }}");
             let scene = block(poisson, &pcg);
-            let found = match green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent) {
+            let found = match green::solve(&scene, "block", &Requirements::new(&[AFFINE]), &Silent) {
                 Ok(found) => found,
                 Err(refused) => {
                     println!("ν = {poisson}, {tolerance}: {refused}");
@@ -140,7 +140,7 @@ fn what_has_no_digits_left_is_refused() {
     );
     let incompressible = block("0.4999999999999999", "element = \"tet4_anp\"");
     for scene in [wire, incompressible] {
-        let refused = green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).err();
+        let refused = green::solve(&scene, "block", &Requirements::new(&[AFFINE]), &Silent).err();
         let said = refused.expect("it must be refused").to_string();
         println!("{said}");
         assert!(said.contains("above 0.1: the solution is not to be trusted"), "{said}");
@@ -165,7 +165,7 @@ fn half_stiff(contrast: f64) -> Solution {
     }
     let loaded = greenstage::mesh::Loaded { mesh, notices: Vec::new() };
     let prepared = green::prepare_mesh(&scene, "block", loaded).unwrap();
-    green::solve_prepared(&scene, "block", prepared, &Requirements::of(&[STIFFNESS]), &Silent).unwrap()
+    green::solve_prepared(&scene, "block", prepared, &Requirements::new(&[STIFFNESS]), &Silent).unwrap()
 }
 
 /// A pull was 3.6e4 N at one end and -2.3e4 N at the other, and a rigid shift cost 1.3e6 N: forces were left over of sums
@@ -212,7 +212,7 @@ fn rigid_motions_of_sound_bodies_are_exact() {
                 "[body.block]\ngenerate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [4, 4, 4] }} }}\n\
                  material = {{ young = 1.0e3, poisson = 0.3 }}\nelement = \"{element}\"\n{controls}"
             ));
-            let solution = green::solve(&scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+            let solution = green::solve(&scene, "block", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
             let rigid = solution.rigid;
             println!("{element}, {} control elements: {rigid:?}", solution.controls.len());
             // Held at one corner the body amplifies rounding the most: 1.05e-12 was measured.

@@ -17,7 +17,7 @@ use std::sync::Arc;
 fn green_file(name: &str, scene: &Scene) -> Arc<GreenFile> {
     let body = scene.body.keys().next().unwrap();
     let path = folder(name).join("body.green");
-    let precomputed = green::precompute(scene, body, &Requirements::of(&[AFFINE]), &Silent).unwrap();
+    let precomputed = green::precompute(scene, body, &Requirements::new(&[AFFINE]), &Silent).unwrap();
     green::write(&path, &[precomputed]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
@@ -110,7 +110,7 @@ fn a_model_of_several_parts_moves_each_node_by_its_weights() {
             let of = |share: &greenstage::base::parts::PartShare| {
                 (parts[share.part as usize] * place).coords * f64::from(share.weight)
             };
-            weights.of(i).iter().map(of).sum()
+            weights.at(i).iter().map(of).sum()
         })
         .collect();
     let farthest = expected.iter().enumerate().map(|(i, x)| (x - rest(&plain, i)).norm()).fold(0.0, f64::max);

@@ -179,7 +179,7 @@ nodes = { file = "high.txt" }
 grab = "fixed"
 "#;
     let scene = greenstage::scene::Scene::parse(text, &folder.join("scene.toml")).unwrap();
-    let solution = green::solve(&scene, "patch", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+    let solution = green::solve(&scene, "patch", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     let c: Vec<f64> = solution
         .controls
         .iter()
@@ -202,9 +202,9 @@ grab = "fixed"
 #[test]
 fn pcg_and_cholesky_agree() {
     let cholesky =
-        green::solve(&block_scene([5, 4, 4], ""), "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+        green::solve(&block_scene([5, 4, 4], ""), "block", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     let scene = block_scene([5, 4, 4], "solver = { method = \"pcg\", tolerance = 1e-12 }");
-    let pcg = green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+    let pcg = green::solve(&scene, "block", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     assert!(pcg.stats.iterations > 2 && cholesky.stats.iterations == 0);
     assert!(pcg.stats.worst_residual() <= 1e-12 && cholesky.stats.worst_residual() <= 1e-12);
     let worst =
@@ -219,7 +219,7 @@ fn solutions_have_the_same_bits_on_every_thread_count() {
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                green::solve(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap().fields
+                green::solve(&scene, "block", &Requirements::new(&[AFFINE]), &Silent).unwrap().fields
             })
         };
         assert!(with(1) == with(2), "{solver}");

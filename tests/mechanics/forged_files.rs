@@ -16,7 +16,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(path: &Path) -> Parts {
+    fn read(path: &Path) -> Parts {
         let bytes = std::fs::read(path).unwrap();
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
         let sealed: Value = serde_json::from_str(&header.metadata().as_ref().unwrap()["greenstage"]).unwrap();
@@ -96,10 +96,10 @@ fn numbers_that_no_body_has_are_refused_although_their_hashes_are_right() {
     ];
     let (path, _) = written("green-rehashed", &HAPTICS);
     let forged = path.with_extension("forged.green");
-    Parts::of(&path).write(&forged);
+    Parts::read(&path).write(&forged);
     GreenFile::open(&forged).unwrap();
     for (expected, edit) in cases {
-        let mut parts = Parts::of(&path);
+        let mut parts = Parts::read(&path);
         edit(&mut parts);
         parts.write(&forged);
         assert_refused(GreenFile::open(&forged), expected);
@@ -112,7 +112,7 @@ fn numbers_that_no_body_has_are_refused_although_their_hashes_are_right() {
         let scene = block_scene([2, 1, 1], &format!("storage = \"{storage}\""));
         let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
         green::write(&path, &[precomputed]).unwrap();
-        let mut parts = Parts::of(&path);
+        let mut parts = Parts::read(&path);
         parts.tensors.get_mut(tensor).unwrap().2[..number.len()].copy_from_slice(number);
         parts.write(&forged);
         assert_refused(GreenFile::open(&forged), &format!("tensor {tensor}: number 0 is "));
@@ -169,12 +169,12 @@ fn a_file_that_only_claims_to_be_the_scenes_is_refused() {
         ("bodies.block.element is tet10", |f| f.body()["element"] = json!("tet10")),
     ];
     for (expected, edit) in cases {
-        let mut parts = Parts::of(&path);
+        let mut parts = Parts::read(&path);
         edit(&mut parts);
         parts.write(&forged);
         assert_refused(GreenFile::open(&forged).unwrap().check_belongs(&scene, "block", &HAPTICS), expected);
     }
-    let mut parts = Parts::of(&path);
+    let mut parts = Parts::read(&path);
     parts.tensors.remove("block/stiffness");
     parts.content["blake3"].as_object_mut().unwrap().remove("block/stiffness");
     parts.write(&forged);
@@ -204,7 +204,7 @@ fn columns_that_do_not_reproduce_rigid_motions_are_refused() {
         ("the bound on the forward error is 2.0e-1", |f| f.body()["accuracy"]["forward_error"] = json!(0.2)),
     ];
     for (expected, edit) in cases {
-        let mut parts = Parts::of(&path);
+        let mut parts = Parts::read(&path);
         edit(&mut parts);
         parts.write(&forged);
         let error = green::judge_file(&GreenFile::open(&forged).unwrap(), "block").unwrap_err().to_string();
@@ -218,7 +218,7 @@ fn forged_metadata_do_no_harm() {
     let (path, _) = written("green-forged", &HAPTICS);
     let forged_path = path.with_extension("forged.green");
     let mut refused = 0;
-    let mut parts = Parts::of(&path);
+    let mut parts = Parts::read(&path);
     let content = parts.content.clone();
     let mut forge = |content: &Value| {
         parts.content = content.clone();

@@ -162,7 +162,7 @@ fn same_scene_gives_the_same_bytes() {
 #[test]
 fn scene_without_haptics_has_no_stiffness_in_its_file() {
     let (with, _) = written("green-with", &HAPTICS);
-    let (without, _) = written("green-without", &Requirements::of(&[AFFINE]));
+    let (without, _) = written("green-without", &Requirements::new(&[AFFINE]));
     let stiffness = |path: &Path| GreenFile::open(path).unwrap().stiffness("block").is_some();
     assert!(stiffness(&with) && !stiffness(&without));
     let size = |path: &Path| std::fs::metadata(path).unwrap().len() as usize;
@@ -172,7 +172,7 @@ fn scene_without_haptics_has_no_stiffness_in_its_file() {
 /// Every byte flipped in turn, each refused with the reason and the remedy.
 #[test]
 fn no_flipped_byte_passes() {
-    let (path, _) = written("green-flipped", &Requirements::of(&[AFFINE]));
+    let (path, _) = written("green-flipped", &Requirements::new(&[AFFINE]));
     let bytes = std::fs::read(&path).unwrap();
     let damaged = path.with_extension("damaged.green");
     std::fs::write(&damaged, &bytes).unwrap();
@@ -192,7 +192,7 @@ fn no_flipped_byte_passes() {
 
 #[test]
 fn no_cut_file_passes() {
-    let (path, _) = written("green-cut", &Requirements::of(&[AFFINE]));
+    let (path, _) = written("green-cut", &Requirements::new(&[AFFINE]));
     let bytes = std::fs::read(&path).unwrap();
     let cut = path.with_extension("cut.green");
     for length in (0..bytes.len()).step_by(7) {
@@ -223,7 +223,7 @@ fn what_is_not_required_is_neither_solved_nor_stored() {
 
 #[test]
 fn changed_scene_makes_the_file_stale() {
-    let affine = &Requirements::of(&[AFFINE]);
+    let affine = &Requirements::new(&[AFFINE]);
     let fingerprint = |text: &str, requirements: &Requirements| {
         green::fingerprint(&block_scene([2, 1, 1], text), "block", requirements).unwrap()
     };
@@ -235,7 +235,7 @@ fn changed_scene_makes_the_file_stale() {
     let finer = green::fingerprint(&block_scene([2, 2, 1], ""), "block", affine).unwrap();
     assert_ne!(base, finer);
 
-    let (path, _) = written("green-stale", &Requirements::of(&[AFFINE]));
+    let (path, _) = written("green-stale", &Requirements::new(&[AFFINE]));
     let file = GreenFile::open(&path).unwrap();
     file.check_fresh("block", &base).unwrap();
     let stale = file.check_fresh("block", &finer).unwrap_err();
@@ -263,21 +263,21 @@ fn a_change_of_any_file_of_the_mesh_makes_the_file_stale() {
             &folder.join("scene.toml"),
         )
         .unwrap();
-        let fingerprint = || green::fingerprint(&scene, "block", &Requirements::of(&[AFFINE])).unwrap();
+        let fingerprint = || green::fingerprint(&scene, "block", &Requirements::new(&[AFFINE])).unwrap();
         let path = folder.join("block.green");
         for changed in ["m.node", "m.ele"] {
             let precomputed =
-                green::precompute(&scene, "block", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+                green::precompute(&scene, "block", &Requirements::new(&[AFFINE]), &Silent).unwrap();
             green::write(&path, &[precomputed]).unwrap();
             let file = GreenFile::open(&path).unwrap();
             file.check_fresh("block", &fingerprint()).unwrap();
             change(changed);
-            let stale = file.check_belongs(&scene, "block", &Requirements::of(&[AFFINE])).unwrap_err();
+            let stale = file.check_belongs(&scene, "block", &Requirements::new(&[AFFINE])).unwrap_err();
             assert!(matches!(stale, GreenError::Stale { .. }), "{named}, {changed}: {stale}");
         }
         std::fs::rename(folder.join("m.ele"), folder.join("away")).unwrap();
         let missing =
-            green::fingerprint(&scene, "block", &Requirements::of(&[AFFINE])).unwrap_err().to_string();
+            green::fingerprint(&scene, "block", &Requirements::new(&[AFFINE])).unwrap_err().to_string();
         assert!(missing.contains("m.ele: "), "{missing}");
         std::fs::rename(folder.join("away"), folder.join("m.ele")).unwrap();
     }

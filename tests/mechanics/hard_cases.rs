@@ -40,7 +40,8 @@ fn rows_that_prove_nothing_do_not_hold() {
 #[test]
 fn free_nodes_are_in_equilibrium() {
     let solution =
-        green::solve(&block_scene([5, 5, 5], ""), "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+        green::solve(&block_scene([5, 5, 5], ""), "block", &Requirements::new(&[STIFFNESS]), &Silent)
+            .unwrap();
     let lame = Lame::from_young_poisson(1e3, 0.3);
     let k = solution.element.assemble(&solution.mesh, &vec![lame; solution.mesh.tets.len()]).unwrap();
     let mut force = NodeFields::zeros(solution.mesh.nodes.len(), solution.fields.columns);

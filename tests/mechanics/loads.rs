@@ -29,7 +29,7 @@ pub fn bar(element: &str, keys: &str, ends: &[&str]) -> Scene {
 
 fn solved(scene: &Scene) -> Solution {
     let name = scene.body.keys().next().unwrap();
-    green::solve(scene, name, &Requirements::of(&[LOADS, STIFFNESS]), &Silent).unwrap()
+    green::solve(scene, name, &Requirements::new(&[LOADS, STIFFNESS]), &Silent).unwrap()
 }
 
 /// The body of the scene with all that its keys ask for, and its energy.
@@ -37,17 +37,17 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     let name = scene.body.keys().next().unwrap();
     let body = &scene.body[name];
     let entry = find_model(model).unwrap();
-    let mut required = effect::requirements(entry, []).and(Requirements::of(entry.energy.unwrap()));
+    let mut required = effect::requirements(entry, []).and(Requirements::new(entry.energy.unwrap()));
     if !body.loads().is_empty() {
         required = required.and(match entry.loads {
-            Bearing::Columns => Requirements::of(&[LOADS]),
-            Bearing::Forces(families) => Requirements::of(families),
+            Bearing::Columns => Requirements::new(&[LOADS]),
+            Bearing::Forces(families) => Requirements::new(families),
         });
     }
     if body.surface_compliance.is_some() {
         let kept = body.surface_compliance.as_ref().map(|of| of.kept);
         let family = if kept == Some(Kept::Factor) { KEPT_FACTOR } else { COMPLIANCE };
-        required = required.and(Requirements::of(&[family]));
+        required = required.and(Requirements::new(&[family]));
     }
     let made = green::precompute(scene, name, &required, &Silent).unwrap();
     let folder = tempfile::tempdir().unwrap();

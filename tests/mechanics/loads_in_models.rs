@@ -92,7 +92,7 @@ fn solve(
     let mut statics = Statics::new(scene, "b", law, &Silent).unwrap();
     let tags = surface.tags();
     let in_mesh = |node: u32| Some(tags[node as usize] as u32 - 1);
-    statics.apply(&StaticForces::of(load, in_mesh).unwrap()).unwrap();
+    statics.apply(&StaticForces::from_loads(load, in_mesh).unwrap()).unwrap();
     statics.solve(poses, &Silent).unwrap()
 }
 

@@ -117,7 +117,7 @@ fn warmth_is_no_stress_in_a_free_body_and_e_alpha_t_in_a_clamped_one() {
     let mesh = greenstage::green::prepare(&scene, "b").unwrap();
     let held: Vec<&[u32]> = mesh.controls.iter().map(|control| &control.nodes[..]).collect();
     let (surface, stressed) =
-        StressedBody::of_mesh(&Resolved::of(scene.clone()).unwrap(), "b", &mesh.mesh, &held).unwrap();
+        StressedBody::of_mesh(&Resolved::new(scene.clone()).unwrap(), "b", &mesh.mesh, &held).unwrap();
     let tags: Vec<u64> = surface.nodes.iter().map(|&node| mesh.mesh.tags[node as usize]).collect();
     assert_eq!(tags, body.tags(), "the same surface");
     let grown = |origin: V3| ControlPose {
@@ -126,14 +126,14 @@ fn warmth_is_no_stress_in_a_free_body_and_e_alpha_t_in_a_clamped_one() {
     };
     let free: Vec<ControlPose> = body.controls.iter().map(|control| grown(control.origin)).collect();
     body.evaluate(&free);
-    let none = stressed.of(&body);
+    let none = stressed.stress(&body);
     assert!(none.iter().flatten().count() > 50);
     for at in none.iter().flatten() {
         assert!(at.von_mises < 1e-4 * 1e6 * strain && at.strain.abs() < 1e-4 * strain, "{at:?}");
     }
     body.evaluate(&[ControlPose::REST; 2]);
     let middle = |i: &usize| body.rest()[*i][0].abs() < 0.05;
-    let all = stressed.of(&body);
+    let all = stressed.stress(&body);
     let found: Vec<f64> = (0..all.len()).filter(middle).filter_map(|i| Some(all[i]?.von_mises)).collect();
     assert!(!found.is_empty());
     for von_mises in found {

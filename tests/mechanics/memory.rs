@@ -38,10 +38,11 @@ fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
          control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"dragger\" }}\n",
         model.name
     ));
-    let needed = Requirements::of(model.requirements).and(Requirements::of(model.energy.unwrap_or_default()));
+    let needed =
+        Requirements::new(model.requirements).and(Requirements::new(model.energy.unwrap_or_default()));
     let needed = match model.loads {
-        Bearing::Columns if with_loads => needed.and(Requirements::of(&[LOADS, COMPLIANCE])),
-        Bearing::Forces(families) if with_loads => needed.and(Requirements::of(families)),
+        Bearing::Columns if with_loads => needed.and(Requirements::new(&[LOADS, COMPLIANCE])),
+        Bearing::Forces(families) if with_loads => needed.and(Requirements::new(families)),
         _ => needed,
     };
     let path = folder(&format!("memory-{test}-{}", model.name)).join("b.green");

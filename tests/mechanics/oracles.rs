@@ -11,7 +11,7 @@ use greenstage::solve::{Silent, Solver};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::sync::LazyLock;
 
-static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::of(&[STIFFNESS]));
+static HAPTICS: LazyLock<Requirements> = LazyLock::new(|| Requirements::new(&[STIFFNESS]));
 
 /// Lamé's thick cylinder in plane strain (Timoshenko and Goodier, Theory of Elasticity, 3rd ed., article 28):
 /// u_r = (1+ν) p a² / (E (b²-a²)) ((1-2ν) r + b²/r) under inner pressure p.
@@ -97,7 +97,7 @@ fn solve_lame(exact: &LameCylinder, n: u32) -> (f64, f64, f64) {
 /// Consistent nodal forces of the pressure on the inner wall: a third of p times the area vector to each corner.
 fn pressure_forces(mesh: &TetMesh, inner_radius: f64, pressure: f64) -> Vec<Vector3<f64>> {
     let mut forces = vec![Vector3::zeros(); mesh.nodes.len()];
-    let surface = Surface::of(mesh);
+    let surface = Surface::from_mesh(mesh);
     for triangle in &surface.triangles {
         let nodes = triangle.map(|corner| surface.nodes[corner as usize] as usize);
         let x = nodes.map(|node| mesh.nodes[node]);

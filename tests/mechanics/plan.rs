@@ -138,7 +138,7 @@ fn worst_wrench_error(
         let settled = statics.solve(poses, &Silent).unwrap();
         deformer.forget();
         let ways: Vec<Way> =
-            poses.iter().map(|pose| Way::between(Screw::default(), Screw::of(pose))).collect();
+            poses.iter().map(|pose| Way::between(Screw::default(), Screw::from_pose(pose))).collect();
         for step in 1..=6 {
             let share = f64::from(step) / 6.0;
             deformer.take(&ways.iter().map(|way| way.pose(share)).collect::<Vec<_>>());
@@ -189,7 +189,7 @@ fn a_demand_for_force_chooses_a_model_that_meets_it() {
     println!("{model} with {}: {error:.4}", chosen.body["bar"].element.name);
     assert!(error < 0.28, "{model}: {error}");
     let file = GreenFile::open(&folder.join("bar.green")).unwrap();
-    let own = Requirements::of(entry.requirements);
+    let own = Requirements::new(entry.requirements);
     assert_eq!(file.meta.bodies["bar"].requirements, own);
     let mut all = said;
     for force in ["0.001", "1e-6"] {

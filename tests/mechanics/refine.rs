@@ -37,7 +37,7 @@ fn refined_ring(times: u32) -> TetMesh {
 fn assert_conforming(mesh: &TetMesh, euler: i64) {
     assert!(overlapping_faces(mesh).is_empty());
     assert_eq!(components(mesh).nodes, [(0..mesh.nodes.len() as u32).collect::<Vec<u32>>()]);
-    assert_eq!(euler_characteristic_of_closed(&Surface::of(mesh)), euler);
+    assert_eq!(euler_characteristic_of_closed(&Surface::from_mesh(mesh)), euler);
     assert!(mesh.tets.len() == mesh.regions.len() && mesh.nodes.len() == mesh.tags.len());
     assert_eq!(mesh.tags.iter().collect::<BTreeSet<_>>().len(), mesh.tags.len());
     assert!((0..mesh.tets.len()).all(|tet| signed_volume(&mesh.corners(tet)) > 0.0));
@@ -54,8 +54,11 @@ fn straight_bodies_keep_volume_area_nodes_and_regions() {
         assert_conforming(&mesh, 2);
         assert_eq!(mesh.tets.len(), coarse.tets.len() << (3 * times));
         assert!((tet_volume(&mesh) - 6.0).abs() < 1e-12);
-        assert!((Surface::of(&mesh).area(&mesh) - 22.0).abs() < 1e-12);
-        assert_eq!(Surface::of(&mesh).triangles.len(), Surface::of(&coarse).triangles.len() << (2 * times));
+        assert!((Surface::from_mesh(&mesh).area(&mesh) - 22.0).abs() < 1e-12);
+        assert_eq!(
+            Surface::from_mesh(&mesh).triangles.len(),
+            Surface::from_mesh(&coarse).triangles.len() << (2 * times)
+        );
         assert_eq!(mesh.nodes[..coarse.nodes.len()], coarse.nodes, "old nodes keep index and place");
         assert_eq!(mesh.tags[..coarse.nodes.len()], coarse.tags);
         let of_region = |region: u32| -> f64 {
@@ -135,7 +138,7 @@ fn quality_is_bounded() {
     }
     let mut ring = {
         let mesh = tube(&ring()).unwrap();
-        let Surface { triangles, nodes } = Surface::of(&mesh);
+        let Surface { triangles, nodes } = Surface::from_mesh(&mesh);
         TriangleSurface { vertices: nodes.iter().map(|&node| mesh.nodes[node as usize]).collect(), triangles }
     };
     let report = check(&mut ring, &mut Vec::new());
@@ -215,7 +218,7 @@ fn what_its_curved_edges_fold_is_refused_with_its_place() {
 }
 
 fn handle_stiffness(scene: &Scene) -> DMatrix<f64> {
-    green::solve(scene, "block", &Requirements::of(&[STIFFNESS]), &Silent)
+    green::solve(scene, "block", &Requirements::new(&[STIFFNESS]), &Silent)
         .unwrap()
         .stiffness()
         .unwrap()
@@ -262,6 +265,6 @@ fn a_scene_says_what_was_refined_or_refuses() {
     let error = green::prepare(&many, "block").err().unwrap().to_string();
     assert!(error.contains("body.block.refine: 40000 tetrahedra refined 4 times are 163840000"), "{error}");
     let (once, twice) = (block_scene([2, 2, 2], "refine = 1"), block_scene([2, 2, 2], "refine = 2"));
-    let print = |scene: &Scene| green::fingerprint(scene, "block", &Requirements::of(&[AFFINE])).unwrap();
+    let print = |scene: &Scene| green::fingerprint(scene, "block", &Requirements::new(&[AFFINE])).unwrap();
     assert_ne!(print(&once), print(&twice));
 }

@@ -54,7 +54,7 @@ impl Beam {
     fn new(folder: &Path, places: &[f64]) -> Beam {
         let scene = Scene::load(&folder.join("scene.toml")).unwrap();
         let lame = green::prepare(&scene, "beam").unwrap().lame;
-        let solution = green::solve(&scene, "beam", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+        let solution = green::solve(&scene, "beam", &Requirements::new(&[AFFINE]), &Silent).unwrap();
         let held = solution.controls.iter().flat_map(|control| control.nodes.iter().copied());
         let partition = Partition::new(solution.mesh.nodes.len(), held);
         let a = partition.a(&TET4.assemble(&solution.mesh, &lame).unwrap());
@@ -64,7 +64,7 @@ impl Beam {
         };
         Beam {
             nodes: places.chunks_exact(3).map(at).collect(),
-            points: RestPoints::of(&TET4, &solution.mesh, &lame).unwrap(),
+            points: RestPoints::new(&TET4, &solution.mesh, &lame).unwrap(),
             solver: scene.body["beam"].solver.analyse(&a, &Silent).unwrap(),
             a,
             partition,

@@ -41,7 +41,7 @@ fn pose(model: &ModelEntry, frame: usize) -> ControlPose {
 }
 
 fn open(scene: &Resolved) -> Session {
-    let mut session = Session::open(&Request::of(scene)).unwrap();
+    let mut session = Session::open(&Request::new(scene)).unwrap();
     session.world.wait_for_background();
     // What the clock of the machine decides is for windows alone.
     session.world.is_for_pictures = true;

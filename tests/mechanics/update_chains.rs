@@ -216,8 +216,8 @@ fn chains_of_updates_say_what_differs_from_a_fresh_precomputation() {
         let scene = body(&mut draw, &mesh, family, number % 2 == 1);
         let families: Vec<Family> =
             [STIFFNESS, LOADS].into_iter().take(1 + number % 2).chain(family).collect();
-        let of_fresh = Requirements::of(&families);
-        let required = of_fresh.clone().and(Requirements::of(&[UPDATES]));
+        let of_fresh = Requirements::new(&families);
+        let required = of_fresh.clone().and(Requirements::new(&[UPDATES]));
         let Ok(base) = file(&scene, &required, &first) else { continue };
         let base = Arc::new(base);
         let rest = base.rest("a");

@@ -54,7 +54,7 @@ fn solved(scene: &Scene, required: &Requirements) -> Solution {
 fn updates(solution: &Solution) -> Updates {
     let table = |name: &str| solution.tables.get(name).cloned();
     let loads = solution.tables.get(LOAD_FIELDS).map_or(0, |fields| fields.ncols());
-    Updates::of(&table, [solution.controls.len(), solution.surface.nodes.len(), loads]).unwrap()
+    Updates::read(&table, [solution.controls.len(), solution.surface.nodes.len(), loads]).unwrap()
 }
 
 /// The Hessian of the energy by the coefficients of control elements and loads.
@@ -117,7 +117,7 @@ fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 4] {
 fn yields(solution: Solution, node: u32) -> Option<Vec<[[f32; 3]; 3]>> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.green");
-    let requirements = Requirements::of(&[STIFFNESS, COMPLIANCE]);
+    let requirements = Requirements::new(&[STIFFNESS, COMPLIANCE]);
     let (name, fingerprint) = ("a".to_owned(), String::new());
     let body = Precomputed {
         name,
@@ -144,7 +144,8 @@ fn a_changed_body_is_what_a_fresh_factorization_finds() {
     let mut bare = loaded.clone();
     // With a compliance of the surface, a changed modulus takes a solve anew.
     bare.body["a"].surface_compliance = None;
-    let bases = [&loaded, &bare].map(|scene| solved(scene, &Requirements::of(&[UPDATES, LOADS, COMPLIANCE])));
+    let bases =
+        [&loaded, &bare].map(|scene| solved(scene, &Requirements::new(&[UPDATES, LOADS, COMPLIANCE])));
     for (release, factors) in [
         (&["right"][..], [1.0, 1.0]),
         (&["top", "bottom"], [1.0, 1.0]),
@@ -166,7 +167,7 @@ fn a_changed_body_is_what_a_fresh_factorization_finds() {
             body.region.get_mut(region).unwrap().young *= factor;
         }
         assert_eq!(body.modulus_factors(), factors);
-        let fresh = solved(&changed, &Requirements::of(&[STIFFNESS, LOADS, COMPLIANCE]));
+        let fresh = solved(&changed, &Requirements::new(&[STIFFNESS, LOADS, COMPLIANCE]));
         let names: Vec<&str> = base.controls.iter().map(|control| control.name.as_str()).collect();
         let released = (0..names.len()).filter(|&e| release.contains(&names[e])).collect();
         let change = Change { released, factors: factors.to_vec() };
@@ -209,7 +210,7 @@ fn a_changed_body_is_what_a_fresh_factorization_finds() {
 fn a_body_that_nothing_holds_any_more_is_no_body() {
     let text = SCENE.replace("release = [\"right\"", "release = [\"left\", \"right\"");
     let scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
-    let base = solved(&scene, &Requirements::of(&[UPDATES, LOADS, COMPLIANCE]));
+    let base = solved(&scene, &Requirements::new(&[UPDATES, LOADS, COMPLIANCE]));
     let all = Change { released: vec![0, 1, 2, 3], factors: vec![1.0, 1.0] };
     assert!(updates(&base).prepare(&all).is_none());
     let with = |released: [usize; 3]| {
@@ -230,7 +231,7 @@ fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
     let columns = |kept: &str, family: Family| {
         let text = text.replace("\"surface\"", &format!("\"surface\", kept = \"{kept}\""));
         let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
-        let requirements = Requirements::of(&[STIFFNESS, UPDATES, LOADS, family]);
+        let requirements = Requirements::new(&[STIFFNESS, UPDATES, LOADS, family]);
         let solution = solved(&scene, &requirements);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.green");
@@ -263,7 +264,7 @@ fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
     let (freed, _) = places.iter().find(|(_, place)| **place == places.len() - 1).unwrap();
     let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
     assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
-    let fresh = solved(&scene, &Requirements::of(&[STIFFNESS, COMPLIANCE]));
+    let fresh = solved(&scene, &Requirements::new(&[STIFFNESS, COMPLIANCE]));
     assert_eq!(
         fresh.compliance.as_ref().unwrap().order.len(),
         places.len(),

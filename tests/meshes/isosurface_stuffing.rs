@@ -142,7 +142,7 @@ fn fill(mut surface: TriangleSurface, cell: f64) -> (TetMesh, Vec<String>) {
 fn assert_conforming(mesh: &TetMesh) {
     assert!(quality::overlapping_faces(mesh).is_empty());
     assert!(mesh.tets.iter().enumerate().all(|(t, _)| quality::signed_volume(&mesh.corners(t)) > 0.0));
-    euler_characteristic_of_closed(&Surface::of(mesh));
+    euler_characteristic_of_closed(&Surface::from_mesh(mesh));
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn volume_converges_with_the_square_of_the_cell_and_nodes_lie_on_the_sphere() {
     let mut points = Vec::new();
     for cell in [0.4, 0.3, 0.2, 0.15, 0.1, 0.075] {
         let (mesh, _) = fill(exact.clone(), cell);
-        let boundary = Surface::of(&mesh);
+        let boundary = Surface::from_mesh(&mesh);
         // The surface itself is a polyhedron, 2·10⁻⁴ short of the sphere at most.
         let off = |x: &Vector3<f64>| (x.norm() - 1.0).abs();
         let furthest = boundary.nodes.iter().map(|&n| off(&mesh.nodes[n as usize])).fold(0.0, f64::max);
@@ -201,7 +201,7 @@ fn volume_converges_with_the_square_of_the_cell_and_nodes_lie_on_the_sphere() {
 fn a_box_whose_faces_are_lattice_planes_keeps_its_volume() {
     // Corner to corner the lattice about a box of whole cells is the box's own.
     let (mesh, notices) = fill(cuboid([1.0, 0.5, 0.5]), 0.125);
-    let volume = Surface::of(&mesh).volume(&mesh);
+    let volume = Surface::from_mesh(&mesh).volume(&mesh);
     assert!((volume / 0.25 - 1.0).abs() < 1e-12, "{volume} {notices:?}");
 }
 
@@ -271,12 +271,12 @@ fn neither_the_unit_nor_the_place_matters() {
     let mut shape = torus(1.0, 0.3, 30, 12);
     shape.vertices.iter_mut().for_each(|v| *v = Rotation3::from_euler_angles(0.3, 0.7, 1.1) * *v);
     let (mesh, _) = fill(shape.clone(), 0.1);
-    let volume = Surface::of(&mesh).volume(&mesh);
+    let volume = Surface::from_mesh(&mesh).volume(&mesh);
     for (scale, shift) in [(1e-9, 0.0), (1e3, 0.0), (1.0, 1e6)] {
         let mut moved = shape.clone();
         moved.vertices.iter_mut().for_each(|v| *v = *v * scale + Vector3::repeat(shift));
         let (same, _) = fill(moved, 0.1 * scale);
-        let got = Surface::of(&same).volume(&same) / scale.powi(3);
+        let got = Surface::from_mesh(&same).volume(&same) / scale.powi(3);
         assert!((got / volume - 1.0).abs() < 1e-6, "× {scale} + {shift}: {got} against {volume}");
         let (least, greatest) = dihedral_angles(&same.nodes, &same.tets);
         assert!(least >= LEAST && greatest <= GREATEST, "{least}° to {greatest}°");

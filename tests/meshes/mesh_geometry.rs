@@ -42,7 +42,7 @@ fn demo_tube_has_ten_thousand_nodes_of_good_quality() {
 fn tube_surface_is_a_closed_torus_of_the_polygons_volume() {
     let parameters = demo_tube();
     let mesh = tube(&parameters).unwrap();
-    let surface = Surface::of(&mesh);
+    let surface = Surface::from_mesh(&mesh);
     assert_eq!(euler_characteristic_of_closed(&surface), 0);
     let n = f64::from(parameters.around);
     let exact = n / 2.0 * (TAU / n).sin() * (0.1f64.powi(2) - 0.07f64.powi(2));
@@ -71,7 +71,7 @@ fn tube_volume_converges_at_rate_2() {
 fn block_surface_is_a_closed_sphere() {
     let mesh = block(&Block { size: [3.0, 2.0, 1.0], cells: [5, 4, 3] }).unwrap();
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (6 * 5 * 4, 5 * 60));
-    let surface = Surface::of(&mesh);
+    let surface = Surface::from_mesh(&mesh);
     assert_eq!(surface.triangles.len(), 4 * (20 + 15 + 12));
     assert_eq!(euler_characteristic_of_closed(&surface), 2);
     assert!((surface.volume(&mesh) - 6.0).abs() < 1e-13);
@@ -91,9 +91,9 @@ fn block_surface_is_a_closed_sphere() {
 #[test]
 fn faces_between_regions_are_no_surface() {
     let mut mesh = block(&Block { size: [1.0; 3], cells: [4; 3] }).unwrap();
-    let whole = Surface::of(&mesh);
+    let whole = Surface::from_mesh(&mesh);
     mesh.regions.iter_mut().enumerate().for_each(|(tet, region)| *region = tet as u32 % 3);
-    assert_eq!(Surface::of(&mesh), whole);
+    assert_eq!(Surface::from_mesh(&mesh), whole);
     assert_eq!(whole.nodes.len(), 125 - 27);
 }
 
@@ -102,7 +102,7 @@ fn surface_of_one_tetrahedron_looks_outward() {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mesh =
         TetMesh { nodes: corners.map(Into::into).to_vec(), tets: vec![[0, 1, 2, 3]], ..TetMesh::default() };
-    let surface = Surface::of(&mesh);
+    let surface = Surface::from_mesh(&mesh);
     for triangle in &surface.triangles {
         let [a, b, c] = triangle.map(|i| mesh.nodes[surface.nodes[i as usize] as usize]);
         let centre = nalgebra::Vector3::repeat(0.25);

@@ -128,7 +128,7 @@ fn the_same_body_from_ten_nodes_and_from_four() {
         corners[(1, 1)],
         s[(1, 1)]
     );
-    assert_eq!(four.surface.triangles.len(), 4 * Surface::of(&linear()).triangles.len());
+    assert_eq!(four.surface.triangles.len(), 4 * Surface::from_mesh(&linear()).triangles.len());
 }
 
 /// A mid-side node dragged through its element is found before anything is solved.
@@ -151,6 +151,6 @@ fn real_files_of_ten_nodes() {
     let Some(cube) = shared("meshes/raw/fenris_cube_tet10_24.msh") else { return };
     let loaded = mesh::load_quadratic(&cube).unwrap().mesh;
     assert_eq!((loaded.nodes.len(), loaded.tets.len(), loaded.mids.len()), (63, 24, 24));
-    assert!((Surface::of(&loaded).volume(&loaded) - 1.0).abs() < 1e-12);
+    assert!((Surface::from_mesh(&loaded).volume(&loaded) - 1.0).abs() < 1e-12);
     assert!((0..24).all(|tet| (mesh::quadratic::least_jacobian(&loaded, tet) - 1.0).abs() < 1e-9));
 }

@@ -66,7 +66,7 @@ fn real_meshes_have_the_counts_of_their_manifest() {
         let loaded = load(&manifest.with_file_name(cells[1])).unwrap();
         assert_eq!(loaded.notices, [] as [&str; 0], "{row}");
         let mesh = loaded.mesh;
-        let surface = Surface::of(&mesh);
+        let surface = Surface::from_mesh(&mesh);
         let report = quality::report(&mesh, &surface);
         let found = [
             report.nodes,

@@ -148,7 +148,7 @@ fn read_mesh(path: &Path, bytes: &[u8]) -> Then {
     let order = if bytes.len().is_multiple_of(2) { Order::Linear } else { Order::Quadratic };
     let mesh = mesh::parse_as(path, bytes, order).ok()?.mesh;
     Some(Box::new(move || {
-        let surface = Surface::of(&mesh);
+        let surface = Surface::from_mesh(&mesh);
         drop((quality::report(&mesh, &surface), diagnostics::find(&mesh)));
     }))
 }
@@ -183,7 +183,7 @@ fn read_green(path: &Path) -> Then {
 fn green_seed(folder: &Path, storage: &str) -> Vec<u8> {
     let scene = block_scene([1, 1, 1], &format!("effects = [\"haptics\"]\nstorage = \"{storage}\""));
     let path = folder.join("seed.green");
-    let body = green::precompute(&scene, "block", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+    let body = green::precompute(&scene, "block", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
     green::write(&path, &[body]).unwrap();
     std::fs::read(&path).unwrap()
 }

@@ -119,7 +119,7 @@ const LISTED: &str = "effects = [\"breath\"]\neffect.breath.stiffness = 300.0";
 
 fn file(name: &str, scene: &Resolved) -> Arc<GreenFile> {
     let energy = scene.bodies["b"].model.energy.unwrap_or_default();
-    let required = scene.requirements("b").unwrap().and(green::Requirements::of(energy));
+    let required = scene.requirements("b").unwrap().and(green::Requirements::new(energy));
     let mut solved = green::precompute(scene, "b", &required, &Silent).unwrap();
     add_sections(scene, &mut solved, &Silent).unwrap();
     let path = folder(name).join("b.green");

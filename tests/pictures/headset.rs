@@ -38,7 +38,7 @@ fn session(name: &str) -> Session {
     let (_, desktop) = BUILT_IN.iter().find(|(stage, _)| *stage == "desktop").unwrap();
     let stage = folder(name).join("stereo.toml");
     std::fs::write(&stage, desktop.replacen("stereo = \"mono\"", "stereo = \"side_by_side\"", 1)).unwrap();
-    let request = Request { stage: stage.to_str(), ..Request::of(&scene) };
+    let request = Request { stage: stage.to_str(), ..Request::new(&scene) };
     let mut session = Session::open(&request).unwrap();
     session.act(greenstage::interact::Action::ScaleScene(1.3));
     session.advance(0.1).unwrap();

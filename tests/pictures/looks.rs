@@ -153,7 +153,7 @@ fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
 fn a_cubes_sides_keep_their_own_normals() {
     let Some(gpu) = require_gpu() else { return };
     let (rest, triangles) = cube();
-    let creases = Creases::of(&triangles, &rest, 40f64.to_radians()).unwrap();
+    let creases = Creases::new(&triangles, &rest, 40f64.to_radians()).unwrap();
     assert_eq!(creases.copies.len(), 12 + 2 * 8, "12 edges' middles once more, 8 corners twice more");
     // One column that bends the cube about z: u_y = x².
     let column: Vec<f32> = rest.iter().flat_map(|x| [0.0, x[0] * x[0], 0.2 * x[1]]).collect();

@@ -41,7 +41,7 @@ fn check_and_a_session_agree_for_every_model() {
             let output = program(&place, &["check", &name]).output().unwrap();
             let said = text(&output.stdout) + &text(&output.stderr);
             let scene = Resolved::load(&place.join(&name)).unwrap();
-            let opened = Session::open(&Request::of(&scene)).map(drop).map_err(|error| error.to_string());
+            let opened = Session::open(&Request::new(&scene)).map(drop).map_err(|error| error.to_string());
             let has_error = output.status.code() == Some(2);
             let has_warning = said.contains("warning: body.b");
             match &opened {
@@ -75,7 +75,7 @@ fn a_heavy_body_of_large_strain_passes_the_check_and_opens_in_a_session() {
     assert_eq!(check.status.code(), Some(0), "{}", text(&check.stdout));
     assert!(!text(&check.stdout).contains("warning: body.b"), "{}", text(&check.stdout));
     let scene = Resolved::load(&place.join("heavy.toml")).unwrap();
-    assert!(Session::open(&Request::of(&scene)).is_ok());
+    assert!(Session::open(&Request::new(&scene)).is_ok());
 }
 
 /// Two blocks, the second at `x` from the first.

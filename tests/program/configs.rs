@@ -100,7 +100,7 @@ fn ghosts() {
     let scene = Resolved::load(&config("scenes/ghosts.toml")).unwrap();
     let body = &scene.body["beam"];
     assert_eq!(body.effects, ["haptics", "ghost_rest", "ghost_equilibrium", "force_curve"]);
-    let precomputed = green::precompute(&scene, "beam", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+    let precomputed = green::precompute(&scene, "beam", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     assert_eq!(precomputed.solution.mesh.nodes.len(), 41 * 6 * 6);
     let path = folder("configs-ghosts").join("beam.green");
     green::write(&path, &[precomputed]).unwrap();
@@ -124,7 +124,7 @@ fn an_end_is_turned_by_a_whole_turn() {
     let place = folder("configs-models");
     for (name, body) in scene.bodies.iter().filter(|(name, _)| *name != "rotation") {
         let model = body.model;
-        let made = green::precompute(&scene, name, &Requirements::of(model.requirements), &Silent).unwrap();
+        let made = green::precompute(&scene, name, &Requirements::new(model.requirements), &Silent).unwrap();
         let path = place.join(format!("{name}.green"));
         green::write(&path, &[made]).unwrap();
         let mut rod = Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, model).unwrap();
@@ -177,7 +177,7 @@ fn the_steel_bar_yields_where_beam_theory_says() {
     let scene = scene.with_effects("bar", |effect| effect.shows_stress);
     let file = folder("configs-bar").join("bar.green");
     let mut made =
-        green::precompute(&scene, "bar", &Requirements::of(&[AFFINE]).with_section("stress"), &Silent)
+        green::precompute(&scene, "bar", &Requirements::new(&[AFFINE]).with_section("stress"), &Silent)
             .unwrap();
     effect::add_sections(&scene, &mut made, &Silent).unwrap();
     green::write(&file, &[made]).unwrap();
@@ -187,7 +187,7 @@ fn the_steel_bar_yields_where_beam_theory_says() {
     let (length, thickness, young, moved) = (0.2, 0.006, 2.1e11, 1e-3);
     let translation = Vector3::new(0.0, moved, 0.0);
     bar.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
-    let found = stressed.of(&bar);
+    let found = stressed.stress(&bar);
     let most = 3.0 * young * thickness * moved / (length * length);
     let mut count = 0;
     for (at, rest) in found.iter().zip(bar.rest()) {
@@ -218,7 +218,7 @@ fn the_hose_sags_and_is_blown_up() {
     let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());
     let asked = body.surface_compliance.as_ref().unwrap();
     assert_eq!(green::compliance_size(&prepared.mesh, held, asked).unwrap()[..2], [520, 1080]);
-    let solution = green::solve(&scene, "hose", &Requirements::of(&[LOADS]), &Silent).unwrap();
+    let solution = green::solve(&scene, "hose", &Requirements::new(&[LOADS]), &Silent).unwrap();
     let u = &solution.tables[LOAD_FIELDS];
     let down = (0..solution.mesh.nodes.len()).map(|node| 9.80665 * u[(3 * node + 1, 1)]);
     let sag = down.fold(0.0, f64::max);
@@ -253,7 +253,7 @@ fn scenes() {
     let scene = Resolved::load(&config("scenes/tube.toml")).unwrap();
     let body = &scene.bodies["tube"];
     assert_eq!((scene.stage.as_str(), body.model.name), ("workbench", "rotation"));
-    let precomputed = green::precompute(&scene, "tube", &Requirements::of(&[AFFINE]), &Silent).unwrap();
+    let precomputed = green::precompute(&scene, "tube", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     let mesh = &precomputed.solution.mesh;
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (10_080, 37_200));
     let path = folder("configs-tube").join("tube.green");

@@ -14,7 +14,7 @@ use std::process::Output;
 fn session(name: &str, place: &Path) -> (Resolved, Session) {
     let text = greenstage::scene::built_in::BUILT_IN.iter().find(|(known, _)| *known == name).unwrap().1;
     let scene = Resolved::parse(text, &place.join(name).with_extension("toml")).unwrap();
-    let session = Session::open(&Request { stage: Some("demo"), ..Request::of(&scene) }).unwrap();
+    let session = Session::open(&Request { stage: Some("demo"), ..Request::new(&scene) }).unwrap();
     (scene, session)
 }
 

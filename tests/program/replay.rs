@@ -324,7 +324,7 @@ fn a_ruler_is_replayed_to_the_same_distance() {
     let folder = folder("replay-ruler");
     let scene = Resolved::load(&coarse_demo(&folder)).unwrap();
     let recording = folder.join("ruler.jsonl");
-    let request = Request { stage: Some("desktop"), ..Request::of(&scene) };
+    let request = Request { stage: Some("desktop"), ..Request::new(&scene) };
     let mut session = Session::open(&Request { record: Some(&recording), ..request }).unwrap();
     session.take_over();
     session.attach_mouse();
@@ -392,7 +392,7 @@ fn a_recording_that_begins_in_the_middle_is_replayed_from_there() {
              control.right = {{ nodes = {{ box = {{ min = [0.35, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n"
         );
         let scene = Resolved::parse(&text, &folder.join("bar.toml")).unwrap();
-        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let mut session = Session::open(&Request::new(&scene)).unwrap();
         session.world.wait_for_background();
         advance(&mut session, 0..90);
         session.world.bodies[0].deformer.be_patient(std::time::Duration::ZERO);
@@ -412,7 +412,7 @@ fn a_recording_that_begins_in_the_middle_is_replayed_from_there() {
         assert_ne!(session.world.state_hash(), seen.0, "it goes on, and nothing more is recorded");
 
         let mut replayed =
-            Session::open(&Request { replay: Some(&recording), ..Request::of(&scene) }).unwrap();
+            Session::open(&Request { replay: Some(&recording), ..Request::new(&scene) }).unwrap();
         assert_eq!(curve(&replayed), half);
         while replayed.play_frame().unwrap() {}
         assert_eq!((replayed.world.state_hash(), curve(&replayed)), seen);

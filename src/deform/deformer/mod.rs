@@ -293,7 +293,7 @@ impl Deformer {
                 let motions: Vec<PartMotion> = parts.iter().map(PartMotion::from).collect();
                 for &node in &partial.nodes {
                     let place = &mut self.positions[node as usize];
-                    *place = moved(weights.of(node as usize), &motions, *place);
+                    *place = moved(weights.at(node as usize), &motions, *place);
                 }
             }
             self.times = FrameTimes { deform_s: started.elapsed().as_secs_f64(), normals_s: 0.0 };
@@ -368,7 +368,8 @@ impl Deformer {
     /// Force and torque on every control element, and the strain energy, where the model has them of these poses.
     pub fn wrenches(&self) -> Option<(Vec<Wrench>, f64)> {
         let response = self.response.filter(|response| response.is_defined)?;
-        let wrenches = self.slopes.iter().zip(&self.poses).map(|(slope, pose)| Wrench::of(slope, pose));
+        let wrenches =
+            self.slopes.iter().zip(&self.poses).map(|(slope, pose)| Wrench::from_slope(slope, pose));
         Some((wrenches.collect(), response.energy))
     }
 

@@ -18,7 +18,7 @@ impl Deformer {
 
     /// Finds what is drawn more than once, of the triangles as they are now.
     pub(super) fn find_creases(&mut self) {
-        self.creases = self.sharp.and_then(|angle| Creases::of(self.triangles(), self.rest(), angle));
+        self.creases = self.sharp.and_then(|angle| Creases::new(self.triangles(), self.rest(), angle));
         let drawn = self.positions.len() + self.creases.as_ref().map_or(0, |creases| creases.copies.len());
         self.surface_normals = SurfaceNormals::new(self.drawn_triangles(), drawn);
         self.normals.resize(drawn, [0.0; 3]);
@@ -128,7 +128,7 @@ impl Deformer {
         let rest = Vector3::from(self.rest()[i]).cast::<f64>();
         let u = self.linear_part(i);
         if let Some(weights) = &self.weights {
-            return moved_exactly(weights.of(i), &self.summed.parts, rest + u) - rest;
+            return moved_exactly(weights.at(i), &self.summed.parts, rest + u) - rest;
         }
         let motion = self.body_from_surface();
         // R (X + u) + t - X, written so that a small u keeps its digits beside a large X.

@@ -21,14 +21,14 @@ pub fn move_parts(weights: &PartWeights, parts: &[Isometry3<f64>], places: &mut 
         .par_iter_mut()
         .enumerate()
         .with_min_len(NODES_PER_THREAD)
-        .for_each(|(node, place)| *place = moved(weights.of(node), &motions, *place));
+        .for_each(|(node, place)| *place = moved(weights.at(node), &motions, *place));
 }
 
 /// One node moved, in single precision as the device does it.
 pub fn moved(shares: &[PartShare], motions: &[PartMotion], place: [f32; 3]) -> [f32; 3] {
     let mut sum = [0.0; 3];
     for share in shares {
-        let at = motions[share.part as usize].of(place);
+        let at = motions[share.part as usize].apply(place);
         for axis in 0..3 {
             sum[axis] += share.weight * at[axis];
         }
@@ -107,7 +107,7 @@ mod tests {
         move_parts(&weights, &parts, &mut places);
         let expected = [[1.5, 0.0, 0.25], [0.0, 2.5, 0.25], [0.375, 1.875, 0.25]];
         for (node, (place, expected)) in places.iter().zip(expected).enumerate() {
-            let exact = moved_exactly(weights.of(node), &parts, Vector3::new(0.5, 0.0, 0.25));
+            let exact = moved_exactly(weights.at(node), &parts, Vector3::new(0.5, 0.0, 0.25));
             for axis in 0..3 {
                 assert!((place[axis] - expected[axis]).abs() < 1e-6, "{place:?}");
                 assert!((f64::from(place[axis]) - exact[axis]).abs() < 1e-6, "{place:?} {exact}");

@@ -324,7 +324,7 @@ pub struct StaticForces {
 
 impl StaticForces {
     /// Forces by loads whose points have forces; `node_of` maps nodes of the surface to those of the mesh.
-    pub fn of(loads: &AppliedLoads, node_of: impl Fn(u32) -> Option<u32>) -> Option<StaticForces> {
+    pub fn from_loads(loads: &AppliedLoads, node_of: impl Fn(u32) -> Option<u32>) -> Option<StaticForces> {
         let mut at_nodes = Vec::new();
         for point in &loads.points {
             let Pull::Force(force) = point.pull else { return None };

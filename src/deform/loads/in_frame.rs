@@ -55,9 +55,9 @@ pub struct FrameForces {
 
 impl FrameForces {
     /// Forces on a body with `fields` fields Φ; `None` where nothing may act on it.
-    pub fn of(input: &ModelInput<'_>, fields: usize) -> Result<Option<FrameForces>, String> {
+    pub fn from_input(input: &ModelInput<'_>, fields: usize) -> Result<Option<FrameForces>, String> {
         let Some(loads) = input.loads else { return Ok(None) };
-        let (acting, lift) = (Acting::new(&loads), Lift::of(input.controls.len()));
+        let (acting, lift) = (Acting::new(&loads), Lift::new(input.controls.len()));
         let n = 1 + lift.len() + fields;
         let (slots, columns) = (1 + 3 * n, acting.columns());
         let table = match (input.table)(REDUCED_LOADS) {

@@ -50,7 +50,7 @@ impl Lumped {
     pub fn new(input: &ModelInput<'_>, own: usize, shares: Shares) -> Result<Option<Lumped>, String> {
         let Some(loads) = input.loads else { return Ok(None) };
         let acting = Acting::new(&loads);
-        let forces = LoadForces::of(input.table, input.controls.len(), acting.columns())?;
+        let forces = LoadForces::read(input.table, input.controls.len(), acting.columns())?;
         let slots = own + SLOTS * input.controls.len() + 3;
         let mut table = DMatrix::zeros(3 * slots, acting.columns());
         for (node, (place, held)) in forces.places.iter().zip(&forces.held).enumerate() {
@@ -227,7 +227,7 @@ impl NodalLoads {
     pub fn new(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<NodalLoads, GreenError> {
         let mut columns = Vec::new();
         for load in scene.body[name].loads() {
-            let turning = LoadMeta::of(&load).turning;
+            let turning = LoadMeta::new(&load).turning;
             match turning {
                 Turning::Inner => columns.push(Column { turning, force: Vec::new() }),
                 Turning::Fixed | Turning::Follows => {

@@ -160,7 +160,7 @@ impl PoseLoads {
     /// The loads as they are applied to a body that is solved anew.
     pub fn on_mesh(&self, statics: &Statics) -> Result<StaticForces, String> {
         let (loads, nodes) = self.on_its_surface(statics)?;
-        let forces = StaticForces::of(&loads, |node| nodes.get(node as usize).copied());
+        let forces = StaticForces::from_loads(&loads, |node| nodes.get(node as usize).copied());
         forces.ok_or_else(|| "a force is not given as a vector".to_owned())
     }
 
@@ -174,7 +174,7 @@ impl PoseLoads {
     /// The loads by the nodes of the mesh's surface, and these nodes.
     fn on_its_surface(&self, statics: &Statics) -> Result<(AppliedLoads, Vec<u32>), String> {
         let mesh = &statics.mesh;
-        let Surface { nodes, triangles } = Surface::of(mesh);
+        let Surface { nodes, triangles } = Surface::from_mesh(mesh);
         let rest: Vec<V3> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
         let tags: Vec<u64> = nodes.iter().map(|&node| mesh.tags[node as usize]).collect();
         let is_held =

@@ -20,7 +20,7 @@ pub struct Body {
 impl Body {
     /// The scene's body "b".
     pub fn new(scene: &Scene, entry: &ModelEntry) -> Body {
-        let solution = green::solve(scene, "b", &Requirements::of(entry.requirements), &Silent).unwrap();
+        let solution = green::solve(scene, "b", &Requirements::new(entry.requirements), &Silent).unwrap();
         let (model, centre) = model_of(entry, &solution).unwrap();
         Body { solution, model, centre }
     }
@@ -46,7 +46,7 @@ impl Body {
             let share =
                 |share: &PartShare| (state.parts[share.part as usize] * y).coords * f64::from(share.weight);
             let moved = match &weights {
-                Some(weights) => weights.of(i).iter().map(share).sum::<Vector3<f64>>(),
+                Some(weights) => weights.at(i).iter().map(share).sum::<Vector3<f64>>(),
                 None => (state.parts[0] * y).coords,
             };
             moved - rest[i]

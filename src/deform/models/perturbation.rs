@@ -79,7 +79,7 @@ pub struct Perturbation {
 impl Perturbation {
     fn new(input: &ModelInput<'_>) -> Result<Perturbation, String> {
         let (coefficients, fields) = quartic_table(input)?;
-        let lift = Lift::of(input.controls.len());
+        let lift = Lift::new(input.controls.len());
         let variables = 1 + lift.len() + fields;
         let table = |name: &str| {
             (input.table)(name).ok_or_else(|| {
@@ -103,7 +103,7 @@ impl Perturbation {
         };
         let nothing = Vector3::zeros();
         let quartic = Quartic::new(variables, &coefficients);
-        let loads = FrameForces::of(input, fields)?;
+        let loads = FrameForces::from_input(input, fields)?;
         let answers = vec![0.0; if loads.is_some() { fields } else { 0 }];
         Ok(Perturbation {
             loads,
@@ -376,7 +376,7 @@ mod tests {
     use nalgebra::Isometry3;
 
     fn solution() -> Solution {
-        let requirements = Requirements::of(&[AFFINE, PERTURBATION, STIFFNESS, CUBIC]);
+        let requirements = Requirements::new(&[AFFINE, PERTURBATION, STIFFNESS, CUBIC]);
         green::solve(&bar(RIGHT), "bar", &requirements, &Silent).unwrap()
     }
 

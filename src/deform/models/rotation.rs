@@ -104,7 +104,7 @@ impl DeformationModel for Rotation {
         let energy = self.energy.as_mut()?;
         self.frames.clear();
         for ((control, pose), turn) in self.controls.iter().zip(poses).zip(&mut self.turns) {
-            let frame = ControlFrame::of(&control.origin, pose, Some(turn));
+            let frame = ControlFrame::new(&control.origin, pose, Some(turn));
             self.frames.extend(frame.inspect(|frame| *turn = frame.turn));
         }
         let is_whole = self.frames.len() == self.controls.len();

@@ -42,7 +42,7 @@ impl FollowedTurn {
     };
 
     /// The turn of a quaternion, of up to 360° by its sign.
-    pub fn of(quaternion: UnitQuaternion<f64>) -> FollowedTurn {
+    pub fn new(quaternion: UnitQuaternion<f64>) -> FollowedTurn {
         let sine = quaternion.imag();
         let axis = sine.try_normalize(1e-9).unwrap_or_default();
         FollowedTurn { quaternion, axis, angle: 2.0 * sine.norm().atan2(quaternion.w) }
@@ -124,7 +124,7 @@ impl PoseLimiter {
         if pose == last {
             return (*pose, Vec::new());
         }
-        let polar = if pose.is_finite() { Polar::of(&pose.matrix) } else { None };
+        let polar = if pose.is_finite() { Polar::new(&pose.matrix) } else { None };
         let Some(polar) = polar else { return (*last, vec![PoseFault::NotFinite]) };
         let (rotation, mirrored) = (polar.turn(), polar.sign < 0.0);
         let mut faults = Vec::new();
@@ -136,7 +136,7 @@ impl PoseLimiter {
             faults.push(PoseFault::Stretch);
         }
         // The last pose went through here, so its polar factor is defined.
-        let turned = Polar::of(&last.matrix).map_or(UnitQuaternion::identity(), |polar| polar.turn());
+        let turned = Polar::new(&last.matrix).map_or(UnitQuaternion::identity(), |polar| polar.turn());
         let angle = turned.angle_to(&rotation);
         if angle > JUMP {
             faults.push(PoseFault::Jump);
@@ -224,10 +224,10 @@ mod tests {
             UnitQuaternion::new_unchecked(Quaternion::new(half.cos(), 0.0, half.sin(), 0.0))
         };
         for degrees in [0.0, 20.0, 170.0, 200.0, 340.0] {
-            let told = FollowedTurn::of(turned(degrees)).against(&FollowedTurn::REST).to_degrees();
+            let told = FollowedTurn::new(turned(degrees)).against(&FollowedTurn::REST).to_degrees();
             assert!((told - degrees).abs() < 1e-9, "{degrees}: {told}");
         }
-        let turn = FollowedTurn::of(turned(200.0));
+        let turn = FollowedTurn::new(turned(200.0));
         let flat = ControlPose { matrix: nalgebra::Matrix3::zeros(), ..ControlPose::REST };
         assert_eq!(turn.follow(&flat), turn);
     }
@@ -307,7 +307,7 @@ mod tests {
         let far = turned(170f64.to_radians());
         let (mut last, faults) = limiter.admit(&ControlPose::REST, &far);
         assert_eq!(faults, [PoseFault::Jump]);
-        let angle = |pose: &ControlPose| Polar::of(&pose.matrix).unwrap().turn().angle();
+        let angle = |pose: &ControlPose| Polar::new(&pose.matrix).unwrap().turn().angle();
         assert!((angle(&last) - CATCH_UP).abs() < 1e-9);
         let mut followed = || {
             last = limiter.admit(&last, &far).0;

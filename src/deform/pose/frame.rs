@@ -90,7 +90,7 @@ pub fn nearest(a: &Matrix3<f64>) -> Option<Rotation3<f64>> {
 /// The rotations at which tr(AᵀR) is stationary: the polar factor of A, which is the nearest to it, and those with two
 /// of its signs turned; and the eigenvalues of RᵀA. `None` where A is not finite.
 pub fn stationary(a: &Matrix3<f64>) -> Option<[(Rotation3<f64>, Vector3<f64>); 4]> {
-    let polar = Polar::of(a)?;
+    let polar = Polar::new(a)?;
     let sign = polar.sign;
     let signs = [[1.0, 1.0, sign], [1.0, -1.0, -sign], [-1.0, 1.0, -sign], [-1.0, -1.0, sign]];
     Some(signs.map(|signs| (polar.with_signs(signs), polar.sigma.component_mul(&Vector3::from(signs)))))
@@ -154,7 +154,7 @@ pub fn flat(vector: &Vector3<f64>, matrix: &Matrix3<f64>) -> [f64; FIELDS] {
 
 impl ControlFrame {
     /// `None` where M is too flat to have a rotation.
-    pub fn of(
+    pub fn new(
         origin: &Vector3<f64>,
         pose: &ControlPose,
         before: Option<&UnitQuaternion<f64>>,
@@ -226,7 +226,7 @@ pub struct Wrench {
 impl Wrench {
     /// The wrench that does the work ∂V in every rigid motion of the element from `pose`: a turn by δω about the origin o moves T
     /// by δω × T and M by \[δω\] M.
-    pub fn of(slope: &PoseSlope, pose: &ControlPose) -> Wrench {
+    pub fn from_slope(slope: &PoseSlope, pose: &ControlPose) -> Wrench {
         let force = slope.translation;
         let moment = axial(&(slope.matrix * pose.matrix.transpose())) + pose.translation.cross(&force);
         Wrench { force, moment }
@@ -235,7 +235,7 @@ impl Wrench {
     /// The wrench that holds the element in the theory of small strain, which writes equilibrium on the body at rest: whatever
     /// the pose, with the moment about where its origin rested.
     pub fn of_small_strain(slope: &PoseSlope) -> Wrench {
-        Wrench::of(slope, &ControlPose::REST)
+        Wrench::from_slope(slope, &ControlPose::REST)
     }
 
     /// This wrench with the moment about where the element's origin is at `pose`.
@@ -264,11 +264,11 @@ mod tests {
         let (a, t) = (Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.7, 0.2, -0.9));
         let b = Matrix3::new(0.3, -0.2, 0.5, -0.2, 0.8, 0.1, 0.5, 0.1, -0.4);
         let energy = |pose: &ControlPose| {
-            let frame = ControlFrame::of(&origin, pose, None).unwrap();
+            let frame = ControlFrame::new(&origin, pose, None).unwrap();
             let moved = frame.turn * UnitQuaternion::from_rotation_matrix(&turn).inverse();
             a.dot(&frame.place) + t.dot(&moved.scaled_axis()) + b.dot(&frame.stretch)
         };
-        let frame = ControlFrame::of(&origin, &pose, None).unwrap();
+        let frame = ControlFrame::new(&origin, &pose, None).unwrap();
         let slope = frame.pull_back(&FrameSlope { force: a, torque: t, stretch: b });
         let step = 1e-6;
         for k in 0..12 {
@@ -293,7 +293,7 @@ mod tests {
         let (f, y) = (Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.3, 0.1, -0.7));
         let matrix = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.2);
         let pose = ControlPose { translation: Vector3::new(0.4, -0.2, 1.0), matrix };
-        let wrench = Wrench::of(&PoseSlope { translation: f, matrix: f * y.transpose() }, &pose);
+        let wrench = Wrench::from_slope(&PoseSlope { translation: f, matrix: f * y.transpose() }, &pose);
         let arm = pose.translation + matrix * y;
         assert!((wrench.force - f).norm() < 1e-15 && (wrench.moment - arm.cross(&f)).norm() < 1e-15);
     }

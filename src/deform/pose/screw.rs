@@ -27,7 +27,7 @@ pub struct Screw {
 
 impl Screw {
     /// The screw and stretch of a pose; where M is too flat to have a rotation, it is all stretch.
-    pub fn of(pose: &ControlPose) -> Screw {
+    pub fn from_pose(pose: &ControlPose) -> Screw {
         let is_rotation = (pose.matrix.transpose() * pose.matrix - Matrix3::identity()).amax() < 1e-12;
         let rotation = match nearest(&pose.matrix) {
             // As it stands: the last bits decide which way half a turn goes.
@@ -80,11 +80,11 @@ impl Way {
 
     /// The way from the pose `from` onwards, by the shorter turn from there: R = exp(ω) R₀, T = V v + exp(ω) T₀.
     pub fn onwards(from: &ControlPose, to: &ControlPose) -> Way {
-        let (before, after) = (Screw::of(from), Screw::of(to));
+        let (before, after) = (Screw::from_pose(from), Screw::from_pose(to));
         let base = ControlPose { translation: from.translation, matrix: *before.rotation().matrix() };
         let matrix = after.rotation() * before.rotation().inverse();
         let translation = to.translation - matrix * from.translation;
-        let between = Screw::of(&ControlPose { translation, matrix: *matrix.matrix() });
+        let between = Screw::from_pose(&ControlPose { translation, matrix: *matrix.matrix() });
         let stretched = |stretch, screw: Screw| Screw { stretch, ..screw };
         Way {
             base,
@@ -132,7 +132,7 @@ mod tests {
         let stretch = Matrix3::new(0.2, 0.1, -0.05, 0.1, -0.1, 0.15, -0.05, 0.15, 0.1);
         for turn in [[0.0; 3], [1e-5, 0.0, 0.0], [0.009, 0.0, 0.0], [0.4, -1.1, 2.0], [0.0, 3.1, 0.0]] {
             let screw = Screw { turn: turn.into(), slide: Vector3::new(0.3, -2.0, 0.7), stretch };
-            let back = Screw::of(&screw.pose());
+            let back = Screw::from_pose(&screw.pose());
             let off = (back.turn - screw.turn).amax() + (back.slide - screw.slide).amax();
             assert!(off + (back.stretch - stretch).amax() < 1e-12, "{turn:?}: {back:?}");
         }
@@ -143,7 +143,7 @@ mod tests {
     fn half_a_turn_goes_the_way_its_sine_says() {
         for sign in [1.0, -1.0] {
             let matrix = Matrix3::new(-1.0, -sign * 1.2e-16, 0.0, sign * 1.2e-16, -1.0, 0.0, 0.0, 0.0, 1.0);
-            let turn = Screw::of(&ControlPose { matrix, ..ControlPose::REST }).turn;
+            let turn = Screw::from_pose(&ControlPose { matrix, ..ControlPose::REST }).turn;
             assert!((turn - Vector3::z() * sign * std::f64::consts::PI).amax() < 1e-15, "{turn}");
         }
     }
@@ -155,7 +155,7 @@ mod tests {
         let part_of = |origin: Vector3<f64>| {
             let pose =
                 ControlPose { translation: rotation * origin + shift - origin, matrix: *rotation.matrix() };
-            let part = Screw::default().towards(&Screw::of(&pose), 0.3).pose();
+            let part = Screw::default().towards(&Screw::from_pose(&pose), 0.3).pose();
             (part.matrix, origin + part.translation - part.matrix * origin)
         };
         let (one, other) = (part_of(Vector3::zeros()), part_of(Vector3::new(1.0, 2.0, -3.0)));
@@ -178,7 +178,7 @@ mod tests {
                 assert!(off < 1e-14, "{from} to {to}: {off:e}");
             }
             assert!((way.length().0 - (to - from).to_radians().abs()).abs() < 1e-14);
-            let half = Screw::of(&way.pose(0.5)).turn.x.to_degrees();
+            let half = Screw::from_pose(&way.pose(0.5)).turn.x.to_degrees();
             let off = (half - 0.5 * (from + to)).rem_euclid(360.0);
             assert!(off.min(360.0 - off) < 1e-9, "{from} to {to}: {half}°");
         }
@@ -188,7 +188,7 @@ mod tests {
     fn a_flat_pose_is_all_stretch() {
         for matrix in [Matrix3::zeros(), Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0))] {
             let pose = ControlPose { matrix, ..ControlPose::REST };
-            let back = Screw::of(&pose).pose();
+            let back = Screw::from_pose(&pose).pose();
             assert!((back.matrix - matrix).amax() < 1e-14, "{matrix}");
         }
     }

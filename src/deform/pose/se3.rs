@@ -118,12 +118,12 @@ pub fn log_of(motion: &Isometry3<f64>) -> Vector6<f64> {
 
 /// L⁻¹(ξ).
 pub fn inverse_left_jacobian(screw: &Vector6<f64>) -> Matrix6<f64> {
-    -Tangent::of(screw).first
+    -Tangent::at(screw).first
 }
 
 /// J⁻¹(ξ).
 pub fn inverse_right_jacobian(screw: &Vector6<f64>) -> Matrix6<f64> {
-    Tangent::of(screw).last
+    Tangent::at(screw).last
 }
 
 /// A matrix of four blocks, row by row.
@@ -163,7 +163,7 @@ pub struct Tangent {
 }
 
 impl Tangent {
-    pub fn of(h: &Vector6<f64>) -> Tangent {
+    pub fn at(h: &Vector6<f64>) -> Tangent {
         let (ad, turn) = (adjoint(h), h.fixed_rows::<3>(3).into_owned());
         let phi = turn.norm_squared();
         let (square, f) = (ad * ad, bernoulli(phi));
@@ -329,7 +329,7 @@ mod tests {
             let turn = Vector3::new(0.3, -0.5, 0.7).normalize() * angle;
             let h = joined(&Vector3::new(0.2, -1.0, 0.4), &turn);
             let moved = |t: f64| log_of(&(exp(&(first * -t)) * exp(&h) * exp(&(last * t))));
-            let tangent = Tangent::of(&h);
+            let tangent = Tangent::at(&h);
             let slope = (moved(step) - moved(-step)) / (2.0 * step);
             assert!((tangent.first * first + tangent.last * last - slope).amax() < 1e-8, "{angle}");
             let [aa, ab, bb] = tangent.curvature(&p);

@@ -32,7 +32,7 @@ const LEGS: usize = 4;
 
 /// The model of a body under `law`; the error says why this body cannot have it.
 pub fn make(law: &'static Law, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {
-    let volume = Volume::of(input.table, input.controls.len())?;
+    let volume = Volume::read(input.table, input.controls.len())?;
     let columns = input.loads.map(|loads| NodalLoads::of_table(loads.metas, &volume.forces));
     let loads = input.loads.map(|loads| loads.shared.clone());
     let surface = volume.surface.clone();
@@ -132,7 +132,7 @@ impl DeformationModel for Equilibria {
         if let Some(shared) = &self.loads {
             let applied = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let node_of = |node: u32| self.surface.get(node as usize).copied();
-            if let Some(acting) = StaticForces::of(&applied, node_of) {
+            if let Some(acting) = StaticForces::from_loads(&applied, node_of) {
                 self.acting = acting;
             }
         }

@@ -254,7 +254,7 @@ impl Statics {
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
         let (shift, poses) = unshifted(poses);
-        let target: Vec<Screw> = poses.iter().map(Screw::of).collect();
+        let target: Vec<Screw> = poses.iter().map(Screw::from_pose).collect();
         let ways = |from: &[Screw]| -> Vec<Way> {
             from.iter().zip(&target).map(|(from, to)| Way::between(*from, *to)).collect()
         };

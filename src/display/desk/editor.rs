@@ -67,7 +67,7 @@ impl Loading {
             .body
             .get(&self.body)
             .ok_or_else(|| Failure::wrong(format!("there is no body {}", self.body)))?;
-        let sketch = Sketch::of(body, &canvas);
+        let sketch = Sketch::new(body, &canvas);
         Ok(Editor { body: self.body, sketch, canvas, touch: None, buffers: None, drawn: None })
     }
 }

@@ -120,7 +120,7 @@ pub fn toggle_recording(session: &mut Session) -> Result<String, Failure> {
 fn save_changed(session: &mut Session, path: &Path) -> Result<String, Failure> {
     let Some(scene) = session.scene.as_ref().filter(|_| !session.is_saved) else { return Ok(String::new()) };
     let saved = save_scene(scene, &Comments::default(), session.file.as_deref(), path)?;
-    session.scene = Some(Resolved::of(saved)?);
+    session.scene = Some(Resolved::new(saved)?);
     session.is_saved = true;
     Ok(format!("The scene as it is now: {}. ", path.display()))
 }
@@ -198,7 +198,7 @@ mod tests {
                     control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                     control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
         let scene = Resolved::parse(text, &folder.path().join("scene.toml")).unwrap();
-        let mut session = Session::open(&Request::of(&scene)).unwrap();
+        let mut session = Session::open(&Request::new(&scene)).unwrap();
         let rotation = crate::deform::find_model("rotation").unwrap();
         (session.scene, session.is_saved) = (Some(scene.with_model("a", rotation)), false);
         let path = folder.path().join("scene-1.toml");

@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn a_refusal_fits_the_panel() {
         let mut scene = Scene::parse(SCENE, std::path::Path::new("cache/stylus.toml")).unwrap();
-        let resolved = |scene: &Scene| Resolved::of(scene.clone()).unwrap();
+        let resolved = |scene: &Scene| Resolved::new(scene.clone()).unwrap();
         assert!(try_compliance(&resolved(&scene)).is_ok());
         scene.body["hose"].model = "rod".into();
         let told = refused(&try_compliance(&resolved(&scene)).unwrap_err(), Some(&scene));

@@ -201,7 +201,7 @@ impl Desk {
         self.is_open = !self.is_open;
         self.window = window;
         self.input = PanelInput::default();
-        self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::of);
+        self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::new);
     }
 
     /// Carries out the orders, and shows what was computed meanwhile.
@@ -246,7 +246,7 @@ impl Desk {
                 if after == After::NewWindows {
                     self.window = 0;
                 }
-                self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::of);
+                self.draft = session.scene.as_deref().filter(|_| self.is_open).map(Draft::new);
                 after
             }
             Err(failure) => {
@@ -268,7 +268,7 @@ impl Desk {
                 Ok((scene, told)) => {
                     let begun = self.path().and_then(|path| {
                         self.change_to(
-                            Resolved::of(scene)?,
+                            Resolved::new(scene)?,
                             session.world.assets.stage.clone(),
                             path,
                             session,
@@ -282,7 +282,7 @@ impl Desk {
                 Err(why) => self.messages.wrong(&why),
             },
             Order::GiveUp => (self.change, self.sketches.loading) = (None, None),
-            Order::Reset => self.draft = session.scene.as_deref().map(Draft::of),
+            Order::Reset => self.draft = session.scene.as_deref().map(Draft::new),
             Order::Picture => self.keeper.want_picture(),
             Order::Video => self.keeper.toggle_video().into_iter().for_each(|told| self.messages.say(told)),
             Order::Record if self.change.is_some() => {
@@ -321,7 +321,7 @@ impl Desk {
     fn begin(&mut self, session: &Session) -> Result<(), Failure> {
         let Some(draft) = &self.draft else { return Ok(()) };
         let (scene, stage) = draft.wanted(session, self.sketches.open.as_ref())?;
-        let scene = Resolved::of(scene)?;
+        let scene = Resolved::new(scene)?;
         messages::try_compliance(&scene)?;
         let path = self.path()?;
         self.told = None;
@@ -351,7 +351,7 @@ impl Desk {
         draft.was_saved(&saved);
         self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
         if is_shown && draft.is_on_shown_stage(&scene) {
-            session.scene = Some(Resolved::of(saved)?);
+            session.scene = Some(Resolved::new(saved)?);
             session.is_saved = true;
         }
         Ok(())

@@ -47,7 +47,7 @@ pub struct Now<'a> {
 }
 
 impl Draft {
-    pub fn of(scene: &Scene) -> Draft {
+    pub fn new(scene: &Scene) -> Draft {
         Draft {
             file: free_name(scene),
             shown: scene.clone(),
@@ -398,9 +398,9 @@ mod tests {
         std::fs::write(&odd, desktop.replace("name = \"desktop\"", "name = \"odd\"")).unwrap();
         let scene = Resolved::parse(SCENE, &scenes.join("bar.toml")).unwrap();
         let path = odd.display().to_string();
-        let session = Session::open(&Request { stage: Some(&path), ..Request::of(&scene) }).unwrap();
+        let session = Session::open(&Request { stage: Some(&path), ..Request::new(&scene) }).unwrap();
 
-        let draft = Draft::of(session.scene.as_ref().unwrap());
+        let draft = Draft::new(session.scene.as_ref().unwrap());
         assert_eq!(stage_name(&draft.stage), "odd.toml");
         assert!(!draft.is_changed());
         let (wanted, shown) = draft.wanted(&session, None).unwrap();
@@ -411,8 +411,8 @@ mod tests {
         assert_eq!(stage(&again, None).unwrap().name, "odd");
 
         // A built-in stage stands in place of the scene's, too.
-        let session = Session::open(&Request { stage: Some("desktop"), ..Request::of(&scene) }).unwrap();
-        assert_eq!(Draft::of(session.scene.as_ref().unwrap()).stage, "desktop");
+        let session = Session::open(&Request { stage: Some("desktop"), ..Request::new(&scene) }).unwrap();
+        assert_eq!(Draft::new(session.scene.as_ref().unwrap()).stage, "desktop");
     }
 
     #[test]

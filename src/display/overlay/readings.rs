@@ -109,7 +109,7 @@ pub struct ForceReading {
 
 impl SensorReading {
     /// The sensors that the stage names.
-    pub fn of(reports: &[TrackerReport]) -> Vec<Self> {
+    pub fn list(reports: &[TrackerReport]) -> Vec<Self> {
         let sensors = reports.iter().flat_map(|report| &report.sensors);
         let named = sensors.filter_map(|sensor| {
             let name = sensor.name.clone()?;
@@ -122,7 +122,7 @@ impl SensorReading {
 
 impl Readings {
     /// The readings that a world gives; the caller adds those of device and trackers.
-    pub fn of(world: &World) -> Self {
+    pub fn take(world: &World) -> Self {
         let bodies = world
             .bodies
             .iter()

@@ -31,7 +31,7 @@ const ASIDE: f64 = 0.8;
 
 impl Camera {
     /// A camera at the viewer's side, above and to the right, at the distance at which everything is in the picture.
-    pub fn of(stage: &Stage) -> Self {
+    pub fn facing(stage: &Stage) -> Self {
         let points = outline(stage);
         let viewer = stage.viewer.room_from_head.translation.vector - stage.workspace.centre.coords;
         let behind = if viewer.xz().norm() > 1e-3 { viewer.x.atan2(viewer.z) } else { 0.0 };
@@ -53,7 +53,7 @@ impl Camera {
     /// Looks at the same target from another place; from a place on the target itself, from its side. From a place high above,
     /// straight down, with the viewer's side below, as a plan is drawn.
     pub fn from(stage: &Stage, place: Point3<f64>) -> Self {
-        let camera = Self::of(stage);
+        let camera = Self::facing(stage);
         let away = place - camera.target;
         let distance_m = away.norm();
         if distance_m < 1e-6 {
@@ -186,7 +186,7 @@ mod tests {
     fn everything_is_in_the_first_picture_of_every_stage() {
         for (name, _) in BUILT_IN {
             let stage = Stage::find(name).unwrap();
-            let view = Camera::of(&stage).view(4.0 / 3.0).unwrap();
+            let view = Camera::facing(&stage).view(4.0 / 3.0).unwrap();
             let places = outline(&stage).into_iter().map(|point| {
                 let clip = view.clip_from_room * point.cast::<f32>().to_homogeneous();
                 assert!(clip.w > clip.z, "{name}: {point} is before the near plane");
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_drag_turns_half_round_and_never_over_the_top() {
-        let mut orbit = Orbit::new(Camera::of(&Stage::find("workbench").unwrap()));
+        let mut orbit = Orbit::new(Camera::facing(&Stage::find("workbench").unwrap()));
         let before = orbit.camera;
         let cursor = |x, y| Input::Cursor { window: 0, position: [x, y] };
         let button = |pressed| Input::Button { window: 0, button: Button::Left, pressed };

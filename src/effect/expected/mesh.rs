@@ -91,7 +91,7 @@ impl BetterBody {
         let prepared = Prepared { mesh, controls, lame, findings: Vec::new() };
         let loads = PoseLoads::of_scene(&scene.body[name]).coefficients;
         let families = if loads.is_empty() { vec![STIFFNESS] } else { vec![STIFFNESS, LOADS] };
-        let required = Requirements::of(&families);
+        let required = Requirements::new(&families);
         let solution = green::solve_prepared(&scene, name, prepared, &required, &Better(progress))?;
         Ok(BetterBody { solution, is_cut, loads })
     }

@@ -22,7 +22,7 @@ fn beam(cells: usize, settings: &str, low: &str, high: &str) -> Resolved {
 
 fn solved(scene: &Resolved) -> Precomputed {
     let model = scene.bodies["beam"].model;
-    let required = model.with_energy().and(Requirements::of(&[STIFFNESS]));
+    let required = model.with_energy().and(Requirements::new(&[STIFFNESS]));
     green::precompute(scene, "beam", &required, &Silent).unwrap()
 }
 
@@ -253,7 +253,7 @@ fn an_end_that_is_moved_aside_has_the_errors_of_the_string_in_the_bar() {
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                 control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
     let scene = Resolved::parse(text, Path::new("bar.toml")).unwrap();
-    let mut body = green::precompute(&scene, "bar", &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+    let mut body = green::precompute(&scene, "bar", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
     let errors = measure(&scene, &mut body, &Silent);
     let mut deformer = deformer_of(&body, "linear");
     for aside in [1e-3, 3e-3, 1e-2] {
@@ -293,7 +293,7 @@ fn the_error_of_the_mesh_under_weight_is_that_of_the_weight() {
             "material = {{ young = 1.0e7, poisson = 0.0, density = 100.0 }}\nelement = \"{element}\"\ngravity = true"
         );
         let scene = beam(2, &settings, "fixed", "dragger");
-        let required = Requirements::of(&[STIFFNESS, LOADS]);
+        let required = Requirements::new(&[STIFFNESS, LOADS]);
         let body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
         (scene, body)
     };
@@ -333,7 +333,7 @@ fn a_body_under_loads_alone_has_the_errors_of_its_loads() {
         warm / 1e-4
     );
     let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
-    let required = Requirements::of(&[STIFFNESS, LOADS]);
+    let required = Requirements::new(&[STIFFNESS, LOADS]);
     let mut body = green::precompute(&scene, "bar", &required, &Silent).unwrap();
     let errors = measure(&scene, &mut body, &Silent);
     let told = errors.loaded.unwrap().force.unwrap();
@@ -365,7 +365,7 @@ fn a_loaded_body_that_is_turned_as_a_whole_has_the_errors_of_its_loads_direction
     let scene = beam(2, settings, "fixed", "dragger");
     let families = [ROTATION.requirements, ROTATION.energy.unwrap_or_default(), &[STIFFNESS, LOADS]];
     let required =
-        families.map(Requirements::of).into_iter().fold(Requirements::default(), Requirements::and);
+        families.map(Requirements::new).into_iter().fold(Requirements::default(), Requirements::and);
     let mut body = green::precompute(&scene, "beam", &required, &Silent).unwrap();
     let errors = measure(&scene, &mut body, &Silent);
     let mut deformer = deformer_of(&body, "rotation");
@@ -407,7 +407,7 @@ fn the_mesh_is_measured_of_an_element_in_the_middle_of_others() {
                 control.high = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n\
                 control.middle = { nodes = { box = { min = [-0.1, -1.0, -1.0], max = [0.1, 1.0, 1.0] } }, grab = \"dragger\" }\n";
     let scene = Resolved::parse(text, Path::new("beam.toml")).unwrap();
-    let body = green::precompute(&scene, "beam", &Requirements::of(&[STIFFNESS, LOADS]), &Silent).unwrap();
+    let body = green::precompute(&scene, "beam", &Requirements::new(&[STIFFNESS, LOADS]), &Silent).unwrap();
     let mut left_out = Vec::new();
     let errors = mesh_errors(&scene, &body, &[2], &Silent, &mut left_out);
     assert!(errors[0].0.as_ref().is_some_and(|mesh| mesh.wrench > 0.01), "{left_out:?}");

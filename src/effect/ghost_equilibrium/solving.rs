@@ -142,12 +142,12 @@ fn solved(
 ) -> Result<Vec<[f64; 3]>, String> {
     let statics = match statics {
         Some(statics) => statics,
-        None => statics.insert(of(subject)?),
+        None => statics.insert(statics_of(subject)?),
     };
     let number: BTreeMap<u64, u32> = (0..).zip(&statics.mesh.tags).map(|(i, tag)| (*tag, i)).collect();
     let nodes: Option<Vec<u32>> = subject.tags.iter().map(|tag| number.get(tag).copied()).collect();
     let nodes = nodes.ok_or("the mesh has changed since the body was precomputed")?;
-    let forces = StaticForces::of(&held.loads, |node| nodes.get(node as usize).copied());
+    let forces = StaticForces::from_loads(&held.loads, |node| nodes.get(node as usize).copied());
     let forces = forces.ok_or("a point of the surface is held whose force is not known")?;
     statics.apply(&forces).map_err(|error| error.to_string())?;
     let EquilibriumResult { displacement, inverted, .. } =
@@ -159,7 +159,7 @@ fn solved(
 }
 
 /// The scene's body under the law, factorised whatever the scene's own solver is.
-fn of(subject: &Subject) -> Result<Statics, String> {
+fn statics_of(subject: &Subject) -> Result<Statics, String> {
     let mut scene = subject.scene.clone();
     scene.body[&subject.body].solver = Solver::default();
     Statics::new(&scene, &subject.body, subject.law, &crate::solve::Silent).map_err(|error| error.to_string())

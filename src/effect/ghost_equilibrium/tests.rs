@@ -118,7 +118,7 @@ fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
     let (scene, file, mut world) = bar("ghost-law", "rotation", &[NAME]);
     let mut asking = Scene::clone(&scene);
     asking.body["bar"].effect.insert(NAME.into(), "law = \"neo_hookean\"".parse().unwrap());
-    let scene = Resolved::of(asking).unwrap();
+    let scene = Resolved::new(asking).unwrap();
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let poses = vec![ControlPose::REST, pose];
     world.bodies[0].deformer.evaluate(&poses);

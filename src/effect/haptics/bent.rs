@@ -49,7 +49,7 @@ fn of_section(
     );
     let scene = Scene::parse(&text, Path::new("bent.toml")).map_err(Failure::request)?;
     let requirements = [model.requirements, model.energy.unwrap_or_default()]
-        .map(Requirements::of)
+        .map(Requirements::new)
         .into_iter()
         .fold(Requirements::default(), Requirements::and);
     let made = green::precompute(&scene, "beam", &requirements, &Silent).map_err(Failure::work)?;
@@ -68,7 +68,7 @@ pub fn let_go(
     reports: Reports,
     hand: Hand,
 ) -> Result<SettlingResult, Failure> {
-    let elastic = Elastic::of(body).map_err(Failure::wrong)?;
+    let elastic = Elastic::from_deformer(body).map_err(Failure::wrong)?;
     let origin = body.controls[1].origin;
     let angle = degrees.to_radians();
     let end = Vector3::new((1.0 - angle.cos()) / angle, 0.0, angle.sin() / angle - 1.0) * LENGTH_M;

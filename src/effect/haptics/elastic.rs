@@ -64,7 +64,7 @@ impl Elastic {
     }
 
     /// The body of a deformer, with its own instance of the model.
-    pub fn of(deformer: &Deformer) -> Result<Elastic, String> {
+    pub fn from_deformer(deformer: &Deformer) -> Result<Elastic, String> {
         Elastic::new(deformer.another_model()?, &deformer.controls)
     }
 

@@ -141,7 +141,7 @@ impl HapticSession {
             let stylus = stylus_number(haptic, &world.assets.stage)?;
             let device = open(haptic)?;
             let elastic = listed.bodies.iter().map(|&(b, name)| {
-                let made = Elastic::of(&world.bodies[b].deformer);
+                let made = Elastic::from_deformer(&world.bodies[b].deformer);
                 made.map_err(|message| Failure::wrong(format!("body.{name}: {message}")))
             });
             let elastic = elastic.collect::<Result<Vec<_>, _>>()?;

@@ -140,7 +140,7 @@ impl ShownBody {
             return false;
         }
         let deformer = &body.deformer;
-        self.nodes = self.stressed.of(deformer);
+        self.nodes = self.stressed.stress(deformer);
         self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
         self.now = self.stressed.reached(&self.nodes);
         self.is_beyond = out_of_range(body).is_some();

@@ -89,7 +89,7 @@ impl StressedBody {
         mesh: &TetMesh,
         held: &[&[u32]],
     ) -> Result<(Surface, StressedBody), GreenError> {
-        let (surface, of_body) = (Surface::of(mesh), (&scene.body[name], scene.bodies[name].model));
+        let (surface, of_body) = (Surface::from_mesh(mesh), (&scene.body[name], scene.bodies[name].model));
         let material = of_triangles(scene, name, mesh)?;
         let on_surface = |nodes: &&[u32]| -> Vec<u32> {
             nodes.iter().filter_map(|node| Some(surface.nodes.binary_search(node).ok()? as u32)).collect()
@@ -163,10 +163,10 @@ impl LoadedFaces {
             let first = number;
             number += load.source.columns();
             let LoadSource::Pattern(pattern) = load.source else { continue };
-            let tractions = Tractions::of(scene, mesh, pattern)
+            let tractions = Tractions::new(scene, mesh, pattern)
                 .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?;
-            let surface = surface.get_or_insert_with(|| Surface::of(mesh));
-            let follows = LoadMeta::of(&load).turning == Turning::Follows;
+            let surface = surface.get_or_insert_with(|| Surface::from_mesh(mesh));
+            let follows = LoadMeta::new(&load).turning == Turning::Follows;
             let of_columns = tractions.at_triangles(mesh, surface).into_iter().enumerate();
             columns.extend(of_columns.map(|(k, of_triangles)| Column {
                 number: first + k,
@@ -314,7 +314,7 @@ impl StressedBody {
     }
 
     /// Stress at every node of the surface of a deformed body.
-    pub fn of(&self, body: &Deformer) -> Vec<Option<NodeStress>> {
+    pub fn stress(&self, body: &Deformer) -> Vec<Option<NodeStress>> {
         let u: Vec<Vector3<f64>> = (0..body.node_count()).map(|i| body.straining_part(i)).collect();
         let of = match self.is_of_small_strain && body.part_weights().is_none() {
             true => Strain::Small,

@@ -64,7 +64,7 @@ fn errors(size: u32, element: &str, poisson: f64) -> [f64; 2] {
     let mut deformer = Deformer::new(file.clone(), "b", &LINEAR).unwrap();
     deformer.evaluate(&[pose]);
     let stressed = StressedBody::of_file(&scene, &file, "b").unwrap();
-    let found = stressed.of(&deformer);
+    let found = stressed.stress(&deformer);
 
     let solution = &made.solution;
     let mesh = &solution.mesh;
@@ -128,7 +128,7 @@ fn extremes(
     let mut deformer = Deformer::new(file.clone(), "b", &LINEAR).unwrap();
     deformer.apply(&AppliedLoads { coefficients: coefficients.to_vec(), points: Vec::new() });
     deformer.evaluate(&[ControlPose::REST]);
-    let found = StressedBody::of_file(scene, &file, "b").unwrap().of(&deformer);
+    let found = StressedBody::of_file(scene, &file, "b").unwrap().stress(&deformer);
     let solution = &made.solution;
     let meant = solution.surface.nodes.iter().zip(&found);
     let meant = meant.filter(|(node, _)| is_meant(&solution.mesh.nodes[**node as usize]));

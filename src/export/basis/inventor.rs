@@ -68,7 +68,7 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
     ["greenstage", "storage", "axes", "show", "x", "y", "z"].iter().for_each(|name| drop(names.unique(name)));
     let mut named = Vec::new();
     for body in bodies {
-        named.push(Named::of(body, bodies.len() > 1, &mut names));
+        named.push(Named::new(body, bodies.len() > 1, &mut names));
     }
     for body in &named {
         body.store(out)?;
@@ -114,7 +114,7 @@ struct NamedColumn<'a> {
 }
 
 impl<'a> Named<'a> {
-    fn of(body: &'a BodyBasis, is_one_of_many: bool, names: &mut InventorNames) -> Named<'a> {
+    fn new(body: &'a BodyBasis, is_one_of_many: bool, names: &mut InventorNames) -> Named<'a> {
         let id = names.unique(&body.body);
         let prefix = if is_one_of_many { format!("{id}_") } else { String::new() };
         let columns: Vec<NamedColumn<'_>> = body

@@ -49,7 +49,7 @@ fn write(set: &ResultSet) -> Vec<u8> {
     let result = set.results.iter().max_by(|a, b| most(a).total_cmp(&most(b)));
     let geometry = |result: &PoseResult| set.geometry.iter().find(|geometry| geometry.body == result.body);
     let drawn = match result {
-        Some(result) => geometry(result).and_then(|geometry| draw(geometry, result, &Words::of(result))),
+        Some(result) => geometry(result).and_then(|geometry| draw(geometry, result, &Words::new(result))),
         None => largest(set).and_then(|geometry| {
             let rest = PoseResult::at_rest(geometry);
             draw(geometry, &rest, &Words { title: rest.pose.clone(), lines: Vec::new(), arrows: Vec::new() })
@@ -76,7 +76,7 @@ struct Words {
 }
 
 impl Words {
-    fn of(result: &PoseResult) -> Words {
+    fn new(result: &PoseResult) -> Words {
         let told = &result.told;
         let forces = result.wrenches.as_ref().map_or(&[][..], |forces| &forces.controls);
         let arrow = |((pose, place), (name, wrench)): ((&ControlPose, &Vector3<f64>), &(String, Wrench))| {
@@ -117,7 +117,7 @@ fn draw(geometry: &Geometry, result: &PoseResult, words: &Words) -> Option<RgbaI
     let shown: Vec<Vector3<f64>> = rest.iter().zip(&moved).map(|(x, u)| x + u * larger).collect();
     let view = View::new(&rest, &moved);
     let fit = Fit::around(&view, rest.iter().chain(&shown))?;
-    let colours = Colours::of(result, &nodes);
+    let colours = Colours::new(result, &nodes);
     let mut raster = Raster::new(SIZE, PAPER);
     body(&mut raster, &fit, &triangles, &rest, &|_, _| GHOST.map(linear));
     raster.forget_depth();
@@ -196,7 +196,7 @@ struct Colours {
 }
 
 impl Colours {
-    fn of(result: &PoseResult, nodes: &[u32]) -> Colours {
+    fn new(result: &PoseResult, nodes: &[u32]) -> Colours {
         let stress = result.stress.as_ref();
         let at = |&node: &u32| Some(stress?.nodes.get(node as usize)?.as_ref()?.von_mises);
         let values: Vec<Option<f64>> = nodes.iter().map(at).collect();

@@ -32,7 +32,7 @@ impl Shapes {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(body.to_owned(), Arc::new(shape));
     }
 
-    pub fn of(&self, body: &str) -> Option<Arc<Shape>> {
+    pub fn get(&self, body: &str) -> Option<Arc<Shape>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(body).cloned()
     }
 }

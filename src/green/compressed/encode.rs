@@ -167,7 +167,7 @@ impl Numbers<'_> {
         Numbers { built, tree: of.tree, blocks: of.blocks, at }
     }
 
-    fn of(&self, block: usize) -> Mat<f64> {
+    fn block(&self, block: usize) -> Mat<f64> {
         let at = self.at[block];
         if self.blocks[block].is_far {
             return self.built.far[at].clone();
@@ -198,7 +198,7 @@ fn round(
         shape.bases.of = (0..built.bases.of.len())
             .map(|cluster| rounded_basis(&built.bases, &unit, cluster, by))
             .collect();
-        let block = |block: usize| rounded(numbers.of(block).as_ref(), by * unit.blocks[block]);
+        let block = |block: usize| rounded(numbers.block(block).as_ref(), by * unit.blocks[block]);
         exact.error(&shape, &block)
     };
     let mut by = FIRST * asked;
@@ -247,7 +247,7 @@ fn encoded(numbers: &Numbers<'_>, unit: &Steps, by: f64, error: f64, measured: u
         .collect();
     let blocks: Vec<Vec<u8>> = (0..numbers.blocks.len())
         .into_par_iter()
-        .map(|block| pack(numbers.of(block).as_ref(), by * unit.blocks[block]))
+        .map(|block| pack(numbers.block(block).as_ref(), by * unit.blocks[block]))
         .collect();
     let ((basis_ends, bases), (ends, values)) = (join(bases), join(blocks));
     let frames = tree.leaves().flat_map(|leaf| {
@@ -317,7 +317,7 @@ fn steps(all: &Numbers<'_>) -> Steps {
     let mut finest = vec![f64::INFINITY; tree.clusters.len()];
     let mut before: Vec<Vec<f64>> = bases.of.iter().map(|basis| vec![0.0; basis.ncols()]).collect();
     for (block, step) in blocks.iter().enumerate() {
-        let numbers = all.of(block);
+        let numbers = all.block(block);
         let [a, b] = all.blocks[block].of;
         for (cluster, numbers) in [(a, numbers.as_ref()), (b, numbers.transpose())] {
             finest[cluster] = finest[cluster].min(*step);

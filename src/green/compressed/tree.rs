@@ -175,7 +175,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    fn of(compliance: &M3) -> Frame {
+    fn from_compliance(compliance: &M3) -> Frame {
         let eigen = SymmetricEigen::new((compliance + compliance.transpose()) * 0.5);
         let largest = eigen.eigenvalues.amax().max(f64::MIN_POSITIVE);
         let values = eigen.eigenvalues.map(|value| value.max(1e-9 * largest));
@@ -214,7 +214,8 @@ pub fn frames(of: &Surface<'_>, progress: &dyn Progress) -> Result<Vec<Frame>, S
         (0..3 * nodes.len()).for_each(|i| unit.row_mut(i)[i] = 1.0);
         let x = of.factor.solve_at(&nodes, &unit, &nodes)?;
         for (i, &leaf) in chunk.iter().enumerate() {
-            frames[leaf] = Frame::of(&M3::from_fn(|axis, force| x.row(3 * i + axis)[3 * i + force]));
+            frames[leaf] =
+                Frame::from_compliance(&M3::from_fn(|axis, force| x.row(3 * i + axis)[3 * i + force]));
         }
         progress.advance(chunk.len() as u64);
     }

@@ -79,7 +79,7 @@ pub fn compliance_size(
     let mut is_held = vec![false; mesh.nodes.len()];
     held.into_iter().for_each(|node| is_held[node as usize] = true);
     let free: Vec<u32> = (0..mesh.nodes.len() as u32).filter(|&node| !is_held[node as usize]).collect();
-    let (order, n) = order(mesh, &Surface::of(mesh), &free, asked)?;
+    let (order, n) = order(mesh, &Surface::from_mesh(mesh), &free, asked)?;
     Ok([n, order.len(), TileLayout { n, m: order.len() }.bytes()])
 }
 
@@ -210,7 +210,7 @@ pub(super) struct Order<'a> {
 
 impl<'a> Order<'a> {
     /// The order as the tensor of a body has it.
-    pub fn of(file: &'a GreenFile, tensor: &str, body: &BodyMeta) -> Option<Order<'a>> {
+    pub fn open(file: &'a GreenFile, tensor: &str, body: &BodyMeta) -> Option<Order<'a>> {
         let (nodes, surface_nodes) = (file.slice(tensor), body.surface_nodes);
         Some(Order { nodes, n: body.compliance_nodes?, surface_nodes })
     }
@@ -251,8 +251,8 @@ pub struct Tiles<'a> {
 
 impl<'a> Tiles<'a> {
     /// The tiles of a body with this family.
-    pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<Tiles<'a>> {
-        let order = Order::of(file, &format!("{body}/{ORDER}"), meta)?;
+    pub(super) fn open(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<Tiles<'a>> {
+        let order = Order::open(file, &format!("{body}/{ORDER}"), meta)?;
         let layout = TileLayout { n: order.n, m: order.nodes.len() };
         let (tensor, hashes) = (format!("{body}/{VALUES}"), file.slice(&format!("{body}/{HASHES}")));
         Some(Tiles { file, tensor, layout, order, hashes })

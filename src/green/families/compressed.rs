@@ -189,13 +189,13 @@ pub struct CompressedColumns<'a> {
 
 impl<'a> CompressedColumns<'a> {
     /// The compliance of a body with this family.
-    pub(super) fn of(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<CompressedColumns<'a>> {
+    pub(super) fn open(file: &'a GreenFile, body: &str, meta: &BodyMeta) -> Option<CompressedColumns<'a>> {
         let own = |tensor: &str| format!("{body}/{tensor}");
         Some(CompressedColumns {
             file,
             tensor: own(VALUES),
-            order: Order::of(file, &own(ORDER), meta)?,
-            shape: file.shapes.of(body)?,
+            order: Order::open(file, &own(ORDER), meta)?,
+            shape: file.shapes.get(body)?,
             ends: file.slice(&own(ENDS)),
             hashes: file.slice(&own(HASHES)),
         })

@@ -159,9 +159,9 @@ impl Change<'_> {
 
 impl<'a> KeptColumns<'a> {
     /// The compliance of a body with this family.
-    pub(super) fn of(file: &'a GreenFile, body: &'a str, meta: &BodyMeta) -> Option<KeptColumns<'a>> {
+    pub(super) fn open(file: &'a GreenFile, body: &'a str, meta: &BodyMeta) -> Option<KeptColumns<'a>> {
         let own = |tensor: &str| format!("{body}/{tensor}");
-        let order = Order::of(file, &own(ORDER), meta)?;
+        let order = Order::open(file, &own(ORDER), meta)?;
         let fields: &[u32] = file.slice(&own(FIELDS));
         if fields.is_empty() {
             return Some(KeptColumns { file, body, order, change: None });
@@ -199,8 +199,8 @@ impl<'a> KeptColumns<'a> {
 
     /// The columns of these places; those that are not there are solved together.
     pub(super) fn columns(&self, places: &[usize]) -> Result<Vec<Arc<Yield>>, GreenError> {
-        let factor = || self.source().on_demand.of(self.body).factor(|| self.load());
-        let of_body = self.file.on_demand.of(self.body);
+        let factor = || self.source().on_demand.body(self.body).factor(|| self.load());
+        let of_body = self.file.on_demand.body(self.body);
         of_body.columns(places, |missing| self.solve(&*factor()?, missing))
     }
 

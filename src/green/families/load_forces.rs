@@ -55,7 +55,7 @@ pub struct LoadForces {
 impl LoadForces {
     /// The forces from the tables of a body with `control_elements` control elements and `columns` columns of loads; the error
     /// names the first fault.
-    pub fn of(
+    pub fn read(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         control_elements: usize,
         columns: usize,
@@ -89,7 +89,7 @@ fn compute(assembled: &Assembled<'_>, solution: &mut Solution, _: &dyn Progress)
     let loads = assembled.body.loads();
     let mut columns = Vec::new();
     for load in &loads {
-        columns.extend(match LoadMeta::of(load).turning {
+        columns.extend(match LoadMeta::new(load).turning {
             Turning::Inner => vec![vec![V3::zeros(); mesh.nodes.len()]],
             Turning::Fixed | Turning::Follows => nodal_forces(assembled.scene, assembled.name, mesh, load)?,
         });
@@ -109,7 +109,7 @@ fn compute(assembled: &Assembled<'_>, solution: &mut Solution, _: &dyn Progress)
         columns.iter().flat_map(|column| nodes.iter().flat_map(|&node| <[f64; 3]>::from(column[node])));
     let forces = DMatrix::from_iterator(3 * nodes.len(), columns.len(), numbers);
     solution.tables.extend([(PLACES, places), (HELD, held), (FORCES, forces)]);
-    solution.loads = loads.iter().map(LoadMeta::of).collect();
+    solution.loads = loads.iter().map(LoadMeta::new).collect();
     Ok(())
 }
 
@@ -124,7 +124,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     table::check(file, name, PLACES, [3, nodes])?;
     table::check(file, name, HELD, [1, nodes])?;
     table::check(file, name, FORCES, [nodes.saturating_mul(3), body.load_columns()])?;
-    LoadForces::of(&|table| file.table(name, table), body.controls.len(), body.load_columns())
+    LoadForces::read(&|table| file.table(name, table), body.controls.len(), body.load_columns())
         .map(drop)
         .map_err(|message| format!("{name}: {message}"))
 }

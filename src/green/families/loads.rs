@@ -88,7 +88,7 @@ fn compute(
     let (f, g, u) = (dense(&f), dense(&g), dense(&solution.fields));
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let centre = low + (high - low) * 0.5;
-    let loads: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::of).collect();
+    let loads: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::new).collect();
     let is_inner = inner(&loads);
     let outer = || forces.iter().enumerate().filter(|(k, _)| !is_inner[*k]);
     let mut moments = DMatrix::zeros(12, count);
@@ -197,7 +197,7 @@ pub fn nodal_forces(
             vec![body_force(mesh, &outward)]
         }
         LoadSource::Thermal => Vec::new(),
-        LoadSource::Pattern(pattern) => Tractions::of(scene, mesh, pattern)
+        LoadSource::Pattern(pattern) => Tractions::new(scene, mesh, pattern)
             .map_err(|message| scene.invalid(&format!("body.{name}.load.{}", load.name), message))?
             .nodal_forces(mesh),
     })
@@ -236,7 +236,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
 
 impl LoadMeta {
     /// What the file says of a load.
-    pub fn of(load: &LoadEntry<'_>) -> LoadMeta {
+    pub fn new(load: &LoadEntry<'_>) -> LoadMeta {
         let (turning, unit) = match load.source {
             LoadSource::Gravity => (Turning::Fixed, "m/s²"),
             LoadSource::Centrifugal(_) => (Turning::Follows, "(rad/s)²"),

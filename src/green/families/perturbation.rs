@@ -84,7 +84,7 @@ fn compute(
         solution.tables.insert(RADIUS, DMatrix::zeros(COORDINATES, COORDINATES));
         return Ok(());
     };
-    let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let all = paths(solution, PATHS);
     // Each order but the first stands alone and in the whole.
     let kept = |order: usize| 2 * order - 2;

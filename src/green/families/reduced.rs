@@ -60,7 +60,7 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     check,
     groups,
     fixed_bytes: |control_elements| {
-        let variables = 1 + Lift::of(control_elements).len() + most_fields(control_elements);
+        let variables = 1 + Lift::new(control_elements).len() + most_fields(control_elements);
         8 * QuarticShape { variables }.len()
     },
     is_derived: false,
@@ -100,7 +100,7 @@ fn compute(
 ) -> Result<(), GreenError> {
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
-    let points = RestPoints::of(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let forces = column_forces(assembled, &solution.mesh)?;
     machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
@@ -111,7 +111,7 @@ fn compute(
     };
 
     progress.begin("quartic energy", points.count() as u64);
-    let lift = Lift::of(elements);
+    let lift = Lift::new(elements);
     let lifted = combined(&solution.fields, &lift.columns);
     // In the order of the coordinates (1, y of undeformed elements, q, the other y).
     let (first, others) = split_columns(&lifted, lift.rigid);
@@ -119,7 +119,7 @@ fn compute(
     let coefficients = points.quartic(&all, &|units| progress.advance(units));
     progress.end();
     if !forces.is_empty() {
-        solution.loads = assembled.body.loads().iter().map(LoadMeta::of).collect();
+        solution.loads = assembled.body.loads().iter().map(LoadMeta::new).collect();
         let turnings =
             || solution.loads.iter().flat_map(|load| std::iter::repeat_n(load.turning, load.columns));
         let work = work_of_loads(solution, &forces, &all, turnings());
@@ -137,7 +137,7 @@ fn compute(
 /// stand in panels and as a whole, with its fields and the strains of a block of points.
 fn memory(nodes: usize, elements: usize, loads: usize) -> f64 {
     let fields = most_fields(elements) + 2 * loads;
-    let lift = Lift::of(elements).len();
+    let lift = Lift::new(elements).len();
     let at_nodes = |columns: usize| 24.0 * (nodes * columns) as f64;
     let series = at_nodes(fields) + series_memory(nodes, path_count(elements, PATHS) + loads * loads, 2);
     let pairs = QuarticShape { variables: 1 + lift + fields }.pairs() as f64;
@@ -298,7 +298,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
         return Err(format!("tensor {basis} has {fields} columns, more than the {MOST_FIELDS} of any body"));
     }
     columns::check(file, name, &names(), fields)?;
-    let variables = 1 + Lift::of(body.controls.len()).len() + fields;
+    let variables = 1 + Lift::new(body.controls.len()).len() + fields;
     table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1])?;
     if !body.loads.is_empty() {
         table::check(file, name, REDUCED_LOADS, [3 * (1 + 3 * variables), body.load_columns()])?;

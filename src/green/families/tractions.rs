@@ -28,7 +28,7 @@ pub struct Tractions {
 
 impl Tractions {
     /// The error says why the pattern cannot act.
-    pub fn of(scene: &Scene, mesh: &TetMesh, pattern: &Load) -> Result<Tractions, String> {
+    pub fn new(scene: &Scene, mesh: &TetMesh, pattern: &Load) -> Result<Tractions, String> {
         let chosen = pattern.nodes.select(mesh)?;
         let is_chosen = |node: &u32| chosen.binary_search(node).is_ok();
         let outer = outer_faces(mesh).into_iter().enumerate();
@@ -76,7 +76,7 @@ impl Tractions {
 }
 
 fn of_kind(mesh: &TetMesh, faces: &[Vec<u32>], pattern: &Load) -> Result<Vec<Traction>, String> {
-    let area = Area::of(mesh, faces);
+    let area = Area::new(mesh, faces);
     let axis = match pattern.axis {
         Some(axis) => V3::from(axis).normalize(),
         None => area.normal / area.normal.norm(),

@@ -50,7 +50,7 @@ fn compute(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let loads = Loads::of(solution);
+    let loads = Loads::from_solution(solution);
     let (ports, inside) = ports(assembled, solution, &loads.given)?;
     let mut made = Made::new(assembled, solution, &ports, &loads)?;
     made.keep(&solution.fields, 0);
@@ -78,7 +78,7 @@ struct Loads {
 }
 
 impl Loads {
-    fn of(solution: &Solution) -> Loads {
+    fn from_solution(solution: &Solution) -> Loads {
         let nodes = solution.mesh.nodes.len();
         let table =
             |name: &str| solution.tables.get(name).cloned().unwrap_or_else(|| DMatrix::zeros(3 * nodes, 0));
@@ -357,7 +357,7 @@ fn condensed(
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let counts = [body.controls.len(), body.surface_nodes, body.load_columns()];
-    let updates = Updates::of(&|table| file.table(name, table), counts);
+    let updates = Updates::read(&|table| file.table(name, table), counts);
     updates.map(drop).map_err(|message| format!("{name}: {message}"))
 }
 
@@ -366,6 +366,6 @@ impl GreenFile {
     pub fn updates(&self, body: &str) -> Option<Updates> {
         let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(UPDATES))?;
         let counts = [meta.controls.len(), meta.surface_nodes, meta.load_columns()];
-        Updates::of(&|table| self.table(body, table), counts).ok()
+        Updates::read(&|table| self.table(body, table), counts).ok()
     }
 }

@@ -66,7 +66,7 @@ pub struct Volume {
 
 impl Volume {
     /// The volume from the tables of a body with `control_elements` control elements; the error names the first fault.
-    pub fn of(
+    pub fn read(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         control_elements: usize,
     ) -> Result<Volume, String> {
@@ -162,7 +162,7 @@ fn compute(
     let loads = assembled.body.loads();
     let mut columns = Vec::new();
     for load in &loads {
-        match LoadMeta::of(load).turning {
+        match LoadMeta::new(load).turning {
             Turning::Inner => columns.push(vec![Vector3::zeros(); mesh.nodes.len()]),
             Turning::Fixed | Turning::Follows => {
                 columns.extend(nodal_forces(assembled.scene, assembled.name, mesh, load)?);
@@ -174,7 +174,7 @@ fn compute(
     solution.tables.extend(made);
     if !loads.is_empty() {
         solution.tables.insert(FORCES, forces);
-        solution.loads = loads.iter().map(LoadMeta::of).collect();
+        solution.loads = loads.iter().map(LoadMeta::new).collect();
     }
     Ok(())
 }
@@ -191,7 +191,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
         let shape = file.tensors.get(&tensor).map(|(_, shape, _)| shape.clone()).unwrap_or_default();
         file.expect(&tensor, Dtype::F64, &shape)?;
     }
-    let volume = Volume::of(&|table| file.table(name, table), body.controls.len());
+    let volume = Volume::read(&|table| file.table(name, table), body.controls.len());
     let volume = volume.map_err(|message| format!("{name}: {message}"))?;
     if volume.forces.ncols() != body.load_columns() {
         let (found, columns) = (volume.forces.ncols(), body.load_columns());

@@ -76,13 +76,13 @@ impl GreenFile {
     pub fn compliance(&self, body: &str) -> Option<Compliance<'_>> {
         let (body, meta) = self.meta.bodies.get_key_value(body)?;
         if meta.requirements.has(KEPT_FACTOR) {
-            return KeptColumns::of(self, body, meta).map(Compliance::Factor);
+            return KeptColumns::open(self, body, meta).map(Compliance::Factor);
         }
         if meta.requirements.has(COMPRESSED) {
-            return CompressedColumns::of(self, body, meta).map(Compliance::Compressed);
+            return CompressedColumns::open(self, body, meta).map(Compliance::Compressed);
         }
         let meta = Some(meta).filter(|meta| meta.requirements.has(COMPLIANCE))?;
-        Tiles::of(self, body, meta).map(Compliance::Tiles)
+        Tiles::open(self, body, meta).map(Compliance::Tiles)
     }
 
     /// The columns at these places of a body, as [`Compliance::column`] has them one by one. Those that are solved for may take
@@ -97,7 +97,7 @@ impl GreenFile {
             None => Ok(None),
             Some(Compliance::Factor(_)) if patience < Duration::MAX => {
                 let (file, name) = (self.clone(), body.to_owned());
-                self.on_demand.of(body).columns_within(places, patience, move |places| {
+                self.on_demand.body(body).columns_within(places, patience, move |places| {
                     match file.compliance(&name) {
                         Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
                         _ => Ok(()),

@@ -110,7 +110,7 @@ pub fn solve(body: &Body<'_>, progress: &dyn Progress) -> Result<SolvedBody, Bod
     progress.begin("parts", body.cut.parts as u64);
     for part in 0..body.cut.parts {
         let solve =
-            |margin| Surroundings::of(body, &faces, &roads, part, margin).solve(body, &faces, progress);
+            |margin| Surroundings::find(body, &faces, &roads, part, margin).solve(body, &faces, progress);
         let solved = match solve(MARGIN) {
             // Its surroundings meet, as where three parts do: its interfaces are held themselves.
             Err(BodyError::Part { source: PartError::Fit { .. }, .. }) => solve(0.0),
@@ -192,7 +192,7 @@ struct Surroundings {
 }
 
 impl Surroundings {
-    fn of(body: &Body<'_>, faces: &[Face<'_>], roads: &Roads, part: usize, margin: f64) -> Surroundings {
+    fn find(body: &Body<'_>, faces: &[Face<'_>], roads: &Roads, part: usize, margin: f64) -> Surroundings {
         let (mesh, cut) = (body.mesh, body.cut);
         let own: Vec<usize> = (0..mesh.tets.len()).filter(|&tet| cut.part[tet] == part).collect();
         let mut is_own = vec![false; mesh.nodes.len()];

@@ -224,7 +224,7 @@ fn told(
     pieces: usize,
     notices: &mut Vec<String>,
 ) {
-    let boundary = Surface::of(mesh);
+    let boundary = Surface::from_mesh(mesh);
     let volume = boundary.volume(mesh);
     notices.push(format!(
         "{} tetrahedra of cell {cell} m; volume {volume:.6e} m³ against {:.6e} m³ of the surface ({:+.2} %)",

@@ -76,7 +76,7 @@ struct Places {
 }
 
 impl Places {
-    fn of(vertices: &[Vector3<f64>]) -> Places {
+    fn new(vertices: &[Vector3<f64>]) -> Places {
         let (low, high) = bounding_box(vertices);
         Places { low, width: (ROUNDING * (high - low).amax()).max(f64::MIN_POSITIVE), vertex: HashMap::new() }
     }
@@ -113,7 +113,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
         )));
     }
     let mut surface = TriangleSurface::default();
-    let mut places = Places::of(&raw.vertices);
+    let mut places = Places::new(&raw.vertices);
     let mut index = Vec::with_capacity(raw.vertices.len());
     for vertex in &raw.vertices {
         let next = surface.vertices.len() as u32;

@@ -42,9 +42,9 @@ const FEWEST: usize = 12;
 
 /// The ends of a body; `None` where no two can be distinguished, as in a mesh of a few tetrahedra.
 pub fn find(mesh: &TetMesh) -> Option<Ends> {
-    let shape = Shape::of(mesh);
-    let surface = Surface::of(mesh);
-    let tips = Tips::of(mesh, &surface)?;
+    let shape = Shape::new(mesh);
+    let surface = Surface::from_mesh(mesh);
+    let tips = Tips::find(mesh, &surface)?;
     if let Some((axis, why)) = shape.axis()
         && !(shape.is_long() && tips.turn_off(mesh, &axis))
         && let Some(ends) = along(mesh, &surface, &axis)
@@ -60,7 +60,7 @@ pub fn find(mesh: &TetMesh) -> Option<Ends> {
 
 /// The body's extent along its axis of least inertia, m.
 pub fn length(mesh: &TetMesh) -> f64 {
-    let axis = Shape::of(mesh).axes[0];
+    let axis = Shape::new(mesh).axes[0];
     let (low, high) = span(mesh, &axis);
     high - low
 }
@@ -74,7 +74,7 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(mesh: &TetMesh) -> Shape {
+    fn new(mesh: &TetMesh) -> Shape {
         let (low, high) = quality::bounding_box(&mesh.nodes);
         let middle = (low + high) * 0.5;
         let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
@@ -194,7 +194,7 @@ struct Tips {
 }
 
 impl Tips {
-    fn of(mesh: &TetMesh, surface: &Surface) -> Option<Tips> {
+    fn find(mesh: &TetMesh, surface: &Surface) -> Option<Tips> {
         let furthest = |lengths: &[f64]| -> Option<u32> {
             let reached = |node: &&u32| lengths[**node as usize].is_finite();
             let far = |a: &&u32, b: &&u32| lengths[**a as usize].total_cmp(&lengths[**b as usize]);

@@ -52,7 +52,7 @@ pub fn controls(
     mesh: &TetMesh,
     wishes: &Wishes,
 ) -> Result<IndexMap<String, Control>, ProposalError> {
-    let surface = Surface::of(mesh);
+    let surface = Surface::from_mesh(mesh);
     let mut chosen: Vec<(Held, Vec<u32>)> = Vec::new();
     for (names, grab) in [(&wishes.fixed, Grab::Fixed), (&wishes.grab, Grab::Dragger)] {
         for name in names {

@@ -239,7 +239,7 @@ fn poses_pull_push_and_move_across_what_can_be_grabbed() {
 
 /// A mesh's surface, in millimetres, as STL in a folder of its own.
 fn surface_in_millimetres(name: &str, mesh: &TetMesh) -> std::path::PathBuf {
-    let crate::mesh::Surface { triangles, nodes } = crate::mesh::Surface::of(mesh);
+    let crate::mesh::Surface { triangles, nodes } = crate::mesh::Surface::from_mesh(mesh);
     let corner = |node: u32| {
         let x = mesh.nodes[nodes[node as usize] as usize];
         format!("vertex {} {} {}\n", x.x, x.y, x.z)

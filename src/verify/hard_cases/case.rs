@@ -104,7 +104,7 @@ impl Asked {
         let scene = self.scene()?;
         let prepared = green::prepare_mesh(&scene, "b", self.mesh.clone())?;
         let solution =
-            green::solve_prepared(&scene, "b", prepared, &Requirements::of(&[STIFFNESS]), &Silent)?;
+            green::solve_prepared(&scene, "b", prepared, &Requirements::new(&[STIFFNESS]), &Silent)?;
         Ok((solution.notices.clone(), solution))
     }
 }

@@ -22,7 +22,7 @@ fn the_force_is_that_of_deform() {
                 loops.set(held, &poses);
                 let response = loops.respond(&poses[held]);
                 assert!(response.is_defined);
-                let (expected, found) = (wrenches[held], Wrench::of(&response.slope, &poses[held]));
+                let (expected, found) = (wrenches[held], Wrench::from_slope(&response.slope, &poses[held]));
                 let error = (expected.force - found.force).norm() / expected.force.norm();
                 let moment = (expected.moment - found.moment).norm() / expected.moment.norm();
                 let energy = (response.energy - energy).abs() / energy;

@@ -45,7 +45,7 @@ fn cases_agree_with_the_independent_solutions() {
 fn slopes_of_case(folder: &Path) -> Vec<(PoseSlope, ControlPose)> {
     let scene = Scene::load(&folder.join("scene.toml")).unwrap();
     let (name, body) = scene.body.first().unwrap();
-    let solution = green::solve(&scene, name, &Requirements::of(&[STIFFNESS]), &Silent).unwrap();
+    let solution = green::solve(&scene, name, &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
     let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
     let path = folder.join("poses.toml");
     let of = |pose: &pose_file::Pose| {
@@ -87,7 +87,7 @@ fn compare_forces(folder: &Path, slopes: &[(PoseSlope, ControlPose)]) -> f64 {
     let mut found = table(&folder.join("out.forces.csv"));
     assert_eq!(expected.len(), found.len());
     for ((_, row), (slope, pose)) in found.iter_mut().zip(slopes) {
-        let wrench = Wrench::of(slope, pose);
+        let wrench = Wrench::from_slope(slope, pose);
         let told = [Vector3::from_column_slice(&row[..3]), Vector3::from_column_slice(&row[3..6])];
         let size = wrench.force.norm().max(wrench.moment.norm());
         let off = (told[0] - wrench.force).norm() + (told[1] - wrench.moment).norm();

@@ -18,8 +18,8 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(mesh: TetMesh) -> Shape {
-        let surface = Surface::of(&mesh);
+    fn new(mesh: TetMesh) -> Shape {
+        let surface = Surface::from_mesh(&mesh);
         let rest = surface.nodes.iter().map(|&node| mesh.nodes[node as usize].cast::<f32>().into()).collect();
         Shape { mesh, surface, rest }
     }
@@ -64,7 +64,7 @@ impl Shape {
 }
 
 fn bar(cells: u32) -> Shape {
-    Shape::of(block(&Block { size: [4.0, 1.0, 1.0], cells: [4 * cells, cells, cells] }).unwrap())
+    Shape::new(block(&Block { size: [4.0, 1.0, 1.0], cells: [4 * cells, cells, cells] }).unwrap())
 }
 
 /// The ends of a bar about the origin, where forces pull it.
@@ -149,7 +149,7 @@ fn a_pressed_tube_has_the_hoop_stress_of_lame() {
     let strain = (1.0 - POISSON * POISSON) * hoop / young;
     const AXIS: usize = 0;
     let worst = |size: u32| {
-        let shape = Shape::of(
+        let shape = Shape::new(
             tube(&Tube {
                 inner_radius: a,
                 outer_radius: b,

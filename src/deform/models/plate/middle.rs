@@ -302,7 +302,7 @@ pub struct Middle {
 
 impl Middle {
     /// `held`: the nodes of each control element; cells end where held regions do.
-    pub fn of(
+    pub fn new(
         nodes: &[Vector3<f64>],
         triangles: &[[u32; 3]],
         held: &[Vec<Vector3<f64>>],

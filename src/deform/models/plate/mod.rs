@@ -131,7 +131,7 @@ impl Plate {
         (self.is_defined, self.sheet.work) = (false, 0);
         self.target.clear();
         for (e, (pose, control)) in poses.iter().zip(&self.controls).enumerate() {
-            let Some(frame) = ControlFrame::of(&control.origin, pose, self.turns.get(e)) else {
+            let Some(frame) = ControlFrame::new(&control.origin, pose, self.turns.get(e)) else {
                 // As many as there are holds, whatever comes next.
                 self.target.clone_from(&self.frames);
                 return;
@@ -259,7 +259,7 @@ fn unfitted(
     let place_of = |&node: &u32| nodes.get(node as usize).copied();
     let held: Vec<Vec<Vector3<f64>>> =
         held.iter().map(|held| held.iter().filter_map(place_of).collect()).collect();
-    let middle = Middle::of(&nodes, input.triangles, &held)?;
+    let middle = Middle::new(&nodes, input.triangles, &held)?;
     let point =
         |part: &Part| Point::new(&middle.grid.at(part.place), &middle.rest, part.seen, part.thickness);
     let points = middle.parts.iter().filter_map(point).collect();
@@ -270,12 +270,12 @@ fn unfitted(
 
 /// Refuses a body that is not thin, by its surface alone.
 fn fits(body: &Prepared) -> Result<(), (Severity, String)> {
-    let surface = Surface::of(&body.mesh);
+    let surface = Surface::from_mesh(&body.mesh);
     let nodes: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| body.mesh.nodes[node as usize]).collect();
     let place = |node: &u32| surface.nodes.binary_search(node).ok().map(|place| nodes[place]);
     let held: Vec<Vec<Vector3<f64>>> =
         body.controls.iter().map(|control| control.nodes.iter().filter_map(place).collect()).collect();
-    Middle::of(&nodes, &surface.triangles, &held).map(drop).map_err(|why| (Severity::Error, unsuited(why)))
+    Middle::new(&nodes, &surface.triangles, &held).map(drop).map_err(|why| (Severity::Error, unsuited(why)))
 }
 
 fn unsuited(why: String) -> String {

@@ -62,7 +62,7 @@ impl Skin {
             })
         });
         Skin {
-            places: rest.iter().map(|x| Place::of(middle, &Vector3::from(*x).cast())).collect(),
+            places: rest.iter().map(|x| Place::nearest(middle, &Vector3::from(*x).cast())).collect(),
             held: held.collect(),
             contraction: (poisson / (1.0 - poisson)) as f32,
             control_points: middle.rest.iter().map(|q| q.cast()).collect(),
@@ -119,7 +119,7 @@ pub fn shares(middle: &Middle, x: &Vector3<f64>) -> Vec<(usize, f64)> {
 }
 
 impl Place {
-    fn of(middle: &Middle, x: &Vector3<f64>) -> Place {
+    fn nearest(middle: &Middle, x: &Vector3<f64>) -> Place {
         let place = middle.place_of(x);
         let shape = middle.grid.at(place);
         let [by_x, by_y] = shape.tangents(&middle.rest);

@@ -29,7 +29,7 @@ fn scene(generate: &str, element: &str) -> Scene {
 }
 
 fn solve(scene: &Scene) -> Solution {
-    green::solve(scene, "b", &Requirements::of(ENTRY.requirements), &Silent).unwrap()
+    green::solve(scene, "b", &Requirements::new(ENTRY.requirements), &Silent).unwrap()
 }
 
 /// The end of an arc of length 1, out of the plate's plane.
@@ -48,7 +48,7 @@ fn moduli_are_those_of_the_material() {
         .iter()
         .map(|control| control.nodes.iter().map(|&node| nodes[node as usize]).collect())
         .collect();
-    let middle = Middle::of(&surface, &solution.surface.triangles, &held).unwrap();
+    let middle = Middle::new(&surface, &solution.surface.triangles, &held).unwrap();
     assert!((middle.through().dot(&Vector3::from(THIN)).abs() - 1.0).abs() < 1e-6);
     assert!((middle.thickness - 0.03).abs() < 1e-6, "{}", middle.thickness);
     let origins: Vec<Vector3<f64>> = solution.controls.iter().map(|control| control.origin).collect();
@@ -76,7 +76,7 @@ fn compare(generate: &str, element: &str, cases: &[(&str, [ControlPose; 2], [f64
         let found = statics.solve(&poses.to_vec(), &Silent).unwrap();
         let (energy, slopes) = body.respond::<3>(poses);
         let about = |w: &Wrench| Wrench { moment: w.moment - poses[1].translation.cross(&w.force), ..*w };
-        let (own, held) = (about(&Wrench::of(&slopes[1], &poses[1])), about(&found.wrenches[1]));
+        let (own, held) = (about(&Wrench::from_slope(&slopes[1], &poses[1])), about(&found.wrenches[1]));
         let size = held.force.norm().max(held.moment.norm());
         let nodes = body.solution.surface.nodes.clone();
         let off = body
@@ -226,7 +226,7 @@ fn a_body_that_is_no_plate_is_refused() {
     let thick = scene("block = { size = [1.0, 0.1, 0.4], cells = [8, 1, 4] }", "tet4");
     let error = model_of(&ENTRY, &solve(&thick)).map(drop).unwrap_err();
     assert!(error.contains("1 : 4.0; a plate is 1 : 5") && error.contains("rotation"), "{error}");
-    let solution = green::solve(&thick, "b", &Requirements::of(&[]), &Silent).unwrap();
+    let solution = green::solve(&thick, "b", &Requirements::new(&[]), &Silent).unwrap();
     let error = model_of(&ENTRY, &solution).map(drop).unwrap_err();
     assert!(error.contains("handle stiffness"), "{error}");
     let tube = "tube = { inner_radius = 0.09, outer_radius = 0.1, length = 0.5, radial = 1, around = 16, along = 8, \
@@ -273,7 +273,7 @@ fn a_curved_wall_has_its_middle_surface() {
     };
     (0..cells[0]).for_each(|i| [0, cells[1]].iter().for_each(|&j| wall([i, j], [i + 1, j])));
     (0..cells[1]).for_each(|j| [0, cells[0]].iter().for_each(|&i| wall([i, j], [i, j + 1])));
-    let middle = Middle::of(&nodes, &triangles, &[]).unwrap();
+    let middle = Middle::new(&nodes, &triangles, &[]).unwrap();
     assert!((middle.thickness / thickness - 1.0).abs() < 0.01, "{}", middle.thickness);
     for part in &middle.parts {
         let place = middle.grid.at(part.place).point(&middle.rest);

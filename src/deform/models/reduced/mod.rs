@@ -57,7 +57,7 @@ pub struct Reduced {
 pub fn quartic_table(input: &ModelInput<'_>) -> Result<(Vec<f64>, usize), String> {
     let table = (input.table)(QUARTIC)
         .ok_or_else(|| format!("the table {QUARTIC} is missing; run `greenstage precompute` on the scene"))?;
-    let lifted = Lift::of(input.controls.len()).len();
+    let lifted = Lift::new(input.controls.len()).len();
     let is_of = |fields: &usize| QuarticShape { variables: 1 + lifted + fields }.len() == table.len();
     let fields = (0..256)
         .find(is_of)
@@ -69,10 +69,10 @@ impl Reduced {
     pub fn new(input: &ModelInput<'_>) -> Result<Reduced, String> {
         let (coefficients, fields) = quartic_table(input)?;
         let elements = input.controls.len();
-        let lift = Lift::of(elements);
+        let lift = Lift::new(elements);
         let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, &coefficients);
         Ok(Reduced {
-            loads: FrameForces::of(input, fields)?,
+            loads: FrameForces::from_input(input, fields)?,
             posed: Posed::new(input.controls),
             body: body.ok_or_else(|| format!("the table {QUARTIC} does not suit the control elements"))?,
             poses: Vec::with_capacity(elements),
@@ -213,7 +213,7 @@ pub struct Posed {
 impl Posed {
     pub fn new(controls: &[ControlRest]) -> Posed {
         let elements = controls.len();
-        let lift = Lift::of(elements);
+        let lift = Lift::new(elements);
         let sum: Vector3<f64> = controls.iter().map(|control| control.origin).sum();
         let (c, y) = (DVector::zeros(FIELDS * elements), DVector::zeros(lift.len()));
         Posed {
@@ -234,7 +234,7 @@ impl Posed {
     pub fn take(&mut self, poses: &[ControlPose]) -> Option<()> {
         self.frames.clear();
         for (e, (control, pose)) in self.controls.iter().zip(poses).enumerate() {
-            self.frames.push(ControlFrame::of(&control.origin, pose, self.turns.get(e))?);
+            self.frames.push(ControlFrame::new(&control.origin, pose, self.turns.get(e))?);
         }
         self.mean.find(&self.frames)?;
         self.turns.clear();

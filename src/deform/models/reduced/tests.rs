@@ -23,7 +23,7 @@ pub fn bar(sides: &str) -> Scene {
 pub const RIGHT: &str = "control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 
 fn made(scene: &Scene) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f64>) {
-    let requirements = Requirements::of(&[AFFINE, REDUCED]);
+    let requirements = Requirements::new(&[AFFINE, REDUCED]);
     let solution = green::solve(scene, "bar", &requirements, &Silent).unwrap();
     let (model, centre) = model_of(find_model("reduced").unwrap(), &solution).unwrap();
     (model, solution, centre)
@@ -57,7 +57,7 @@ fn motion() -> Isometry3<f64> {
 #[test]
 fn slopes_beside_are_those_to_first_order() {
     let families = [AFFINE, REDUCED, PERTURBATION, STIFFNESS, CUBIC];
-    let solution = green::solve(&bar(RIGHT), "bar", &Requirements::of(&families), &Silent).unwrap();
+    let solution = green::solve(&bar(RIGHT), "bar", &Requirements::new(&families), &Silent).unwrap();
     for name in ["reduced", "perturbation"] {
         let (mut model, _) = model_of(find_model(name).unwrap(), &solution).unwrap();
         let at = poses([0.1, 0.3, -0.2], [0.2, -0.9, 0.3], &motion());
@@ -244,7 +244,7 @@ fn it_says_where_it_is_not_defined() {
     assert!(three.respond(&bent, &mut of_three).unwrap().is_defined);
 
     let many = RIGHT.to_owned() + &side("a", -1.5) + &side("b", 0.0) + &side("c", 1.5);
-    let requirements = Requirements::of(&[AFFINE, REDUCED]);
+    let requirements = Requirements::new(&[AFFINE, REDUCED]);
     let refused = green::solve(&bar(&many), "bar", &requirements, &Silent).err().unwrap().to_string();
     assert!(refused.contains("has 5 control elements") && refused.contains("rotation"), "{refused}");
 }
@@ -258,7 +258,7 @@ fn the_file_holds_what_the_model_needs() {
         let mut scene = bar(sides);
         scene.body["bar"].storage = serde_json::from_value(storage.into()).unwrap();
         let (mut model, solution, centre) = made(&scene);
-        let requirements = Requirements::of(&[AFFINE, REDUCED]);
+        let requirements = Requirements::new(&[AFFINE, REDUCED]);
         let body = green::precompute(&scene, "bar", &requirements, &Silent).unwrap();
         let path = folder.path().join(format!("{}-{storage}.green", sides.len()));
         green::write(&path, &[body]).unwrap();

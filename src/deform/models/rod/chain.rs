@@ -349,7 +349,7 @@ impl Chain {
         self.gradient.fill(Vector6::zeros());
         for i in 0..self.segments() {
             let h = self.screw(i);
-            let (tangent, (_, wrench, ..)) = (Tangent::of(&h), self.law(&h));
+            let (tangent, (_, wrench, ..)) = (Tangent::at(&h), self.law(&h));
             self.gradient[i] += tangent.first.tr_mul(&wrench);
             self.gradient[i + 1] += tangent.last.tr_mul(&wrench);
         }
@@ -363,7 +363,7 @@ impl Chain {
         let mut energy = 0.0;
         for i in 0..self.segments() {
             let h = self.screw(i);
-            let (tangent, (of_segment, wrench, slope, force)) = (Tangent::of(&h), self.law(&h));
+            let (tangent, (of_segment, wrench, slope, force)) = (Tangent::at(&h), self.law(&h));
             energy += of_segment;
             self.gradient[i] += tangent.first.tr_mul(&wrench);
             self.gradient[i + 1] += tangent.last.tr_mul(&wrench);

@@ -147,7 +147,7 @@ impl Rod {
         self.poses = Some(poses);
         self.is_defined = false;
         self.bear();
-        let frame = |e: usize| ControlFrame::of(&self.controls[e].origin, &poses[e], Some(&self.turns[e]));
+        let frame = |e: usize| ControlFrame::new(&self.controls[e].origin, &poses[e], Some(&self.turns[e]));
         let (Some(first), Some(last)) = (frame(0), frame(1)) else { return };
         let frames = [first, last];
         if let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none()) {
@@ -221,7 +221,7 @@ impl Rod {
         let offset = self.section.offsets[e] * self.stretch(frame);
         // By a motion of the offset's own end, then by one of the control element's frame.
         let wrench = standing.wrenches[e];
-        let last = Tangent::of(&offset).last;
+        let last = Tangent::at(&offset).last;
         let by_offset = last.transpose().lu().solve(&wrench).unwrap_or(wrench);
         let pulled = self.section.offsets[e].tr_mul(&by_offset);
         let by_stretch = Matrix3::from_fn(|i, j| pulled[3 * i + j] + resisting[9 * e + 3 * i + j]);

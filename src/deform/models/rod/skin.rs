@@ -65,7 +65,7 @@ impl Skin {
         let point = |x: &[f32; 3]| Vector3::from(*x).cast::<f64>();
         let mut places: Vec<Place> = rest
             .iter()
-            .map(|x| Place::of((point(x) - section.ends[0]).dot(&axis) / length, segments))
+            .map(|x| Place::at((point(x) - section.ends[0]).dot(&axis) / length, segments))
             .collect();
         let across = |x: &[f32; 3]| {
             let from = point(x) - section.ends[0];
@@ -229,7 +229,7 @@ impl Skin {
 
 impl Place {
     /// A node so far along the rod, 0 to 1.
-    fn of(share: f64, segments: usize) -> Place {
+    fn at(share: f64, segments: usize) -> Place {
         let x = (share * segments as f64).clamp(0.0, segments as f64);
         let interval = (x as usize).min(segments - 1);
         let t = x - interval as f64;

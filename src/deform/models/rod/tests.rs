@@ -92,7 +92,7 @@ fn a_bent_and_twisted_bar_is_that_of_static_equilibrium() {
         body.model.forget();
         let found = statics.solve(&poses.to_vec(), &Silent).unwrap();
         let (_, slopes) = body.respond::<2>(&poses);
-        let wrench = Wrench::of(&slopes[1], &poses[1]);
+        let wrench = Wrench::from_slope(&slopes[1], &poses[1]);
         let held = &found.wrenches[1];
         let about_the_place = |w: &Wrench| w.moment - poses[1].translation.cross(&w.force);
         let moment = about_the_place(held);
@@ -159,7 +159,7 @@ fn whole_turns_are_followed() {
 fn a_body_that_is_no_rod_is_refused() {
     let stout = "tube = { inner_radius = 0.07, outer_radius = 0.3, length = 0.8, radial = 1, around = 10, along = 8, \
                  control_length = 0.1 }";
-    let solution = green::solve(&scene(stout), "b", &Requirements::of(ENTRY.requirements), &Silent).unwrap();
+    let solution = green::solve(&scene(stout), "b", &Requirements::new(ENTRY.requirements), &Silent).unwrap();
     let error = model_of(&ENTRY, &solution).map(drop).unwrap_err();
     assert!(error.contains("radii of gyration") && error.contains("rotation"), "{error}");
     let mut alone = solution.clone();

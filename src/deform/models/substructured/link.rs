@@ -131,7 +131,7 @@ impl LinkedPart {
             self.hessian.fill(0.0);
         }
         for (link, screw) in self.screws.iter().enumerate() {
-            let (slopes, last) = (Tangent::of(screw), 6 * (link + 1));
+            let (slopes, last) = (Tangent::at(screw), 6 * (link + 1));
             for (row, j) in (0..6).flat_map(|row| (0..6).map(move |j| (row, j))) {
                 let to = &mut self.map[(6 * link + behind(row)) * q..][..q];
                 (to[j], to[last + j]) = (slopes.first[(row, j)], slopes.last[(row, j)]);

@@ -140,7 +140,7 @@ impl Substructured {
         self.bear();
         self.frames.clear();
         for ((origin, pose), turn) in self.origins.iter().zip(poses).zip(&self.turns) {
-            self.frames.extend(ControlFrame::of(origin, pose, Some(turn)));
+            self.frames.extend(ControlFrame::new(origin, pose, Some(turn)));
         }
         self.is_defined = self.frames.len() == self.origins.len();
         if !self.is_defined {

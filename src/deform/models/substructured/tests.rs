@@ -32,7 +32,7 @@ struct Made {
 fn made(scene: &Scene, parts: Parts) -> Made {
     let prepared = green::prepare(scene, "a").unwrap();
     let Prepared { mesh, controls, lame, .. } = &prepared;
-    let (surface, solver) = (Surface::of(mesh), Solver::default());
+    let (surface, solver) = (Surface::from_mesh(mesh), Solver::default());
     let cut = cut(mesh, controls, parts, &solver, &Silent).unwrap();
     let (surface_ref, cut, solver) = (&surface, &cut, &solver);
     let body = Body { element: &TET4, mesh, surface: surface_ref, lame, controls, cut, solver };
@@ -210,7 +210,8 @@ fn closed_ways_and_a_whole_turn() {
 #[test]
 fn the_linear_limit_is_the_linear_theory() {
     let scene = beam();
-    let solution = green::solve(&scene, "a", &green::Requirements::of(&[green::STIFFNESS]), &Silent).unwrap();
+    let solution =
+        green::solve(&scene, "a", &green::Requirements::new(&[green::STIFFNESS]), &Silent).unwrap();
     let s = solution.stiffness().unwrap();
     let [mut one, mut several] = [Parts::Along(1), Parts::Along(4)].map(|parts| made(&scene, parts));
     let floor = 1e-9 * 0.5e-12 * s.diagonal().max();

@@ -355,7 +355,7 @@ fn in_every_mode_and_with_two_hands_the_push_is_the_slope_of_the_energy_that_is_
         let held = link.held(&world).unwrap_or_else(|| panic!("{name}: nothing is felt"));
         let body = &world.bodies[0];
         let controls = &body.deformer.controls;
-        let mut elastic = Elastic::of(&body.deformer).unwrap();
+        let mut elastic = Elastic::from_deformer(&body.deformer).unwrap();
         elastic.set(held.element, &body.deformer.poses);
         let handle = world.graph.get(world.fields.hands).hands.room_from_stylus(0).unwrap();
         let reach = held.reach(&handle, &controls[held.element].origin).unwrap();

@@ -23,7 +23,7 @@ fn text(size: &str, cells: &str, compliance: &str) -> String {
 /// The file of a body, in memory alone.
 fn made(size: &str, cells: &str, compliance: &str, family: Family) -> GreenFile {
     let scene = Scene::parse(&text(size, cells, compliance), Path::new("any.toml")).unwrap();
-    let required = Requirements::of(&[AFFINE, family]);
+    let required = Requirements::new(&[AFFINE, family]);
     let made = green::precompute(&scene, "a", &required, &Silent).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.green");
