@@ -109,7 +109,7 @@ fn help_template() -> String {
         groups += &format!("{heading}{group}:{heading:#}\n");
         for command in names.iter().filter_map(|name| commands.find_subcommand(name)) {
             let about = command.get_about().map(ToString::to_string).unwrap_or_default();
-            groups += &format!("  {:<12}{about}\n", command.get_name());
+            groups += &format!("  {:<13}{about}\n", command.get_name());
         }
         groups.push('\n');
     }
