@@ -9,7 +9,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 #[global_allocator]
-static ALLOCATOR: memory::Watched = memory::Watched;
+static ALLOCATOR: memory::Allocator = memory::Allocator;
 
 /// Stack of the thread that works, and of those that libraries start, bytes: that of the first one is what the shell allows
 /// (`ulimit -s`).

@@ -9,7 +9,7 @@ use std::cell::Cell;
 use std::io::Write;
 
 /// The system's allocator, which remembers a thread's last request if the system refused it.
-pub struct Watched;
+pub struct Allocator;
 
 thread_local! {
     /// Bytes of the last refused request; 0 if none was refused.
@@ -24,7 +24,7 @@ fn watched(memory: *mut u8, bytes: usize) -> *mut u8 {
 }
 
 // SAFETY: every call goes to the system's allocator unchanged, and a thread's cell needs no memory of its own.
-unsafe impl GlobalAlloc for Watched {
+unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller's promise is handed on.
         watched(unsafe { System.alloc(layout) }, layout.size())
@@ -46,7 +46,7 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// Makes every allocation that fails from now on end the program with a sentence and status 1, if [`Watched`] is its allocator.
+/// Makes every allocation that fails from now on end the program with a sentence and status 1, if [`Allocator`] is its allocator.
 /// If addresses are limited, all threads share one arena, because each further one would reserve 64 MB of them.
 pub fn end_in_order() {
     #[cfg(target_env = "gnu")]

@@ -4,7 +4,7 @@
 //! the lower half of D. What each thread does depends on sizes alone, and sums have a fixed order, so that the bits do not depend on
 //! the number of threads.
 
-use super::operators::{CURLED, Curled, Material};
+use super::operators::{CURLED, CurlSums, Material};
 use super::strip::{LANES, Pulls, Strip};
 use super::triangle::Triangle;
 use crate::base::progress::Progress;
@@ -65,7 +65,7 @@ impl Mesh {
             }
         };
         let mut pulls = Pulls::default();
-        let mut curled = vec![Curled::default(); self.nodes];
+        let mut curled = vec![CurlSums::default(); self.nodes];
         for ((j, corners), row) in self.triangles.iter().zip(&self.places).zip(row_of) {
             strip.pulls(j, &weights, true, &mut pulls);
             for q in 0..3 {
@@ -119,7 +119,7 @@ impl Mesh {
         let triangles: Vec<&Triangle> = self.triangles[own.clone()].iter().collect();
         let strip = Strip::new(&triangles);
 
-        let mut curled: Vec<Option<Box<Curled>>> = vec![None; self.nodes];
+        let mut curled: Vec<Option<Box<CurlSums>>> = vec![None; self.nodes];
         let mut pulls = Pulls::default();
         for u in first..self.triangles.len() {
             let j = &self.triangles[u];

@@ -17,7 +17,7 @@
 //! ```
 //!
 //! up to factors. Nothing of it grows without bounds as Poisson's ratio nears ½. What depends on j alone is summed over the triangles
-//! around each node first ([`Curled`]).
+//! around each node first ([`CurlSums`]).
 
 use super::potentials::PULL;
 use super::strip::{LANES, Lanes, Pulls};
@@ -43,7 +43,7 @@ pub type Blocks = [[Lanes; 3]; 3];
 
 /// Sums over the triangles j around one node, d the curl of its function there.
 #[derive(Clone)]
-pub struct Curled {
+pub struct CurlSums {
     /// Sum of W \[d\].
     bent: Blocks,
     /// Sum of g d.
@@ -55,13 +55,13 @@ pub struct Curled {
 /// Numbers of one.
 pub const CURLED: usize = 13 * LANES;
 
-impl Default for Curled {
-    fn default() -> Curled {
-        Curled { bent: [[[0.0; LANES]; 3]; 3], plain: [[0.0; LANES]; 3], seen: [0.0; LANES] }
+impl Default for CurlSums {
+    fn default() -> CurlSums {
+        CurlSums { bent: [[[0.0; LANES]; 3]; 3], plain: [[0.0; LANES]; 3], seen: [0.0; LANES] }
     }
 }
 
-impl Curled {
+impl CurlSums {
     /// Adds what the triangle of these pulls does by its corner `q`, whose curl is `d`.
     pub fn add(&mut self, Material { nu, .. }: Material, pulls: &Pulls, q: usize, d: [f64; 3]) {
         lanes::run(Adding { sums: self, pull: &pulls.pull, view: &pulls.view[q], d, shear: 1.0 - 2.0 * nu });
@@ -69,7 +69,7 @@ impl Curled {
 }
 
 struct Adding<'a> {
-    sums: &'a mut Curled,
+    sums: &'a mut CurlSums,
     pull: &'a [Lanes; PULL],
     view: &'a Lanes,
     d: [f64; 3],
@@ -112,7 +112,7 @@ impl Material {
     }
 
     /// K: the rows tested on each i, for the node of these sums.
-    pub fn double_layer(self, sums: &Curled) -> Blocks {
+    pub fn double_layer(self, sums: &CurlSums) -> Blocks {
         let factor = 1.0 / (8.0 * PI * (1.0 - self.nu));
         let mut blocks = sums.bent;
         for (a, row) in blocks.iter_mut().enumerate() {
@@ -128,7 +128,7 @@ impl Material {
     }
 
     /// D: for the corner of each i whose curls are `c`, and the node of these sums, N/m.
-    pub fn hypersingular(self, c: &[Lanes; 3], sums: &Curled) -> Blocks {
+    pub fn hypersingular(self, c: &[Lanes; 3], sums: &CurlSums) -> Blocks {
         let mut blocks = [[[0.0; LANES]; 3]; 3];
         let factor = self.mu / (4.0 * PI);
         lanes::run(Hypersingular {
@@ -144,7 +144,7 @@ impl Material {
 
 struct Hypersingular<'a> {
     c: &'a [Lanes; 3],
-    sums: &'a Curled,
+    sums: &'a CurlSums,
     plain: f64,
     bent: f64,
     blocks: &'a mut Blocks,

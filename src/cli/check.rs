@@ -13,7 +13,7 @@ use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
 use crate::scene::survey::State;
-use crate::scene::{Body, Kept, Limit, Material, Method, Scene, SceneError};
+use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// A body with its surface, in the mesh's frame.
-struct Standing<'a> {
+struct StandingBody<'a> {
     name: &'a String,
     body: &'a Body,
     points: Vec<Point3<f64>>,
@@ -121,7 +121,7 @@ fn of_body<'a>(
     scene: &'a Scene,
     name: &'a String,
     resolved: Option<&ResolvedBody>,
-    meshes: &mut Vec<Standing<'a>>,
+    meshes: &mut Vec<StandingBody<'a>>,
 ) -> Result<Vec<Diagnostic>, Failure> {
     let (entity, body) = (format!("body.{name}"), &scene.body[name]);
     let mut findings = Vec::new();
@@ -171,7 +171,7 @@ fn of_body<'a>(
     findings.extend(prepared.findings);
     let Surface { triangles, nodes } = Surface::from_mesh(&prepared.mesh);
     let points = nodes.iter().map(|&node| Point3::from(prepared.mesh.nodes[node as usize])).collect();
-    meshes.push(Standing { name, body, points, triangles });
+    meshes.push(StandingBody { name, body, points, triangles });
     Ok(findings)
 }
 
@@ -192,13 +192,13 @@ fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
         let place = format!("{entity}.surface_compliance");
         let size = green::compliance_size(&prepared.mesh, held, asked).ok();
         let told = |size: [usize; 3]| match asked.kept {
-            Kept::Factor => forecast.kept_factor_told(size),
-            Kept::Compressed(error) => forecast.compressed_told(size, error),
-            Kept::Inverse => forecast.compliance_told(size),
+            KeptForm::Factor => forecast.kept_factor_told(size),
+            KeptForm::Compressed(error) => forecast.compressed_told(size, error),
+            KeptForm::Inverse => forecast.compliance_told(size),
         };
         if let Some(size) = size {
             findings.push(Diagnostic::new(Severity::Note, &place, told(size)));
-            let fits = if asked.kept == Kept::Inverse { green::compliance_fits(size[2]) } else { Ok(()) };
+            let fits = if asked.kept == KeptForm::Inverse { green::compliance_fits(size[2]) } else { Ok(()) };
             findings.extend(fits.err().map(|told| Diagnostic::new(Severity::Warning, &place, told)));
         }
     }
@@ -218,15 +218,15 @@ fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
 }
 
 /// Bodies that the viewer of the stage does not see, and bodies that are inside each other.
-fn places(meshes: &[Standing<'_>], stage: &Stage) -> Vec<Diagnostic> {
+fn places(meshes: &[StandingBody<'_>], stage: &Stage) -> Vec<Diagnostic> {
     let standing: Vec<_> = meshes.iter().map(|of| (of.body, &of.points[..])).collect();
     let rooms = place::rooms_from_meshes(&standing, stage);
-    let unseen = |(of, at): (&Standing<'_>, &Similarity3<f64>)| {
+    let unseen = |(of, at): (&StandingBody<'_>, &Similarity3<f64>)| {
         let message = format!("on stage {}, {}", stage.name, place::fault(&of.points, at, stage)?);
         Some(Diagnostic::new(Severity::Warning, format!("body.{}.place", of.name), message))
     };
     let mut findings: Vec<Diagnostic> = meshes.iter().zip(&rooms).filter_map(unseen).collect();
-    let in_room = |(of, at): (&Standing<'_>, &Similarity3<f64>)| TriangleSurface {
+    let in_room = |(of, at): (&StandingBody<'_>, &Similarity3<f64>)| TriangleSurface {
         vertices: of.points.iter().map(|x| (at * x).coords).collect(),
         triangles: of.triangles.clone(),
     };

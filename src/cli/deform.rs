@@ -6,7 +6,7 @@ use crate::base::failure::Failure;
 use crate::config::unknown_name;
 use crate::deform::pose_file::{self, Pose};
 use crate::export::batch::Outlook;
-use crate::export::{Asked, Files, ResultSet, ask, batch, pose_text};
+use crate::export::{Files, PoseRequest, ResultSet, ask, batch, pose_text};
 use crate::green;
 use crate::prepare::{self, Resolved};
 use crate::scene::{Scene, SceneError, Updates};
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let files = Files::new(&args.output, &surfaces, names.into_iter().collect())?;
     try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
-    let asked: Vec<Asked> =
+    let asked: Vec<PoseRequest> =
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {

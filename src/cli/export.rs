@@ -10,8 +10,8 @@ use crate::deform::Frame;
 use crate::deform::pose_file::{self, Pose};
 use crate::export::csv::DISPLACEMENTS;
 use crate::export::{
-    Asked, BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, Profile, ResultSet, VIEWER_MOTIONS, basis,
-    batch, chosen, surfaces,
+    BASIS_FILES, BasisFile, BodyBasis, Choice, Exporter, PoseRequest, Profile, ResultSet, VIEWER_MOTIONS,
+    basis, batch, chosen, surfaces,
 };
 use crate::green::ColumnSource;
 use crate::prepare::{self, Resolved};
@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     output::make_folder_of(&args.output)?;
     output::try_path(&args.output, format.kind(), &inputs)?;
     let scene = tuning::settle(scene, false, false)?;
-    let posed = Posed { poses: poses.as_deref(), args };
+    let posed = SingularPose { poses: poses.as_deref(), args };
     match format {
         Format::Basis(file) => write_basis(&scene, &names, &posed, file),
         Format::Surface(exporter) => write_surface(&scene, &names, &posed, exporter),
@@ -190,13 +190,13 @@ fn refuse_for_viewers(args: &Args, file: &BasisFile) -> Result<(), Failure> {
 }
 
 /// The pose that is asked for.
-struct Posed<'a> {
+struct SingularPose<'a> {
     poses: Option<&'a [Pose]>,
     args: &'a Args,
 }
 
-impl<'a> Posed<'a> {
-    fn chosen(&self, scene: &'a Resolved) -> Result<Vec<Asked<'a>>, Failure> {
+impl<'a> SingularPose<'a> {
+    fn chosen(&self, scene: &'a Resolved) -> Result<Vec<PoseRequest<'a>>, Failure> {
         let Some((poses, path)) = self.poses.zip(self.args.poses.as_deref()) else { return Ok(Vec::new()) };
         chosen(scene, poses, self.args.pose.as_deref(), path)
     }
@@ -208,7 +208,7 @@ const LARGE: u64 = 100_000_000;
 fn write_basis(
     scene: &Resolved,
     names: &[String],
-    posed: &Posed<'_>,
+    posed: &SingularPose<'_>,
     file: &BasisFile,
 ) -> Result<(), Failure> {
     let args = posed.args;
@@ -285,7 +285,7 @@ fn told(bodies: &[BodyBasis], file: &BasisFile, args: &Args) -> String {
 fn write_surface(
     scene: &Resolved,
     names: &[String],
-    posed: &Posed<'_>,
+    posed: &SingularPose<'_>,
     exporter: &Exporter,
 ) -> Result<(), Failure> {
     let args = posed.args;

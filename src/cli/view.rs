@@ -5,7 +5,7 @@ use super::print::print;
 use super::session_args::{SessionArgs, draw};
 use super::track::Redirects;
 use crate::base::failure::Failure;
-use crate::display::application::{self, Finished, Opening, Options, Shows};
+use crate::display::application::{self, FinishedSession, Opening, Options, Shows};
 use crate::display::device;
 use crate::display::offscreen::Pictures;
 use crate::display::pictures::PictureRequest;
@@ -96,7 +96,8 @@ fn in_windows(args: &Args, device: device::Args) -> Result<(), Failure> {
     };
     let empty = Session::new(World::of_stage(stage)?, None);
     let shows = Shows::Screens(Box::new(screens));
-    let Finished { mut session, frames, lasted_s } = application::run(empty, Some(opening), shows, options)?;
+    let FinishedSession { mut session, frames, lasted_s } =
+        application::run(empty, Some(opening), shows, options)?;
     let rate = f64::from(frames) / lasted_s;
     print(&format!("{}{frames} frames in {lasted_s:.1} s: {rate:.1} frames/s\n", session.summary()))?;
     print(&session.report()?)

@@ -14,7 +14,7 @@ use std::fmt;
 pub struct Strict<T>(pub T);
 
 /// A visitor, and the length of a sequence that it may be given.
-struct Watched<V> {
+struct LimitedVisitor<V> {
     visitor: V,
     takes: Takes,
 }
@@ -31,7 +31,7 @@ enum Takes {
 macro_rules! forward {
     ($($method:ident($($argument:ident: $kind:ty),*) $takes:expr;)*) => {
         $(fn $method<V: Visitor<'de>>(self, $($argument: $kind,)* visitor: V) -> Result<V::Value, D::Error> {
-            self.0.$method($($argument,)* Watched { visitor, takes: $takes })
+            self.0.$method($($argument,)* LimitedVisitor { visitor, takes: $takes })
         })*
     };
     ($($method:ident)*) => {
@@ -71,7 +71,7 @@ macro_rules! hand_on {
     };
 }
 
-impl<'de, V: Visitor<'de>> Visitor<'de> for Watched<V> {
+impl<'de, V: Visitor<'de>> Visitor<'de> for LimitedVisitor<V> {
     type Value = V::Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -178,7 +178,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Strict<A> {
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, A::Error> {
-        self.0.tuple_variant(length, Watched { visitor, takes: Takes::Length(length) })
+        self.0.tuple_variant(length, LimitedVisitor { visitor, takes: Takes::Length(length) })
     }
 
     fn struct_variant<V: Visitor<'de>>(
@@ -186,7 +186,7 @@ impl<'de, A: VariantAccess<'de>> VariantAccess<'de> for Strict<A> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, A::Error> {
-        self.0.struct_variant(fields, Watched { visitor, takes: Takes::Table })
+        self.0.struct_variant(fields, LimitedVisitor { visitor, takes: Takes::Table })
     }
 }
 

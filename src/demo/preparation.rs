@@ -30,12 +30,12 @@ pub enum Readiness {
 }
 
 #[derive(Default)]
-struct Told {
+struct SharedReadiness {
     chapters: Mutex<Vec<Readiness>>,
     changed: Condvar,
 }
 
-impl Told {
+impl SharedReadiness {
     fn lock(&self) -> MutexGuard<'_, Vec<Readiness>> {
         self.chapters.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
@@ -48,13 +48,13 @@ impl Told {
 
 /// The preparation of all chapters; the thread goes on until it is done, or the program ends.
 pub struct Preparation {
-    told: Arc<Told>,
+    told: Arc<SharedReadiness>,
 }
 
 impl Preparation {
     /// Starts with the chapters of these numbers, in this order.
     pub fn start(order: Vec<usize>) -> std::io::Result<Preparation> {
-        let told = Arc::new(Told::default());
+        let told = Arc::new(SharedReadiness::default());
         told.lock().resize_with(CHAPTERS.len(), || Readiness::Waiting);
         let telling = told.clone();
         std::thread::Builder::new().name("preparation".into()).spawn(move || {
@@ -84,7 +84,7 @@ impl Preparation {
     }
 }
 
-fn make(chapter: &Chapter, told: &Arc<Told>, number: usize) -> Result<Readiness, Failure> {
+fn make(chapter: &Chapter, told: &Arc<SharedReadiness>, number: usize) -> Result<Readiness, Failure> {
     let scene = chapter.scene()?;
     let file = prepare::green_file_telling(&scene, None, &|body| {
         let step = Mutex::new(Step { body: body.to_owned(), ..Step::default() });
@@ -95,7 +95,7 @@ fn make(chapter: &Chapter, told: &Arc<Told>, number: usize) -> Result<Readiness,
 
 /// Leaves the steps of a body's precomputation where the caption finds them.
 struct Steps {
-    told: Arc<Told>,
+    told: Arc<SharedReadiness>,
     number: usize,
     step: Mutex<Step>,
 }

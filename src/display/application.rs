@@ -59,7 +59,7 @@ pub struct Options {
 }
 
 /// The session after its windows were closed, with its frames and duration.
-pub struct Finished {
+pub struct FinishedSession {
     pub session: Session,
     pub frames: u32,
     pub lasted_s: f64,
@@ -78,7 +78,7 @@ pub fn run(
     opening: Option<Opening<'_>>,
     shows: Shows,
     options: Options,
-) -> Result<Finished, Failure> {
+) -> Result<FinishedSession, Failure> {
     let specs = shows.specs(&session);
     let is_scene = (session.scene.is_some() || opening.is_some()) && matches!(shows, Shows::Screens(_));
     let making = opening.as_ref().map(|opening| opening.making.steps.clone());
@@ -103,7 +103,7 @@ pub fn run(
     app.desk.iter_mut().for_each(Desk::end);
     match app.failure {
         Some(failure) => Err(failure),
-        None => Ok(Finished {
+        None => Ok(FinishedSession {
             lasted_s: app.started.elapsed().as_secs_f64(),
             frames: app.frames,
             session: app.session,

@@ -22,14 +22,14 @@ pub struct GpuBodies {
     pub choices: Vec<Choice>,
     watches: Vec<Watch>,
     /// State of each body in its buffers.
-    uploaded: Vec<Uploaded>,
+    uploaded: Vec<UploadedState>,
     /// Whether each frame is looked at for bodies that are bent too far: in pictures, which are far apart.
     pub looks_at_each: bool,
 }
 
 /// The state of a body in its buffers.
 #[derive(Default)]
-struct Uploaded {
+struct UploadedState {
     /// Version of the surface's triangles ([`crate::deform::Deformer::topology`]).
     topology: u64,
     /// Version of its positions ([`crate::deform::Deformer::version`]).
@@ -51,7 +51,9 @@ impl GpuBodies {
             let (buffers, choice) = device::buffers(gpu, body, shown, asked.deform)?;
             notice!("body.{}: {}", body.deformer.body, choice.describe());
             bodies.buffers.push(buffers);
-            bodies.uploaded.push(Uploaded { topology: body.deformer.topology, ..Uploaded::default() });
+            bodies
+                .uploaded
+                .push(UploadedState { topology: body.deformer.topology, ..UploadedState::default() });
             bodies.choices.push(choice);
         }
         Ok(bodies)
@@ -65,7 +67,7 @@ impl GpuBodies {
     /// Uploads what changed; returns the time it took, s.
     pub fn upload(&mut self, gpu: &Gpu, world: &World) -> Result<f64, RenderError> {
         let has_moved =
-            |uploaded: &Uploaded, body: &PlacedBody| uploaded.version != Some(body.deformer.version);
+            |uploaded: &UploadedState, body: &PlacedBody| uploaded.version != Some(body.deformer.version);
         for ((watch, uploaded), body) in self.watches.iter_mut().zip(&self.uploaded).zip(&world.bodies) {
             watch.look(body, has_moved(uploaded, body), self.looks_at_each);
         }
@@ -76,7 +78,7 @@ impl GpuBodies {
         {
             if uploaded.topology != body.deformer.topology {
                 *buffers = device::remade(gpu, body, shown, buffers.is_deformed_here())?;
-                *uploaded = Uploaded { topology: body.deformer.topology, ..Uploaded::default() };
+                *uploaded = UploadedState { topology: body.deformer.topology, ..UploadedState::default() };
             }
             buffers.hatched_per_m = watch.text.is_some().then(|| (HATCH_LINES / body.assets.ball.1) as f32);
             if has_moved(uploaded, body) {

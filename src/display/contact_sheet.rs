@@ -56,7 +56,7 @@ impl Sample {
 
 /// The frames that represent a session best, chosen as they come: the first, the one between that looks most different from it,
 /// and the last. Where that is the last itself, the middle one stands between them; where all look alike, the first stands alone.
-pub struct Chosen {
+pub struct SheetFrames {
     first: Option<(Sample, SheetFrame)>,
     middle: Option<SheetFrame>,
     /// The difference from the first frame, and the pictures as they were drawn.
@@ -66,10 +66,10 @@ pub struct Chosen {
     count: usize,
 }
 
-impl Chosen {
+impl SheetFrames {
     /// A choice among `count` frames.
-    pub fn new(count: usize) -> Chosen {
-        Chosen { first: None, middle: None, farthest: None, last: None, count }
+    pub fn new(count: usize) -> SheetFrames {
+        SheetFrames { first: None, middle: None, farthest: None, last: None, count }
     }
 
     pub fn take(&mut self, number: usize, pictures: Vec<(&str, RgbaImage)>) {
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn frames_that_differ_are_chosen() {
         let chosen = |colours: &[u8]| {
-            let mut chosen = Chosen::new(colours.len());
+            let mut chosen = SheetFrames::new(colours.len());
             for (number, colour) in colours.iter().enumerate() {
                 let picture = RgbaImage::from_pixel(300, 20, image::Rgba([*colour, 0, 0, 255]));
                 chosen.take(number, vec![("wall-left", picture)]);

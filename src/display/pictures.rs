@@ -1,6 +1,6 @@
 //! Writes a session as PNG files: every picture of every frame, and a contact sheet.
 
-use super::contact_sheet::{Chosen, contact_sheet};
+use super::contact_sheet::{SheetFrames, contact_sheet};
 use super::device;
 use super::offscreen::{DrawTimes, Pictures, Targets};
 use crate::base::diagnostic::notice;
@@ -73,7 +73,7 @@ impl PictureRequest {
             );
         }
         let bar = indicatif::ProgressBar::new(frames as u64).with_message("frames");
-        let mut chosen = Chosen::new(frames);
+        let mut chosen = SheetFrames::new(frames);
         let (mut drawn_s, mut mechanics_s, mut written) = (0.0, 0.0, 0);
         let started = Instant::now();
         for frame in 0..frames {

@@ -24,7 +24,7 @@ pub(super) enum Side {
 
 /// A plate that is to be seated.
 #[derive(Clone, Debug)]
-pub(super) struct Wanted {
+pub(super) struct PlateRequest {
     pub side: Side,
     /// Sizes, from the full one to the least.
     pub sizes: Vec<Vec2>,
@@ -59,12 +59,12 @@ pub(super) struct Seat {
 #[derive(Clone, Debug, Default)]
 pub struct PlateSeats {
     inside: Option<Rect>,
-    kept: Vec<Kept>,
+    kept: Vec<PlateKey>,
 }
 
 /// A plate by its side and its number there.
 #[derive(Clone, Copy, Debug)]
-struct Kept {
+struct PlateKey {
     key: (Side, usize),
     corner: Pos2,
     size: usize,
@@ -83,7 +83,7 @@ const OVER_BODY: f32 = 1.5;
 
 impl PlateSeats {
     /// The seat of each plate in this frame.
-    pub(super) fn take(&mut self, room: &Room<'_>, wanted: &[Wanted]) -> Vec<Option<Seat>> {
+    pub(super) fn take(&mut self, room: &Room<'_>, wanted: &[PlateRequest]) -> Vec<Option<Seat>> {
         if self.inside.replace(room.inside) != Some(room.inside) {
             self.kept.clear();
         }
@@ -111,11 +111,11 @@ impl PlateSeats {
 impl Room<'_> {
     fn seated(
         &self,
-        plate: &Wanted,
-        before: Option<Kept>,
+        plate: &PlateRequest,
+        before: Option<PlateKey>,
         taken: &[Rect],
         key: (Side, usize),
-    ) -> Option<Kept> {
+    ) -> Option<PlateKey> {
         let own = self.own(plate, taken);
         // Three gaps are free before it goes back: what trembles at the border does not make it.
         let is_free = own.is_some_and(|own| self.is_clear(own.expand(3.0 * self.gap)));
@@ -124,7 +124,7 @@ impl Room<'_> {
         let since_s = since_s.filter(|since_s| is_free && self.time_s >= *since_s);
         let free_since_s = since_s.or(is_free.then_some(self.time_s));
         let is_back = free_since_s.is_some_and(|since_s| self.time_s - since_s >= BACK_S);
-        let kept = |rect: Rect, size, is_own| Kept { key, corner: rect.min, size, is_own, free_since_s };
+        let kept = |rect: Rect, size, is_own| PlateKey { key, corner: rect.min, size, is_own, free_since_s };
         let is_at_home = before.is_none_or(|before| before.is_own);
         if let Some(own) = own.filter(|own| (is_at_home || is_back) && self.is_clear(*own)) {
             return Some(kept(own, 0, true));
@@ -149,7 +149,7 @@ impl Room<'_> {
     }
 
     /// The lowest free place in the plate's own column.
-    fn own(&self, plate: &Wanted, taken: &[Rect]) -> Option<Rect> {
+    fn own(&self, plate: &PlateRequest, taken: &[Rect]) -> Option<Rect> {
         let size = *plate.sizes.first()?;
         let x = match plate.side {
             Side::Left => self.inside.min.x,
@@ -162,7 +162,7 @@ impl Room<'_> {
     }
 
     /// The best of all places at the edges of the picture and beside what is in it.
-    fn best(&self, plate: &Wanted, taken: &[Rect]) -> Option<Seat> {
+    fn best(&self, plate: &PlateRequest, taken: &[Rect]) -> Option<Seat> {
         let held: Vec<Rect> = self.held.iter().map(|held| held.expand(1.5 * self.gap)).collect();
         let edges = || taken.iter().chain(&held).chain(self.loose).chain(self.bodies);
         let full = *plate.sizes.first()?;
@@ -311,9 +311,9 @@ mod tests {
     use proptest::prelude::*;
 
     /// A legend and a curve in the right corner and words in the left one, as a picture of 1280 by 800 pixels has them.
-    fn plates() -> Vec<Wanted> {
+    fn plates() -> Vec<PlateRequest> {
         let sizes = |full: Vec2| [1.0, 0.8, 0.65].map(|scale| full * scale).to_vec();
-        let wanted = |side, full| Wanted { side, sizes: sizes(full) };
+        let wanted = |side, full| PlateRequest { side, sizes: sizes(full) };
         vec![
             wanted(Side::Right, vec2(580.0, 110.0)),
             wanted(Side::Right, vec2(420.0, 250.0)),

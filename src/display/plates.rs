@@ -7,7 +7,7 @@
 use super::caption::{DARK, INK, QUIET};
 use super::legend;
 use super::plate_seats::KeepClear;
-use super::plate_seats::{PlateSeats, Room, Side, Wanted, covered, is_over};
+use super::plate_seats::{PlateRequest, PlateSeats, Room, Side, covered, is_over};
 use super::plot;
 use super::window_layout::{Part, view_of};
 use crate::base::plates::{Anchor, Plate, Tone};
@@ -108,7 +108,7 @@ impl Plates<'_> {
                     LaidOut::new(painter, plate, least, vec2(scale * width, scale * room.y))
                 });
                 widest = widest.max(sheet[0].size.x + letter);
-                wanted.push(Wanted { side, sizes: sheet.iter().map(|sheet| sheet.size).collect() });
+                wanted.push(PlateRequest { side, sizes: sheet.iter().map(|sheet| sheet.size).collect() });
                 sheets.push(sheet);
             }
             // Words in the left corner break where the plates in the right one begin.

@@ -57,7 +57,7 @@ pub type Precompute =
     fn(&Resolved, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
 
 /// The arguments of `Attach` and `Start`: the scene, its file, and the bodies that list the effect.
-pub struct Listed<'a> {
+pub struct EffectInput<'a> {
     pub scene: &'a Resolved,
     pub file: &'a GreenFile,
     /// The bodies that list it, by index and name.
@@ -71,10 +71,10 @@ pub type CheckSection = fn(&GreenFile, &str) -> Result<(), GreenError>;
 pub type SectionAfterChange = fn(&Resolved, &str) -> Vec<(String, Tensor)>;
 
 /// Makes the effect's part of a new world; `None` if it has none there.
-pub type Attach = fn(&Listed<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
+pub type Attach = fn(&EffectInput<'_>, &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 /// Makes the part of the effect that only a live session has, such as devices and threads; `None` if it has none here.
-pub type Start = fn(&Listed<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
+pub type Start = fn(&EffectInput<'_>, &World) -> Result<Option<Box<dyn RunningEffect>>, Failure>;
 
 /// One entry of the list of effects.
 #[derive(Clone, Copy)]

@@ -5,7 +5,7 @@
 //! rest, in N over m, or the torque about the axis of the turn from rest, in N·m over degrees. Where errors to expect were
 //! measured for the body ([`expected`](super::expected)), a band shows within which the force truly lies.
 
-use super::entry::{EffectEntry, Listed};
+use super::entry::{EffectEntry, EffectInput};
 use crate::base::diagnostic::notice;
 use crate::base::output::Kind;
 use crate::base::plates::{Anchor, Axis, Plate, Plot, Tone};
@@ -100,7 +100,7 @@ struct Sample {
 }
 
 impl ForceCurve {
-    fn new(listed: &Listed<'_>, world: &mut World) -> ForceCurve {
+    fn new(listed: &EffectInput<'_>, world: &mut World) -> ForceCurve {
         for &(b, name) in &listed.bodies {
             let body = &mut world.bodies[b];
             body.deformer.feel();

@@ -1,6 +1,6 @@
 //! The effect `ghost_rest`: the body at rest, translucent, where the body as it is has left it.
 
-use super::entry::{EffectEntry, Listed};
+use super::entry::{EffectEntry, EffectInput};
 use crate::deform::{ControlPose, Deformer, vertex_normals};
 use crate::render::{Drawable, Ghost, GhostShape, Line};
 use crate::world::{Frame, RunningEffect, World};
@@ -19,11 +19,11 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 };
 
 struct RestGhosts {
-    bodies: Vec<(usize, Outlined)>,
+    bodies: Vec<(usize, GhostSurface)>,
 }
 
 /// A ghost's surface with its sharp edges.
-pub(super) struct Outlined {
+pub(super) struct GhostSurface {
     pub shape: Arc<GhostShape>,
     edges: Vec<[u32; 2]>,
 }
@@ -34,8 +34,8 @@ const SHARP: f64 = 0.766;
 const MOST_EDGES: usize = 4000;
 
 impl RestGhosts {
-    fn new(listed: &Listed<'_>, world: &World) -> RestGhosts {
-        let of = |&(b, _): &(usize, &str)| (b, Outlined::new(&world.bodies[b].deformer, None));
+    fn new(listed: &EffectInput<'_>, world: &World) -> RestGhosts {
+        let of = |&(b, _): &(usize, &str)| (b, GhostSurface::new(&world.bodies[b].deformer, None));
         RestGhosts { bodies: listed.bodies.iter().map(of).collect() }
     }
 }
@@ -59,11 +59,11 @@ impl RunningEffect for RestGhosts {
     }
 }
 
-impl Outlined {
+impl GhostSurface {
     /// The surface of a body at rest, or moved by these displacements, in the body's frame.
-    pub fn new(deformer: &Deformer, moved: Option<&[[f64; 3]]>) -> Outlined {
+    pub fn new(deformer: &Deformer, moved: Option<&[[f64; 3]]>) -> GhostSurface {
         let edges = sharp_edges(deformer.rest(), deformer.triangles());
-        Outlined { shape: Arc::new(shape(deformer, moved)), edges }
+        GhostSurface { shape: Arc::new(shape(deformer, moved)), edges }
     }
 
     /// Lines of the sharp edges in the room; with `over` they lie over everything, else nearer things hide them.

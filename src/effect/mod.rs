@@ -18,7 +18,7 @@ pub mod settings;
 pub mod stress;
 
 pub use effects::{EFFECTS, find_effect, in_order, name_of};
-pub use entry::{EffectEntry, Listed, ListedEffect, Precompute, Resolved, ResolvedBody};
+pub use entry::{EffectEntry, EffectInput, ListedEffect, Precompute, Resolved, ResolvedBody};
 pub use resolved::requirements;
 
 use crate::base::failure::Failure;
@@ -65,10 +65,10 @@ pub fn sections_after_change(scene: &Resolved, file: &GreenFile, body: &str) -> 
 }
 
 /// The effect of `entry` where a body of the scene lists it.
-fn listed<'a>(entry: &EffectEntry, scene: &'a Resolved, file: &'a GreenFile) -> Option<Listed<'a>> {
+fn listed<'a>(entry: &EffectEntry, scene: &'a Resolved, file: &'a GreenFile) -> Option<EffectInput<'a>> {
     let bodies = scene.bodies.iter().enumerate().filter(|(_, (_, body))| body.lists(entry));
     let bodies: Vec<_> = bodies.map(|(b, (name, _))| (b, name.as_str())).collect();
-    (!bodies.is_empty()).then_some(Listed { scene, file, bodies })
+    (!bodies.is_empty()).then_some(EffectInput { scene, file, bodies })
 }
 
 /// Joins those of `entries` that the scene lists to its new world.

@@ -13,7 +13,7 @@ use crate::fem::Law;
 use crate::green::{
     self, AFFINE, COMPLIANCE, COMPRESSED, Family, KEPT_FACTOR, LOADS, Requirements, STIFFNESS, UPDATES,
 };
-use crate::scene::{Body, Kept, Method, Scene, SceneError};
+use crate::scene::{Body, KeptForm, Method, Scene, SceneError};
 use std::path::Path;
 
 impl Resolved {
@@ -301,9 +301,9 @@ fn loads_required(
         return Ok(if loads { Requirements::new(families) } else { Requirements::default() });
     }
     let of_surface = body.surface_compliance.as_ref().map(|of| match of.kept {
-        Kept::Inverse => COMPLIANCE,
-        Kept::Compressed(_) => COMPRESSED,
-        Kept::Factor => KEPT_FACTOR,
+        KeptForm::Inverse => COMPLIANCE,
+        KeptForm::Compressed(_) => COMPRESSED,
+        KeptForm::Factor => KEPT_FACTOR,
     });
     let families: Vec<_> = loads.then_some(LOADS).into_iter().chain(of_surface).collect();
     Ok(Requirements::new(&families))

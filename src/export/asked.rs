@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// A pose, and the body that it is for.
 #[derive(Clone)]
-pub struct Asked<'a> {
+pub struct PoseRequest<'a> {
     /// The pose file.
     pub path: PathBuf,
     pub pose: &'a str,
@@ -27,7 +27,7 @@ pub struct Asked<'a> {
     pub after: Option<usize>,
 }
 
-impl Asked<'_> {
+impl PoseRequest<'_> {
     /// The beginning of messages about it: file, pose and body.
     pub fn place(&self) -> String {
         format!("{}: pose \"{}\": body.{}", self.path.display(), self.pose, self.body)
@@ -35,7 +35,7 @@ impl Asked<'_> {
 }
 
 /// The poses of one entry of a pose file; errors name the file, the pose and what is wrong.
-pub fn ask<'a>(scene: &'a Resolved, pose: &'a Pose, path: &Path) -> Result<Asked<'a>, Failure> {
+pub fn ask<'a>(scene: &'a Resolved, pose: &'a Pose, path: &Path) -> Result<PoseRequest<'a>, Failure> {
     let names = || scene.body.keys().map(String::as_str);
     let wrong =
         |message: String| Failure::wrong(format!("{}: pose \"{}\": {message}", path.display(), pose.name));
@@ -57,7 +57,7 @@ pub fn ask<'a>(scene: &'a Resolved, pose: &'a Pose, path: &Path) -> Result<Asked
         )));
     }
     let loads = pose_file::loads(pose, (body, &scene.body[body]), scene.bodies[body].model, path)?;
-    Ok(Asked {
+    Ok(PoseRequest {
         path: path.to_owned(),
         pose: &pose.name,
         body,
@@ -79,7 +79,12 @@ pub(super) fn has_forces(scene: &Resolved, name: &str) -> Result<bool, Failure> 
 const STEPS: usize = 16;
 
 /// Leads the body through the poses that `asked` goes on from, the first of them as it stands; it is in that of `standing`.
-pub(super) fn lead(asked: &Asked<'_>, all: &[Asked<'_>], standing: Option<&Asked<'_>>, body: &mut Deformer) {
+pub(super) fn lead(
+    asked: &PoseRequest<'_>,
+    all: &[PoseRequest<'_>],
+    standing: Option<&PoseRequest<'_>>,
+    body: &mut Deformer,
+) {
     let Some(before) = asked.after.and_then(|before| all.get(before)) else {
         return body.forget();
     };
@@ -103,7 +108,7 @@ pub fn chosen<'a>(
     poses: &'a [Pose],
     name: Option<&str>,
     path: &Path,
-) -> Result<Vec<Asked<'a>>, Failure> {
+) -> Result<Vec<PoseRequest<'a>>, Failure> {
     let names = || poses.iter().map(|pose| pose.name.as_str());
     let wrong = |message: String| Failure::wrong(format!("{}: {message}", path.display()));
     let name = match (name, names().next()) {
@@ -131,7 +136,7 @@ pub fn chosen<'a>(
         }
         let first = asked.len();
         for (at, one) in way.into_iter().rev().enumerate() {
-            asked.push(Asked { after: at.checked_sub(1).map(|before| first + before), ..one });
+            asked.push(PoseRequest { after: at.checked_sub(1).map(|before| first + before), ..one });
         }
     }
     Ok(asked)

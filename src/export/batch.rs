@@ -1,11 +1,11 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
-use super::asked::{Asked, has_forces, lead};
+use super::asked::{PoseRequest, has_forces, lead};
 use super::free_poses;
-use super::result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
+use super::result_set::{ControlForces, Geometry, MissedPose, Needs, PoseResult, ResultSet, StressResult};
 use super::statics;
-use super::told::{Pushed, Sureness, Told};
+use super::told::{PointPush, PoseFacts, Sureness};
 use super::unsure;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
@@ -39,7 +39,7 @@ fn verified(file: Arc<GreenFile>) -> Result<Arc<GreenFile>, Failure> {
 /// in f64 instead.
 pub fn solve(
     scene: &Resolved,
-    asked: &[Asked<'_>],
+    asked: &[PoseRequest<'_>],
     green: Option<&Path>,
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
@@ -52,13 +52,13 @@ pub fn solve(
     let (mut set, mut tables) = (ResultSet::default(), String::new());
     let asked = &free_poses::found(scene, asked, file.as_ref(), &mut set.missed)?[..];
     for (name, body) in &scene.body {
-        let is_missed = |asked: &Asked<'_>| {
+        let is_missed = |asked: &PoseRequest<'_>| {
             set.missed.iter().any(|missed| missed.pose == asked.pose && missed.body == *name)
         };
-        let own: Vec<&Asked<'_>> =
+        let own: Vec<&PoseRequest<'_>> =
             asked.iter().filter(|asked| asked.body == *name && !is_missed(asked)).collect();
         // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
-        let doubtful = |asked: &Asked<'_>| {
+        let doubtful = |asked: &PoseRequest<'_>| {
             let doubt = pose_file::doubtful_turn(&asked.control, body);
             doubt.filter(|_| !scene.bodies[name].model.is_linear() && asked.after.is_none())
         };
@@ -90,7 +90,7 @@ pub fn solve(
 }
 
 /// A result with where its control elements are, and by how much they were free.
-fn told(scene: &Resolved, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
+fn told(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> PoseResult {
     let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
         return result;
     };
@@ -104,7 +104,7 @@ fn told(scene: &Resolved, all: &[Asked<'_>], result: PoseResult) -> PoseResult {
     told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
-        let why = unsure::why(scene, &result.body, unsure::Looked::Nowhere, &asked.freedom);
+        let why = unsure::why(scene, &result.body, unsure::ErrorSource::Nowhere, &asked.freedom);
         told.error = Sureness::Unknown(why);
     }
     PoseResult { told, ..result }
@@ -205,8 +205,8 @@ fn surface_results(
     scene: &Resolved,
     file: &Arc<GreenFile>,
     name: &str,
-    own: &[&Asked<'_>],
-    all: &[Asked<'_>],
+    own: &[&PoseRequest<'_>],
+    all: &[PoseRequest<'_>],
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
     let stressed = lists_stress(scene, name).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
@@ -219,7 +219,7 @@ fn surface_results(
     });
     let applied: Vec<AppliedLoads> = applied.by_ref().collect::<Result<_, _>>()?;
     let geometry = Geometry::surface(&deformer);
-    let result = |((asked, standing), applied): ((&&Asked<'_>, _), &AppliedLoads)| {
+    let result = |((asked, standing), applied): ((&&PoseRequest<'_>, _), &AppliedLoads)| {
         deformer.apply(applied);
         let result = surface_result(asked, all, standing, body, &mut deformer);
         let stress = stressed.as_ref().map(|stressed| {
@@ -231,13 +231,14 @@ fn surface_results(
         let error =
             known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
         let unknown = || {
-            let looked = unsure::Looked::InFile(expected.as_ref());
+            let looked = unsure::ErrorSource::InFile(expected.as_ref());
             Sureness::Unknown(unsure::why(scene, name, looked, &asked.freedom))
         };
-        let mut told = Told { error: error.map_or_else(unknown, Sureness::Measured), ..Told::default() };
+        let mut told =
+            PoseFacts { error: error.map_or_else(unknown, Sureness::Measured), ..PoseFacts::default() };
         told.places = deformer.controls.iter().map(|control| control.origin + deformer.centre).collect();
         told.beyond = out_of_range_of(&deformer);
-        told.pushed = Pushed::list(&applied.points, &geometry.rest, &result.displacement);
+        told.pushed = PointPush::list(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield = free_poses::first_yield(asked, &mut deformer, stressed, expected.as_ref());
             // Others may go on from this pose.
@@ -251,9 +252,9 @@ fn surface_results(
 }
 
 fn surface_result(
-    asked: &Asked<'_>,
-    all: &[Asked<'_>],
-    standing: Option<&Asked<'_>>,
+    asked: &PoseRequest<'_>,
+    all: &[PoseRequest<'_>],
+    standing: Option<&PoseRequest<'_>>,
     scene_body: &Body,
     body: &mut Deformer,
 ) -> PoseResult {
@@ -273,15 +274,15 @@ fn surface_result(
         displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
         stress: None,
-        told: Told::default(),
+        told: PoseFacts::default(),
     }
 }
 
 fn volume_results(
     scene: &Resolved,
     name: &str,
-    asked: &[&Asked<'_>],
-    missed: &mut Vec<Missed>,
+    asked: &[&PoseRequest<'_>],
+    missed: &mut Vec<MissedPose>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
     if !model.is_linear() {
@@ -307,7 +308,7 @@ fn volume_results(
             Ok(asked) => asked,
             Err(why) => {
                 let (pose, body) = (asked.pose.to_owned(), name.to_owned());
-                missed.push(Missed { why: format!("{}: {why}", asked.place()), pose, body });
+                missed.push(MissedPose { why: format!("{}: {why}", asked.place()), pose, body });
                 continue;
             }
         };
@@ -328,30 +329,34 @@ fn volume_results(
                     Some((wrenches, free_poses::parts(&stress_of(stressed, &at.displacement).reached)?))
                 })
             });
-        let told = Told { control: asked.control, places, first_yield, ..Told::default() };
+        let told = PoseFacts { control: asked.control, places, first_yield, ..PoseFacts::default() };
         found.push(PoseResult { stress, told, ..result });
     }
     Ok((Geometry::volume(name, &solution.mesh), found))
 }
 
 /// A pose with its free control elements found.
-fn found_in<'a>(asked: &Asked<'a>, model: &ModelEntry, solution: &Solution) -> Result<Asked<'a>, String> {
+fn found_in<'a>(
+    asked: &PoseRequest<'a>,
+    model: &ModelEntry,
+    solution: &Solution,
+) -> Result<PoseRequest<'a>, String> {
     if asked.freedom.is_empty() {
         return Ok(asked.clone());
     }
     let length = free_poses::size(solution.mesh.nodes.iter().copied());
     let mut wrenches = |poses: &[ControlPose]| {
-        let at = Asked { control: poses.to_vec(), ..asked.clone() };
+        let at = PoseRequest { control: poses.to_vec(), ..asked.clone() };
         let found = volume_slopes(&at, model, solution);
         let (slopes, _) = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
         Ok(slopes.iter().map(Wrench::of_small_strain).collect())
     };
     let control = free_poses::find(asked, None, (model, length), &mut wrenches)?;
-    Ok(Asked { control, ..asked.clone() })
+    Ok(PoseRequest { control, ..asked.clone() })
 }
 
 fn volume_result(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     name: &str,
     (body, model): (&Body, &ModelEntry),
     solution: &Solution,
@@ -376,13 +381,13 @@ fn volume_result(
             control_forces(body, (wrenches.collect(), energy))
         }),
         stress: None,
-        told: Told::default(),
+        told: PoseFacts::default(),
     }
 }
 
 /// The slopes of the energy of the body's model by the poses, and the energy, where the scene asks for forces.
 fn volume_slopes(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     model: &ModelEntry,
     solution: &Solution,
 ) -> Option<(Vec<PoseSlope>, f64)> {
@@ -410,8 +415,8 @@ fn static_results(
     scene: &Resolved,
     name: &str,
     mut solved: statics::Solved,
-    asked: &[&Asked<'_>],
-    missed: &mut Vec<Missed>,
+    asked: &[&PoseRequest<'_>],
+    missed: &mut Vec<MissedPose>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
     let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
@@ -420,7 +425,7 @@ fn static_results(
     for ((asked, settled), control) in asked.iter().zip(solved.settled).zip(solved.control) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
         let places = solved.statics.controls.iter().map(|control| control.origin).collect();
-        let told = Told { control, places, ..Told::default() };
+        let told = PoseFacts { control, places, ..PoseFacts::default() };
         match settled {
             Ok(EquilibriumResult { displacement, wrenches, energy, .. }) => {
                 let wrenches = Some(control_forces(body, (wrenches, energy)));
@@ -433,7 +438,7 @@ fn static_results(
                 let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &displacement));
                 let mut told = told;
                 let forced = asked.loads.points_on_mesh(&solved.statics).map_err(Failure::wrong)?;
-                told.pushed = Pushed::list(&forced, &solved.statics.mesh.nodes, &displacement);
+                told.pushed = PointPush::list(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
                     let parts = |u: &[Vector3<f64>]| free_poses::parts(&stress_of(stressed, u).reached);
                     statics::apply(asked, &mut solved.statics)?;
@@ -441,7 +446,7 @@ fn static_results(
                 }
                 found.push(PoseResult { pose, body: name, displacement, wrenches, stress, told });
             }
-            Err(why) => missed.push(Missed { pose, body: name, why }),
+            Err(why) => missed.push(MissedPose { pose, body: name, why }),
         }
     }
     Ok((Geometry::volume(name, &solved.statics.mesh), found))

@@ -67,7 +67,7 @@ fn force(PointForce { at, node, force }: &PointForce) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::result_set::PoseResult;
-    use super::super::told::Told;
+    use super::super::told::PoseFacts;
     use super::*;
     use crate::deform::pose_file;
     use nalgebra::{Matrix3, Vector3};
@@ -78,10 +78,10 @@ mod tests {
             translation: Vector3::new(1e-7, -0.25, 3.0),
             matrix: Matrix3::from_fn(|i, j| 0.1 * (i + 3 * j) as f64) + Matrix3::identity(),
         };
-        let told = Told {
+        let told = PoseFacts {
             names: vec!["a \"b\"".into(), "c".into()],
             control: vec![pose, ControlPose::REST],
-            ..Told::default()
+            ..PoseFacts::default()
         };
         let result = PoseResult {
             pose: "push 5 \"mm\"".into(),

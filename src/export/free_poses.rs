@@ -1,14 +1,14 @@
 //! Poses of `deform` on their way from rest: those whose free control elements are found, and where a material first yields.
 
-use super::asked::{Asked, lead};
-use super::result_set::{Missed, StressResult};
+use super::asked::{PoseRequest, lead};
+use super::result_set::{MissedPose, StressResult};
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
     ControlPose, ControlPoses, Deformer, ExpectedErrors, ModelEntry, Screw, Search, Statics, Way, Wrench,
     Wrenches,
 };
-use crate::effect::stress::{Reached, StressedBody};
+use crate::effect::stress::{Peaks, StressedBody};
 use crate::green::GreenFile;
 use crate::prepare::Resolved;
 use crate::solve::Silent;
@@ -49,7 +49,7 @@ fn size_of(body: &Deformer) -> f64 {
 
 /// Finds the control elements of one pose that are free in something.
 pub(super) fn find(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     before: Option<&ControlPoses>,
     (model, length): (&ModelEntry, f64),
     wrenches: &mut Wrenches<'_>,
@@ -74,14 +74,14 @@ fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<V
 /// found go into `missed`.
 pub(super) fn found<'a>(
     scene: &Resolved,
-    asked: &[Asked<'a>],
+    asked: &[PoseRequest<'a>],
     file: Option<&Arc<GreenFile>>,
-    missed: &mut Vec<Missed>,
-) -> Result<Vec<Asked<'a>>, Failure> {
+    missed: &mut Vec<MissedPose>,
+) -> Result<Vec<PoseRequest<'a>>, Failure> {
     let mut all = asked.to_vec();
     let Some(file) = file else { return Ok(all) };
     for (name, body) in scene.bodies.iter().filter(|(name, _)| file.meta.bodies.contains_key(*name)) {
-        let is_own = |asked: &Asked<'_>| asked.body == *name;
+        let is_own = |asked: &PoseRequest<'_>| asked.body == *name;
         if !all.iter().any(|asked| is_own(asked) && !asked.freedom.is_empty()) {
             continue;
         }
@@ -89,12 +89,12 @@ pub(super) fn found<'a>(
         let length = size_of(&deformer);
         for place in (0..all.len()).filter(|&place| is_own(&asked[place])) {
             let one = all[place].clone();
-            let loads = |asked: &Asked<'_>, body: &Deformer| {
+            let loads = |asked: &PoseRequest<'_>, body: &Deformer| {
                 let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
                 asked.loads.applied(body).map_err(wrong)
             };
-            let is_missed = |asked: &Asked<'_>| {
-                missed.iter().any(|m: &Missed| m.pose == asked.pose && m.body == asked.body)
+            let is_missed = |asked: &PoseRequest<'_>| {
+                missed.iter().any(|m: &MissedPose| m.pose == asked.pose && m.body == asked.body)
             };
             let before = one.after.map(|before| &all[before]);
             let lost = before.filter(|before| is_missed(before)).map(|before| before.pose);
@@ -117,7 +117,7 @@ pub(super) fn found<'a>(
             };
             match settled {
                 Ok(control) => all[place].control = control,
-                Err(why) => missed.push(Missed {
+                Err(why) => missed.push(MissedPose {
                     pose: one.pose.to_owned(),
                     body: name.clone(),
                     why: format!("{}: {why}", one.place()),
@@ -136,7 +136,7 @@ const TRIALS: usize = 12;
 type At = (ControlPoses, f64);
 
 /// The part of a limit that a body reaches away from the edges of its control elements, and with them.
-pub(super) fn parts(reached: &Reached) -> Option<[f64; 2]> {
+pub(super) fn parts(reached: &Peaks) -> Option<[f64; 2]> {
     Some([reached.inside.limit?.0, reached.limit?.0])
 }
 
@@ -179,7 +179,7 @@ fn approach(
 
 /// The first yield of a body of the .green file on its way from rest to a pose in which its material yields.
 pub(super) fn first_yield(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     deformer: &mut Deformer,
     stressed: &StressedBody,
     expected: Option<&ExpectedErrors>,
@@ -217,7 +217,7 @@ pub(super) type Parts<'a> = dyn Fn(&[Vector3<f64>]) -> Option<[f64; 2]> + 'a;
 /// The first yield of a body that is solved anew for each pose; [`parts`] of a limit are reached by displacements of all its
 /// nodes.
 pub(super) fn first_yield_of(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     model: &ModelEntry,
     statics: &mut Statics,
     parts: &Parts<'_>,
@@ -251,13 +251,13 @@ pub(super) fn first_yield_of(
 
 /// The first yield by the linear theory, in which a pose that was found is found at every share of its way.
 pub(super) fn first_yield_linear(
-    asked: &Asked<'_>,
-    of: impl Fn(&Asked<'_>) -> Option<(Option<Vec<Wrench>>, [f64; 2])>,
+    asked: &PoseRequest<'_>,
+    of: impl Fn(&PoseRequest<'_>) -> Option<(Option<Vec<Wrench>>, [f64; 2])>,
 ) -> Option<FirstYield> {
     let (mut wrenches, mut at_edges) = (None, 0.0);
     let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         let control = way(&asked.control, None, true, share);
-        let (found, [inside, all]) = of(&Asked { control: control.clone(), ..asked.clone() })?;
+        let (found, [inside, all]) = of(&PoseRequest { control: control.clone(), ..asked.clone() })?;
         (wrenches, at_edges) = (found, all);
         Some((control, inside))
     })?;

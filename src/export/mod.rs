@@ -32,9 +32,9 @@ mod unsure;
 pub mod vtu;
 
 pub use asked::chosen;
-pub use asked::{Asked, ask};
+pub use asked::{PoseRequest, ask};
 pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile, VIEWER_MOTIONS};
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};
 pub use files::Files;
-pub use result_set::{ControlForces, Geometry, Missed, Needs, PoseResult, ResultSet, StressResult};
+pub use result_set::{ControlForces, Geometry, MissedPose, Needs, PoseResult, ResultSet, StressResult};

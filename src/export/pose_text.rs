@@ -2,7 +2,7 @@
 //! material yields.
 
 use super::result_set::{PoseResult, ResultSet};
-use super::told::{FirstYield, Pushed, Sureness};
+use super::told::{FirstYield, PointPush, Sureness};
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Freedom, Wrench, percent};
@@ -146,7 +146,7 @@ fn loads(result: &PoseResult) -> Option<String> {
 }
 
 /// The motion of the point at which a force acts.
-fn pushed(Pushed { force, rest, moved }: &Pushed) -> String {
+fn pushed(PointPush { force, rest, moved }: &PointPush) -> String {
     let along = force
         .try_normalize(0.0)
         .map_or(String::new(), |way| format!(", {} of it along the force", quantity(moved.dot(&way), "m")));

@@ -1,8 +1,8 @@
 //! Displacements and forces of bodies in a number of poses, as exporters take them.
 
-use super::told::Told;
+use super::told::PoseFacts;
 use crate::deform::{Deformer, NodeStress, Wrench};
-use crate::effect::stress::Reached;
+use crate::effect::stress::Peaks;
 use crate::mesh::TetMesh;
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ pub struct ResultSet {
     pub geometry: Vec<Geometry>,
     /// Results in the order in which the poses were asked for.
     pub results: Vec<PoseResult>,
-    pub missed: Vec<Missed>,
+    pub missed: Vec<MissedPose>,
 }
 
 /// Parts that not all results have.
@@ -37,7 +37,7 @@ pub struct PoseResult {
     pub wrenches: Option<ControlForces>,
     /// Present if the body lists the effect stress.
     pub stress: Option<StressResult>,
-    pub told: Told,
+    pub told: PoseFacts,
 }
 
 impl PoseResult {
@@ -49,7 +49,7 @@ impl PoseResult {
             displacement: vec![Vector3::zeros(); geometry.rest.len()],
             wrenches: None,
             stress: None,
-            told: Told::default(),
+            told: PoseFacts::default(),
         }
     }
 }
@@ -60,7 +60,7 @@ pub struct StressResult {
     /// Values in the order of the geometry's nodes; `None` inside the body and inside control elements.
     pub nodes: Vec<Option<NodeStress>>,
     /// Peaks, whose nodes count as the geometry's.
-    pub reached: Reached,
+    pub reached: Peaks,
 }
 
 /// Forces and moments on the control elements of a body.
@@ -74,7 +74,7 @@ pub struct ControlForces {
 
 /// A pose in which a body has no equilibrium.
 #[derive(Clone, Debug)]
-pub struct Missed {
+pub struct MissedPose {
     pub pose: String,
     pub body: String,
     /// The reason, with both names.

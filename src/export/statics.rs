@@ -1,6 +1,6 @@
 //! Bodies whose model is solved anew for every pose: the part of `greenstage deform` that needs no .green file.
 
-use super::asked::Asked;
+use super::asked::PoseRequest;
 use super::free_poses;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
@@ -28,7 +28,7 @@ pub struct Solved {
 
 /// A pose of the body.
 pub struct PoseToSolve<'a> {
-    pub asked: &'a Asked<'a>,
+    pub asked: &'a PoseRequest<'a>,
     /// Index of the pose before it from which this one goes on; `None`: from rest.
     pub after: Option<usize>,
 }
@@ -117,7 +117,7 @@ pub fn solve(
 }
 
 /// The loads of the pose act from now on.
-pub fn apply(asked: &Asked<'_>, statics: &mut Statics) -> Result<(), Failure> {
+pub fn apply(asked: &PoseRequest<'_>, statics: &mut Statics) -> Result<(), Failure> {
     let wrong = |message| Failure::wrong(format!("{}: {message}", asked.place()));
     let forces = asked.loads.on_mesh(statics).map_err(wrong)?;
     statics.apply(&forces).map_err(failure)
@@ -125,7 +125,7 @@ pub fn apply(asked: &Asked<'_>, statics: &mut Statics) -> Result<(), Failure> {
 
 /// The poses of the control elements, those that are free found by solving the body on the way; without effect on what is held.
 fn found(
-    asked: &Asked<'_>,
+    asked: &PoseRequest<'_>,
     before: Option<(&HeldBody, &ControlPoses)>,
     model: &ModelEntry,
     statics: &mut Statics,

@@ -1,7 +1,7 @@
 //! `deform` from a scene and a pose file, against beams and against what is found by hand from unit poses.
 
 use super::batch::solve;
-use super::{Asked, ResultSet, ask};
+use super::{PoseRequest, ResultSet, ask};
 use crate::deform::{Wrench, pose_file};
 use crate::prepare::Resolved;
 use nalgebra::{Matrix6, Vector6};
@@ -26,7 +26,7 @@ fn solved(model: &str, element: &str, poses: &str) -> ResultSet {
     let scene = Resolved::parse(&scene, Path::new("beam.toml")).unwrap();
     let path = Path::new("poses.toml");
     let poses = pose_file::parse(poses, path).unwrap();
-    let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+    let asked: Vec<PoseRequest<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
     solve(&scene, &asked, None, model == "linear").unwrap().0
 }
 
@@ -129,7 +129,7 @@ fn first_yield_counts_the_loads_and_found_poses_keep_them() {
     let run = |scene: &str, poses: &str| {
         let scene = Resolved::parse(scene, Path::new("bar.toml")).unwrap();
         let poses = pose_file::parse(poses, path).unwrap();
-        let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+        let asked: Vec<PoseRequest<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
         solve(&scene, &asked, None, scene.body["bar"].model == "linear").unwrap().0
     };
     // Ends that go along across, so that the stress is the same everywhere.
@@ -149,7 +149,8 @@ fn first_yield_counts_the_loads_and_found_poses_keep_them() {
         let scene = Resolved::parse(&text(model, 900.0), Path::new("bar.toml")).unwrap();
         let poses = pose_file::parse(&pushed, path).unwrap();
         let there = first.control.clone();
-        let asked = Asked { control: there.clone(), given: there, ..ask(&scene, &poses[0], path).unwrap() };
+        let asked =
+            PoseRequest { control: there.clone(), given: there, ..ask(&scene, &poses[0], path).unwrap() };
         let at = solve(&scene, &[asked], None, model == "linear").unwrap().0;
         let (part, _) = at.results[0].stress.as_ref().unwrap().reached.limit.unwrap();
         assert!((part - 1.0).abs() < near, "{model}: {part}");
@@ -187,7 +188,7 @@ fn a_pushed_end_yields_where_linear_theory_says() {
     let scene = Resolved::parse(text, &folder.path().join("bar.toml")).unwrap();
     let path = Path::new("poses.toml");
     let poses = pose_file::parse(poses, path).unwrap();
-    let asked: Vec<Asked<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+    let asked: Vec<PoseRequest<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
     let result = solve(&scene, &asked, None, false).unwrap().0.results.remove(0);
     let reached = result.stress.as_ref().unwrap().reached;
     // 3 E t w / (2 L²), less what is left out at the clamp: half an element's length of twenty, and the next.

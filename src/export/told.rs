@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 /// Facts about one pose of one body.
 #[derive(Clone, Debug, Default)]
-pub struct Told {
+pub struct PoseFacts {
     /// The model by which the body was deformed.
     pub model: &'static ModelEntry,
     /// Names of the control elements, in the body's order.
@@ -24,7 +24,7 @@ pub struct Told {
     /// Warning: bent beyond the model's range.
     pub beyond: Option<String>,
     /// The forces at points among them.
-    pub pushed: Vec<Pushed>,
+    pub pushed: Vec<PointPush>,
     /// Possible error of the forces, or why it is unknown.
     pub error: Sureness,
     /// Present where a limit is passed, and the pose goes on from rest; the loads act in full from the beginning.
@@ -72,7 +72,7 @@ pub struct FirstYield {
 
 /// A force at a point of the surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Pushed {
+pub struct PointPush {
     /// N.
     pub force: Vector3<f64>,
     /// Place of the point at rest, m, in the mesh's coordinates.
@@ -81,15 +81,19 @@ pub struct Pushed {
     pub moved: Vector3<f64>,
 }
 
-impl Pushed {
+impl PointPush {
     /// The motions of the points of a body whose nodes rest at `rest` and are displaced by `displacement`.
-    pub fn list(points: &[PointLoad], rest: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Vec<Pushed> {
+    pub fn list(
+        points: &[PointLoad],
+        rest: &[Vector3<f64>],
+        displacement: &[Vector3<f64>],
+    ) -> Vec<PointPush> {
         let one = |point: &PointLoad| {
             let Pull::Force(force) = point.pull else { return None };
             let mean = |all: &[Vector3<f64>]| {
                 point.nodes.iter().zip(point.weights).map(|(&node, weight)| all[node as usize] * weight).sum()
             };
-            Some(Pushed { force, rest: mean(rest), moved: mean(displacement) })
+            Some(PointPush { force, rest: mean(rest), moved: mean(displacement) })
         };
         points.iter().filter_map(one).collect()
     }

@@ -7,7 +7,7 @@ use crate::scene::Method;
 
 /// The place where measured errors were looked for.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Looked<'a> {
+pub(super) enum ErrorSource<'a> {
     /// The .green file, which may hold none.
     InFile(Option<&'a ExpectedErrors>),
     /// The body was solved without one.
@@ -15,7 +15,7 @@ pub(super) enum Looked<'a> {
 }
 
 /// The reason why a body's errors are unknown at a pose with this freedom of its control elements, and how to find them.
-pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[Freedom]) -> String {
+pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom: &[Freedom]) -> String {
     let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     if body.method == Method::Bem {
         return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
@@ -31,8 +31,8 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[F
         return format!("{why}; solve again on a finer mesh, and compare");
     }
     match looked {
-        Looked::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
-        Looked::InFile(Some(errors)) if !errors.moved.is_empty() => {
+        ErrorSource::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
+        ErrorSource::InFile(Some(errors)) if !errors.moved.is_empty() => {
             let pose = "the pose is beyond those in which it was measured";
             match body.loads().is_empty() && body.surface_compliance.is_none() {
                 true => pose.to_owned(),
@@ -41,8 +41,8 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: Looked<'_>, freedom: &[F
                 }
             }
         }
-        Looked::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
-        Looked::Nowhere if resolved.entries().any(|effect| effect.measures_errors) => {
+        ErrorSource::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
+        ErrorSource::Nowhere if resolved.entries().any(|effect| effect.measures_errors) => {
             "the .green file has them, which is not read: leave --all-nodes out".to_owned()
         }
         _ => {
@@ -88,7 +88,7 @@ mod tests {
         Scene::parse(&text, Path::new("any.toml")).unwrap()
     }
 
-    fn why_of(scene: &Scene, looked: Looked<'_>, freedom: &[Freedom]) -> String {
+    fn why_of(scene: &Scene, looked: ErrorSource<'_>, freedom: &[Freedom]) -> String {
         why(&Resolved::new(scene.clone()).unwrap(), "a", looked, freedom)
     }
 
@@ -96,30 +96,31 @@ mod tests {
 
     #[test]
     fn no_effect_is_advised_that_would_not_help() {
-        let listed =
-            |scene: &Scene, looked: Looked<'_>| why_of(scene, looked, &[]).starts_with("list the effect");
+        let listed = |scene: &Scene, looked: ErrorSource<'_>| {
+            why_of(scene, looked, &[]).starts_with("list the effect")
+        };
         let plain = scene("", &BOTH);
-        assert!(listed(&plain, Looked::InFile(None)) && listed(&plain, Looked::Nowhere));
+        assert!(listed(&plain, ErrorSource::InFile(None)) && listed(&plain, ErrorSource::Nowhere));
         let one = scene("", &["xmin"]);
-        assert!(why_of(&one, Looked::InFile(None), &[]).starts_with("it has one control element"));
+        assert!(why_of(&one, ErrorSource::InFile(None), &[]).starts_with("it has one control element"));
         let mut changed = scene("updates = { release = [\"xmax\"] }", &BOTH);
-        assert!(listed(&changed, Looked::InFile(None)));
+        assert!(listed(&changed, ErrorSource::InFile(None)));
         assert!(changed.body["a"].release("xmax"));
-        assert_eq!(why_of(&changed, Looked::InFile(None), &[]), CHANGED);
+        assert_eq!(why_of(&changed, ErrorSource::InFile(None), &[]), CHANGED);
         let lists = scene("effects = [\"expected_errors\"]", &BOTH);
-        assert!(why_of(&lists, Looked::Nowhere, &[]).contains("--all-nodes"));
+        assert!(why_of(&lists, ErrorSource::Nowhere, &[]).contains("--all-nodes"));
     }
 
     #[test]
     fn what_the_file_tells_comes_first() {
         let lists = scene("effects = [\"expected_errors\"]", &BOTH);
         let mut errors = ExpectedErrors { left_out: vec!["too large".into()], ..ExpectedErrors::default() };
-        assert_eq!(why_of(&lists, Looked::InFile(Some(&errors)), &[]), "too large");
+        assert_eq!(why_of(&lists, ErrorSource::InFile(Some(&errors)), &[]), "too large");
         let control = "xmax".to_owned();
         errors.moved.push(MovedErrors { control, ..MovedErrors::default() });
-        assert!(why_of(&lists, Looked::InFile(Some(&errors)), &[]).contains("beyond those"));
+        assert!(why_of(&lists, ErrorSource::InFile(Some(&errors)), &[]).contains("beyond those"));
         let free = [Freedom { free: [true; 6], ..Freedom::default() }];
-        let told = |errors: &ExpectedErrors| why_of(&lists, Looked::InFile(Some(errors)), &free);
+        let told = |errors: &ExpectedErrors| why_of(&lists, ErrorSource::InFile(Some(errors)), &free);
         assert!(told(&errors).contains("no free end"));
         let none = Deviation { force: None, torque: None, energy: None, shape: 0.0 };
         let at = vec![ErrorsAt::new(5.0, Reach::default(), &none)];

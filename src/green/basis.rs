@@ -8,7 +8,7 @@ use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
 use super::family::{Assembled, FamilyEntry};
 use super::journal::Journal;
 use super::judge::judge;
-use super::kept::{Keep, Kept};
+use super::kept::{Keep, KeptSolves};
 use super::prepare::{Fits, Prepared};
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -192,7 +192,7 @@ fn solve_kept(
             solver.get_or_init(|| analysed).factor(a, progress)
         };
         let factored: Box<dyn Factor> = match keep {
-            Some(keep) => Box::new(Kept::new(keep, a, Box::new(make))),
+            Some(keep) => Box::new(KeptSolves::new(keep, a, Box::new(make))),
             None => make(None, progress).map_err(failed)?,
         };
         let free;

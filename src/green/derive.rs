@@ -20,7 +20,7 @@ use super::file::{BodyMeta, GreenFile};
 use super::judge::judge;
 use super::prepare::{Fits, prepare};
 use super::requirements::Requirements;
-use super::update::{Change, Changed, Updated, Updates};
+use super::update::{Change, ChangedSystem, Updated, Updates};
 use super::write::contents;
 use crate::base::columns::StoredColumns;
 use crate::base::diagnostic::{Diagnostic, Severity};
@@ -291,7 +291,7 @@ pub struct Measure<'a> {
 pub fn error(
     updates: &Updates,
     change: &Change,
-    changed: &Changed<'_>,
+    changed: &ChangedSystem<'_>,
     after: &Updated,
     measure: &Measure<'_>,
 ) -> f64 {

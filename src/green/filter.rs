@@ -72,9 +72,9 @@ fn triples<T: Copy>(bytes: &[u8], number: impl Fn([u8; 4]) -> T) -> Vec<[T; 3]> 
 
 /// The guesses that were needed, by what stands for them and the body.
 #[derive(Default)]
-struct Known(BTreeMap<(u8, String), Guesses>);
+struct KnownGuesses(BTreeMap<(u8, String), Guesses>);
 
-impl Known {
+impl KnownGuesses {
     const KINDS: [u8; 2] = [b'p', b'f'];
 
     fn guesses(&mut self, kind: u8, columns: &Columns, (rest, triangles): &SurfaceOf) -> Option<&Guesses> {
@@ -94,11 +94,11 @@ impl Known {
 pub fn filtered(container: &[u8]) -> std::io::Result<Vec<u8>> {
     let mut bytes = container.to_vec();
     let Ok((columns, surfaces)) = columns_of(container) else { return Ok(bytes) };
-    let mut known = Known::default();
+    let mut known = KnownGuesses::default();
     let mut chosen = Vec::new();
     for of in &columns {
         let mut least: Option<(usize, u8, Vec<u8>)> = None;
-        for kind in Known::KINDS {
+        for kind in KnownGuesses::KINDS {
             let Some(guesses) = known.guesses(kind, of, &surfaces[&of.body]) else { continue };
             let mut hidden = container[of.place.clone()].to_vec();
             hidden.chunks_exact_mut(6 * of.nodes).for_each(|column| guesses.hide(column));
@@ -130,7 +130,7 @@ pub fn restored(mut bytes: Vec<u8>) -> Result<Vec<u8>, String> {
     if columns.len() != chosen.len() {
         return Err(damaged.to_owned());
     }
-    let mut known = Known::default();
+    let mut known = KnownGuesses::default();
     for (of, kind) in columns.iter().zip(chosen) {
         let guesses = known.guesses(kind, of, &surfaces[&of.body]).ok_or(damaged)?;
         bytes[of.place.clone()].chunks_exact_mut(6 * of.nodes).for_each(|column| guesses.show(column));

@@ -5,7 +5,7 @@ use super::requirements::Requirements;
 use crate::base::input;
 use crate::mesh::formats::files_of;
 use crate::scene::{
-    Body, Centrifugal, Kept, Load, LoadEntry, LoadSource, Material, Method, Scene, SurfaceCompliance,
+    Body, Centrifugal, KeptForm, Load, LoadEntry, LoadSource, Material, Method, Scene, SurfaceCompliance,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -77,7 +77,7 @@ fn loads(body: &Body) -> String {
         }
     };
     let kept = |of: &SurfaceCompliance| match of.kept {
-        Kept::Inverse => String::new(),
+        KeptForm::Inverse => String::new(),
         other => format!(" {other:?}"),
     };
     let compliance = body.surface_compliance.iter().map(|of| format!("{:?}{}\n", of.nodes, kept(of)));

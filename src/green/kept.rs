@@ -22,7 +22,7 @@ pub struct Keep<'a> {
 pub type Make<'a> =
     Box<dyn Fn(Option<&'static Method>, &dyn Progress) -> Result<Box<dyn Factor + 'a>, SolveError> + 'a>;
 
-pub struct Kept<'a> {
+pub struct KeptSolves<'a> {
     keep: Keep<'a>,
     a: &'a StiffnessMatrix,
     make: Make<'a>,
@@ -35,16 +35,23 @@ pub struct Kept<'a> {
 
 /// Kinds of solves.
 #[derive(Clone, Copy)]
-enum Asked<'a> {
+enum SolveKind<'a> {
     Fields,
     JudgedFields,
     Rows { loaded: &'a [u32], asked: &'a [u32] },
     Strips(&'a [u32]),
 }
 
-impl<'a> Kept<'a> {
-    pub fn new(keep: Keep<'a>, a: &'a StiffnessMatrix, make: Make<'a>) -> Kept<'a> {
-        Kept { keep, a, make, factor: OnceCell::new(), method: Cell::new(None), of_body: OnceCell::new() }
+impl<'a> KeptSolves<'a> {
+    pub fn new(keep: Keep<'a>, a: &'a StiffnessMatrix, make: Make<'a>) -> KeptSolves<'a> {
+        KeptSolves {
+            keep,
+            a,
+            make,
+            factor: OnceCell::new(),
+            method: Cell::new(None),
+            of_body: OnceCell::new(),
+        }
     }
 
     fn factor(&self, progress: &dyn Progress) -> Result<&dyn Factor, SolveError> {
@@ -56,7 +63,7 @@ impl<'a> Kept<'a> {
     }
 
     /// The key of what is solved, but for where in it.
-    fn key(&self, asked: Asked<'_>, b: &[f64]) -> blake3::Hasher {
+    fn key(&self, asked: SolveKind<'_>, b: &[f64]) -> blake3::Hasher {
         let of_body = self.of_body.get_or_init(|| {
             let mut hasher = blake3::Hasher::new();
             hasher.update(self.keep.fingerprint.as_bytes());
@@ -69,10 +76,10 @@ impl<'a> Kept<'a> {
             hasher.finalize().into()
         });
         let (number, lists): (u8, [&[u32]; 2]) = match asked {
-            Asked::Fields => (0, [&[], &[]]),
-            Asked::JudgedFields => (1, [&[], &[]]),
-            Asked::Rows { loaded, asked } => (2, [loaded, asked]),
-            Asked::Strips(nodes) => (3, [nodes, &[]]),
+            SolveKind::Fields => (0, [&[], &[]]),
+            SolveKind::JudgedFields => (1, [&[], &[]]),
+            SolveKind::Rows { loaded, asked } => (2, [loaded, asked]),
+            SolveKind::Strips(nodes) => (3, [nodes, &[]]),
         };
         let mut hasher = blake3::Hasher::new();
         hasher.update(of_body).update(&[number]);
@@ -101,11 +108,11 @@ impl<'a> Kept<'a> {
     }
 
     /// All columns, as many together as the factor solves together.
-    fn solve_parts(&self, asked: Asked<'_>, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
+    fn solve_parts(&self, asked: SolveKind<'_>, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
         let mut of = self.keep.journal.has_records().then(|| self.key(asked, &b.data));
         let mut x = NodeFields::zeros(0, 0);
         let mut stats = SolveStats::default();
-        let joined = Joined { progress, parts: AtomicU64::new(1), has_begun: AtomicBool::new(false) };
+        let joined = JoinedProgress { progress, parts: AtomicU64::new(1), has_begun: AtomicBool::new(false) };
         let (mut first, mut known) = (0, 0);
         while first < b.columns.max(1) {
             let found = of.as_ref().and_then(|of| self.find::<SolveStats>(of, first));
@@ -145,7 +152,13 @@ impl<'a> Kept<'a> {
     }
 
     /// The columns from `first` on that are solved together.
-    fn solve_part(&self, asked: Asked<'_>, b: &NodeFields, first: usize, joined: &Joined<'_>) -> SolveResult {
+    fn solve_part(
+        &self,
+        asked: SolveKind<'_>,
+        b: &NodeFields,
+        first: usize,
+        joined: &JoinedProgress<'_>,
+    ) -> SolveResult {
         let factor = self.factor(joined.progress)?;
         let width = factor.columns_together().clamp(1, (b.columns - first).max(1));
         let copied;
@@ -157,15 +170,15 @@ impl<'a> Kept<'a> {
             (&copied, joined)
         };
         match asked {
-            Asked::JudgedFields => factor.solve_and_judge(rhs, progress),
+            SolveKind::JudgedFields => factor.solve_and_judge(rhs, progress),
             _ => factor.solve(rhs, progress),
         }
     }
 }
 
 /// Reports that columns of the body were there already; other solves have too many blocks to report.
-fn told(asked: Asked<'_>, known: usize, all: usize, progress: &dyn Progress) {
-    if known > 0 && matches!(asked, Asked::JudgedFields) {
+fn told(asked: SolveKind<'_>, known: usize, all: usize, progress: &dyn Progress) {
+    if known > 0 && matches!(asked, SolveKind::JudgedFields) {
         progress.tell(&format!("resumes: {known} of {all} columns were there"));
     }
 }
@@ -188,13 +201,13 @@ fn put(part: &NodeFields, first: usize, fields: &mut NodeFields) {
     rows.for_each(|(from, to)| to[first..][..count].copy_from_slice(from));
 }
 
-impl Factor for Kept<'_> {
+impl Factor for KeptSolves<'_> {
     fn nodes(&self) -> usize {
         self.a.nodes()
     }
 
     fn solve(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
-        self.solve_parts(Asked::Fields, b, progress)
+        self.solve_parts(SolveKind::Fields, b, progress)
     }
 
     fn precondition(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
@@ -203,7 +216,7 @@ impl Factor for Kept<'_> {
 
     fn solve_at(&self, loaded: &[u32], b: &NodeFields, asked: &[u32]) -> Result<NodeFields, SolveError> {
         let journal = self.keep.journal;
-        let key = || self.key(Asked::Rows { loaded, asked }, &b.data);
+        let key = || self.key(SolveKind::Rows { loaded, asked }, &b.data);
         let mut of = journal.has_records().then(key);
         let found = of.as_ref().and_then(|of| self.find::<()>(of, 0));
         if let Some(((), data)) = found.filter(|(_, data)| data.len() == 3 * asked.len() * b.columns) {
@@ -232,7 +245,7 @@ impl Factor for Kept<'_> {
         progress: &dyn Progress,
     ) -> Result<(), SolveError> {
         let journal = self.keep.journal;
-        let mut of = journal.has_records().then(|| self.key(Asked::Strips(nodes), &[]));
+        let mut of = journal.has_records().then(|| self.key(SolveKind::Strips(nodes), &[]));
         let (mut strip, mut done) = (first, 0);
         while let Some(((rows, columns), values)) =
             of.as_ref().and_then(|of| self.find::<(Vec<u32>, Vec<u32>)>(of, strip))
@@ -252,7 +265,7 @@ impl Factor for Kept<'_> {
         let from = strip;
         let mut keeping = |own: &InverseStrip<'_>| {
             if journal.is_kept() {
-                let of = of.get_or_insert_with(|| self.key(Asked::Strips(nodes), &[]));
+                let of = of.get_or_insert_with(|| self.key(SolveKind::Strips(nodes), &[]));
                 self.keep(of, strip, &(own.rows, own.columns), own.values);
             }
             strip += 1;
@@ -262,18 +275,18 @@ impl Factor for Kept<'_> {
     }
 
     fn solve_and_judge(&self, b: &NodeFields, progress: &dyn Progress) -> SolveResult {
-        self.solve_parts(Asked::JudgedFields, b, progress)
+        self.solve_parts(SolveKind::JudgedFields, b, progress)
     }
 }
 
 /// Several solves shown as one step.
-struct Joined<'a> {
+struct JoinedProgress<'a> {
     progress: &'a dyn Progress,
     parts: AtomicU64,
     has_begun: AtomicBool,
 }
 
-impl Joined<'_> {
+impl JoinedProgress<'_> {
     fn finish(&self) {
         if self.has_begun.load(Relaxed) {
             self.progress.end();
@@ -281,7 +294,7 @@ impl Joined<'_> {
     }
 }
 
-impl Progress for Joined<'_> {
+impl Progress for JoinedProgress<'_> {
     fn begin(&self, step: &str, units: u64) {
         if !self.has_begun.swap(true, Relaxed) {
             self.progress.begin(step, units * self.parts.load(Relaxed));

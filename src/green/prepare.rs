@@ -5,7 +5,7 @@ use super::control::ControlElement;
 use super::error::GreenError;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
-use crate::mesh::{Loaded, TetMesh, quality};
+use crate::mesh::{LoadedMesh, TetMesh, quality};
 use crate::scene::{Body, Material, Method, Nodes, Scene, SceneError};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -29,7 +29,7 @@ pub fn prepare(scene: &Scene, name: &str) -> Result<Prepared, GreenError> {
 }
 
 /// [`prepare`] with another mesh than that of the body's file or generator.
-pub fn prepare_mesh(scene: &Scene, name: &str, loaded: Loaded) -> Result<Prepared, GreenError> {
+pub fn prepare_mesh(scene: &Scene, name: &str, loaded: LoadedMesh) -> Result<Prepared, GreenError> {
     let body = &scene.body[name];
     let mesh = loaded.mesh;
     let controls = control_elements(scene, name, body, &mesh)?;
@@ -149,7 +149,7 @@ mod tests {
              control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
         );
         let scene = Scene::parse(&scene, std::path::Path::new("any.toml")).unwrap();
-        let loaded = Loaded { mesh, notices: Vec::new() };
+        let loaded = LoadedMesh { mesh, notices: Vec::new() };
         let prepared = prepare_mesh(&scene, "a", loaded).map_err(|error| error.to_string())?;
         // With ν = 0, E = 2 μ.
         Ok(prepared.lame[..3].iter().map(|lame| 2.0 * lame.mu).collect())

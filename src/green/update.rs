@@ -111,7 +111,7 @@ pub struct Updated {
 }
 
 /// A change whose system is factored, for any number of right-hand sides.
-pub struct Changed<'a> {
+pub struct ChangedSystem<'a> {
     updates: &'a Updates,
     kept: Vec<usize>,
     /// Rows of the reactions of what is released, one for each d.
@@ -239,7 +239,7 @@ impl Updates {
     }
 
     /// The system of a change; `None` where it is singular in f64, as where nothing holds what is left.
-    pub fn prepare(&self, change: &Change) -> Option<Changed<'_>> {
+    pub fn prepare(&self, change: &Change) -> Option<ChangedSystem<'_>> {
         let ports = &self.ports;
         let kept = (0..self.affine / FIELDS).filter(|e| !change.released.contains(e)).collect();
         let released = ports.released.iter().enumerate().filter(|(_, [e, _])| change.released.contains(e));
@@ -266,7 +266,7 @@ impl Updates {
 
         let unknown = fields.len();
         let columns = seen(&self.columns.select_columns(&fields)).to_owned();
-        let mut changed = Changed {
+        let mut changed = ChangedSystem {
             updates: self,
             kept,
             released,
@@ -302,7 +302,7 @@ impl Updates {
     }
 }
 
-impl Changed<'_> {
+impl ChangedSystem<'_> {
     /// Unknowns before the forces.
     fn forces(&self) -> usize {
         self.released.len()
@@ -436,7 +436,7 @@ impl Changed<'_> {
     }
 }
 
-impl Changed<'_> {
+impl ChangedSystem<'_> {
     /// What [`Changed::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
     /// were changed.
     pub fn added_yield(&self) -> Option<(Vec<u32>, DMatrix<f64>)> {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The grip of a hand that points at no control element.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Taking {
+pub enum SurfaceGrip {
     /// No grip: hands take control elements only.
     #[default]
     Elements,
@@ -16,22 +16,22 @@ pub enum Taking {
     Place,
 }
 
-impl Taking {
+impl SurfaceGrip {
     /// The next one in turn.
-    pub fn next(self) -> Taking {
+    pub fn next(self) -> SurfaceGrip {
         match self {
-            Taking::Elements => Taking::Force,
-            Taking::Force => Taking::Place,
-            Taking::Place => Taking::Elements,
+            SurfaceGrip::Elements => SurfaceGrip::Force,
+            SurfaceGrip::Force => SurfaceGrip::Place,
+            SurfaceGrip::Place => SurfaceGrip::Elements,
         }
     }
 
     /// Words for an overlay.
     pub fn words(self) -> &'static str {
         match self {
-            Taking::Elements => "",
-            Taking::Force => ", pulls points",
-            Taking::Place => ", holds points",
+            SurfaceGrip::Elements => "",
+            SurfaceGrip::Force => ", pulls points",
+            SurfaceGrip::Place => ", holds points",
         }
     }
 }
@@ -53,7 +53,7 @@ pub enum Action {
     ResetNavigation,
     SetMode(Mode),
     /// Sets the grip of a hand that points at a body with `surface_compliance`.
-    SetTaking(Taking),
+    SetTaking(SurfaceGrip),
     /// Sets one column of the loads of a body, by their numbers.
     SetLoad {
         body: usize,

@@ -65,7 +65,7 @@ pub struct Grip {
 /// The requests of the hands in one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Asked {
+pub struct HandRequests {
     /// Drags in the order of the targets.
     pub drags: Vec<Drag>,
     /// Hands that move the scene: their second button was pressed while they held nothing.
@@ -113,13 +113,13 @@ struct Hold {
     /// See [`held_line`](super::held_line).
     #[serde(with = "crate::field::numbers::option")]
     line: Option<Vector3<f64>>,
-    then: Vec<Then>,
+    then: Vec<HandAtGrab>,
 }
 
 /// A hand of a hold, and the point that it held, when the hold began.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Then {
+struct HandAtGrab {
     hand: usize,
     #[serde(with = "crate::field::numbers")]
     room_from_hand: Isometry3<f64>,
@@ -150,9 +150,9 @@ impl Hands {
         time_s: f64,
         hits: &[Option<Hit>],
         element: impl Fn(usize) -> Option<Element>,
-    ) -> Asked {
+    ) -> HandRequests {
         self.hands.resize_with(styli.len(), Hand::default);
-        let mut asked = Asked::default();
+        let mut asked = HandRequests::default();
         for (i, stylus) in styli.iter().enumerate() {
             let Some(stylus) = stylus else {
                 self.hands[i] = Hand::default();
@@ -330,7 +330,7 @@ impl Hands {
         })
     }
 
-    fn motion(&self, then: &Then) -> Option<HandMotion> {
+    fn motion(&self, then: &HandAtGrab) -> Option<HandMotion> {
         Some(HandMotion {
             room_from_hand_then: then.room_from_hand,
             room_from_hand_now: self.room_from_stylus(then.hand)?,
@@ -343,7 +343,7 @@ impl Hands {
         let then = |i: usize| {
             let (pose, grip) = (self.hands[i].stylus.last?, self.hands[i].grip?);
             let held = element.room_from_element.transform_point(&grip.place_in_element);
-            Some(Then { hand: i, room_from_hand: pose, held })
+            Some(HandAtGrab { hand: i, room_from_hand: pose, held })
         };
         Some(Hold {
             then: hands.into_iter().map(then).collect::<Option<_>>()?,

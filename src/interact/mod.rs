@@ -16,12 +16,12 @@ mod navigate;
 mod pick;
 mod pose;
 
-pub use action::{Action, Taking};
+pub use action::{Action, SurfaceGrip};
 pub use carry::Carrying;
 pub use carry::{HandMotion, carry, held_line};
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};
-pub use hands::{Asked, CLICK_S, Drag, Element, Grip, Hands};
+pub use hands::{CLICK_S, Drag, Element, Grip, HandRequests, Hands};
 pub use history::{History, KEPT};
 pub use mode::{Axis, AxisOf, Freedom, Mode, twist};
 pub use navigate::{Aside, MovingHand, Navigation, place_aside};

@@ -5,7 +5,7 @@
 
 use super::error::{FormatFault, refuse};
 use super::quality::signed_volume;
-use super::tet_mesh::{EDGES, Loaded, TetMesh, edges_of};
+use super::tet_mesh::{EDGES, LoadedMesh, TetMesh, edges_of};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -81,7 +81,7 @@ pub enum Order {
 }
 
 /// Checks `raw` and builds the mesh, with a notice for everything that was repaired or left out.
-pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, FormatFault> {
+pub fn assemble(mut raw: RawMesh, order: Order) -> Result<LoadedMesh, FormatFault> {
     let corners = resolve(&raw)?;
     raw.corners = Vec::new();
     let (mut tets, elements) = tetrahedra(&raw, &corners)?;
@@ -117,7 +117,7 @@ pub fn assemble(mut raw: RawMesh, order: Order) -> Result<Loaded, FormatFault> {
             .collect();
         mesh.mids = mesh.tets.iter().map(|tet| edges_of(tet).map(|edge| renumbered[&edge])).collect();
     }
-    Ok(Loaded { mesh, notices })
+    Ok(LoadedMesh { mesh, notices })
 }
 
 /// The node index of each element corner.

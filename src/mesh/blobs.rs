@@ -7,7 +7,7 @@
 use super::generate::{GenerateError, check_length};
 use super::isosurface_stuffing::lattice::Lattice;
 use super::isosurface_stuffing::{MAX_TETRAHEDRA, MAX_VERTICES, drop_crumbs, fill};
-use super::tet_mesh::{Loaded, TetMesh};
+use super::tet_mesh::{LoadedMesh, TetMesh};
 use crate::base::machine;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -126,7 +126,7 @@ fn smooth_max(a: f64, b: f64, blend: f64) -> f64 {
 }
 
 /// The body as tetrahedra, with notices of parts that were left out.
-pub fn blobs(blobs: &Blobs) -> Result<Loaded, GenerateError> {
+pub fn blobs(blobs: &Blobs) -> Result<LoadedMesh, GenerateError> {
     blobs.check()?;
     let (low, high) = blobs.bounds();
     let tetrahedra = 12.0 * (high - low).product() / blobs.cell.powi(3);
@@ -155,7 +155,7 @@ pub fn blobs(blobs: &Blobs) -> Result<Loaded, GenerateError> {
     }
     let mut notices = Vec::new();
     drop_crumbs(&mut mesh, &mut notices);
-    Ok(Loaded { mesh, notices })
+    Ok(LoadedMesh { mesh, notices })
 }
 
 #[cfg(test)]

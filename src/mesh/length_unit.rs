@@ -3,7 +3,7 @@
 //! In: the name of a unit, or a factor. Out: a [`Scale`], by which coordinates become metres.
 
 use super::diagnostics::digits;
-use super::tet_mesh::{Loaded, TetMesh};
+use super::tet_mesh::{LoadedMesh, TetMesh};
 use crate::config::unknown_name;
 use nalgebra::Vector3;
 use serde::de::Error;
@@ -113,7 +113,7 @@ impl Scale {
     }
 
     /// A mesh as it was read, in metres.
-    pub fn applied(self, mut loaded: Loaded) -> Loaded {
+    pub fn applied(self, mut loaded: LoadedMesh) -> LoadedMesh {
         let TetMesh { nodes, .. } = &mut loaded.mesh;
         self.apply(nodes);
         loaded

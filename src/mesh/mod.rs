@@ -31,7 +31,7 @@ pub use error::{FormatFault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
-pub use tet_mesh::{EDGES, FACES, Loaded, TetMesh};
+pub use tet_mesh::{EDGES, FACES, LoadedMesh, TetMesh};
 pub use tet_mesh::{Surface, outer_faces};
 
 use crate::base::{input, output};
@@ -40,12 +40,12 @@ use std::path::{Path, PathBuf};
 
 /// Reads the mesh file at `path`, in any format of [`formats::FORMATS`]; 10-node tetrahedra are reduced to their
 /// corners.
-pub fn load(path: &Path) -> Result<Loaded, MeshError> {
+pub fn load(path: &Path) -> Result<LoadedMesh, MeshError> {
     parse(path, &read(path)?)
 }
 
 /// [`load`] that keeps the nodes between the corners, where the file has them.
-pub fn load_quadratic(path: &Path) -> Result<Loaded, MeshError> {
+pub fn load_quadratic(path: &Path) -> Result<LoadedMesh, MeshError> {
     parse_as(path, &read(path)?, Order::Quadratic)
 }
 
@@ -58,12 +58,12 @@ fn read(path: &Path) -> Result<Vec<u8>, MeshError> {
 /// files, the others are read from beside `path`.
 ///
 /// Memory grows with the size of `bytes`, not with the counts that they claim.
-pub fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded, MeshError> {
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<LoadedMesh, MeshError> {
     parse_as(path, bytes, Order::Linear)
 }
 
 /// [`parse`] with the nodes that `order` keeps.
-pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<Loaded, MeshError> {
+pub fn parse_as(path: &Path, bytes: &[u8], order: Order) -> Result<LoadedMesh, MeshError> {
     let part = |path: PathBuf| read(&path).map(|bytes| Part { path, bytes });
     let others: Result<Vec<Part>, _> = formats::files_of(path).into_iter().skip(1).map(part).collect();
     let others = others.map_err(|error| MeshError::Refused {

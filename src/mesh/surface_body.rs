@@ -8,7 +8,7 @@ use super::length_unit::Scale;
 use super::surface_check::{self, SurfaceReport};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
 use super::tet_mesh::Surface;
-use super::tet_mesh::{Loaded, TetMesh};
+use super::tet_mesh::{LoadedMesh, TetMesh};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -17,14 +17,14 @@ use std::path::Path;
 pub const MOST_TRIANGLES: usize = 2_000_000;
 
 /// Reads the surface file at `path`, whose coordinates become metres by `scale`. Errors where it does not bound a body.
-pub fn load(path: &Path, scale: Scale) -> Result<Loaded, MeshError> {
+pub fn load(path: &Path, scale: Scale) -> Result<LoadedMesh, MeshError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(path)?;
     scale.apply(&mut surface.vertices);
     let report = surface_check::check(&mut surface, &mut notices);
     refuse(&report).map_err(|reason| MeshError::Refused { path: path.to_owned(), reason })?;
     let TriangleSurface { vertices, triangles } = surface;
     let tags = (1..=vertices.len() as u64).collect();
-    Ok(Loaded { mesh: TetMesh { nodes: vertices, tags, triangles, ..TetMesh::default() }, notices })
+    Ok(LoadedMesh { mesh: TetMesh { nodes: vertices, tags, triangles, ..TetMesh::default() }, notices })
 }
 
 /// The reason why boundary elements cannot have this surface.

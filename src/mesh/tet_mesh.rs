@@ -48,7 +48,7 @@ pub fn edges_of(tet: &[u32; 4]) -> [[u32; 2]; 6] {
 
 /// A mesh from a file, and what was repaired or left out on the way, one sentence each.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Loaded {
+pub struct LoadedMesh {
     pub mesh: TetMesh,
     pub notices: Vec<String>,
 }

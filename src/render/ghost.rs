@@ -24,13 +24,13 @@ pub(super) struct GhostPass {
     pipelines: [EyePipelines; 2],
     /// Two per ghost: as it is seen, and where it is hidden.
     instances: Instances,
-    shapes: Vec<Uploaded>,
+    shapes: Vec<GhostBuffers>,
     /// The shape of each ghost of this frame, where it has triangles.
     drawn: Vec<Option<usize>>,
 }
 
 /// A shape on the device.
-struct Uploaded {
+struct GhostBuffers {
     shape: Weak<GhostShape>,
     positions: wgpu::Buffer,
     normals: wgpu::Buffer,
@@ -39,8 +39,8 @@ struct Uploaded {
     bounds: Bounds,
 }
 
-impl Uploaded {
-    fn new(gpu: &Gpu, shape: &Arc<GhostShape>) -> Result<Uploaded, RenderError> {
+impl GhostBuffers {
+    fn new(gpu: &Gpu, shape: &Arc<GhostShape>) -> Result<GhostBuffers, RenderError> {
         let GhostShape { positions, normals, triangles } = &**shape;
         let (vertex, index) = (BufferUsages::VERTEX, BufferUsages::INDEX);
         let buffer = |what, bytes: &[u8], usage| -> Result<wgpu::Buffer, RenderError> {
@@ -48,7 +48,7 @@ impl Uploaded {
             gpu.queue.write_buffer(&buffer, 0, bytes);
             Ok(buffer)
         };
-        Ok(Uploaded {
+        Ok(GhostBuffers {
             shape: Arc::downgrade(shape),
             positions: buffer("ghost positions", bytemuck::cast_slice(positions), vertex)?,
             normals: buffer("ghost normals", bytemuck::cast_slice(normals), vertex)?,
@@ -69,7 +69,7 @@ impl GhostPass {
         if known.is_some() {
             return Ok(known);
         }
-        self.shapes.push(Uploaded::new(gpu, shape)?);
+        self.shapes.push(GhostBuffers::new(gpu, shape)?);
         Ok(Some(self.shapes.len() - 1))
     }
 }

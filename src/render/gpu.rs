@@ -27,7 +27,7 @@ pub struct Gpu {
     /// Bytes that one storage binding may have; bodies are split to it. A test lowers it.
     pub storage_limit: u64,
     /// The memory made on the device so far.
-    pub made: Made,
+    pub made: ResourceCounts,
     clock: Option<Clock>,
     /// The first error the device reported since it was last asked; wgpu would panic if nobody listened.
     reported: Arc<Mutex<Option<String>>>,
@@ -35,13 +35,13 @@ pub struct Gpu {
 
 /// Counts of the buffers and pipelines made on a device since it was opened, whether they are still there or not.
 #[derive(Debug, Default)]
-pub struct Made {
+pub struct ResourceCounts {
     buffer_bytes: AtomicU64,
     storage_bytes: AtomicU64,
     compute_pipelines: AtomicU64,
 }
 
-impl Made {
+impl ResourceCounts {
     /// Bytes of all buffers.
     pub fn buffer_bytes(&self) -> u64 {
         self.buffer_bytes.load(Ordering::Relaxed)
@@ -113,7 +113,7 @@ impl Gpu {
         let limits = device.limits();
         let gpu = Self {
             storage_limit: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
-            made: Made::default(),
+            made: ResourceCounts::default(),
             clock: None,
             adapter_name: info.name,
             backend: info.backend,

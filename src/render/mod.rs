@@ -50,7 +50,7 @@ pub use error::RenderError;
 pub use frame::{
     Arrow, Ball, BodyInstance, Drawable, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape,
 };
-pub use gpu::{Gpu, Made};
+pub use gpu::{Gpu, ResourceCounts};
 pub use lighting::Lighting;
 pub use offscreen::{COLOR_FORMAT, Offscreen, Readable};
 pub use overlay::{Overlay, OverlayMesh};

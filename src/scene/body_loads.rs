@@ -4,8 +4,8 @@
 //! with a key.
 
 use super::loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, LoadEntry, LoadKind, LoadSource, LoadValue, THERMAL,
-    Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, LoadEntry, LoadKind, LoadSource, LoadValue,
+    THERMAL, Thermal,
 };
 use super::{Body, Nodes};
 use std::path::Path;
@@ -155,7 +155,7 @@ fn check(body: &Body) -> Result<(), (String, String)> {
     if let Some(asked) = &body.surface_compliance {
         asked.kept.check().map_err(|message| ("surface_compliance".to_owned(), message))?;
         let method = body.solver.method;
-        if asked.kept == Kept::Factor && !method.keeps_factor {
+        if asked.kept == KeptForm::Factor && !method.keeps_factor {
             let message = format!(
                 "kept = \"factor\" needs one in f64, which solver = {{ method = \"{}\" }} does not make: write \
                  solver = {{ method = \"cholesky\" }}, or kept = \"inverse\"",

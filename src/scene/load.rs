@@ -4,14 +4,14 @@ use super::{Body, Generate, Method, Scene, SceneError, Tetrahedralise};
 use crate::base::input;
 use crate::mesh::quadratic::{Curve, straight};
 use crate::mesh::{
-    self, Loaded, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files,
+    self, LoadedMesh, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files,
 };
 use image::{ImageReader, RgbaImage};
 use std::path::Path;
 
 impl Scene {
     /// The mesh of body `name` with the nodes its element needs, and the notices of what was repaired and done.
-    pub fn load_mesh(&self, name: &str, body: &Body) -> Result<Loaded, SceneError> {
+    pub fn load_mesh(&self, name: &str, body: &Body) -> Result<LoadedMesh, SceneError> {
         let mut loaded = match (&body.mesh, &body.generate) {
             (Some(file), None) if body.is_surface() => self.load_surface(name, body, file)?,
             (Some(file), None) => self.load_file(name, body, file)?,
@@ -62,7 +62,7 @@ impl Scene {
         Ok(loaded)
     }
 
-    fn load_surface(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
+    fn load_surface(&self, name: &str, body: &Body, file: &Path) -> Result<LoadedMesh, SceneError> {
         surface_body::load(&self.resolve(file), body.mesh_scale()).map_err(|source| SceneError::Mesh {
             path: self.path.clone(),
             body: name.to_owned(),
@@ -71,7 +71,7 @@ impl Scene {
     }
 
     /// Makes of the mesh its surface alone, with triangles as fine as the body asks for.
-    fn cut_surface(&self, name: &str, body: &Body, loaded: &mut Loaded) -> Result<(), SceneError> {
+    fn cut_surface(&self, name: &str, body: &Body, loaded: &mut LoadedMesh) -> Result<(), SceneError> {
         let wrong = |key: &str| {
             let entity = format!("body.{name}.{key}");
             move |message: String| self.invalid(&entity, message)
@@ -96,7 +96,7 @@ impl Scene {
         Ok(())
     }
 
-    fn load_file(&self, name: &str, body: &Body, file: &Path) -> Result<Loaded, SceneError> {
+    fn load_file(&self, name: &str, body: &Body, file: &Path) -> Result<LoadedMesh, SceneError> {
         let file = self.resolve(file);
         let failed = |source| SceneError::Mesh {
             path: self.path.clone(),
@@ -124,8 +124,8 @@ impl Scene {
         }
     }
 
-    fn generate(&self, name: &str, generate: &Generate) -> Result<Loaded, SceneError> {
-        let alone = |mesh: TetMesh| Loaded { mesh, notices: Vec::new() };
+    fn generate(&self, name: &str, generate: &Generate) -> Result<LoadedMesh, SceneError> {
+        let alone = |mesh: TetMesh| LoadedMesh { mesh, notices: Vec::new() };
         let loaded = match generate {
             Generate::Tube(tube) => generate::tube(tube).map(alone),
             Generate::Block(block) => generate::block(block).map(alone),

@@ -151,14 +151,14 @@ pub struct SurfaceCompliance {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spring: Option<f64>,
     /// Form in which its numbers are kept in the .green file.
-    #[serde(default, skip_serializing_if = "Kept::is_usual")]
-    pub kept: Kept,
+    #[serde(default, skip_serializing_if = "KeptForm::is_usual")]
+    pub kept: KeptForm,
 }
 
 /// `kept = "inverse"`, `kept = { error = 1e-4 }` or `kept = "factor"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kept {
+pub enum KeptForm {
     /// All numbers.
     #[default]
     Inverse,
@@ -169,22 +169,22 @@ pub enum Kept {
     Factor,
 }
 
-impl Kept {
+impl KeptForm {
     /// The errors that can be asked for: the least is what single precision holds.
     pub const ERRORS: RangeInclusive<f64> = 1e-6..=1e-2;
 
     fn is_usual(&self) -> bool {
-        *self == Kept::default()
+        *self == KeptForm::default()
     }
 
     /// The error says what cannot be kept so.
     pub(super) fn check(self) -> Result<(), String> {
         match self {
-            Kept::Compressed(error) if !Kept::ERRORS.contains(&error) => Err(format!(
+            KeptForm::Compressed(error) if !KeptForm::ERRORS.contains(&error) => Err(format!(
                 "kept = {{ error = {error:e} }} is not between {:e} and {:e}, parts of how far a pressed node yields: single \
                  precision holds nothing finer (kept = \"inverse\" has all of it), and more would be seen",
-                Kept::ERRORS.start(),
-                Kept::ERRORS.end()
+                KeptForm::ERRORS.start(),
+                KeptForm::ERRORS.end()
             )),
             _ => Ok(()),
         }

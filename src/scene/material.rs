@@ -4,7 +4,7 @@
 //! which everything else uses, and the library's entry that they started from.
 
 use super::limit::Limit;
-use super::materials::{Known, MATERIALS, find_material};
+use super::materials::{LibraryMaterial, MATERIALS, find_material};
 use crate::base::diagnostic::Severity;
 use crate::base::quantity::quantity;
 use crate::fem::Lame;
@@ -26,11 +26,11 @@ const SOFT: f64 = 1e6;
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(try_from = "Written")]
+#[serde(try_from = "WrittenMaterial")]
 pub struct Material {
     /// The entry of the library that it was written by. Its numbers may differ from the entry's.
     #[serde(skip)]
-    pub known: Option<&'static Known>,
+    pub known: Option<&'static LibraryMaterial>,
     /// Young's modulus, Pa.
     pub young: f64,
     pub poisson: f64,
@@ -41,18 +41,18 @@ pub struct Material {
     pub limit: Option<Limit>,
 }
 
-impl From<&'static Known> for Material {
-    fn from(known: &'static Known) -> Material {
-        let Known { young, poisson, density, yield_stress, .. } = *known;
+impl From<&'static LibraryMaterial> for Material {
+    fn from(known: &'static LibraryMaterial) -> Material {
+        let LibraryMaterial { young, poisson, density, yield_stress, .. } = *known;
         let limit = yield_stress.map(Limit::Stress);
         Material { known: Some(known), young, poisson, density: Some(density), limit }
     }
 }
 
-impl TryFrom<Written> for Material {
+impl TryFrom<WrittenMaterial> for Material {
     type Error = String;
 
-    fn try_from(written: Written) -> Result<Material, String> {
+    fn try_from(written: WrittenMaterial) -> Result<Material, String> {
         let known = written.name.as_deref().map(find_material).transpose()?;
         let missing = |key: &str| {
             format!(
@@ -93,11 +93,11 @@ impl Material {
             return Some((Severity::Note, message));
         }
         let warn = |message: String| Some((Severity::Warning, message));
-        let is_like = |entry: &&Known| match known {
+        let is_like = |entry: &&LibraryMaterial| match known {
             Some(known) => known == *entry,
             None => entry.young > STIFF && (entry.poisson - poisson).abs() < 0.03,
         };
-        let in_megapascals = |entry: &&Known| (1e6 * young / entry.young).ln().abs() < 0.2;
+        let in_megapascals = |entry: &&LibraryMaterial| (1e6 * young / entry.young).ln().abs() < 0.2;
         if let Some(entry) = MATERIALS.iter().filter(is_like).find(in_megapascals) {
             return warn(format!(
                 "Young's modulus {modulus} is that of a soft rubber, and {} has {}. If {young} MPa is meant, write {:e}",
@@ -150,7 +150,7 @@ fn plain(value: f64) -> String {
 
 /// A material as a scene writes it: what is left out comes from the library's entry.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Written {
+struct WrittenMaterial {
     name: Option<String>,
     young: Option<f64>,
     poisson: Option<f64>,
@@ -168,24 +168,24 @@ struct Table {
     limit: Option<Limit>,
 }
 
-impl<'de> Deserialize<'de> for Written {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Written, D::Error> {
+impl<'de> Deserialize<'de> for WrittenMaterial {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<WrittenMaterial, D::Error> {
         struct NameOrTable;
         impl<'de> Visitor<'de> for NameOrTable {
-            type Value = Written;
+            type Value = WrittenMaterial;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a table, or a name of `greenstage manual materials`")
             }
 
-            fn visit_str<E: Error>(self, name: &str) -> Result<Written, E> {
-                Ok(Written { name: Some(name.to_owned()), ..Written::default() })
+            fn visit_str<E: Error>(self, name: &str) -> Result<WrittenMaterial, E> {
+                Ok(WrittenMaterial { name: Some(name.to_owned()), ..WrittenMaterial::default() })
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Written, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<WrittenMaterial, A::Error> {
                 let Table { name, young, poisson, density, limit } =
                     Table::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(Written { name, young, poisson, density, limit })
+                Ok(WrittenMaterial { name, young, poisson, density, limit })
             }
         }
         deserializer.deserialize_any(NameOrTable)

@@ -5,7 +5,7 @@ use crate::mesh::length_unit::LARGEST_M;
 
 /// A material of the library: isotropic, for small strains.
 #[derive(Debug, PartialEq)]
-pub struct Known {
+pub struct LibraryMaterial {
     pub name: &'static str,
     /// Young's modulus, Pa.
     pub young: f64,
@@ -26,8 +26,8 @@ pub struct Known {
 const ORGAN_M: f64 = 1.0;
 
 /// The library; a new material is an entry here and a row in the chapter `materials`.
-pub const MATERIALS: &[Known] = &[
-    Known {
+pub const MATERIALS: &[LibraryMaterial] = &[
+    LibraryMaterial {
         name: "steel",
         young: 210e9,
         poisson: 0.3,
@@ -37,7 +37,7 @@ pub const MATERIALS: &[Known] = &[
         what: "structural steel S235, up to 40 mm thick",
         source: "EN 1993-1-1:2005, 3.2.6 and table 3.1; density: EN 1993-1-2:2005, 3.2.2",
     },
-    Known {
+    LibraryMaterial {
         name: "aluminium",
         young: 70e9,
         poisson: 0.3,
@@ -47,7 +47,7 @@ pub const MATERIALS: &[Known] = &[
         what: "wrought alloy EN AW-6082 T6, extruded, up to 5 mm thick",
         source: "EN 1999-1-1:2007, 3.2.5 and table 3.2b",
     },
-    Known {
+    LibraryMaterial {
         name: "titanium",
         young: 113.8e9,
         poisson: 0.342,
@@ -57,7 +57,7 @@ pub const MATERIALS: &[Known] = &[
         what: "Ti-6Al-4V ELI, annealed, as in implants",
         source: "ASM data sheet MTP643, Titanium Ti-6Al-4V (Grade 5), ELI, Annealed (asm.matweb.com)",
     },
-    Known {
+    LibraryMaterial {
         name: "rubber",
         young: 2e6,
         poisson: 0.49,
@@ -67,7 +67,7 @@ pub const MATERIALS: &[Known] = &[
         what: "natural rubber, middle of 1.5 to 2.5 MPa; ν is assumed (nearly incompressible)",
         source: "Ashby, Materials Selection in Mechanical Design, 3rd ed. 2005, appendix C, natural rubber",
     },
-    Known {
+    LibraryMaterial {
         name: "silicone",
         young: 1.32e6,
         poisson: 0.495,
@@ -78,7 +78,7 @@ pub const MATERIALS: &[Known] = &[
         source: "Johnston et al., J. Micromech. Microeng. 24, 2014, 035017; ν: Pritchard et al., Soft Matter 9, 2013, 6037; \
                  density: the maker's data sheet",
     },
-    Known {
+    LibraryMaterial {
         name: "liver",
         young: 5.5e3,
         poisson: 0.49,
@@ -88,7 +88,7 @@ pub const MATERIALS: &[Known] = &[
         what: "healthy, living: mean of 429 people by transient elastography; ν is assumed (nearly incompressible)",
         source: "Roulot et al., J. Hepatol. 48, 2008, 606; density: ICRU report 46, 1992",
     },
-    Known {
+    LibraryMaterial {
         name: "muscle",
         young: 11.1e3,
         poisson: 0.49,
@@ -98,7 +98,7 @@ pub const MATERIALS: &[Known] = &[
         what: "gastrocnemius at rest, by shear-wave elastography, fibres left out; ν is assumed (nearly incompressible)",
         source: "Arda et al., Am. J. Roentgenol. 197, 2011, 532; density: ICRU report 46, 1992",
     },
-    Known {
+    LibraryMaterial {
         name: "cartilage",
         young: 0.686e6,
         poisson: 0.098,
@@ -108,7 +108,7 @@ pub const MATERIALS: &[Known] = &[
         what: "human, lateral femoral condyle, in equilibrium after its water has moved; E from the aggregate modulus 0.701 MPa",
         source: "Athanasiou et al., J. Orthop. Res. 9, 1991, 330; density: ICRU report 46, 1992",
     },
-    Known {
+    LibraryMaterial {
         name: "bone",
         young: 17e9,
         poisson: 0.3,
@@ -121,7 +121,7 @@ pub const MATERIALS: &[Known] = &[
 ];
 
 /// The material called `name`; the error lists the known ones.
-pub fn find_material(name: &str) -> Result<&'static Known, String> {
+pub fn find_material(name: &str) -> Result<&'static LibraryMaterial, String> {
     let found = MATERIALS.iter().find(|known| known.name == name);
     found.ok_or_else(|| unknown_name("material", name, MATERIALS.iter().map(|known| known.name)))
 }

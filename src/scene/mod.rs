@@ -35,7 +35,7 @@ pub use direction::{DirectionField, DirectionFile};
 pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, Kept, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
     SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
 pub use look::{CREASE, Color, Lines, Texture};

@@ -1,6 +1,6 @@
 //! Changes of scene and stage while a session runs: computed in the background, then put in the place of what was shown.
 //!
-//! In: a running [`Session`] and the scene that is to be shown instead. Out: a [`Changed`] world, from the .green files that
+//! In: a running [`Session`] and the scene that is to be shown instead. Out: a [`ChangeResult`] world, from the .green files that
 //! are known where they fit and else from a new one; [`Session::take`] puts it in place, with the poses of the control
 //! elements that are the same. A change that fails leaves the session as it was.
 
@@ -21,11 +21,11 @@ use std::thread::JoinHandle;
 /// A change that is being computed.
 pub struct Change {
     pub steps: Arc<Steps>,
-    thread: JoinHandle<Result<Changed, Failure>>,
+    thread: JoinHandle<Result<ChangeResult, Failure>>,
 }
 
 /// The result of a change.
-pub struct Changed {
+pub struct ChangeResult {
     pub scene: Resolved,
     pub file: Arc<GreenFile>,
     deformers: Vec<Deformer>,
@@ -85,7 +85,7 @@ impl Change {
             let file = prepare::changed_file(&scene, &path, &known, &*told)?;
             told.begin("model", 0);
             let deformers = World::deformers(&scene, &scene.models(), &file)?;
-            Ok(Changed { scene, file, deformers, stage, is_other_stage })
+            Ok(ChangeResult { scene, file, deformers, stage, is_other_stage })
         };
         let thread =
             std::thread::Builder::new().name("change".into()).spawn(compute).map_err(Failure::work)?;
@@ -97,7 +97,7 @@ impl Change {
     }
 
     /// Waits for the result.
-    pub fn finish(self) -> Result<Changed, Failure> {
+    pub fn finish(self) -> Result<ChangeResult, Failure> {
         let panicked = || {
             Failure::Work(anyhow::anyhow!(
                 "the computation stopped unexpectedly; this is a bug in greenstage"
@@ -125,9 +125,9 @@ impl Session {
     /// # Errors
     /// Where it is recorded or replayed, or an effect cannot join the new world, the session stays as it was; where a device or a
     /// tracker cannot be started, all else is changed.
-    pub fn take(&mut self, changed: Changed) -> Result<(), Failure> {
+    pub fn take(&mut self, changed: ChangeResult) -> Result<(), Failure> {
         self.may_change()?;
-        let Changed { scene, file, deformers, stage, is_other_stage } = changed;
+        let ChangeResult { scene, file, deformers, stage, is_other_stage } = changed;
         let mut world = World::of_bodies(&scene, &file, deformers, stage)?;
         let effects = effect::attach(effect::EFFECTS, &scene, &file, &mut world)?;
         world.join(effects)?;

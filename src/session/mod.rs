@@ -16,7 +16,7 @@ pub mod recording;
 pub mod trackers;
 
 pub use advance::{Session, SessionProgress};
-pub use change::{Change, Changed, Steps};
+pub use change::{Change, ChangeResult, Steps};
 pub use input::{InputSource, Leader};
 pub use open::Making;
 pub use open::Request;

@@ -125,10 +125,10 @@ impl Analysis {
 
 /// Results about one graph that several methods share, found by the one that needs them first.
 #[derive(Clone, Default)]
-pub struct SharedAnalysis(Arc<Known>);
+pub struct SharedAnalysis(Arc<SharedResults>);
 
 #[derive(Default)]
-struct Known {
+struct SharedResults {
     levels: OnceLock<usize>,
     analysis: OnceLock<Arc<Analysis>>,
 }

@@ -9,7 +9,7 @@ use super::error::SolveError;
 use super::kept_factor::KeptFactor;
 use super::solver::NoUnknowns;
 use super::solver::{
-    Asked, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+    AnalysisInput, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
 };
 use crate::base::progress::Progress;
 use crate::base::table::{bytes, seconds};
@@ -28,7 +28,7 @@ pub const AUTO: Method = Method {
     least_seconds: None,
     analyse: |asked| {
         let choice = choose(asked, None)?;
-        let Asked { settings, job, methods, pattern, .. } = *asked;
+        let AnalysisInput { settings, job, methods, pattern, .. } = *asked;
         Ok(Box::new(Auto {
             settings,
             job,
@@ -74,8 +74,8 @@ fn rank<T>(list: &mut [Ranked<T>]) {
 
 /// The fastest method that fits, without the one that proved slow. If the factor is needed for more than the solve, the methods
 /// whose factor can be kept come first.
-fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, SolveError> {
-    let Asked { a, job: Job { columns, needs_factor }, .. } = *asked;
+fn choose(asked: &AnalysisInput<'_>, slow: Option<&'static Method>) -> Result<Choice, SolveError> {
+    let AnalysisInput { a, job: Job { columns, needs_factor }, .. } = *asked;
     let least = |method: &&'static Method| {
         let is_last = needs_factor && !method.keeps_factor;
         if Some(*method) == slow || is_last && method.is_direct {
@@ -93,7 +93,7 @@ fn choose(asked: &Asked<'_>, slow: Option<&'static Method>) -> Result<Choice, So
             continue;
         }
         let settings = Solver { method, ..asked.settings };
-        let analysed = (method.analyse)(&Asked { settings, ..*asked });
+        let analysed = (method.analyse)(&AnalysisInput { settings, ..*asked });
         match analysed.and_then(|solver| solver.fits(a, columns).map(|()| solver)) {
             Ok(solver) => found.push((is_last, solver.seconds(a, columns), (method, solver))),
             Err(error) => match error {
@@ -154,18 +154,18 @@ impl LinearSolver for Auto {
     ) -> Result<Box<dyn Factor + 'a>, SolveError> {
         let Choice { solver, reason, next, .. } = &self.choice;
         let factor = RefCell::new((solver.factor_within(a, *next, progress)?, reason.clone()));
-        Ok(Box::new(Chosen { auto: self, a, factor }))
+        Ok(Box::new(ChosenFactor { auto: self, a, factor }))
     }
 }
 
 /// The factor that was taken, with the reason.
-struct Chosen<'a> {
+struct ChosenFactor<'a> {
     auto: &'a Auto,
     a: &'a StiffnessMatrix,
     factor: RefCell<(Box<dyn Factor + 'a>, String)>,
 }
 
-impl Chosen<'_> {
+impl ChosenFactor<'_> {
     /// Solves with the method that was taken; where it gives up, with the next.
     fn solved(&self, solve: &dyn Fn(&dyn Factor) -> SolveResult, progress: &dyn Progress) -> SolveResult {
         let first = solve(self.factor.borrow().0.as_ref());
@@ -184,7 +184,7 @@ impl Chosen<'_> {
     fn take_next(&self, slow: &SolveError, progress: &dyn Progress) -> Result<(), SolveError> {
         let Auto { settings, job, methods, ref pattern, ref choice, ref second } = *self.auto;
         if second.get().is_none() {
-            let asked = Asked { settings, a: self.a, job, methods, pattern, progress };
+            let asked = AnalysisInput { settings, a: self.a, job, methods, pattern, progress };
             let made = choose(&asked, Some(choice.method))?;
             second.get_or_init(|| made);
         }
@@ -198,7 +198,7 @@ impl Chosen<'_> {
     }
 }
 
-impl Factor for Chosen<'_> {
+impl Factor for ChosenFactor<'_> {
     fn nodes(&self) -> usize {
         self.factor.borrow().0.nodes()
     }
@@ -272,7 +272,7 @@ mod tests {
     fn chosen(a: &StiffnessMatrix, job: Job) -> &'static Method {
         let pattern = &SharedAnalysis::default();
         let settings = Solver::default();
-        choose(&Asked { settings, a, job, methods: SOLVERS, pattern, progress: &Silent }, None)
+        choose(&AnalysisInput { settings, a, job, methods: SOLVERS, pattern, progress: &Silent }, None)
             .unwrap()
             .method
     }
@@ -297,8 +297,14 @@ mod tests {
         let pattern = &SharedAnalysis::default();
         let job = Job { columns: 2, needs_factor: false };
         let (settings, progress) = (Solver::default(), &Silent);
-        let auto =
-            (AUTO.analyse)(&Asked { settings, a: &a, job, methods: &[&EAGER, &PATIENT], pattern, progress });
+        let auto = (AUTO.analyse)(&AnalysisInput {
+            settings,
+            a: &a,
+            job,
+            methods: &[&EAGER, &PATIENT],
+            pattern,
+            progress,
+        });
         let auto = auto.unwrap();
         let factor = auto.factor(&a, &Silent).unwrap();
         let (x, stats) = factor.solve(&b, &Silent).unwrap();

@@ -49,7 +49,8 @@ pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::NO_UNKNOWNS;
 pub use solver::{
-    Asked, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+    AnalysisInput, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats,
+    Solver,
 };
 pub use solvers::{SOLVERS, find_method, without_factor};
 pub use stability::Stability;

@@ -92,7 +92,7 @@ impl Default for Job {
 
 /// The input of a method's analysis.
 #[derive(Clone, Copy)]
-pub struct Asked<'a> {
+pub struct AnalysisInput<'a> {
     pub settings: Solver,
     pub a: &'a StiffnessMatrix,
     pub job: Job,
@@ -104,7 +104,7 @@ pub struct Asked<'a> {
 }
 
 /// The solver, with its settings, for all matrices with the graph of one.
-pub type Analyse = fn(&Asked<'_>) -> Result<Box<dyn LinearSolver>, SolveError>;
+pub type Analyse = fn(&AnalysisInput<'_>) -> Result<Box<dyn LinearSolver>, SolveError>;
 
 /// A way to solve A x = b: an entry of the list of methods.
 #[derive(Debug)]
@@ -123,7 +123,7 @@ pub struct Method {
     pub factor_number: usize,
     /// Lower estimate of the seconds for the job, from the graph of A before it is analysed; `None` for a method that `auto`
     /// leaves out.
-    pub least_seconds: Option<fn(&Asked<'_>) -> f64>,
+    pub least_seconds: Option<fn(&AnalysisInput<'_>) -> f64>,
     pub analyse: Analyse,
 }
 

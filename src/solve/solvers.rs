@@ -8,7 +8,7 @@ use super::faer_cholesky::FAER;
 use super::mixed::MIXED;
 use super::pcg::PCG;
 use super::solver::NO_UNKNOWNS;
-use super::solver::{Asked, Job, LinearSolver, Method, Solver};
+use super::solver::{AnalysisInput, Job, LinearSolver, Method, Solver};
 use crate::base::progress::Progress;
 use crate::config::unknown_name;
 use crate::fem::StiffnessMatrix;
@@ -49,7 +49,7 @@ impl Solver {
     ) -> Result<Box<dyn LinearSolver>, SolveError> {
         let method = if a.nodes() == 0 { &NO_UNKNOWNS } else { self.method };
         let pattern = &SharedAnalysis::default();
-        (method.analyse)(&Asked { settings: *self, a, job, methods: SOLVERS, pattern, progress })
+        (method.analyse)(&AnalysisInput { settings: *self, a, job, methods: SOLVERS, pattern, progress })
     }
 }
 

@@ -157,7 +157,7 @@ pub const MAX_MOUNT_M: f64 = 0.5;
 
 /// A fault, and the line where the table at fault begins.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Located {
+pub struct LocatedFault {
     pub line: usize,
     pub fault: StageFault,
 }

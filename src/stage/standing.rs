@@ -1,7 +1,7 @@
 //! Places a body on a stage: fitted into what both eyes see, above table and floor; and finds what of it is not there.
 //!
 //! In: points of a body in its mesh's frame, and the keys of its place that are given. Out: room_from_mesh; or, for points in the
-//! room, [`Standing`]: how many are on no screen, and how far they reach below table or floor. All for the viewer where the stage
+//! room, [`HiddenPart`]: how many are on no screen, and how far they reach below table or floor. All for the viewer where the stage
 //! file has it.
 
 use super::description::Stage;
@@ -22,7 +22,7 @@ pub struct GivenPlace {
 
 /// The part of a body that a viewer does not see where it should be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
+pub struct HiddenPart {
     /// The part of the points that are on no screen for one of the eyes, or nearer to it than is drawn.
     pub unseen: f64,
     /// The table, or the floor below the grid, into which it reaches farthest, and how far, m.
@@ -53,7 +53,7 @@ const LEAST: f64 = 0.01;
 /// Depth of a point below a table or a floor, m.
 type Depth<'a> = Box<dyn Fn(&Point3<f64>) -> f64 + 'a>;
 
-impl Standing {
+impl HiddenPart {
     /// Whether nothing is wrong: all but some points at the border are seen, and nothing is sunk.
     pub fn is_right(&self, stage: &Stage) -> bool {
         self.unseen <= 0.005 && self.sunk.is_none() && self.size_m <= 2.0 * SPARE * stage.workspace.radius_m
@@ -113,7 +113,7 @@ impl Stage {
     }
 
     /// The standing of a body whose points these are, in the room. `None` without points, or if one is not finite.
-    pub fn standing(&self, points: &[Point3<f64>]) -> Option<Standing> {
+    pub fn standing(&self, points: &[Point3<f64>]) -> Option<HiddenPart> {
         let (low, high) = bounds(points)?;
         let sight = Sight::new(self);
         let unseen = points.iter().filter(|place| !sight.sees(place)).count() as f64 / points.len() as f64;
@@ -121,7 +121,7 @@ impl Stage {
             let deepest = points.iter().map(&depth).fold(0.0, f64::max);
             (deepest > SUNK_M).then_some((name, deepest))
         });
-        Some(Standing {
+        Some(HiddenPart {
             unseen,
             sunk: sunk.max_by(|a, b| a.1.total_cmp(&b.1)),
             size_m: (high - low).max(),

@@ -7,28 +7,28 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
 /// A time between two key frames: after key `left`, at the fraction `s` (0..1) of the way to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Between {
+pub struct KeySpan {
     pub left: usize,
     pub s: f64,
 }
 
 /// Finds `time_s` among strictly increasing `times` (at least one). Before the first key and after the last one, that key
 /// holds; NaN counts as the start.
-pub fn locate(times: &[f64], time_s: f64) -> Between {
+pub fn locate(times: &[f64], time_s: f64) -> KeySpan {
     let left = times.partition_point(|&time| time <= time_s).saturating_sub(1);
     match times.get(left + 1) {
         Some(next) => {
             let s = (time_s - times[left]) / (next - times[left]);
-            Between { left, s: if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.0 } }
+            KeySpan { left, s: if s.is_finite() { s.clamp(0.0, 1.0) } else { 0.0 } }
         }
-        None => Between { left, s: 0.0 },
+        None => KeySpan { left, s: 0.0 },
     }
 }
 
 /// The pose between key poses `pose(k)`: each coordinate follows a monotone cubic; the rotation follows the shorter slerp,
 /// with a monotone cubic through the accumulated angles as its parameter.
-pub fn interpolate(times: &[f64], at: Between, pose: impl Fn(usize) -> Isometry3<f64>) -> Isometry3<f64> {
-    let Between { left, s } = at;
+pub fn interpolate(times: &[f64], at: KeySpan, pose: impl Fn(usize) -> Isometry3<f64>) -> Isometry3<f64> {
+    let KeySpan { left, s } = at;
     let from = pose(left);
     if s == 0.0 || left + 1 >= times.len() {
         return from;
@@ -52,8 +52,8 @@ pub fn interpolate(times: &[f64], at: Between, pose: impl Fn(usize) -> Isometry3
 }
 
 /// The monotone cubic Hermite curve through `value(k)` at `times[k]`; it needs only the four keys around.
-fn cubic(times: &[f64], at: Between, value: impl Fn(usize) -> f64) -> f64 {
-    let Between { left, s } = at;
+fn cubic(times: &[f64], at: KeySpan, value: impl Fn(usize) -> f64) -> f64 {
+    let KeySpan { left, s } = at;
     let width = times[left + 1] - times[left];
     let secant = |k: usize| (value(k + 1) - value(k)) / (times[k + 1] - times[k]);
     let slope = |k: usize| {

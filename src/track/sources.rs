@@ -8,7 +8,7 @@ use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings};
 use super::{dtrack, fastrak, gamepad, osc, vrpn};
 use crate::config;
 use crate::stage::tracking::{SourceTable, TrackerSource, Tracking};
-use crate::stage::{Located, Stage, StageError, StageFault};
+use crate::stage::{LocatedFault, Stage, StageError, StageFault};
 
 /// All kinds of trackers; a new one is one file and one line here.
 pub const SOURCES: &[SourceEntry] =
@@ -41,8 +41,8 @@ pub fn checked(stage: Stage) -> Result<Stage, StageError> {
 }
 
 /// All that is wrong with the sources' tables of a stage.
-pub fn source_faults(tracking: &Tracking) -> impl Iterator<Item = Located> {
-    let located = |(table, message): (&SourceTable, _)| Located {
+pub fn source_faults(tracking: &Tracking) -> impl Iterator<Item = LocatedFault> {
+    let located = |(table, message): (&SourceTable, _)| LocatedFault {
         line: table.line,
         fault: StageFault::Source(message),
     };

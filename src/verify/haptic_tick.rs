@@ -7,7 +7,8 @@ use crate::base::statistics::quantile;
 use crate::base::table::{Table, seconds};
 use crate::deform::ControlPose;
 use crate::effect::haptics::{
-    Control, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, LoopTiming, Reading, SampleInfo, Simulated,
+    Control, Elastic, ElementHold, Grasp, Hand, HoldConstraint, Loop, LoopTiming, Reading, SampleInfo,
+    Simulated,
 };
 use crate::scene::Grab;
 use crate::stage::Haptic;
@@ -152,7 +153,7 @@ fn handle(time_s: f64, origin: &Vector3<f64>, size: f64) -> Isometry3<f64> {
 
 /// A hold on an element at rest.
 fn grasp(element: usize, elements: usize) -> Grasp {
-    let held = Held {
+    let held = ElementHold {
         grip: 1,
         body: 0,
         element,

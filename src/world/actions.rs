@@ -4,11 +4,13 @@
 //! frames. All times are those of the tracker's states, so that a replay does the same.
 
 use super::body::PlacedBody;
-use super::edit_state::{Change, EditState, Posed, REST};
+use super::edit_state::{Change, EditState, ElementPose, REST};
 use super::flow::{BodyPlace, HandState};
 use super::running::World;
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
-use crate::interact::{Action, Asked, Ease, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest};
+use crate::interact::{
+    Action, Ease, HandRequests, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest,
+};
 use crate::stage::Workspace;
 use crate::track::Signal;
 use nalgebra::Similarity3;
@@ -151,10 +153,13 @@ impl World {
     pub(super) fn ease(&mut self, time_s: f64) {
         let Some((ease, from)) = self.edit.easing.take() else { return };
         let share = ease.share(time_s);
-        let step = |(target, from): &(usize, Posed)| {
+        let step = |(target, from): &(usize, ElementPose)| {
             let (translation, matrix, turn) =
                 towards_rest(&from.pose.translation, &from.pose.matrix, &from.turn.quaternion, share);
-            (*target, Posed { pose: ControlPose { translation, matrix }, turn: FollowedTurn::new(turn) })
+            (
+                *target,
+                ElementPose { pose: ControlPose { translation, matrix }, turn: FollowedTurn::new(turn) },
+            )
         };
         let steps: Vec<_> = from.iter().map(step).collect();
         self.put_targets(steps);
@@ -166,7 +171,7 @@ impl World {
         let HandState { hands, asked } = self.graph.get(self.fields.hands);
         let mut held = hands.held();
         held.retain(|&target| target < self.fields.targets.len());
-        let Asked { navigating, double_pressed, .. } = asked.clone();
+        let HandRequests { navigating, double_pressed, .. } = asked.clone();
         self.finish_grabs(&held);
         if let Some((_, from)) = &mut self.edit.easing {
             from.retain(|(target, _)| !held.contains(target));
@@ -208,14 +213,14 @@ impl World {
 
     fn snap_back(&mut self, time_s: f64) {
         self.release();
-        let away: Vec<(usize, Posed)> = (0..self.fields.targets.len())
+        let away: Vec<(usize, ElementPose)> = (0..self.fields.targets.len())
             .map(|target| (target, self.posed(target)))
             .filter(|(_, posed)| {
                 posed.pose != ControlPose::REST || posed.turn.against(&FollowedTurn::REST) > 1.0
             })
             .collect();
         if !away.is_empty() {
-            let change = |&(target, before): &(usize, Posed)| Change { target, before, after: REST };
+            let change = |&(target, before): &(usize, ElementPose)| Change { target, before, after: REST };
             self.edit.history.push(away.iter().map(change).collect());
             self.edit.easing = Some((Ease::start(time_s), away));
         }
@@ -255,7 +260,7 @@ impl World {
     pub(super) fn change_hands(&mut self, change: impl FnOnce(&mut Hands)) {
         let mut hands = self.graph.get(self.fields.hands).clone();
         change(&mut hands.hands);
-        hands.asked = Asked::default();
+        hands.asked = HandRequests::default();
         self.graph.restore(self.fields.hands, hands);
     }
 
@@ -264,13 +269,13 @@ impl World {
         *self.graph.get(self.fields.bodies[b].poses[c])
     }
 
-    pub(super) fn posed(&self, target: usize) -> Posed {
+    pub(super) fn posed(&self, target: usize) -> ElementPose {
         let (b, c) = self.fields.targets[target];
-        Posed { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
+        ElementPose { pose: self.pose(target), turn: self.bodies[b].deformer.turn(c) }
     }
 
     /// Sets poses of control elements that the program chose; the limits of a hand's motion do not apply.
-    pub(super) fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, Posed)>) {
+    pub(super) fn put_targets(&mut self, targets: impl IntoIterator<Item = (usize, ElementPose)>) {
         for (target, posed) in targets {
             let (b, c) = self.fields.targets[target];
             self.bodies[b].limiters[c] = PoseLimiter::default();

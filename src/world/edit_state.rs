@@ -15,9 +15,9 @@ pub struct EditState {
     pub asides: Vec<Aside>,
     pub(super) history: History<Vec<Change>>,
     /// Control elements on their way back to rest, with their poses at its beginning.
-    pub(super) easing: Option<(Ease, Vec<(usize, Posed)>)>,
+    pub(super) easing: Option<(Ease, Vec<(usize, ElementPose)>)>,
     /// Every target as it was when it was last not held.
-    pub(super) before: Vec<Posed>,
+    pub(super) before: Vec<ElementPose>,
     pub(super) held: BTreeSet<usize>,
     pub ruler: Ruler,
 }
@@ -25,20 +25,20 @@ pub struct EditState {
 /// A control element's pose, and the turn that led to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Posed {
+pub(super) struct ElementPose {
     pub pose: ControlPose,
     pub turn: FollowedTurn,
 }
 
-pub(super) const REST: Posed = Posed { pose: ControlPose::REST, turn: FollowedTurn::REST };
+pub(super) const REST: ElementPose = ElementPose { pose: ControlPose::REST, turn: FollowedTurn::REST };
 
 /// One target, before and after.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Change {
     pub target: usize,
-    pub before: Posed,
-    pub after: Posed,
+    pub before: ElementPose,
+    pub after: ElementPose,
 }
 
 impl EditState {

@@ -30,8 +30,8 @@ use super::touch::{LoadValues, Touches};
 use crate::deform::{BodyState, Contribution, ControlPose, ModelEntry};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
-use crate::interact::{Asked, Element, Hands, Hit, Taking};
-use crate::scene::{Body, Grab, Kept, Take};
+use crate::interact::{Element, HandRequests, Hands, Hit, SurfaceGrip};
+use crate::scene::{Body, Grab, KeptForm, Take};
 use crate::stage::Stage;
 use crate::track::{StylusState, usable};
 use indexmap::IndexMap;
@@ -72,7 +72,7 @@ pub struct StylusFields {
 /// Fields of the hands' grip on surfaces.
 #[derive(Clone, Copy)]
 pub struct TouchFields {
-    pub taking: Field<Taking>,
+    pub taking: Field<SurfaceGrip>,
     pub touches: Field<Touches>,
 }
 
@@ -107,7 +107,7 @@ pub struct Pose(#[serde(with = "crate::field::numbers")] pub Isometry3<f64>);
 #[serde(deny_unknown_fields)]
 pub struct HandState {
     pub hands: Hands,
-    pub asked: Asked,
+    pub asked: HandRequests,
 }
 
 /// room_from_body.
@@ -154,7 +154,7 @@ pub fn graph(
     graph.compute(room_from_head, "usable", (tracked_head, last), |_, (head, last): (&Tracked, &Pose)| {
         head.0.as_ref().and_then(usable).map_or(*last, Pose)
     })?;
-    let hands = HandState { hands: Hands::new(radius_m), asked: Asked::default() };
+    let hands = HandState { hands: Hands::new(radius_m), asked: HandRequests::default() };
     let mut fields = Fields {
         names: stage.tracking.stylus_names().into_iter().map(str::to_owned).collect(),
         tracked_head,
@@ -188,7 +188,7 @@ fn targets(bodies: &IndexMap<String, Body>) -> Vec<(usize, usize)> {
 }
 
 /// Inputs of the touches: what is taken, styli, hands, the last touches.
-type SeenByTouches<'a> = (&'a Taking, Each<'a, Field<Option<StylusState>>>, &'a HandState, &'a Touches);
+type SeenByTouches<'a> = (&'a SurfaceGrip, Each<'a, Field<Option<StylusState>>>, &'a HandState, &'a Touches);
 
 /// Inputs of a body's state: poses, what arrived, loads with the place, touches, what effects add.
 type SeenByBody<'a> = (
@@ -208,9 +208,9 @@ fn touch_fields(
         return Ok(None);
     };
     let taking = match first.take {
-        Take::Elements => Taking::Elements,
-        Take::Force => Taking::Force,
-        Take::Place => Taking::Place,
+        Take::Elements => SurfaceGrip::Elements,
+        Take::Force => SurfaceGrip::Force,
+        Take::Place => SurfaceGrip::Place,
     };
     Ok(Some(TouchFields {
         taking: graph.field("taking", taking)?,
@@ -232,7 +232,7 @@ fn body_fields(
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
-    let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == Kept::Factor);
+    let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == KeptForm::Factor);
     let arrived = (model.law().is_some() || is_solved)
         .then(|| graph.field(format!("body.{name}.arrived"), 0.0))
         .transpose()?;

@@ -2,7 +2,7 @@
 //!
 //! In: the ray of the stylus to which keys refer. Out: the ends of a [`Ruler`]. Nothing is done in a frame without one.
 
-use super::ruler::{Measured, Ruler, SurfacePoint};
+use super::ruler::{Ruler, RulerLengths, SurfacePoint};
 use super::running::World;
 use crate::base::plates::{Anchor, Plate};
 use crate::render::{Ball, Drawable, Line};
@@ -15,7 +15,7 @@ const COLOR: [f32; 3] = [0.95, 0.80, 0.25];
 
 impl World {
     /// The ruler's distances, once it has two ends.
-    pub fn measured(&self) -> Option<Measured> {
+    pub fn measured(&self) -> Option<RulerLengths> {
         let [a, b] = self.edit.ruler.ends[..] else { return None };
         let (one, two) = (&self.bodies[a.body], &self.bodies[b.body]);
         let ([now_a, rest_a], [now_b, rest_b]) = (a.places(one), b.places(two));
@@ -24,7 +24,7 @@ impl World {
             true => (x - y).norm(),
             false => (one.room_from_body * x - two.room_from_body * y).norm(),
         };
-        Some(Measured { now_m: apart(now_a, now_b), rest_m: apart(rest_a, rest_b), is_of_one_body })
+        Some(RulerLengths { now_m: apart(now_a, now_b), rest_m: apart(rest_a, rest_b), is_of_one_body })
     }
 
     /// Sets the next end where the ray hits a surface, or takes a whole ruler away.
@@ -114,7 +114,7 @@ mod tests {
         );
         world.carry_out(Action::Measure);
         let rest = Vector3::new(0.75, 0.0, -0.55);
-        let told = |world: &World| -> Measured { world.measured().unwrap() };
+        let told = |world: &World| -> RulerLengths { world.measured().unwrap() };
         assert!((told(&world).now_m - f64::hypot(rest.x, rest.z)).abs() < 1e-5, "{:?}", told(&world));
 
         // A turn and a shift of the whole: nothing changes.
@@ -128,7 +128,7 @@ mod tests {
             world.bodies[0].deformer.evaluate(&poses);
         };
         posed(&mut world, turn);
-        let Measured { now_m, rest_m, .. } = told(&world);
+        let RulerLengths { now_m, rest_m, .. } = told(&world);
         assert!((now_m - rest_m).abs() < 1e-5, "{now_m} m, {rest_m} m");
         // Stretched along x the free sides draw in; the held ends do not, and go where the map has them.
         world.carry_out(Action::Measure);
@@ -140,7 +140,7 @@ mod tests {
         }
         let stretch = Matrix3::from_diagonal(&Vector3::new(1.1, 1.0, 1.0));
         posed(&mut world, stretch);
-        let Measured { now_m, rest_m, .. } = told(&world);
+        let RulerLengths { now_m, rest_m, .. } = told(&world);
         assert!(
             (rest_m - 1.998).abs() < 1e-4 && (now_m / rest_m - 1.1).abs() < 1e-3,
             "{now_m} m, {rest_m} m"

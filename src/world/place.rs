@@ -9,7 +9,7 @@ use crate::mesh::isosurface_stuffing::lattice::Depth;
 use crate::mesh::quality::bounding_box;
 use crate::mesh::surface_files::TriangleSurface;
 use crate::scene::{Body, Place};
-use crate::stage::{GivenPlace, Stage, Standing, place_line};
+use crate::stage::{GivenPlace, HiddenPart, Stage, place_line};
 use nalgebra::{Point3, Similarity3, UnitQuaternion, Vector3};
 
 /// Bodies without a place are fitted together, as one; each other one by itself, with the keys of its place.
@@ -48,7 +48,7 @@ pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &
     if standing.is_right(stage) {
         return None;
     }
-    let Standing { unseen, sunk, size_m, middle } = &standing;
+    let HiddenPart { unseen, sunk, size_m, middle } = &standing;
     let width_m = 2.0 * stage.workspace.radius_m;
     let mut wrong = Vec::new();
     if *unseen > 0.005 {

@@ -27,7 +27,7 @@ pub struct SurfacePoint {
 
 /// The lengths that a ruler measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct RulerLengths {
     /// m: of the body itself between points of one body, in the room between two bodies.
     pub now_m: f64,
     pub rest_m: f64,
@@ -57,10 +57,10 @@ impl SurfacePoint {
     }
 }
 
-impl Measured {
+impl RulerLengths {
     /// `152 mm, at rest 150 mm: +2.00 mm (+1.33 %)`.
     pub(super) fn words(&self) -> String {
-        let Measured { now_m, rest_m, is_of_one_body } = *self;
+        let RulerLengths { now_m, rest_m, is_of_one_body } = *self;
         let change = now_m - rest_m;
         let [now, rest] = [now_m, rest_m].map(|m| quantity(m, "m"));
         let sign = if change >= 0.0 { "+" } else { "" };

@@ -8,7 +8,7 @@ use super::ruler::SurfacePoint;
 use crate::base::diagnostic::notice;
 use crate::deform::{AppliedLoads, PointLoad, Pull};
 use crate::field::{Value, value_types};
-use crate::interact::{Hands, PickRay, PickShape, Taking, pick};
+use crate::interact::{Hands, PickRay, PickShape, SurfaceGrip, pick};
 use crate::track::{Signal, StylusState};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -29,13 +29,13 @@ struct Finger {
     touch: Option<Touch>,
     /// The point that it will touch once the point's columns are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    coming: Option<Coming>,
+    coming: Option<PendingTouch>,
 }
 
 /// A point that cannot be pulled yet.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Coming {
+struct PendingTouch {
     touch: Touch,
     /// Number of frames that it has waited: each looks again.
     frames: u64,
@@ -62,7 +62,7 @@ pub struct Touch {
 
 value_types! {
     Touches => "touches",
-    Taking => "taking",
+    SurfaceGrip => "taking",
     LoadValues => "loads",
 }
 
@@ -90,7 +90,7 @@ impl Touches {
     /// The next frame's touches.
     pub fn step<'a>(
         &self,
-        taking: Taking,
+        taking: SurfaceGrip,
         styli: impl Iterator<Item = &'a Option<StylusState>>,
         hands: &Hands,
         bodies: &[PlacedBody],
@@ -101,10 +101,12 @@ impl Touches {
             let (Some(stylus), Some(pose)) = (pressing, hands.room_from_stylus(i)) else {
                 return Finger::default();
             };
-            let is_free = hands.grip(i).is_none() && taking != Taking::Elements;
+            let is_free = hands.grip(i).is_none() && taking != SurfaceGrip::Elements;
             let coming = match last.was_pressed {
                 true => last.coming,
-                false if is_free => taken(stylus, &pose, bodies).map(|touch| Coming { touch, frames: 0 }),
+                false if is_free => {
+                    taken(stylus, &pose, bodies).map(|touch| PendingTouch { touch, frames: 0 })
+                }
                 false => None,
             };
             let moved = |touch: Touch| Touch { place_in_room: pose * touch.place_in_stylus, ..touch };
@@ -139,15 +141,19 @@ impl Touches {
 }
 
 /// The touch, once the columns of its point are there.
-fn arrived(coming: Coming, taking: Taking, bodies: &[PlacedBody]) -> (Option<Touch>, Option<Coming>) {
+fn arrived(
+    coming: PendingTouch,
+    taking: SurfaceGrip,
+    bodies: &[PlacedBody],
+) -> (Option<Touch>, Option<PendingTouch>) {
     let touch = coming.touch;
     let body = &bodies[touch.body];
     match body.deformer.softness(&touch.nodes, &touch.weights) {
         Ok(Some(softness)) => {
-            let spring = (taking == Taking::Force).then(|| body.assets.spring.unwrap_or(1.0 / softness));
+            let spring = (taking == SurfaceGrip::Force).then(|| body.assets.spring.unwrap_or(1.0 / softness));
             (Some(Touch { spring, full_n: FULL_AT * body.assets.ball.1 / softness, ..touch }), None)
         }
-        Ok(None) => (None, Some(Coming { frames: coming.frames + 1, ..coming })),
+        Ok(None) => (None, Some(PendingTouch { frames: coming.frames + 1, ..coming })),
         Err(error) => {
             notice!("{error}; this point of the surface takes no force");
             (None, None)

@@ -7,7 +7,7 @@ use super::running::World;
 use super::touch::{Touch, Touches};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
-use crate::interact::{Taking, force_arrow};
+use crate::interact::{SurfaceGrip, force_arrow};
 use crate::render::{Arrow, Ball, Drawable};
 use nalgebra::Point3;
 
@@ -20,13 +20,13 @@ const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
 impl World {
     /// The kind of thing that hands take, if a body can be touched.
-    pub fn taking(&self) -> Option<Taking> {
+    pub fn taking(&self) -> Option<SurfaceGrip> {
         self.fields.touch.as_ref().map(|touch| *self.graph.get(touch.taking))
     }
 
     /// Words for an overlay about what hands take beside control elements.
     pub fn taking_words(&self) -> &'static str {
-        self.taking().map_or("", Taking::words)
+        self.taking().map_or("", SurfaceGrip::words)
     }
 
     /// The touch of stylus `i`, and where its point is now.
@@ -106,7 +106,7 @@ impl World {
         }
     }
 
-    pub(super) fn set_taking(&mut self, taking: Taking) {
+    pub(super) fn set_taking(&mut self, taking: SurfaceGrip) {
         if let Some(field) = self.fields.touch.as_ref().map(|touch| touch.taking) {
             self.put(field, taking);
         }

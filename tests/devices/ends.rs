@@ -9,7 +9,7 @@ use crate::render_common::require_gpu;
 use greenstage::base::{fault, guard, memory, signal};
 use greenstage::deform::{ControlPose, ControlRest, LINEAR};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Haply, Held, HoldConstraint, Loop, VrpnDevice,
+    Control, Device, Elastic, ElementHold, Grasp, Haply, HoldConstraint, Loop, VrpnDevice,
 };
 use greenstage::green::FIELDS;
 use greenstage::stage::{GripButton, Haptic};
@@ -41,7 +41,7 @@ fn control() -> (Control, Grasp) {
     let stiffness = DMatrix::from_diagonal_element(2 * FIELDS, 2 * FIELDS, 100.0);
     let table = |name: &str| (name == "stiffness").then(|| stiffness.clone());
     let body = Elastic::of_tables(&LINEAR, &controls, &table).unwrap();
-    let held = Held {
+    let held = ElementHold {
         grip: 1,
         body: 0,
         element: 1,

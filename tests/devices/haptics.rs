@@ -10,8 +10,8 @@ use greenstage::effect::haptics::grasp::device_from_handle;
 use greenstage::effect::haptics::stability::{self, Verdict, boundary};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, STALE_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Loop, Measures, Push, Reading, Report,
-    Simulated, thread,
+    Control, Device, Elastic, ElementHold, Grasp, Hand, HoldConstraint, Loop, Measures, Push, Reading,
+    Report, Simulated, thread,
 };
 use greenstage::green::{self, CUBIC, GreenFile, Requirements, STIFFNESS};
 use greenstage::scene::Scene;
@@ -63,12 +63,12 @@ fn bent(angle: f64) -> ControlPoses {
 }
 
 /// The tube at its place in the room, shrunk and turned, and a stylus that holds its right end from aside.
-fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64>) -> Held {
+fn hold(body: &Deformer, grip: u64, poses: &ControlPoses, stylus: &Isometry3<f64>) -> ElementHold {
     let room_from_body = Similarity3::new(Vector3::new(0.3, 1.1, -0.2), Vector3::new(0.1, 0.7, -0.3), 0.4);
     let mut element: Matrix4<f64> = poses[1].matrix.to_homogeneous();
     let place = body.controls[1].origin + poses[1].translation;
     element.fixed_view_mut::<3, 1>(0, 3).copy_from(&place);
-    Held {
+    ElementHold {
         grip,
         body: 0,
         element: 1,

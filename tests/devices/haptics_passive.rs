@@ -6,7 +6,8 @@ use greenstage::effect::haptics::bent;
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
-    Control, Device, Elastic, Grasp, Hand, Held, HoldConstraint, Measures, Push, Reading, Reports, Simulated,
+    Control, Device, Elastic, ElementHold, Grasp, Hand, HoldConstraint, Measures, Push, Reading, Reports,
+    Simulated,
 };
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3};
@@ -32,7 +33,7 @@ impl TestLoop {
             (name == "stiffness").then(|| matrix.clone())
         })
         .unwrap();
-        let held = Held {
+        let held = ElementHold {
             grip: 1,
             body: 0,
             element: 1,

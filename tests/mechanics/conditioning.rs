@@ -163,7 +163,7 @@ fn half_stiff(contrast: f64) -> Solution {
     for tet in 0..mesh.tets.len() {
         mesh.regions[tet] = if mesh.corners(tet).iter().map(|x| x.x).sum::<f64>() < 0.0 { 2 } else { 1 };
     }
-    let loaded = greenstage::mesh::Loaded { mesh, notices: Vec::new() };
+    let loaded = greenstage::mesh::LoadedMesh { mesh, notices: Vec::new() };
     let prepared = green::prepare_mesh(&scene, "block", loaded).unwrap();
     green::solve_prepared(&scene, "block", prepared, &Requirements::new(&[STIFFNESS]), &Silent).unwrap()
 }

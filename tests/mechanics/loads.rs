@@ -6,7 +6,7 @@ use greenstage::fem::{NodeFields, Partition};
 use greenstage::green::{
     self, COMPLIANCE, GreenFile, KEPT_FACTOR, LOAD_FIELDS, LOADS, Requirements, STIFFNESS, Solution,
 };
-use greenstage::scene::{Kept, Scene};
+use greenstage::scene::{KeptForm, Scene};
 use greenstage::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
@@ -46,7 +46,7 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
     }
     if body.surface_compliance.is_some() {
         let kept = body.surface_compliance.as_ref().map(|of| of.kept);
-        let family = if kept == Some(Kept::Factor) { KEPT_FACTOR } else { COMPLIANCE };
+        let family = if kept == Some(KeptForm::Factor) { KEPT_FACTOR } else { COMPLIANCE };
         required = required.and(Requirements::new(&[family]));
     }
     let made = green::precompute(scene, name, &required, &Silent).unwrap();

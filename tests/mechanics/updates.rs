@@ -1,12 +1,12 @@
 //! Released control elements and changed moduli against a fresh factorization of the body as it is then.
 
 use greenstage::base::columns::Storage;
-use greenstage::green::update::{Change, Changed, Updated, Updates};
+use greenstage::green::update::{Change, ChangedSystem, Updated, Updates};
 use greenstage::green::{
     self, COMPLIANCE, Changes, FIELDS, Family, GreenFile, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS,
     Precomputed, REACTION, Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
 };
-use greenstage::mesh::{Block, Loaded, block};
+use greenstage::mesh::{Block, LoadedMesh, block};
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::DMatrix;
@@ -47,7 +47,7 @@ fn solved(scene: &Scene, required: &Requirements) -> Solution {
         }
     };
     mesh.regions = mesh.tets.iter().map(region).collect();
-    let prepared = green::prepare_mesh(scene, "a", Loaded { mesh, notices: Vec::new() }).unwrap();
+    let prepared = green::prepare_mesh(scene, "a", LoadedMesh { mesh, notices: Vec::new() }).unwrap();
     green::solve_prepared(scene, "a", prepared, required, &Silent).unwrap()
 }
 
@@ -134,7 +134,7 @@ fn yields(solution: Solution, node: u32) -> Option<Vec<[[f32; 3]; 3]>> {
     compliance.column(*compliance.places().get(&node)?).ok()
 }
 
-fn change_of<'a>(updates: &'a Updates, change: &Change) -> Changed<'a> {
+fn change_of<'a>(updates: &'a Updates, change: &Change) -> ChangedSystem<'a> {
     updates.prepare(change).unwrap()
 }
 

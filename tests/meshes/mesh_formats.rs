@@ -3,14 +3,14 @@
 mod small;
 
 use crate::mesh_roundtrip::{any_block, bits};
-use greenstage::mesh::{EDGES, Loaded, Order, TetMesh, formats::writers, load, parse, parse_as, save};
+use greenstage::mesh::{EDGES, LoadedMesh, Order, TetMesh, formats::writers, load, parse, parse_as, save};
 use nalgebra::Vector3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::path::Path;
 
-fn read(name: &str, bytes: &[u8]) -> Result<Loaded, String> {
+fn read(name: &str, bytes: &[u8]) -> Result<LoadedMesh, String> {
     parse(Path::new(name), bytes).map_err(|error| error.to_string())
 }
 

@@ -1,14 +1,14 @@
 //! Faults that readers refuse, with file, line and reason; faults that they repair, with a notice.
 
-use greenstage::mesh::{Block, Encoding, Loaded, block, encode, load, parse, quality::signed_volume};
+use greenstage::mesh::{Block, Encoding, LoadedMesh, block, encode, load, parse, quality::signed_volume};
 use std::path::Path;
 
-fn read(text: &str) -> Result<Loaded, String> {
+fn read(text: &str) -> Result<LoadedMesh, String> {
     parse(Path::new("m.msh"), text.as_bytes()).map_err(|error| error.to_string())
 }
 
 /// A unit tetrahedron in Gmsh 2.2, with `from` replaced by `to`.
-fn version_2(from: &str, to: &str) -> Result<Loaded, String> {
+fn version_2(from: &str, to: &str) -> Result<LoadedMesh, String> {
     let text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n\
         $PhysicalNames\n1\n3 7 \"soft\"\n$EndPhysicalNames\n\
         $Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n\
@@ -18,7 +18,7 @@ fn version_2(from: &str, to: &str) -> Result<Loaded, String> {
 }
 
 /// A file in Gmsh 4.1 with `from` replaced by `to`.
-fn version_4(from: &str, to: &str) -> Result<Loaded, String> {
+fn version_4(from: &str, to: &str) -> Result<LoadedMesh, String> {
     let text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n\
         $PhysicalNames\n1\n3 7 \"soft\"\n$EndPhysicalNames\n\
         $Entities\n0 0 1 1\n1 0 0 0 1 1 0 1 11 0\n1 0 0 0 1 1 1 1 7 1 1\n$EndEntities\n\
@@ -29,7 +29,7 @@ fn version_4(from: &str, to: &str) -> Result<Loaded, String> {
 }
 
 #[track_caller]
-fn refused(result: Result<Loaded, String>, expected: &str) {
+fn refused(result: Result<LoadedMesh, String>, expected: &str) {
     match result {
         Err(message) => assert!(message.starts_with(expected), "`{message}` instead of `{expected}`"),
         Ok(loaded) => panic!("accepted: {loaded:?} instead of `{expected}`"),

@@ -31,7 +31,7 @@ fn gmsh(mesh: &TetMesh, short: impl Fn(usize) -> bool) -> String {
     text + "$EndElements\n"
 }
 
-fn parse(text: &str, order: Order) -> Result<mesh::Loaded, String> {
+fn parse(text: &str, order: Order) -> Result<mesh::LoadedMesh, String> {
     parse_as(Path::new("ten.msh"), text.as_bytes(), order).map_err(|error| error.to_string())
 }
 

@@ -1,7 +1,7 @@
 //! Meshes that are written are read back, bit by bit; no input makes a reader panic.
 
 use crate::mesh_geometry::demo_tube;
-use greenstage::mesh::{Block, Encoding, Loaded, TetMesh, block, encode, load, parse, save, tube};
+use greenstage::mesh::{Block, Encoding, LoadedMesh, TetMesh, block, encode, load, parse, save, tube};
 use proptest::collection::{btree_map, btree_set, vec};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -48,7 +48,7 @@ fn any_mesh() -> impl Strategy<Value = TetMesh> {
     })
 }
 
-fn read(bytes: &[u8]) -> Option<Loaded> {
+fn read(bytes: &[u8]) -> Option<LoadedMesh> {
     parse(Path::new("m.msh"), bytes).ok()
 }
 
@@ -101,7 +101,7 @@ proptest! {
         if let Some(cut) = cut {
             bytes.truncate(cut.index(bytes.len()));
         }
-        if let Some(Loaded { mesh, .. }) = read(&bytes) {
+        if let Some(LoadedMesh { mesh, .. }) = read(&bytes) {
             let nodes = mesh.nodes.len();
             prop_assert!(mesh.tets.iter().flatten().all(|&node| (node as usize) < nodes));
             prop_assert!(mesh.groups.values().flatten().all(|&node| (node as usize) < nodes));
@@ -121,7 +121,7 @@ fn a_tube_goes_through_a_file_of_each_encoding() {
         let start = std::time::Instant::now();
         let loaded = load(&path).unwrap();
         println!("{encoding}: read in {:.1?}", start.elapsed());
-        assert_eq!(loaded, Loaded { mesh: mesh.clone(), notices: vec![] });
+        assert_eq!(loaded, LoadedMesh { mesh: mesh.clone(), notices: vec![] });
     }
     // Folders that are missing are made, but a file is no folder.
     let message = save(&folder.path().join("msh22.MSH/a.msh"), &mesh, None).unwrap_err().to_string();

@@ -4,7 +4,7 @@
 use crate::common::folder;
 use crate::render_common::require_gpu;
 use greenstage::deform::{Contribution, ControlPose, Deformer, PoseCurvature};
-use greenstage::effect::{EffectEntry, Listed, Resolved, add_sections, attach, settings};
+use greenstage::effect::{EffectEntry, EffectInput, Resolved, add_sections, attach, settings};
 use greenstage::green::{self, GreenFile, columns_of_effect};
 use greenstage::render::BodyBuffers;
 use greenstage::scene::Scene;
@@ -51,7 +51,7 @@ impl Default for Settings {
 }
 
 fn join(
-    listed: &Listed<'_>,
+    listed: &EffectInput<'_>,
     _: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, greenstage::base::failure::Failure> {
     let (b, name) = listed.bodies[0];

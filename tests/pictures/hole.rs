@@ -8,7 +8,7 @@ use greenstage::display::bodies::GpuBodies;
 use greenstage::display::device::{Args, DeformOn};
 use greenstage::display::presenter::Images;
 use greenstage::display::view_source::{ViewSource, show};
-use greenstage::effect::{EffectEntry, Listed, Resolved, attach};
+use greenstage::effect::{EffectEntry, EffectInput, Resolved, attach};
 use greenstage::green::{self, GreenFile};
 use greenstage::render::{Samples, Show, Tile, Viewport};
 use greenstage::scene::Scene;
@@ -32,7 +32,7 @@ struct Hole {
     open: Topology,
 }
 
-fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+fn join(listed: &EffectInput<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let (b, _) = listed.bodies[0];
     let deformer = &world.bodies[b].deformer;
     let is_above =

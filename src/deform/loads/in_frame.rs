@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 type V3 = Vector3<f64>;
 
 /// Contribution of the loads to V, which becomes (V - ε zᵀ T z)/s - g·z.
-pub struct Burden {
+pub struct LoadedPotential {
     share: f64,
     strain: f64,
     /// T without T_00, where there is warmth; T z.
@@ -49,7 +49,7 @@ pub struct FrameForces {
     first: f64,
     stored: f64,
     whole: f64,
-    pub burden: Burden,
+    pub burden: LoadedPotential,
     pub is_none: bool,
 }
 
@@ -86,7 +86,7 @@ impl FrameForces {
             first: 0.0,
             stored: 0.0,
             whole,
-            burden: Burden {
+            burden: LoadedPotential {
                 share: 1.0,
                 strain: 0.0,
                 product: DVector::zeros(warmth.nrows()),
@@ -157,7 +157,7 @@ impl FrameForces {
         self.first = std::mem::take(&mut self.burden.forces[0]);
     }
 
-    /// Potential of the loads beside that of [`Burden`]: -N·(t - ō) - g_0 + tr D_0, and the energy that warmth stores.
+    /// Potential of the loads beside that of [`LoadedPotential`]: -N·(t - ō) - g_0 + tr D_0, and the energy that warmth stores.
     pub fn beside(&self, m: &Isometry3<f64>) -> f64 {
         let shift = m.translation.vector - self.centre;
         self.stored - self.all[0].dot(&shift) - self.first + columns(&self.all, 0).trace()
@@ -202,7 +202,7 @@ fn place_in_z(surface: &ColumnsAt, node: u32, lift: &Lift, fields: usize, centre
         .collect()
 }
 
-impl Burden {
+impl LoadedPotential {
     /// V and its slopes against the first of z become those with loads; how large the numbers are that make it up.
     pub fn add(&mut self, value: f64, z: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         let mut total = self.share * value;

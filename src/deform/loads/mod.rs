@@ -19,6 +19,6 @@ pub mod lumped;
 pub mod pose_loads;
 
 pub use applied::{AppliedLoads, PointLoad, Pull, SharedLoads, set};
-pub use in_frame::{Burden, FrameForces};
+pub use in_frame::{FrameForces, LoadedPotential};
 pub use loaded::{Loaded, refusal};
 pub use lumped::{Borne, Lumped, SLOTS};

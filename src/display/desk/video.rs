@@ -33,7 +33,7 @@ pub struct Video {
 }
 
 /// A finished recording.
-pub struct Recorded {
+pub struct Recording {
     pub path: PathBuf,
     pub pictures: u32,
 }
@@ -81,11 +81,11 @@ impl Video {
     }
 
     /// Ends the recording; waits until all is written.
-    pub fn finish(self) -> Result<Recorded> {
+    pub fn finish(self) -> Result<Recording> {
         drop(self.pictures);
         let broke_off = |_| Err(Error::other("the writer of the video broke off"));
         let pictures = self.writer.join().unwrap_or_else(broke_off)?;
-        Ok(Recorded { path: self.path, pictures })
+        Ok(Recording { path: self.path, pictures })
     }
 }
 
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
 
-    fn record(program: &str) -> (tempfile::TempDir, Result<Recorded>) {
+    fn record(program: &str) -> (tempfile::TempDir, Result<Recording>) {
         let folder = tempfile::tempdir().unwrap();
         let mut video = Video::with(&folder.path().join("film"), [4, 2], program).unwrap();
         assert!(!video.add(RgbaImage::new(5, 2), 0.0), "of another size");
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn without_ffmpeg_an_animated_png_is_written() {
         let (_folder, recorded) = record("greenstage-no-such-program");
-        let Recorded { path, pictures } = recorded.unwrap();
+        let Recording { path, pictures } = recorded.unwrap();
         assert!(path.ends_with("film.png") && pictures == 3);
         assert_eq!(image::open(path).unwrap().to_rgb8().dimensions(), (4, 2));
     }
@@ -151,7 +151,7 @@ mod tests {
         std::fs::write(&program, "#!/bin/sh\nfor last; do :; done\ncat > \"$last\"\n").unwrap();
         std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
         let (_folder, recorded) = record(program.to_str().unwrap());
-        let Recorded { path, pictures } = recorded.unwrap();
+        let Recording { path, pictures } = recorded.unwrap();
         assert!(path.ends_with("film.mp4") && pictures == 3);
         assert_eq!(
             std::fs::metadata(path).unwrap().len(),

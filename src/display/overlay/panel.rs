@@ -6,7 +6,7 @@ use super::body_rows::body_rows;
 use super::readings::{COLOURS, FRAMES, History, STEPS};
 use super::readings::{HandDoes, HandReading, Readings, SensorReading};
 use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, Words, fitting, height, words};
-use super::seats::{Seats, Wanted};
+use super::seats::{SeatRequests, Seats};
 use crate::base::fixed::{LETTERS, clipped, fixed};
 use crate::display::caption::{DARK, INK, QUIET};
 use crate::display::plates::ink;
@@ -49,7 +49,7 @@ impl Panel<'_> {
         let frames = frame_rows(self.readings, self.history);
         let bodies: Vec<Ranked> = self.readings.bodies.iter().flat_map(body_rows).collect();
         let plate = |rows: &[Ranked]| if rows.is_empty() { 0.0 } else { height(rows) * line + 2.0 * pad };
-        let wanted = Wanted {
+        let wanted = SeatRequests {
             inside: Rect::from_min_max(inside.min, pos2(inside.max.x, bottom)),
             width: width.min(inside.width()),
             heights: [plate(&frames), plate(&bodies)],

@@ -15,13 +15,13 @@ pub(super) struct Seat {
 /// Seats of the plates from frame to frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seats {
-    chosen: Option<Chosen>,
+    chosen: Option<SeatChoice>,
     /// The time since which the plates' own places have been free, s.
     free_since_s: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Chosen {
+struct SeatChoice {
     /// The rectangle in which the plates were seated: another window is another choice.
     inside: Rect,
     seats: [Option<Seat>; 2],
@@ -30,7 +30,7 @@ struct Chosen {
 
 /// The plates that are to be seated.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct SeatRequests {
     /// The rectangle within which the plates stand.
     pub inside: Rect,
     pub width: f32,
@@ -49,7 +49,7 @@ const BACK_S: f64 = 1.0;
 
 impl Seats {
     /// The seats of both plates in this frame; `None` where there is no room for one.
-    pub(super) fn take(&mut self, wanted: &Wanted, clear: &[Rect], time_s: f64) -> [Option<Seat>; 2] {
+    pub(super) fn take(&mut self, wanted: &SeatRequests, clear: &[Rect], time_s: f64) -> [Option<Seat>; 2] {
         let own = wanted.arranged(0, &[]);
         let far = |seats: &[Option<Seat>; 2], margin: f32| {
             let shown = seats.iter().zip(wanted.heights).filter_map(|(seat, height)| {
@@ -71,10 +71,12 @@ impl Seats {
         });
         let chosen = match kept {
             // Own seats are as high as there is room.
-            Some(Chosen { is_own: true, .. }) => Chosen { inside: wanted.inside, seats: own, is_own: true },
+            Some(SeatChoice { is_own: true, .. }) => {
+                SeatChoice { inside: wanted.inside, seats: own, is_own: true }
+            }
             Some(chosen) => chosen,
-            None if far(&own, 0.0) => Chosen { inside: wanted.inside, seats: own, is_own: true },
-            None => Chosen { inside: wanted.inside, seats: wanted.best(clear), is_own: false },
+            None if far(&own, 0.0) => SeatChoice { inside: wanted.inside, seats: own, is_own: true },
+            None => SeatChoice { inside: wanted.inside, seats: wanted.best(clear), is_own: false },
         };
         let seats = chosen.seats;
         self.chosen = Some(chosen);
@@ -82,7 +84,7 @@ impl Seats {
     }
 }
 
-impl Wanted {
+impl SeatRequests {
     /// The first of all arrangements that shows most of the plates, with a margin about what is kept clear.
     fn best(&self, clear: &[Rect]) -> [Option<Seat>; 2] {
         let clear: Vec<Rect> = clear.iter().map(|held| held.expand(2.0 * self.margin)).collect();
@@ -153,9 +155,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn wanted(size: [f32; 2], is_wide: bool) -> Wanted {
+    fn wanted(size: [f32; 2], is_wide: bool) -> SeatRequests {
         let inside = Rect::from_min_size(pos2(10.0, 10.0), vec2(size[0], size[1]));
-        Wanted { inside, width: 200.0, heights: [300.0, 350.0], margin: 10.0, least: 40.0, is_wide }
+        SeatRequests { inside, width: 200.0, heights: [300.0, 350.0], margin: 10.0, least: 40.0, is_wide }
     }
 
     fn rect(x: f32, y: f32) -> Rect {
@@ -190,7 +192,7 @@ mod tests {
             held in proptest::collection::vec((0f32..1.0, 0f32..1.0, 1f32..400.0, 1f32..400.0), 0..5),
             steps in 1_usize..4,
         ) {
-            let wanted = Wanted { is_wide: width > 450.0, ..wanted([width, height], true) };
+            let wanted = SeatRequests { is_wide: width > 450.0, ..wanted([width, height], true) };
             let mut seats = Seats::default();
             for step in 0..steps {
                 let clear: Vec<Rect> = held.iter().skip(step).map(|(x, y, w, h)| {

@@ -9,7 +9,7 @@ pub mod model;
 #[cfg(test)]
 mod tests;
 
-use super::entry::{EffectEntry, Listed, Resolved};
+use super::entry::{EffectEntry, EffectInput, Resolved};
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
@@ -98,7 +98,7 @@ pub fn read(file: &GreenFile, body: &str) -> Result<Option<ExpectedErrors>, Gree
 /// Adds the measured errors of the bodies to each frame.
 struct ShownErrors(Vec<(usize, Arc<ExpectedErrors>)>);
 
-fn join(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+fn join(listed: &EffectInput<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut told = Vec::new();
     for &(b, name) in &listed.bodies {
         let model = world.bodies[b].assets.model;

@@ -10,8 +10,8 @@ mod solving;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use super::entry::{EffectEntry, Listed};
-use super::ghost_rest::Outlined;
+use super::entry::{EffectEntry, EffectInput};
+use super::ghost_rest::GhostSurface;
 use super::settings;
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::base::quantity::quantity;
@@ -22,7 +22,7 @@ use crate::scene::Scene;
 use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::Vector3;
 use serde::Deserialize;
-use solving::{Answer, Held, Question, Solved, Solving, Subject};
+use solving::{Answer, PosedBody, Question, Solved, Solving, Subject};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
@@ -54,7 +54,7 @@ const REST_FOR: Duration = Duration::from_millis(250);
 const MOVED_ON: [f64; 2] = [1e-4, 0.05];
 
 struct EquilibriumGhosts {
-    bodies: Vec<Watched>,
+    bodies: Vec<WatchedBody>,
 }
 
 /// The settings in scenes.
@@ -66,25 +66,25 @@ struct Settings {
 }
 
 /// A body whose poses are solved.
-struct Watched {
+struct WatchedBody {
     b: usize,
     law: &'static Law,
     /// The subject with which the thread is started at the first question.
     subject: Option<Subject>,
     solving: Option<Solving>,
-    found: Option<Found>,
+    found: Option<LastAnswer>,
     /// The pose and loads in which the hand has rested, and since when.
-    resting: (Held, Instant),
+    resting: (PosedBody, Instant),
 }
 
 /// The last answer, with the ghost of an equilibrium.
-struct Found {
+struct LastAnswer {
     answer: Answer,
-    ghost: Option<Outlined>,
+    ghost: Option<GhostSurface>,
 }
 
 impl EquilibriumGhosts {
-    fn new(listed: &Listed<'_>, world: &World) -> EquilibriumGhosts {
+    fn new(listed: &EffectInput<'_>, world: &World) -> EquilibriumGhosts {
         let of = |&(b, name): &(usize, &str)| {
             let body = &world.bodies[b];
             let settings: Option<&Settings> = listed.scene.bodies[name].settings(&ENTRY);
@@ -93,7 +93,7 @@ impl EquilibriumGhosts {
             let tags = body.deformer.tags().to_vec();
             let subject = Subject { scene: Scene::clone(listed.scene), body: name.to_owned(), law, tags };
             let resting = (held(body), Instant::now());
-            Watched { b, law, subject: Some(subject), solving: None, found: None, resting }
+            WatchedBody { b, law, subject: Some(subject), solving: None, found: None, resting }
         };
         EquilibriumGhosts { bodies: listed.bodies.iter().map(of).collect() }
     }
@@ -130,7 +130,7 @@ impl RunningEffect for EquilibriumGhosts {
     }
 }
 
-impl Watched {
+impl WatchedBody {
     fn ask(&mut self, body: &PlacedBody) {
         let deformer = &body.deformer;
         if self.solving.is_none()
@@ -147,7 +147,7 @@ impl Watched {
         };
         if let Some(why) = refused {
             let answer = Answer { held: held(body), result: Err(why.into()), seconds: 0.0 };
-            self.found = Some(Found { answer, ghost: None });
+            self.found = Some(LastAnswer { answer, ghost: None });
         } else if let Some(solving) = &mut self.solving {
             solving.ask(Question {
                 held: held(body),
@@ -159,9 +159,9 @@ impl Watched {
 
     fn take(&mut self, body: &PlacedBody, waits: bool) {
         let Some(answer) = self.solving.as_mut().and_then(|solving| solving.answer(waits)) else { return };
-        let ghost = |solved: &Solved| Outlined::new(&body.deformer, Some(&solved.displacement));
+        let ghost = |solved: &Solved| GhostSurface::new(&body.deformer, Some(&solved.displacement));
         let ghost = answer.result.as_ref().ok().map(ghost);
-        self.found = Some(Found { answer, ghost });
+        self.found = Some(LastAnswer { answer, ghost });
     }
 
     /// Whether the hand rests.
@@ -227,7 +227,7 @@ impl Watched {
     }
 }
 
-impl Found {
+impl LastAnswer {
     /// Whether the body is no longer where this belongs to.
     fn is_left(&self, body: &PlacedBody) -> bool {
         let difference = self.answer.result.as_ref().map_or(0.0, |solved| solved.largest_m);
@@ -274,8 +274,8 @@ fn told(head: Tone) -> Tone {
 }
 
 /// The poses and loads of the body now.
-fn held(body: &PlacedBody) -> Held {
-    Held { poses: body.deformer.poses.clone(), loads: body.deformer.acting() }
+fn held(body: &PlacedBody) -> PosedBody {
+    PosedBody { poses: body.deformer.poses.clone(), loads: body.deformer.acting() }
 }
 
 /// Whether it is anything but at rest.

@@ -28,7 +28,7 @@ pub struct Subject {
 
 /// Poses and loads of a body.
 #[derive(Clone)]
-pub struct Held {
+pub struct PosedBody {
     pub poses: ControlPoses,
     /// All forces at points of the surface are given.
     pub loads: AppliedLoads,
@@ -37,7 +37,7 @@ pub struct Held {
 /// A state whose equilibrium is asked for.
 #[derive(Clone)]
 pub struct Question {
-    pub held: Held,
+    pub held: PosedBody,
     /// Turn of each control element, up to 360°.
     pub turns: Vec<UnitQuaternion<f64>>,
     /// Displacements of the surface nodes as they are shown, m.
@@ -46,7 +46,7 @@ pub struct Question {
 
 /// An equilibrium, or why there is none.
 pub struct Answer {
-    pub held: Held,
+    pub held: PosedBody,
     pub result: Result<Solved, String>,
     pub seconds: f64,
 }
@@ -136,7 +136,7 @@ fn run(subject: &Subject, questions: &Receiver<Question>, answers: &Sender<Answe
 fn solved(
     subject: &Subject,
     statics: &mut Option<Statics>,
-    held: &Held,
+    held: &PosedBody,
     turns: &[UnitQuaternion<f64>],
     share: &Share,
 ) -> Result<Vec<[f64; 3]>, String> {

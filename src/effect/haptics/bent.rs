@@ -5,7 +5,7 @@
 //! comes to rest, and the energy that the loop gave beyond what the body and the coupling held.
 
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, HoldConstraint};
+use super::grasp::{ElementHold, Grasp, HoldConstraint};
 use super::settling::{SettlingResult, release, still};
 use super::simulated::{Hand, Reports};
 use super::tick::Control;
@@ -75,7 +75,7 @@ pub fn let_go(
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
     // The handle is at the origin while the element rests.
     let start = Isometry3::from_parts(Translation3::from(origin + end - turn * origin), turn);
-    let held = Held {
+    let held = ElementHold {
         grip: 1,
         body: 0,
         element: 1,

@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Similarity3, Translation3, UnitQuate
 #[derive(Clone, Debug, Default)]
 pub struct Grasp {
     /// `None` if nothing is held, or if the element does not follow the hand.
-    pub held: Option<Held>,
+    pub held: Option<ElementHold>,
     /// Poses of all control elements of the held body.
     pub poses: Vec<ControlPose>,
     /// The turns that led to these poses.
@@ -24,7 +24,7 @@ pub struct Grasp {
 
 /// A handle's hold on one control element.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
+pub struct ElementHold {
     /// The number of the grab; another number means another hold.
     pub grip: u64,
     /// Index into the loop's bodies.
@@ -111,7 +111,7 @@ impl HoldConstraint {
     }
 }
 
-impl Held {
+impl ElementHold {
     /// The element while the handle is at `room_from_handle`; `None` if the hold does not define it.
     pub fn reach(&self, room_from_handle: &Isometry3<f64>, origin: &Vector3<f64>) -> Option<Reach> {
         let element = self.constraint.element(room_from_handle)?;

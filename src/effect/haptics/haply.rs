@@ -63,12 +63,12 @@ pub struct Haply {
     place: String,
     newest: Output<Option<Reading>>,
     command: Input<(Push, f64)>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     thread: Option<JoinHandle<()>>,
 }
 
 #[derive(Default)]
-struct Shared {
+struct SharedState {
     stop: AtomicBool,
     malformed: AtomicU64,
     /// The longest recent time from a tick's command to the state that answers it: bits of an f64, s; 0 before the first.
@@ -85,7 +85,7 @@ impl Haply {
         let place = if place.contains(':') { place.to_owned() } else { format!("{place}:{PORT}") };
         let (reading, newest) = triple_buffer(&None);
         let (command, commands) = triple_buffer(&(Push::NONE, f64::NEG_INFINITY));
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(SharedState::default());
         let told = BTreeSet::new();
         let mut link =
             Link { place: place.clone(), buttons, timing, reading, commands, shared: shared.clone(), told };
@@ -136,7 +136,7 @@ struct Link {
     timing: HaplyTiming,
     reading: Input<Option<Reading>>,
     commands: Output<(Push, f64)>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     /// The warnings since the arm's position last came.
     told: BTreeSet<String>,
 }
@@ -182,7 +182,7 @@ impl Link {
     /// Sends one command for each state until the connection or this side ends; returns the reason.
     fn converse(&mut self, socket: &mut WebSocket<TcpStream>) -> String {
         let (mut heard_s, mut asked_s) = (now_s(), now_s());
-        let mut arm: Option<Commanded> = None;
+        let mut arm: Option<CommandedArm> = None;
         let mut heard = DeviceState::default();
         let (mut commanded_s, mut echo) = (None, Peak::default());
         while !self.shared.stop.load(Relaxed) {
@@ -204,7 +204,7 @@ impl Link {
                     }
                     match parse(&text, heard_s, self.buttons) {
                         Ok(State { id, key, reading }) => {
-                            match Commanded::next(arm, id, key, socket) {
+                            match CommandedArm::next(arm, id, key, socket) {
                                 Ok(next) => arm = next,
                                 Err(error) => return format!("no force is sent: {error}"),
                             }
@@ -248,20 +248,20 @@ impl Link {
 }
 
 /// The arm that is commanded. However the program ends, its guard takes the force back.
-struct Commanded {
+struct CommandedArm {
     id: String,
     key: ForceKey,
     guard: Guard,
 }
 
-impl Commanded {
+impl CommandedArm {
     /// The arm that a message names, or the previous one if it names none.
     fn next(
-        before: Option<Commanded>,
+        before: Option<CommandedArm>,
         id: Option<String>,
         key: ForceKey,
         socket: &mut WebSocket<TcpStream>,
-    ) -> std::io::Result<Option<Commanded>> {
+    ) -> std::io::Result<Option<CommandedArm>> {
         let Some(id) = id else { return Ok(before) };
         // A service that has once used 3.5's keys is 3.5, because not every message has all keys.
         let key =
@@ -277,7 +277,7 @@ impl Commanded {
             }
             None => Guard::start(socket.get_ref(), &none)?,
         };
-        Ok(Some(Commanded { id, key, guard }))
+        Ok(Some(CommandedArm { id, key, guard }))
     }
 
     fn send(&mut self, socket: &mut WebSocket<TcpStream>, push: &Push) -> Result<(), String> {

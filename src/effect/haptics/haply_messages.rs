@@ -30,7 +30,7 @@ pub enum ForceKey {
 }
 
 #[derive(serde::Deserialize)]
-struct Said {
+struct StateMessage {
     /// Present since version 3.5.
     session_id: Option<IgnoredAny>,
     #[serde(default)]
@@ -91,7 +91,7 @@ struct Xyzw {
 
 /// Reads a message of the service. Other keys are ignored, because every version adds some.
 pub fn parse(text: &str, arrived_s: f64, buttons: [GripButton; 2]) -> Result<State, String> {
-    let said: Said = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    let said: StateMessage = serde_json::from_str(text).map_err(|error| error.to_string())?;
     let has_mode = |arm: &Arm| arm.state.as_ref().is_some_and(|state| state.control_mode.is_some());
     let is_new = said.session_id.is_some() || said.inverse3.iter().any(has_mode);
     let key = if is_new { ForceKey::Vector } else { ForceKey::Values };

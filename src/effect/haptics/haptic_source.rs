@@ -74,22 +74,22 @@ impl Source for HapticSource {
 /// Time for which pushes are remembered, s: the longest silence during a force, and the greatest age of a pose.
 const KEPT_S: f64 = 0.2;
 
-pub struct Acting {
-    given: VecDeque<Given>,
+pub struct ActingPush {
+    given: VecDeque<TimedPush>,
 }
 
 /// The body's push in the tick at a given time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Given {
+pub struct TimedPush {
     pub at_s: f64,
     pub push: Push,
     /// Share of the push that acts: from 0, no force, to 1, all of it.
     pub gain: f64,
 }
 
-impl Acting {
-    pub fn new(rate_hz: f64) -> Acting {
-        Acting { given: VecDeque::with_capacity((KEPT_S * rate_hz) as usize + 2) }
+impl ActingPush {
+    pub fn new(rate_hz: f64) -> ActingPush {
+        ActingPush { given: VecDeque::with_capacity((KEPT_S * rate_hz) as usize + 2) }
     }
 
     /// Forgets all pushes, because they belong to another potential.
@@ -97,7 +97,7 @@ impl Acting {
         self.given.clear();
     }
 
-    pub fn give(&mut self, given: Given) {
+    pub fn give(&mut self, given: TimedPush) {
         if self.given.len() == self.given.capacity() {
             self.given.pop_front();
         }
@@ -105,9 +105,9 @@ impl Acting {
     }
 
     /// Mean of push and gain from one time to another, each push held until the next; `None` before the first.
-    pub fn during(&self, from_s: f64, until_s: f64) -> Option<Given> {
+    pub fn during(&self, from_s: f64, until_s: f64) -> Option<TimedPush> {
         let span_s = until_s - from_s;
-        let mut mean = Given { at_s: from_s, push: Push::NONE, gain: 0.0 };
+        let mut mean = TimedPush { at_s: from_s, push: Push::NONE, gain: 0.0 };
         let mut end_s = f64::INFINITY;
         for given in self.given.iter().rev() {
             let begins_s = given.at_s.max(from_s);
@@ -173,10 +173,10 @@ mod tests {
 
     #[test]
     fn the_mean_is_that_of_what_acted() {
-        let mut acting = Acting::new(1000.0);
+        let mut acting = ActingPush::new(1000.0);
         for (at_s, force) in [(1.0, 4.0), (1.001, 8.0), (1.003, 2.0)] {
             let push = Push { force: Vector3::new(force, 0.0, 0.0), torque: Vector3::zeros() };
-            acting.give(Given { at_s, push, gain: 0.5 });
+            acting.give(TimedPush { at_s, push, gain: 0.5 });
         }
         let force = |from_s, until_s| acting.during(from_s, until_s).map(|given| given.push.force.x);
         for (from_s, until_s, expected) in [
@@ -192,7 +192,7 @@ mod tests {
         assert!((acting.during(1.0, 1.004).unwrap().gain - 0.5).abs() < 1e-9);
         assert_eq!(force(0.999, 1.002), None, "nothing is known of before");
         for i in 0..1000 {
-            acting.give(Given { at_s: 2.0 + 1e-3 * f64::from(i), push: Push::NONE, gain: 1.0 });
+            acting.give(TimedPush { at_s: 2.0 + 1e-3 * f64::from(i), push: Push::NONE, gain: 1.0 });
         }
         assert!(acting.given.len() <= acting.given.capacity() && acting.given.capacity() < 600);
         acting.clear();

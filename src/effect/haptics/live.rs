@@ -4,10 +4,10 @@
 //! before a frame. After the frame the loop receives what the stylus holds. If no body asks for forces, or the stage has no
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
-use super::super::entry::{EffectEntry, Listed};
+use super::super::entry::{EffectEntry, EffectInput};
 use super::device::Device;
 use super::elastic::Elastic;
-use super::grasp::{Held, HoldConstraint};
+use super::grasp::{ElementHold, HoldConstraint};
 use super::haply::Haply;
 use super::loop_state::{LoopFaults, LoopState};
 use super::reading::HapticReading;
@@ -46,11 +46,11 @@ struct Link {
     grips: u64,
     /// Pose of the hand of a simulated device, by the tracker or the mouse.
     room_from_hand: Option<Isometry3<f64>>,
-    told: Told,
+    told: GivenWarnings,
 }
 
 /// Warnings about a device that were given, each once, and the time of its last pose.
-struct Told {
+struct GivenWarnings {
     stiff: bool,
     slow: bool,
     /// The age of the poses at the last warning, s.
@@ -102,7 +102,10 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
 };
 
 /// The arrow of the force at what a hand holds.
-fn show_forces(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+fn show_forces(
+    listed: &EffectInput<'_>,
+    world: &mut World,
+) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut scales = Vec::new();
     for &(b, name) in &listed.bodies {
         let body = &mut world.bodies[b];
@@ -132,7 +135,7 @@ impl RunningEffect for ShownForces {
 
 impl HapticSession {
     /// Starts the loops; `None` where the stage has no force device.
-    pub fn start(listed: &Listed<'_>, world: &World) -> Result<Option<HapticSession>, Failure> {
+    pub fn start(listed: &EffectInput<'_>, world: &World) -> Result<Option<HapticSession>, Failure> {
         let bodies: Vec<usize> = listed.bodies.iter().map(|&(b, _)| b).collect();
         if bodies.is_empty() || world.assets.stage.haptics.is_empty() {
             return Ok(None);
@@ -156,7 +159,13 @@ impl HapticSession {
                 hold: None,
                 grips: 0,
                 room_from_hand: None,
-                told: Told { stiff: false, slow: false, age_s: LATE_S, silent: false, heard: Instant::now() },
+                told: GivenWarnings {
+                    stiff: false,
+                    slow: false,
+                    age_s: LATE_S,
+                    silent: false,
+                    heard: Instant::now(),
+                },
             })
         };
         let links = world.assets.stage.haptics.iter().map(link).collect::<Result<_, Failure>>()?;
@@ -294,7 +303,7 @@ impl Link {
 
     /// The hold of this link's stylus; `None` also while the element does not follow the hand, which wants it beyond the limits
     /// of a pose.
-    fn held(&mut self, world: &World) -> Option<Held> {
+    fn held(&mut self, world: &World) -> Option<ElementHold> {
         let now = self.holds_now(world);
         let goes_on = now.zip(self.hold).is_some_and(|(now, last)| now.goes_on(&last));
         if !goes_on {
@@ -307,7 +316,7 @@ impl Link {
         let hold = self.hold?;
         let (b, element) = hold.place;
         let body = &world.bodies[b];
-        Some(Held {
+        Some(ElementHold {
             grip: self.grips,
             body: self.bodies.iter().position(|body| *body == b)?,
             element,
@@ -341,7 +350,7 @@ impl Link {
     }
 
     /// Warns, once each, when a device is silent, reports slowly or late, or when a body is too stiff to be felt as it is.
-    fn warn(&mut self, world: &World, held: Option<&Held>) {
+    fn warn(&mut self, world: &World, held: Option<&ElementHold>) {
         let state = self.running.report().state;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
         if state.room_from_handle.is_some() {

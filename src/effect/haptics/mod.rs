@@ -4,7 +4,7 @@
 //! and torque on the hand. From the paper, "f_b = Bᵀu + Cb", which for control elements is S = Φᵀ(C - BᵀA⁻¹B)Φ of
 //! 12E × 12E: small enough for a thread of its own that knows no surface.
 //!
-//! [`Elastic`] is the body, [`Held`] the hold on it, [`Control`] one tick with all safety measures, [`Loop`] the thread, and
+//! [`Elastic`] is the body, [`ElementHold`] the hold on it, [`Control`] one tick with all safety measures, [`Loop`] the thread, and
 //! [`Device`] the force-feedback device.
 pub mod bent;
 pub mod coupling;
@@ -29,7 +29,7 @@ pub mod vrpn;
 
 pub use device::{Device, Push, Reading, SampleInfo};
 pub use elastic::{Elastic, ElasticResponse};
-pub use grasp::{Grasp, Held, HoldConstraint};
+pub use grasp::{ElementHold, Grasp, HoldConstraint};
 pub use haply::{Haply, HaplyTiming};
 pub use haptic_source::HapticSource;
 pub use live::HapticSession;

@@ -6,7 +6,7 @@
 
 use super::device::Device;
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, HoldConstraint};
+use super::grasp::{ElementHold, Grasp, HoldConstraint};
 use super::loop_state::Measures;
 use super::simulated::{Hand, Simulated};
 use super::tick::{Control, RAMP_S};
@@ -143,7 +143,7 @@ pub(super) fn spring(haptic: &Haptic, stiffness: f64) -> Option<(Control, Grasp)
     let body = Elastic::of_tables(&LINEAR, &[rest], &|name| (name == STIFFNESS.name).then(|| matrix.clone()))
         .ok()?;
     let control = Control::new(haptic.clone(), vec![body], 0.0);
-    let held = Held {
+    let held = ElementHold {
         grip: 1,
         body: 0,
         element: 0,

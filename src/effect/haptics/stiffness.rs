@@ -7,7 +7,7 @@
 //! way. The hand moves on by a few millimetres at most while K is found, over which it hardly changes.
 
 use super::elastic::Elastic;
-use super::grasp::{Held, room_from_handle};
+use super::grasp::{ElementHold, room_from_handle};
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector6};
 
@@ -54,7 +54,7 @@ impl Stiffness {
     pub fn search(
         &mut self,
         haptic: &Haptic,
-        held: &Held,
+        held: &ElementHold,
         (at, push): &(Isometry3<f64>, Vector6<f64>),
         body: &mut Elastic,
     ) -> Option<bool> {
@@ -134,7 +134,7 @@ mod tests {
         let rest = ControlRest { name: "springs".into(), origin: Vector3::zeros(), nodes: 1 };
         let body = Elastic::new(Box::new(Springs(count.clone(), is_long)), &[rest]).unwrap();
         let mut control = Control::new(Haptic::simulated("counted"), vec![body], 0.0);
-        let held = Held {
+        let held = ElementHold {
             grip: 1,
             body: 0,
             element: 0,

@@ -24,16 +24,16 @@ pub fn running() -> usize {
 static RUNNING: AtomicUsize = AtomicUsize::new(0);
 
 /// Counts a running loop until it ends or panics.
-struct Counted;
+struct RunCount;
 
-impl Counted {
-    fn new() -> Counted {
+impl RunCount {
+    fn new() -> RunCount {
         RUNNING.fetch_add(1, Ordering::SeqCst);
-        Counted
+        RunCount
     }
 }
 
-impl Drop for Counted {
+impl Drop for RunCount {
     fn drop(&mut self) {
         RUNNING.fetch_sub(1, Ordering::SeqCst);
     }
@@ -85,7 +85,7 @@ impl Loop {
         let (read, readings) = triple_buffer(&None);
         let stop = Arc::new(AtomicBool::new(false));
         let (described, stopped) = (device.describe(), stop.clone());
-        let counted = Counted::new();
+        let counted = RunCount::new();
         let work = move || {
             run(control, device, newest, told, read, &stopped);
             drop(counted);

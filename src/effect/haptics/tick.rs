@@ -8,8 +8,8 @@ use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
 use super::elastic::Elastic;
-use super::grasp::{Grasp, Held, device_from_handle, room_from_handle};
-use super::haptic_source::{Acting, Given};
+use super::grasp::{ElementHold, Grasp, device_from_handle, room_from_handle};
+use super::haptic_source::{ActingPush, TimedPush};
 use super::loop_state::{LoopState, Measures};
 use super::passivity::{MARGIN, Motion, largest_stiffness};
 use super::stiffness::Stiffness;
@@ -46,7 +46,7 @@ pub struct Control {
     /// Travel time of the device's messages both ways and its own cycle, s: the current [`super::Device::latency_s`].
     pub latency_s: f64,
     bodies: Vec<Elastic>,
-    held: Option<Held>,
+    held: Option<ElementHold>,
     /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
@@ -71,7 +71,7 @@ pub struct Control {
     delay: Delay,
     /// Times at which the last two poses were measured, s.
     between_s: [f64; 2],
-    acting: Acting,
+    acting: ActingPush,
     last: Option<Reading>,
     last_s: Option<f64>,
     velocity: [Vector3<f64>; 2],
@@ -80,7 +80,7 @@ pub struct Control {
 impl Control {
     /// `bodies` are those that [`Held::body`] indexes; `latency_s` is that of the device.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
-        let (delay, acting) = (Delay::new(haptic.period_s()), Acting::new(haptic.rate_hz));
+        let (delay, acting) = (Delay::new(haptic.period_s()), ActingPush::new(haptic.rate_hz));
         Control {
             haptic,
             measures: Measures::ALL,
@@ -112,8 +112,9 @@ impl Control {
     /// Takes the data of a new frame.
     pub fn take(&mut self, grasp: &Grasp) {
         self.news = true;
-        let known =
-            |held: &Held| self.bodies.get(held.body).is_some_and(|body| held.element < body.elements());
+        let known = |held: &ElementHold| {
+            self.bodies.get(held.body).is_some_and(|body| held.element < body.elements())
+        };
         let held = grasp.held.filter(known);
         let is_new = held.map(|held| held.grip) != self.held.map(|held| held.grip);
         if is_new {
@@ -177,7 +178,11 @@ impl Control {
         let faded = self.fading.0.scaled(self.fading.1);
         let push = self.limited(wanted.plus(&faded), dt);
         self.state.push = push;
-        self.acting.give(Given { at_s: now_s, push: push.plus(&faded.scaled(-1.0)), gain: self.state.gain });
+        self.acting.give(TimedPush {
+            at_s: now_s,
+            push: push.plus(&faded.scaled(-1.0)),
+            gain: self.state.gain,
+        });
         push
     }
 
@@ -252,7 +257,7 @@ impl Control {
     }
 
     /// The push of the body and the dampers; `None` if it is not a number.
-    fn pull(&mut self, held: &Held, dt: f64) -> Option<Push> {
+    fn pull(&mut self, held: &ElementHold, dt: f64) -> Option<Push> {
         let handle = self.last?.device_from_handle;
         self.couple(held, &handle);
         let haptic = &self.haptic;
@@ -357,7 +362,7 @@ impl Control {
 
     /// Makes the coupling for a new hold, rigid until the body's stiffness is found. Softens it when the lag of the force has
     /// changed.
-    fn couple(&mut self, held: &Held, handle: &Isometry3<f64>) {
+    fn couple(&mut self, held: &ElementHold, handle: &Isometry3<f64>) {
         let lag_s = self.lag_s();
         if self.coupled_s.is_none() {
             (self.coupling, self.stiffness) = (self.rigid(), Stiffness::default());

@@ -10,7 +10,7 @@ mod stressed_body;
 mod tests;
 
 pub use stressed_body::{NAME, StressedBody};
-pub use stressed_body::{Reached, SurfaceLoads, share};
+pub use stressed_body::{Peaks, SurfaceLoads, share};
 
 use super::entry::EffectEntry;
 

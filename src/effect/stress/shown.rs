@@ -1,13 +1,13 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
 use super::stressed_body::{NAME, StressedBody};
-use super::stressed_body::{Reached, share, written as limit_words};
+use super::stressed_body::{Peaks, share, written as limit_words};
 use crate::base::failure::Failure;
 use crate::base::legend::{Legend, LegendLine, round_up};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::deform::NodeStress;
-use crate::effect::entry::Listed;
+use crate::effect::entry::EffectInput;
 use crate::render::{Drawable, field_code};
 use crate::scene::{LegendSettings, Quantity};
 use crate::world::running::{Memory, read, written};
@@ -16,7 +16,10 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Joins a new world.
-pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+pub fn attach(
+    listed: &EffectInput<'_>,
+    world: &mut World,
+) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut bodies = Vec::new();
     for &(index, name) in &listed.bodies {
         let stressed = StressedBody::of_file(listed.scene, listed.file, name)?;
@@ -27,10 +30,10 @@ pub fn attach(listed: &Listed<'_>, world: &mut World) -> Result<Option<Box<dyn R
             deformations: None,
             nodes: Vec::new(),
             displacement: Vec::new(),
-            now: Reached::default(),
+            now: Peaks::default(),
             is_beyond: false,
             was_beyond: false,
-            worst: Reached::default(),
+            worst: Peaks::default(),
             codes: Arc::default(),
         });
     }
@@ -69,7 +72,12 @@ impl Top {
 /// Strain at the first end of the colours, where nothing is asked for; displacements begin with this part of the body's size.
 const FIRST_STRAIN: f64 = 1e-3;
 
-fn tops(listed: &Listed<'_>, settings: &LegendSettings, bodies: &[ShownBody], world: &World) -> [Top; 3] {
+fn tops(
+    listed: &EffectInput<'_>,
+    settings: &LegendSettings,
+    bodies: &[ShownBody],
+    world: &World,
+) -> [Top; 3] {
     Quantity::ALL.map(|quantity| {
         let limits = bodies.iter().flat_map(|body| limits_of(&body.stressed, quantity));
         let limit = limits.reduce(f64::max);
@@ -104,12 +112,12 @@ struct ShownBody {
     nodes: Vec<Option<NodeStress>>,
     /// Displacement of each node from rest, m.
     displacement: Vec<f64>,
-    now: Reached,
+    now: Peaks,
     /// Bent beyond its model: its values are shown, but count for nothing.
     is_beyond: bool,
     was_beyond: bool,
     /// The most of the session.
-    worst: Reached,
+    worst: Peaks,
     /// The code of every node.
     codes: Arc<Vec<[u8; 4]>>,
 }
@@ -117,10 +125,10 @@ struct ShownBody {
 /// The memory from one frame to the next: the ends of the colours, and the most that each body has reached.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Seen {
+struct StressMemory {
     tops: [Top; 3],
     /// Whether a body was bent beyond its model, and its worst.
-    bodies: Vec<(bool, Reached)>,
+    bodies: Vec<(bool, Peaks)>,
 }
 
 struct Shown {
@@ -145,7 +153,7 @@ impl ShownBody {
         self.now = self.stressed.reached(&self.nodes);
         self.is_beyond = out_of_range(body).is_some();
         self.was_beyond |= self.is_beyond;
-        let part = |reached: &Reached| reached.limit.map_or(0.0, |(part, _)| part);
+        let part = |reached: &Peaks| reached.limit.map_or(0.0, |(part, _)| part);
         let is_worse = part(&self.now) > part(&self.worst)
             || part(&self.worst) == 0.0 && self.now.von_mises.0 > self.worst.von_mises.0;
         if is_worse && !self.is_beyond {
@@ -286,11 +294,11 @@ impl RunningEffect for Shown {
 
     fn memory(&self) -> Option<Memory> {
         let bodies = self.bodies.iter().map(|body| (body.was_beyond, body.worst)).collect();
-        written(&Seen { tops: self.tops, bodies })
+        written(&StressMemory { tops: self.tops, bodies })
     }
 
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
-        let Seen { tops, bodies } = read(memory)?;
+        let StressMemory { tops, bodies } = read(memory)?;
         if bodies.len() != self.bodies.len() {
             return Err(format!("it has {} bodies, the scene has {}", bodies.len(), self.bodies.len()));
         }

@@ -256,7 +256,7 @@ pub struct SurfaceLoads<'a> {
 /// Peaks of one body in one shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Reached {
+pub struct Peaks {
     /// The largest values at nodes, and the nodes that have them: Pa, and a ratio.
     pub von_mises: (f64, usize),
     pub strain: (f64, usize),
@@ -325,8 +325,8 @@ impl StressedBody {
         self.at_nodes(&u, body.free_stretch(), of, &loads)
     }
 
-    pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Reached {
-        let mut reached = Reached::default();
+    pub fn reached(&self, nodes: &[Option<NodeStress>]) -> Peaks {
+        let mut reached = Peaks::default();
         let (mut passed, mut whole) = (0.0, 0.0);
         let larger = |of: Option<(f64, Limit)>, than: Option<(f64, Limit)>| {
             of.is_some_and(|(part, _)| than.is_none_or(|(most, _)| part > most))
@@ -362,7 +362,7 @@ impl StressedBody {
     }
 }
 
-impl Reached {
+impl Peaks {
     pub fn is_beyond(&self) -> bool {
         self.limit.is_some_and(|(part, _)| part > 1.0)
     }

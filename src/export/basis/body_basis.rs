@@ -10,7 +10,7 @@
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
 use crate::deform::{ControlRest, Deformer, ModelEntry};
-use crate::export::asked::{Asked, lead};
+use crate::export::asked::{PoseRequest, lead};
 use crate::green::{ColumnName, ColumnSource, ControlMeta, GreenFile};
 use crate::prepare::Resolved;
 use crate::scene::{Grab, Scene};
@@ -69,7 +69,7 @@ pub struct Choice<'a> {
     /// Names of columns, without their body; all where there is none.
     pub columns: &'a [String],
     /// The pose of each body, behind those that it goes on from.
-    pub asked: &'a [Asked<'a>],
+    pub asked: &'a [PoseRequest<'a>],
 }
 
 impl BodyBasis {
@@ -153,8 +153,8 @@ impl BodyBasis {
 
 /// Coefficients of all columns, and the motion of the whole body.
 fn pose(
-    asked: &Asked<'_>,
-    all: &[Asked<'_>],
+    asked: &PoseRequest<'_>,
+    all: &[PoseRequest<'_>],
     mut body: Deformer,
 ) -> Result<(Vec<f64>, Isometry3<f64>), Failure> {
     let wrong = |message: &str| Failure::wrong(format!("{}: {message}", asked.place()));

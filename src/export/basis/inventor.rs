@@ -68,7 +68,7 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
     ["greenstage", "storage", "axes", "show", "x", "y", "z"].iter().for_each(|name| drop(names.unique(name)));
     let mut named = Vec::new();
     for body in bodies {
-        named.push(Named::new(body, bodies.len() > 1, &mut names));
+        named.push(NamedBody::new(body, bodies.len() > 1, &mut names));
     }
     for body in &named {
         body.store(out)?;
@@ -80,7 +80,7 @@ fn write(bodies: &[BodyBasis], _: Profile, out: &mut dyn Write) -> io::Result<()
     writeln!(out, "    Separator {{")?;
     named.iter().try_for_each(|body| body.put_live(out))?;
     writeln!(out, "    }}\n    Separator {{")?;
-    let below = |body: &Named<'_>| body.body.centre.y + bounds(&body.body.rest).0.y - body.margin();
+    let below = |body: &NamedBody<'_>| body.body.centre.y + bounds(&body.body.rest).0.y - body.margin();
     let mut corner = bodies.first().map_or(Vector3::zeros(), |body| body.centre);
     corner.x -= named.first().map_or(0.0, |body| 0.5 * body.width());
     corner.y = named.iter().map(below).fold(f64::INFINITY, f64::min);
@@ -99,7 +99,7 @@ const ABOUT: &str = "\
 # A sum of columns is the linear theory: right for small turns, 10 degrees or so; beyond, bodies swell.";
 
 /// A body, and the names of its nodes.
-struct Named<'a> {
+struct NamedBody<'a> {
     body: &'a BodyBasis,
     id: String,
     columns: Vec<NamedColumn<'a>>,
@@ -113,8 +113,8 @@ struct NamedColumn<'a> {
     id: String,
 }
 
-impl<'a> Named<'a> {
-    fn new(body: &'a BodyBasis, is_one_of_many: bool, names: &mut InventorNames) -> Named<'a> {
+impl<'a> NamedBody<'a> {
+    fn new(body: &'a BodyBasis, is_one_of_many: bool, names: &mut InventorNames) -> NamedBody<'a> {
         let id = names.unique(&body.body);
         let prefix = if is_one_of_many { format!("{id}_") } else { String::new() };
         let columns: Vec<NamedColumn<'_>> = body
@@ -137,7 +137,7 @@ impl<'a> Named<'a> {
             groups.push((names.unique(&format!("{prefix}{name}_sum")), own));
         }
         groups.retain(|(_, own)| !own.is_empty());
-        Named { body, id, columns, draggers, groups }
+        NamedBody { body, id, columns, draggers, groups }
     }
 
     /// Rest shape, columns and faces, each once.

@@ -17,7 +17,7 @@ type M3 = Matrix3<f64>;
 /// One column: `[node][axis][force]`.
 type Column = [[[f64; 3]; 3]];
 /// A column for a place, beside the exact one.
-type Found<'a> = &'a (dyn Fn(usize, &Column) -> Vec<[[f64; 3]; 3]> + Sync);
+type Approximation<'a> = &'a (dyn Fn(usize, &Column) -> Vec<[[f64; 3]; 3]> + Sync);
 
 /// Columns that were solved for.
 pub struct Exact {
@@ -57,7 +57,7 @@ impl Exact {
         self.largest(&|place, exact| shape.seen(place, exact))
     }
 
-    fn largest(&self, found: Found<'_>) -> f64 {
+    fn largest(&self, found: Approximation<'_>) -> f64 {
         let of_column =
             |(&place, exact): (&usize, &Vec<[[f64; 3]; 3]>)| error(place, &found(place, exact), exact);
         self.places.par_iter().zip(&self.columns).map(of_column).reduce(|| 0.0, f64::max)

@@ -18,7 +18,7 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceInverse};
-use super::super::update::Changed;
+use super::super::update::ChangedSystem;
 use super::affine::AFFINE;
 use super::tile_layout::{BLOCK, HASH, TileLayout};
 use crate::base::machine;
@@ -321,7 +321,7 @@ impl Tiles<'_> {
     pub(super) fn changed(
         &self,
         freed: &[u32],
-        change: &Changed<'_>,
+        change: &ChangedSystem<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
         changed(&self.tensor, self.order, freed, change, &|first| self.strip(first / BLOCK))
     }
@@ -336,7 +336,7 @@ pub(super) fn changed(
     tensor: &str,
     before: Order<'_>,
     freed: &[u32],
-    change: &Changed<'_>,
+    change: &ChangedSystem<'_>,
     rows: Rows<'_>,
 ) -> Result<Vec<(String, Tensor)>, GreenError> {
     let m = before.nodes.len();

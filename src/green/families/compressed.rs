@@ -15,12 +15,12 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceCompressed};
-use super::super::update::Changed;
+use super::super::update::ChangedSystem;
 use super::affine::AFFINE;
 use super::compliance::{Order, changed, check_order, unknowns};
 use super::tile_layout::{BLOCK, HASH, TileLayout};
 use crate::base::table::bytes;
-use crate::scene::Kept;
+use crate::scene::KeptForm;
 use crate::solve::Progress;
 use faer::Mat;
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ fn compute(
     let (Some(asked), Some(factor)) = (&assembled.body.surface_compliance, assembled.factor) else {
         return Ok(());
     };
-    let Kept::Compressed(error) = asked.kept else { return Ok(()) };
+    let KeptForm::Compressed(error) = asked.kept else { return Ok(()) };
     let body = || assembled.place.to_owned();
     let (nodes, n, unknowns) = unknowns(assembled, solution, asked)?;
     let Solution { mesh, surface, .. } = &*solution;
@@ -249,7 +249,7 @@ impl<'a> CompressedColumns<'a> {
     pub(super) fn changed(
         &self,
         freed: &[u32],
-        change: &Changed<'_>,
+        change: &ChangedSystem<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
         changed(&self.tensor, self.order, freed, change, &|first| {
             let nodes: Vec<usize> = (first..self.order.n.min(first + BLOCK)).collect();

@@ -15,7 +15,7 @@ use super::super::numbers::{LARGEST, numbers};
 use super::super::on_demand::Yield;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution, SurfaceFactor};
-use super::super::update::{COLUMNS, Changed};
+use super::super::update::{COLUMNS, ChangedSystem};
 use super::affine::AFFINE;
 use super::compliance::{Order, check_order, unknowns};
 use super::tile_layout::TileLayout;
@@ -182,7 +182,7 @@ impl<'a> KeptColumns<'a> {
     pub(super) fn changed(
         &self,
         freed: &[u32],
-        change: &Changed<'_>,
+        change: &ChangedSystem<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
         let (fields, between) = change.added_yield().ok_or_else(|| GreenError::Damaged {
             path: self.file.path.clone(),
@@ -232,7 +232,7 @@ impl<'a> KeptColumns<'a> {
         let [supernodes, rows, places] = [SUPERNODES, ROWS, PLACES].map(own);
         let file = self.source();
         let (rows, places) = (file.slice(&rows).to_vec(), file.slice(&places).to_vec());
-        let mut values = Hashed::new(file, own(VALUES));
+        let mut values = HashedBytes::new(file, own(VALUES));
         let loaded = LoadedFactor::read(file.slice(&supernodes), rows, places, &mut values);
         let path = || file.path.clone();
         let loaded = loaded.map_err(|source| GreenError::Io { path: path(), source })?;
@@ -242,7 +242,7 @@ impl<'a> KeptColumns<'a> {
 }
 
 /// A tensor's bytes, one piece after the other, with their hash.
-struct Hashed<'a> {
+struct HashedBytes<'a> {
     file: &'a GreenFile,
     tensor: String,
     length: usize,
@@ -253,10 +253,18 @@ struct Hashed<'a> {
     hasher: blake3::Hasher,
 }
 
-impl Hashed<'_> {
-    fn new(file: &GreenFile, tensor: String) -> Hashed<'_> {
+impl HashedBytes<'_> {
+    fn new(file: &GreenFile, tensor: String) -> HashedBytes<'_> {
         let length = file.count(&tensor);
-        Hashed { file, tensor, length, taken: 0, piece: Vec::new(), at: 0, hasher: blake3::Hasher::new() }
+        HashedBytes {
+            file,
+            tensor,
+            length,
+            taken: 0,
+            piece: Vec::new(),
+            at: 0,
+            hasher: blake3::Hasher::new(),
+        }
     }
 
     /// Whether all was read, and is what was written.
@@ -269,7 +277,7 @@ impl Hashed<'_> {
     }
 }
 
-impl Read for Hashed<'_> {
+impl Read for HashedBytes<'_> {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         if self.at == self.piece.len() && self.taken < self.length {
             let end = self.length.min(self.taken + PIECE);

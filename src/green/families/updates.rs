@@ -52,7 +52,7 @@ fn compute(
 ) -> Result<(), GreenError> {
     let loads = Loads::from_solution(solution);
     let (ports, inside) = ports(assembled, solution, &loads.given)?;
-    let mut made = Made::new(assembled, solution, &ports, &loads)?;
+    let mut made = FamilyTables::new(assembled, solution, &ports, &loads)?;
     made.keep(&solution.fields, 0);
     made.keep_loads(solution);
     made.keep_inside(&inside);
@@ -63,7 +63,7 @@ fn compute(
         progress.advance(count as u64);
     }
     progress.end();
-    let Made { values, reactions, columns, torques, work, .. } = made;
+    let FamilyTables { values, reactions, columns, torques, work, .. } = made;
     solution.tables.extend(ports.tables([values, reactions, columns, torques, work]));
     Ok(())
 }
@@ -100,7 +100,7 @@ fn by_nodes(fields: &DMatrix<f64>) -> NodeFields {
 }
 
 /// The tables of the family, while they are made.
-struct Made<'a> {
+struct FamilyTables<'a> {
     assembled: &'a Assembled<'a>,
     ports: &'a Ports,
     loads: &'a Loads,
@@ -115,13 +115,13 @@ struct Made<'a> {
     work: DMatrix<f64>,
 }
 
-impl<'a> Made<'a> {
+impl<'a> FamilyTables<'a> {
     fn new(
         assembled: &'a Assembled<'a>,
         solution: &'a Solution,
         ports: &'a Ports,
         loads: &'a Loads,
-    ) -> Result<Made<'a>, GreenError> {
+    ) -> Result<FamilyTables<'a>, GreenError> {
         let (surface, nodes) = (&solution.surface.nodes, ports.nodes.len());
         let (released, own, affine) =
             (3 * ports.released.len(), ports.fields(), FIELDS * solution.controls.len());
@@ -132,7 +132,7 @@ impl<'a> Made<'a> {
         let place = |node: &u32| assembled.partition.controlled.binary_search(node).unwrap_or(0);
         let count = loads.fields.columns;
         let (all, inside) = (affine + count + own, count * ports.regions.len());
-        Ok(Made {
+        Ok(FamilyTables {
             assembled,
             ports,
             loads,

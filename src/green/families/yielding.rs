@@ -6,7 +6,7 @@ use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::file::GreenFile;
 use super::super::on_demand::Yield;
-use super::super::update::Changed;
+use super::super::update::ChangedSystem;
 use super::compliance::{COMPLIANCE, Order, Tiles};
 use super::compressed::{COMPRESSED, CompressedColumns};
 use super::kept_factor::{KEPT_FACTOR, KeptColumns};
@@ -62,7 +62,11 @@ impl Compliance<'_> {
     }
 
     /// The tensors after a change by which the nodes `freed` of the surface are held no more.
-    pub fn changed(&self, freed: &[u32], change: &Changed<'_>) -> Result<Vec<(String, Tensor)>, GreenError> {
+    pub fn changed(
+        &self,
+        freed: &[u32],
+        change: &ChangedSystem<'_>,
+    ) -> Result<Vec<(String, Tensor)>, GreenError> {
         match self {
             Compliance::Tiles(tiles) => tiles.changed(freed, change),
             Compliance::Factor(kept) => kept.changed(freed, change),

@@ -247,7 +247,7 @@ impl Surroundings {
         body: &Body<'_>,
         faces: &[Face<'_>],
         progress: &dyn Progress,
-    ) -> Result<(SolvedPart, Placed), BodyError> {
+    ) -> Result<(SolvedPart, FieldPlaces), BodyError> {
         let (mesh, parts) = (body.mesh, body.cut.parts);
         let mut nodes: Vec<u32> = self.tets.iter().flat_map(|&tet| mesh.tets[tet]).collect();
         nodes.sort_unstable();
@@ -290,7 +290,7 @@ impl Surroundings {
         })?;
         let sides = self.sides.iter().map(|(face, _, ways)| (*face, ways.clone())).collect();
         let own = self.tets[..self.own].iter().flat_map(|&tet| mesh.tets[tet]).collect();
-        Ok((SolvedPart { ends: joints, solution, shares: Vec::new() }, Placed { nodes, own, sides }))
+        Ok((SolvedPart { ends: joints, solution, shares: Vec::new() }, FieldPlaces { nodes, own, sides }))
     }
 
     /// Control elements first, then interfaces.
@@ -328,7 +328,7 @@ impl Surroundings {
 }
 
 /// Places of a part's fields in the mesh.
-struct Placed {
+struct FieldPlaces {
     /// Ascending mesh nodes of the fields.
     nodes: Vec<u32>,
     /// Nodes of the part itself, in any order.
@@ -338,7 +338,7 @@ struct Placed {
 }
 
 /// Gives each surface node to its part, and near an interface to both.
-fn share_nodes(body: &Body<'_>, faces: &[Face<'_>], parts: &mut [(SolvedPart, Placed)]) {
+fn share_nodes(body: &Body<'_>, faces: &[Face<'_>], parts: &mut [(SolvedPart, FieldPlaces)]) {
     let on_surface = |nodes: &mut dyn Iterator<Item = u32>| -> Vec<usize> {
         nodes.filter_map(|node| body.surface.nodes.binary_search(&node).ok()).collect()
     };

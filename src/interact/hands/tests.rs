@@ -48,7 +48,7 @@ impl Bench {
         Bench { hands: Hands::new(0.5), element: rest(), time_s: 0.0 }
     }
 
-    fn step(&mut self, styli: &[StylusState]) -> Asked {
+    fn step(&mut self, styli: &[StylusState]) -> HandRequests {
         self.time_s += 0.1;
         let hits = vec![hit(3, [0.6, 1.1, -0.2]); styli.len()];
         let element = Element { room_from_body: Similarity3::identity(), room_from_element: self.element };
@@ -73,7 +73,7 @@ fn the_element_follows_rigidly_and_keeps_its_scale() {
     let scales = bench.element.fixed_view::<3, 3>(0, 0).into_owned().singular_values();
     assert!((scales - Vector3::new(2.0, 1.0, 0.5)).norm() < 1e-12, "{scales}");
     assert_eq!(bench.hands.held(), BTreeSet::from([3]));
-    assert_eq!(bench.step(&[stylus(pose(0.8), false)]), Asked::default());
+    assert_eq!(bench.step(&[stylus(pose(0.8), false)]), HandRequests::default());
     assert!(bench.hands.held().is_empty());
 }
 
@@ -212,7 +212,7 @@ fn with_nothing_in_the_hand_the_second_button_navigates_and_two_presses_are_told
         hands.step(&[Some(state)], time_s, &[hit], element)
     };
     assert_eq!(step(0.0, false, true, None).navigating.len(), 1);
-    assert_eq!(step(0.1, false, false, None), Asked::default());
+    assert_eq!(step(0.1, false, false, None), HandRequests::default());
     let again = step(0.2, false, true, None);
     assert_eq!((again.double_pressed, again.navigating.len()), (vec![0], 1));
     step(0.3, false, false, None);

@@ -1,6 +1,6 @@
 //! Fills a closed triangle surface with tetrahedra.
 //!
-//! In: a surface file and the size of a cell. Out: a [`Loaded`] tetrahedral mesh by isosurface stuffing
+//! In: a surface file and the size of a cell. Out: a [`LoadedMesh`] tetrahedral mesh by isosurface stuffing
 //! ([`core`]), with notices of what was repaired in the surface, of the volume lost, and of features that the cells
 //! are too coarse for.
 
@@ -15,7 +15,7 @@ use super::quality;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
 use super::tet_mesh::Surface;
-use super::tet_mesh::{Loaded, TetMesh};
+use super::tet_mesh::{LoadedMesh, TetMesh};
 use crate::base::machine;
 use crate::base::table::count;
 use lattice::Lattice;
@@ -40,13 +40,13 @@ pub fn suggested_cell(surface: &TriangleSurface) -> f64 {
 
 /// Reads the surface file at `path`, whose coordinates become metres by `scale`, and fills it with tetrahedra of `cell`
 /// metres.
-pub fn load(path: &Path, scale: Scale, cell: f64) -> Result<Loaded, MeshError> {
+pub fn load(path: &Path, scale: Scale, cell: f64) -> Result<LoadedMesh, MeshError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(path)?;
     scale.apply(&mut surface.vertices);
     let report = check(&mut surface, &mut notices);
     let refused = |reason| MeshError::Refused { path: path.to_owned(), reason };
     let mesh = tetrahedralise(&surface, &report, cell, &mut notices).map_err(refused)?;
-    Ok(Loaded { mesh, notices })
+    Ok(LoadedMesh { mesh, notices })
 }
 
 /// Fills a surface that was checked. The error says what to do instead.

@@ -4,7 +4,7 @@
 
 use super::super::Material;
 use super::ends;
-use super::telling::Telling;
+use super::telling::Explanations;
 use super::wishes::Wishes;
 use crate::fem::{Element, TET4, TET4_ANP, TET10};
 use crate::mesh::{TetMesh, quality};
@@ -38,7 +38,7 @@ pub const ERRORS: &str = "expected_errors";
 
 /// Chooses for a body of so many control elements.
 pub fn choose(
-    telling: &mut Telling,
+    telling: &mut Explanations,
     key: &impl Fn(&str) -> String,
     mesh: &TetMesh,
     material: &Material,
@@ -129,7 +129,12 @@ pub fn choose(
     Choice { element, model: model.to_owned(), effects }
 }
 
-fn tell_effects(telling: &mut Telling, key: &impl Fn(&str) -> String, effects: &[String], asks_forces: bool) {
+fn tell_effects(
+    telling: &mut Explanations,
+    key: &impl Fn(&str) -> String,
+    effects: &[String],
+    asks_forces: bool,
+) {
     if effects.is_empty() {
         telling.comment(&key("effects"), "[\"haptics\", \"stress\"]: forces in newtons, colours by stress");
         return;

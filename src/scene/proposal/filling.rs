@@ -12,13 +12,13 @@ use crate::mesh::length_unit::Scale;
 use crate::mesh::surface_check::{self, SurfaceReport};
 use crate::mesh::surface_files::{self, LoadedSurface, TriangleSurface};
 use crate::mesh::walls::wall_thickness;
-use crate::mesh::{Loaded, MeshError, TetMesh, quality};
+use crate::mesh::{LoadedMesh, MeshError, TetMesh, quality};
 use nalgebra::Vector3;
 use std::path::Path;
 
 /// A surface that was filled.
-pub struct Filled {
-    pub loaded: Loaded,
+pub struct FilledSurface {
+    pub loaded: LoadedMesh,
     pub cell: f64,
     /// Of the thinnest walls, m, where there are any.
     pub wall: Option<f64>,
@@ -50,16 +50,16 @@ struct Trial<'a> {
 }
 
 /// The body that one cell made.
-struct Made {
+struct FilledCell {
     cell: f64,
-    loaded: Loaded,
+    loaded: LoadedMesh,
     /// How it differs from the surface, where it is torn.
     tear: Option<String>,
 }
 
 /// Reads the surface at `file` and fills it; asks back which unit it is in where it would be more than `largest` m long. Errors
 /// where the walls need too many nodes, and where the body is torn.
-pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, ProposalError> {
+pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<FilledSurface, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
     let extent = |(low, high)| -> f64 { Vector3::amax(&(high - low)) };
     plausible(file, extent(quality::bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
@@ -74,12 +74,12 @@ pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<Filled, Propos
     if let Some(tear) = &made.tear {
         return Err(trial.torn(made.cell, tear).into());
     }
-    Ok(Filled { loaded: made.loaded, cell: made.cell, wall })
+    Ok(FilledSurface { loaded: made.loaded, cell: made.cell, wall })
 }
 
 impl Trial<'_> {
     /// The coarsest cell that resolves the walls and comes near `aim` nodes, or a finer one where that tears the body.
-    fn best(&self, aim: f64) -> Result<Made, MeshError> {
+    fn best(&self, aim: f64) -> Result<FilledCell, MeshError> {
         let (finest, coarsest) = (self.cell_for(MOST), self.coarsest());
         if self.report.is_closed() && coarsest > 0.0 && CELLS * coarsest < finest {
             return Err(self.too_thin(coarsest));
@@ -105,12 +105,12 @@ impl Trial<'_> {
         Ok(best)
     }
 
-    fn make(&self, cell: f64) -> Result<Made, MeshError> {
+    fn make(&self, cell: f64) -> Result<FilledCell, MeshError> {
         let mut notices = self.notices.clone();
         let mesh =
             filled(&self.surface, &self.report, cell, &mut notices).map_err(|reason| self.refused(reason))?;
         let tear = self.tear(&mesh);
-        Ok(Made { cell, loaded: Loaded { mesh, notices }, tear })
+        Ok(FilledCell { cell, loaded: LoadedMesh { mesh, notices }, tear })
     }
 
     /// A whole body has no more pieces than the surface, and its volume; what overlaps is counted twice in the surface's.

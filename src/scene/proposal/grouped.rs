@@ -6,7 +6,7 @@
 use super::super::{Control, Grab, Nodes};
 use super::doubt::ProposalError;
 use super::ends::{self, End, are_apart, can_be_held};
-use super::telling::{Held, Telling};
+use super::telling::{Explanations, HeldElement};
 use super::wishes::Wishes;
 use crate::config::unknown_name;
 use crate::mesh::diagnostics::digits;
@@ -47,13 +47,13 @@ const LARGEST: f64 = 0.4;
 const PIECES: usize = 8;
 
 pub fn controls(
-    telling: &mut Telling,
+    telling: &mut Explanations,
     body: &str,
     mesh: &TetMesh,
     wishes: &Wishes,
 ) -> Result<IndexMap<String, Control>, ProposalError> {
     let surface = Surface::from_mesh(mesh);
-    let mut chosen: Vec<(Held, Vec<u32>)> = Vec::new();
+    let mut chosen: Vec<(HeldElement, Vec<u32>)> = Vec::new();
     for (names, grab) in [(&wishes.fixed, Grab::Fixed), (&wishes.grab, Grab::Dragger)] {
         for name in names {
             let nodes = asked(mesh, name)?;
@@ -91,8 +91,8 @@ pub fn controls(
     Ok(controls)
 }
 
-fn group(name: &str, grab: Grab, nodes: usize) -> Held {
-    Held {
+fn group(name: &str, grab: Grab, nodes: usize) -> HeldElement {
+    HeldElement {
         name: name.replace('/', "_"),
         nodes: Nodes::Group(name.to_owned()),
         grab,
@@ -100,8 +100,8 @@ fn group(name: &str, grab: Grab, nodes: usize) -> Held {
     }
 }
 
-fn listed(chosen: &[(Held, Vec<u32>)]) -> String {
-    let said = |(held, _): &(Held, Vec<u32>)| match held.grab {
+fn listed(chosen: &[(HeldElement, Vec<u32>)]) -> String {
+    let said = |(held, _): &(HeldElement, Vec<u32>)| match held.grab {
         Grab::Fixed => format!("\"{}\" fixed", held.name),
         Grab::Dragger => format!("\"{}\" to be grabbed", held.name),
     };
@@ -125,7 +125,12 @@ fn asked(mesh: &TetMesh, name: &str) -> Result<Vec<u32>, ProposalError> {
 
 /// Groups of the file that are places on its surface and have names: by what the names say, else the two that are
 /// furthest from each other.
-fn named(telling: &mut Telling, mesh: &TetMesh, surface: &Surface, chosen: &mut Vec<(Held, Vec<u32>)>) {
+fn named(
+    telling: &mut Explanations,
+    mesh: &TetMesh,
+    surface: &Surface,
+    chosen: &mut Vec<(HeldElement, Vec<u32>)>,
+) {
     let is_place = |(name, nodes): &(&String, &Vec<u32>)| {
         !mesh.region_names.values().any(|region| region == *name)
             && !name.chars().all(|c| c.is_ascii_digit())
@@ -175,11 +180,12 @@ fn furthest_pair<'a>(mesh: &TetMesh, places: &[Place<'a>]) -> Option<[Place<'a>;
 
 /// Adds what is missing of one fixed and one to be grabbed: the body's ends, the ones furthest from what is there.
 fn opposite(
-    telling: &mut Telling,
+    telling: &mut Explanations,
     mesh: &TetMesh,
-    chosen: &mut Vec<(Held, Vec<u32>)>,
+    chosen: &mut Vec<(HeldElement, Vec<u32>)>,
 ) -> Result<(), ProposalError> {
-    let is_there = |chosen: &[(Held, Vec<u32>)], grab| chosen.iter().any(|(held, _)| held.grab == grab);
+    let is_there =
+        |chosen: &[(HeldElement, Vec<u32>)], grab| chosen.iter().any(|(held, _)| held.grab == grab);
     let missing: Vec<Grab> =
         [Grab::Fixed, Grab::Dragger].into_iter().filter(|grab| !is_there(chosen, *grab)).collect();
     if missing.is_empty() {
@@ -194,7 +200,7 @@ fn opposite(
     };
     let found = ends::find(mesh).ok_or_else(nothing)?;
     let held = |end: End, grab| {
-        let held = Held { name: end.name.to_owned(), nodes: end.nodes, grab, comment: end.what };
+        let held = HeldElement { name: end.name.to_owned(), nodes: end.nodes, grab, comment: end.what };
         (held, end.selected)
     };
     if missing.len() == 2 {
@@ -221,7 +227,12 @@ fn opposite(
 }
 
 /// Every piece that is joined to the others by no face must be held, or it would fly away.
-fn hold_pieces(telling: &mut Telling, mesh: &TetMesh, surface: &Surface, chosen: &mut Vec<(Held, Vec<u32>)>) {
+fn hold_pieces(
+    telling: &mut Explanations,
+    mesh: &TetMesh,
+    surface: &Surface,
+    chosen: &mut Vec<(HeldElement, Vec<u32>)>,
+) {
     let pieces = quality::components(mesh).nodes;
     if pieces.len() > PIECES {
         telling.warnings.push(format!(
@@ -253,7 +264,7 @@ fn hold_pieces(telling: &mut Telling, mesh: &TetMesh, surface: &Surface, chosen:
         if !chosen.iter().all(|(_, other)| are_apart(other, &selected)) {
             continue;
         }
-        let held = Held {
+        let held = HeldElement {
             name: format!("piece_{}", number + 1),
             nodes,
             grab: Grab::Fixed,

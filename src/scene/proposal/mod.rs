@@ -15,18 +15,18 @@ mod wishes;
 pub use doubt::{ProposalError, UnitDoubt};
 pub use wishes::Wishes;
 
-use super::materials::{Known, MATERIALS, find_material};
+use super::materials::{LibraryMaterial, MATERIALS, find_material};
 use super::write::{self, Comments};
 use super::{Body, Material, Scene, SceneError, Tetrahedralise};
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::Scale;
-use crate::mesh::{self, Loaded, TetMesh, quality, surface_files};
+use crate::mesh::{self, LoadedMesh, TetMesh, quality, surface_files};
 use doubt::plausible;
-use filling::Filled;
+use filling::FilledSurface;
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use telling::Telling;
+use telling::Explanations;
 
 pub struct Proposal {
     pub scene: Scene,
@@ -46,20 +46,20 @@ pub const USUAL_MATERIAL: &str = "rubber";
 
 /// A scene at `scene_path` for the mesh or surface file at `file`.
 pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Proposal, ProposalError> {
-    let mut telling = Telling::default();
+    let mut telling = Explanations::default();
     let name = body_name(file);
     let key = |key: &str| format!("body.{name}.{key}");
     let asked = wishes.asked_scale();
     let (known, why) = known_material(file, wishes)?;
     let (loaded, filling) = if surface_files::is_surface_file(file) {
-        let Filled { loaded, cell, wall } = filling::fill(file, known.largest_m, wishes)?;
+        let FilledSurface { loaded, cell, wall } = filling::fill(file, known.largest_m, wishes)?;
         (loaded, Some((Tetrahedralise { cell }, wall)))
     } else {
         let loaded = mesh::load(file)?;
         plausible(file, pull::extent(&loaded.mesh), known.largest_m, asked)?;
         (asked.unwrap_or(Scale::ONE).applied(loaded), None)
     };
-    let Loaded { mesh, notices } = loaded;
+    let LoadedMesh { mesh, notices } = loaded;
     telling.warnings.extend(notices);
     size(&mut telling, &key, &mesh, wishes, filling);
     let material = material(&mut telling, &key, known, why);
@@ -99,7 +99,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     };
     let body = &scene.body[&name];
     let mesh = if body.element.order == 2 { scene.load_mesh(&name, body)?.mesh } else { mesh };
-    let Telling { comments, reasons, warnings } = telling;
+    let Explanations { comments, reasons, warnings } = telling;
     Ok(Proposal { scene, body: name, comments, reasons, warnings, mesh })
 }
 
@@ -138,7 +138,7 @@ pub fn relative(file: &Path, scene_path: &Path) -> PathBuf {
 
 /// Says how large the body is, in what unit the file was taken to be, and how it is filled.
 fn size(
-    telling: &mut Telling,
+    telling: &mut Explanations,
     key: &impl Fn(&str) -> String,
     mesh: &TetMesh,
     wishes: &Wishes,
@@ -190,12 +190,16 @@ fn size(
 }
 
 /// The material of the library that is asked for or that the file's name has, and why it was taken.
-fn known_material(file: &Path, wishes: &Wishes) -> Result<(&'static Known, &'static str), ProposalError> {
+fn known_material(
+    file: &Path,
+    wishes: &Wishes,
+) -> Result<(&'static LibraryMaterial, &'static str), ProposalError> {
     if let Some(name) = &wishes.material {
         return Ok((find_material(name).map_err(ProposalError::Wrong)?, "as you asked"));
     }
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-    let is_named = |known: &&Known| stem.split(|c: char| !c.is_alphabetic()).any(|word| word == known.name);
+    let is_named =
+        |known: &&LibraryMaterial| stem.split(|c: char| !c.is_alphabetic()).any(|word| word == known.name);
     match MATERIALS.iter().find(is_named) {
         Some(known) => Ok((known, "after the file's name")),
         None => {
@@ -206,9 +210,9 @@ fn known_material(file: &Path, wishes: &Wishes) -> Result<(&'static Known, &'sta
 }
 
 fn material(
-    telling: &mut Telling,
+    telling: &mut Explanations,
     key: &impl Fn(&str) -> String,
-    known: &'static Known,
+    known: &'static LibraryMaterial,
     why: &str,
 ) -> Material {
     let modulus = pascals(known.young);
@@ -219,7 +223,7 @@ fn material(
 }
 
 /// Says that regions of the file get one material, until the scene gives them theirs.
-fn regions(telling: &mut Telling, mesh: &TetMesh) {
+fn regions(telling: &mut Explanations, mesh: &TetMesh) {
     let numbers: BTreeSet<u32> = mesh.regions.iter().copied().collect();
     let named = |number: &u32| mesh.region_names.get(number).cloned().unwrap_or_else(|| number.to_string());
     let names: Vec<String> = numbers.iter().map(named).collect();

@@ -5,13 +5,13 @@ use super::super::{Control, Grab, Nodes};
 
 /// Comments, reasons and warnings that explain the choices of a proposal.
 #[derive(Default)]
-pub struct Telling {
+pub struct Explanations {
     pub comments: Comments,
     pub reasons: Vec<String>,
     pub warnings: Vec<String>,
 }
 
-impl Telling {
+impl Explanations {
     pub fn comment(&mut self, key: &str, text: &str) {
         self.comments.insert(key.to_owned(), text.to_owned());
     }
@@ -23,7 +23,7 @@ impl Telling {
 
 /// A control element of the proposal, with its comment.
 #[derive(Clone, Debug)]
-pub struct Held {
+pub struct HeldElement {
     pub name: String,
     pub nodes: Nodes,
     pub grab: Grab,
@@ -31,7 +31,7 @@ pub struct Held {
     pub comment: String,
 }
 
-impl Held {
+impl HeldElement {
     pub fn control(&self) -> Control {
         Control { nodes: self.nodes.clone(), grab: self.grab }
     }

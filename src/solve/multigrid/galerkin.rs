@@ -7,15 +7,15 @@ use rayon::prelude::*;
 const NONE: u32 = u32::MAX;
 
 /// Blocks of one row under construction, found by their columns.
-struct Gathered<T> {
+struct RowBlocks<T> {
     /// The slot of each column, or [`NONE`].
     slot: Vec<u32>,
     blocks: Vec<(u32, T)>,
 }
 
-impl<T> Gathered<T> {
-    fn new(columns: usize) -> Gathered<T> {
-        Gathered { slot: vec![NONE; columns], blocks: Vec::new() }
+impl<T> RowBlocks<T> {
+    fn new(columns: usize) -> RowBlocks<T> {
+        RowBlocks { slot: vec![NONE; columns], blocks: Vec::new() }
     }
 
     #[inline(always)]
@@ -42,7 +42,7 @@ pub fn coarse<const B: usize>(rows: &impl Rows<B>, prolongator: &Prolongator<B>)
         .into_par_iter()
         .with_min_len(count / (8 * rayon::current_num_threads()) + 1)
         .map_init(
-            || (Gathered::new(rows.nodes()), Gathered::new(count)),
+            || (RowBlocks::new(rows.nodes()), RowBlocks::new(count)),
             |(left, row), aggregate| {
                 coarse_row(rows, prolongator, aggregate, left, row);
                 row.blocks.sort_unstable_by_key(|(column, _)| *column);
@@ -87,8 +87,8 @@ fn coarse_row<const B: usize>(
     rows: &impl Rows<B>,
     prolongator: &Prolongator<B>,
     aggregate: usize,
-    left: &mut Gathered<[[f64; B]; MODES]>,
-    row: &mut Gathered<Block<MODES>>,
+    left: &mut RowBlocks<[[f64; B]; MODES]>,
+    row: &mut RowBlocks<Block<MODES>>,
 ) {
     let (start, end) = (prolongator.down_start[aggregate], prolongator.down_start[aggregate + 1]);
     for &(node, at) in &prolongator.down[start..end] {

@@ -11,14 +11,14 @@ mod values;
 mod window;
 
 use self::haptic::HapticFile;
-use self::screen::{Measured, ScreenFile, screen};
+use self::screen::{ScreenFile, TapedScreen, screen};
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::values::{check_name, length, point};
 use self::window::{MonitorFile, WindowFile};
 use super::description::Stage;
 use super::description::text_of;
 use super::description::{Grid, Workspace};
-use super::error::{IPD_M, Located, MAX_SIDE_M, StageError, StageFault, TrackingFault};
+use super::error::{IPD_M, LocatedFault, MAX_SIDE_M, StageError, StageFault, TrackingFault};
 use super::haptic::Haptic;
 use super::screen::{ROOM_LIMIT_M, Screen};
 use super::stereo::Stereo;
@@ -119,11 +119,11 @@ impl Stage {
     /// Checks the text of a stage file; `path` is only named in errors.
     pub fn parse(text: &str, path: &Path) -> Result<Self, StageError> {
         let Survey { stage, faults, .. } = survey(text, path)?;
-        let no_screen = || Located { line: 1, fault: StageFault::NoScreen };
+        let no_screen = || LocatedFault { line: 1, fault: StageFault::NoScreen };
         match (faults.into_iter().next(), stage) {
             (None, Some(stage)) => Ok(stage),
             (first, _) => {
-                let Located { line, fault } = first.unwrap_or_else(no_screen);
+                let LocatedFault { line, fault } = first.unwrap_or_else(no_screen);
                 Err(StageError::Invalid { path: path.to_owned(), line, fault })
             }
         }
@@ -136,19 +136,19 @@ pub struct Survey {
     pub stage: Option<Stage>,
     /// The trackers, also if there is no stage.
     pub tracking: Tracking,
-    pub faults: Vec<Located>,
+    pub faults: Vec<LocatedFault>,
 }
 
 /// Collects faults with their lines.
 struct FaultList<'a> {
     text: &'a str,
-    found: Vec<Located>,
+    found: Vec<LocatedFault>,
 }
 
 impl FaultList<'_> {
     fn push(&mut self, offset: usize, fault: StageFault) {
         let line = config::line_and_column(self.text, offset).0;
-        self.found.push(Located { line, fault });
+        self.found.push(LocatedFault { line, fault });
     }
 
     fn keep<T>(&mut self, offset: usize, result: Result<T, StageFault>) -> Option<T> {
@@ -230,7 +230,7 @@ fn screens(
 ) -> Vec<Screen> {
     let eye = viewer.map(|viewer| Point3::from(viewer.room_from_head.translation.vector));
     let mut lines = BTreeMap::new();
-    let mut screens: Vec<(usize, Measured)> = Vec::new();
+    let mut screens: Vec<(usize, TapedScreen)> = Vec::new();
     for found in files {
         let start = found.span().start;
         let Some(screen) = faults.keep(start, screen(found.into_inner())) else { continue };
@@ -248,7 +248,7 @@ fn screens(
         }
     }
     if let Some(eye) = eye {
-        let shapes: Vec<&Measured> = rectangles.iter().map(|(_, measured)| *measured).collect();
+        let shapes: Vec<&TapedScreen> = rectangles.iter().map(|(_, measured)| *measured).collect();
         for (i, fault) in sides::check(&shapes, &eye, workspace) {
             faults.push(rectangles[i].0, fault);
         }

@@ -38,7 +38,7 @@ const TWO_WAYS: &str = "give lower_left, lower_right and upper_left; or, by tape
 
 /// A screen, and how it was measured if by tape.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct TapedScreen {
     pub screen: Screen,
     tape: Option<Tape>,
 }
@@ -66,7 +66,7 @@ impl Tape {
     }
 }
 
-impl Measured {
+impl TapedScreen {
     /// The keys of a tape measure to change so that the screen `is_right`, if one change does: the sign of the tilt, the other
     /// way to face, or the face of what lies.
     pub fn facing(&self, is_right: impl Fn(&Screen) -> bool) -> Option<String> {
@@ -92,7 +92,7 @@ impl Measured {
 }
 
 /// A screen whose corners span an area.
-pub fn screen(file: ScreenFile) -> Result<Measured, StageFault> {
+pub fn screen(file: ScreenFile) -> Result<TapedScreen, StageFault> {
     check_name("screen", &file.name)?;
     let (tape, [lower_left, lower_right, upper_left]) = match by_tape(&file)? {
         Some(tape) => (Some(tape), tape.corners()),
@@ -115,7 +115,7 @@ pub fn screen(file: ScreenFile) -> Result<Measured, StageFault> {
             height_m,
         }));
     }
-    Ok(Measured { screen, tape })
+    Ok(TapedScreen { screen, tape })
 }
 
 fn read(file: &ScreenFile, key: &str, place: Option<[f64; 3]>) -> Result<Point3<f64>, StageFault> {

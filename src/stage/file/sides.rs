@@ -5,7 +5,7 @@
 //! file in another system than x right, y up, z towards the viewer. They differ in the side of a screen on which the workspace
 //! lies, and in the pictures of the other screens.
 
-use super::screen::{Measured, odd_number};
+use super::screen::{TapedScreen, odd_number};
 use crate::stage::description::Workspace;
 use crate::stage::error::{StageFault, place};
 use crate::stage::screen::{MIN_EYE_DISTANCE_M, Screen};
@@ -23,7 +23,7 @@ const FLAT_M: f64 = 0.05;
 
 /// The faults of the screens that are rectangles, by index into `screens`.
 pub fn check(
-    screens: &[&Measured],
+    screens: &[&TapedScreen],
     viewer: &Point3<f64>,
     workspace: Option<&Workspace>,
 ) -> Vec<(usize, StageFault)> {
@@ -33,7 +33,7 @@ pub fn check(
     }
     let mut faults = Vec::new();
     let mut behind = Vec::new();
-    for (i, Measured { screen, .. }) in screens.iter().enumerate() {
+    for (i, TapedScreen { screen, .. }) in screens.iter().enumerate() {
         let distance_m = screen.distance_m(viewer);
         if distance_m >= MIN_EYE_DISTANCE_M {
             continue;
@@ -56,7 +56,7 @@ pub fn check(
 }
 
 struct Surroundings<'a> {
-    screens: &'a [&'a Measured],
+    screens: &'a [&'a TapedScreen],
     viewer: Point3<f64>,
     workspace: Option<&'a Workspace>,
 }
@@ -169,7 +169,7 @@ impl Surroundings<'_> {
     /// All screens face away from the viewer, the workspace and each other, and the viewer looks along z.
     fn left_handed(&self) -> Option<StageFault> {
         let workspace = self.workspace?;
-        let is_outward = |known: &&Measured| {
+        let is_outward = |known: &&TapedScreen| {
             let screen = &known.screen;
             screen.distance_m(&self.viewer) < 0.0
                 && self.workspace_m(screen) <= 0.0

@@ -74,7 +74,7 @@ fn a_corner_in_another_unit_is_named_alone() {
         1,
     ) + "[[window]]\nscreen = \"table\"\nstereo = \"rows\"\n[[window]]\nscreen = \"wall\"\nstereo = \"rows\"\n";
     let faults = |text: &str| survey(text, Path::new("bench.toml")).unwrap().faults;
-    let [Located { fault, .. }] = &faults(&text)[..] else { panic!("one fault") };
+    let [LocatedFault { fault, .. }] = &faults(&text)[..] else { panic!("one fault") };
     let told = fault.to_string();
     assert!(told.contains("y of lower_right is 90 m") && told.contains("write 0.9000"), "{told}");
     // All of it in centimetres: the screen cannot be kept, and its window is no second fault.
@@ -190,7 +190,7 @@ fn swapped_corners_have_one_remedy_and_it_is_right() {
         let (first, second) = (wall.replace(from[0], "FIRST"), from[1]);
         let wall = first.replace(second, &to[1]).replace("FIRST", &to[0]);
         let faults = survey(&format!("{head}{wall}"), Path::new("bench.toml")).unwrap().faults;
-        let [Located { fault, .. }] = &faults[..] else { panic!("{faults:?}") };
+        let [LocatedFault { fault, .. }] = &faults[..] else { panic!("{faults:?}") };
         let told = fault.to_string();
         assert!(told.contains(words), "{told}");
         let remedy = "Write lower_left = [-0.8000, 0.9000, 0.0000], lower_right = [0.8000, 0.9000, 0.0000], upper_left = \

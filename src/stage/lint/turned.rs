@@ -28,7 +28,7 @@ const SQUARE: f64 = 0.02;
 const EDGES: [&str; 4] = ["upper", "right", "lower", "left"];
 
 /// The way in which a picture's upper edge should lie, and how that is known.
-struct Wanted {
+struct UpperEdge {
     /// Direction in the room, not along the screen's normal.
     way: Vector3<f64>,
     /// `screen `wall`, the wall at the front,`; `None` if the viewer's place shows the way.
@@ -86,7 +86,7 @@ fn face_up(screen: &Screen) -> Screen {
 /// The finding about a picture that is turned in its plane.
 pub fn turned(stage: &Stage, screen: &Screen) -> Option<(Severity, String)> {
     let (wanted, limit) = match is_level(screen) {
-        false => (Wanted { way: Vector3::y(), wall: None }, WALL_TURN),
+        false => (UpperEdge { way: Vector3::y(), wall: None }, WALL_TURN),
         true => (at_front(stage, screen)?, TABLE_TURN),
     };
     let degrees = turn_degrees(screen, &wanted.way);
@@ -134,7 +134,7 @@ fn is_square(screen: &Screen) -> bool {
 }
 
 /// The way of the upper edge of a screen that lies or hangs, if that is certain.
-fn at_front(stage: &Stage, screen: &Screen) -> Option<Wanted> {
+fn at_front(stage: &Stage, screen: &Screen) -> Option<UpperEdge> {
     // A ceiling's lower edge is at the front.
     let sign = screen.axes()[2].y.signum();
     let walls: Vec<Wall<'_>> = stage
@@ -145,14 +145,14 @@ fn at_front(stage: &Stage, screen: &Screen) -> Option<Wanted> {
         .collect();
     if walls.is_empty() {
         let way = from_viewer(screen, &Point3::from(stage.viewer.room_from_head.translation.vector))?;
-        return Some(Wanted { way: way * sign, wall: None });
+        return Some(UpperEdge { way: way * sign, wall: None });
     }
     let nearest = fronts(stage, &walls).into_iter().min_by(|a, b| {
         let turn = |wall: &Wall<'_>| turn_degrees(screen, &(wall.way * sign)).abs();
         turn(a).total_cmp(&turn(b))
     })?;
     let wall = Some(format!("screen `{}`, the wall at the front,", nearest.screen.name));
-    Some(Wanted { way: nearest.way * sign, wall })
+    Some(UpperEdge { way: nearest.way * sign, wall })
 }
 
 /// A wall, and the horizontal way over its upper edge out of the room.

@@ -33,7 +33,7 @@ pub struct Follower {
     /// The sensor's pose in the room, filtered.
     motion: Option<Motion>,
     /// The last accepted reading: unfiltered pose, time of measurement, time of arrival.
-    raw: Option<Believed>,
+    raw: Option<TrustedPose>,
     jump: Option<Jump>,
     bridge: Option<Bridge>,
     shown: Option<Isometry3<f64>>,
@@ -65,7 +65,7 @@ pub enum Event {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Believed {
+struct TrustedPose {
     pose: Isometry3<f64>,
     time_s: f64,
     arrived_s: f64,
@@ -73,7 +73,7 @@ struct Believed {
 
 #[derive(Clone, Copy, Debug)]
 struct Jump {
-    to: Believed,
+    to: TrustedPose,
     since_s: f64,
 }
 
@@ -121,14 +121,14 @@ impl Follower {
         };
         let time_s = self.clock.time_s(reading.arrived_s, reading.measured_s);
         self.faults.clock = self.clock.faults;
-        let now = Believed { pose, time_s, arrived_s: reading.arrived_s };
+        let now = TrustedPose { pose, time_s, arrived_s: reading.arrived_s };
         let Some(last) = self.raw else { return self.begin(now, now.arrived_s) };
         let gap_s = now.arrived_s - reading.before.map_or(last.arrived_s, |(_, before_s)| before_s);
         if self.was_held || gap_s > self.sensor.lost.after_s {
             return self.begin(now, now.arrived_s);
         }
         let is_pause = gap_s > STEP_S.max(2.0 * reading.flow.interval_s);
-        let is_hand = |from: &Believed| {
+        let is_hand = |from: &TrustedPose| {
             let step_s = (now.time_s - from.time_s).max(0.0);
             if is_step(&from.pose, &pose, step_s.min(STEP_S)) {
                 return true;
@@ -187,7 +187,7 @@ impl Follower {
         }
     }
 
-    fn follow(&mut self, now: Believed) {
+    fn follow(&mut self, now: TrustedPose) {
         self.jump = None;
         self.raw = Some(now);
         let pose = match &mut self.filter {
@@ -202,7 +202,7 @@ impl Follower {
 
     /// Starts from this reading without the past: the first one, or the first after a gap or a jump. If a pose was held
     /// meanwhile, what is shown glides from there; a glide under way arrives no later than before.
-    fn begin(&mut self, now: Believed, start_s: f64) {
+    fn begin(&mut self, now: TrustedPose, start_s: f64) {
         let left_s = self.bridge.as_ref().map(|bridge| bridge.left_s(start_s)).filter(|left_s| *left_s > 0.0);
         let length_s = left_s.or(std::mem::take(&mut self.was_held).then_some(BRIDGE_S));
         self.bridge =

@@ -58,13 +58,13 @@ pub struct Server {
     /// The state of each device that was sent last.
     sent: Vec<DeviceState>,
     peers: Vec<Peer>,
-    lobbed: (mpsc::SyncSender<Lobbed>, mpsc::Receiver<Lobbed>),
+    lobbed: (mpsc::SyncSender<CallResult>, mpsc::Receiver<CallResult>),
     /// The clients to which threads are connecting, one thread for each.
     connecting: Vec<SocketAddr>,
 }
 
 /// A client that asked for a connection, and the connection if it succeeded.
-type Lobbed = (SocketAddr, Option<TcpStream>);
+type CallResult = (SocketAddr, Option<TcpStream>);
 
 impl Server {
     /// Listens at `place` by TCP and UDP, with port 0 at any free port. Characters that VRPN does not allow in names are

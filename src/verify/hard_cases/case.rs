@@ -2,7 +2,7 @@
 
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::green::{self, GreenError, Requirements, STIFFNESS, Solution};
-use crate::mesh::{Block, Loaded, TetMesh, block};
+use crate::mesh::{Block, LoadedMesh, TetMesh, block};
 use crate::scene::{Scene, SceneError};
 use crate::solve::Silent;
 use serde::Serialize;
@@ -70,7 +70,7 @@ pub fn cells(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, GreenError> {
 
 /// A body to be judged and solved.
 pub struct Asked {
-    pub mesh: Loaded,
+    pub mesh: LoadedMesh,
     /// TOML beside the mesh; without a material there, that of the base case.
     pub extra: String,
     /// TOML of the control elements.
@@ -80,7 +80,7 @@ pub struct Asked {
 impl Asked {
     /// `mesh` of the base case's material, held at its ends.
     pub fn new(mesh: TetMesh) -> Asked {
-        Asked { mesh: Loaded { mesh, notices: Vec::new() }, extra: String::new(), controls: ENDS.into() }
+        Asked { mesh: LoadedMesh { mesh, notices: Vec::new() }, extra: String::new(), controls: ENDS.into() }
     }
 
     pub fn with(self, extra: impl Into<String>) -> Asked {

@@ -5,7 +5,7 @@ use super::case::{
     verdict,
 };
 use crate::green::{FIELDS, GreenError, Solution};
-use crate::mesh::{Encoding, Loaded, MeshError, TetMesh, encode, parse};
+use crate::mesh::{Encoding, LoadedMesh, MeshError, TetMesh, encode, parse};
 use crate::scene::SceneError;
 use nalgebra::Vector3;
 use std::path::Path;
@@ -53,7 +53,7 @@ fn slivers() -> CaseRows {
 }
 
 /// `mesh` as a reader makes it from a file.
-fn read(mesh: &TetMesh) -> Result<Loaded, GreenError> {
+fn read(mesh: &TetMesh) -> Result<LoadedMesh, GreenError> {
     let failed = |source: MeshError| {
         let path = Path::new("hard-cases.toml").to_owned();
         GreenError::from(SceneError::Mesh { path, body: "b".into(), source: Box::new(source) })

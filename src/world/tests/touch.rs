@@ -1,7 +1,7 @@
 //! Points of a surface in the hand, and loads that are set.
 
 use super::*;
-use crate::interact::Taking;
+use crate::interact::SurfaceGrip;
 
 const LOADED: &str = "[body.b]\n\
     generate = { block = { size = [2.0, 1.0, 1.0], cells = [4, 2, 2] } }\n\
@@ -68,7 +68,7 @@ fn a_held_point_follows_the_hand_and_goes_back() {
 #[test]
 fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
     let mut world = loaded("spring");
-    world.carry_out(Action::SetTaking(Taking::Force));
+    world.carry_out(Action::SetTaking(SurfaceGrip::Force));
     world.step(&above(&world, 0.0, 0.0, false).into());
     world.step(&above(&world, 0.0, 0.0, true).into());
     let scale = world.bodies[0].room_from_body.scaling();
@@ -78,7 +78,7 @@ fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
     assert!((0.06..0.14).contains(&moved), "{moved} m of 0.2 m");
     world.carry_out(Action::LetGo);
     world.step(&above(&world, 0.0, 0.2, false).into());
-    world.carry_out(Action::SetTaking(Taking::Elements));
+    world.carry_out(Action::SetTaking(SurfaceGrip::Elements));
     world.step(&above(&world, 0.0, 0.0, true).into());
     assert!(world.touched(0).is_none());
 }

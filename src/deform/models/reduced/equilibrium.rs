@@ -7,7 +7,7 @@
 
 use super::curvature::Curvature;
 use super::quartic::Quartic;
-use crate::deform::loads::Burden;
+use crate::deform::loads::LoadedPotential;
 use crate::deform::memory::Unknowns;
 use crate::fem::QuarticShape;
 use crate::solve::envelope::Envelope;
@@ -168,7 +168,7 @@ impl ReducedBody {
 
     /// V, with what loads make of it, at its least over q; its slopes by y are kept. `None` where no q was found; q is then that of
     /// before.
-    pub fn settle(&mut self, y: &[f64], mut burden: Option<&mut Burden>) -> Option<f64> {
+    pub fn settle(&mut self, y: &[f64], mut burden: Option<&mut LoadedPotential>) -> Option<f64> {
         (self.work, self.is_fresh) = (0, false);
         let is_deformed = y[self.rigid..].iter().any(|y| y.abs() > NOTHING);
         let active = if is_deformed { self.z.len() } else { 1 + self.rigid + self.fields };
@@ -315,7 +315,7 @@ impl ReducedBody {
     }
 
     /// V at the q that is found from the q in z.
-    fn iterate(&mut self, active: usize, burden: Option<&mut Burden>) -> Option<f64> {
+    fn iterate(&mut self, active: usize, burden: Option<&mut LoadedPotential>) -> Option<f64> {
         let mut search = Search {
             active,
             burden,
@@ -371,7 +371,7 @@ impl ReducedBody {
 /// The search for the q at which V is least.
 struct Search<'a, 'b> {
     body: &'a mut ReducedBody,
-    burden: Option<&'b mut Burden>,
+    burden: Option<&'b mut LoadedPotential>,
     /// Number of variables of z that are not 0.
     active: usize,
     /// V at z and where a step is tried, each with how large the numbers are that make it up.

@@ -48,7 +48,7 @@ fn session(effects: &str, device: &str) -> (Resolved, Arc<GreenFile>, World) {
 
 /// The effect of the block, started.
 fn started(scene: &Resolved, file: &GreenFile, world: &World) -> HapticSession {
-    let listed = Listed { scene, file, bodies: vec![(0, "block")] };
+    let listed = EffectInput { scene, file, bodies: vec![(0, "block")] };
     HapticSession::start(&listed, world).unwrap().unwrap()
 }
 
