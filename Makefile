@@ -1,12 +1,15 @@
 # `make demo` builds the program and starts the demo.
 # `make test` runs all that CI runs.
+# `make one T=solve::pcg` runs the library's tests of that name, and compiles only what has changed since the last time.
 # Both install what is missing on Debian or Ubuntu, and say what and why (scripts/setup.sh).
 
 # Mesa complains where no session has set it.
 XDG_RUNTIME_DIR ?= /tmp
 export XDG_RUNTIME_DIR
 
-.PHONY: demo test figures man manual deb install
+T ?=
+
+.PHONY: demo test one figures man manual deb install
 
 demo:
 	@sh scripts/setup.sh
@@ -16,6 +19,9 @@ demo:
 test:
 	@sh scripts/setup.sh test
 	@sh scripts/test.sh
+
+one:
+	CARGO_INCREMENTAL=1 cargo test --profile quick --locked --lib -- $(T)
 
 # Man pages and shell completions, into target/package.
 man:
