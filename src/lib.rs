@@ -44,7 +44,7 @@
 //! | [`green`] | the precomputed columns and the .green file |
 //! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
 //! | [`bem`] | boundary elements: the columns of a homogeneous body from its surface alone |
-//! | [`solve`] | ordering, Cholesky, PCG, Newton's iteration |
+//! | [`solve`] | ordering, Cholesky, PCG, one minimiser for all equilibria ([`solve::minimise`](solve::minimise())) |
 //! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |

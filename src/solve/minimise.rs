@@ -134,3 +134,80 @@ pub fn factorise<E: Energy>(problem: &mut E) -> Option<f64> {
 fn halved(k: usize) -> f64 {
     0.5_f64.powi(k as i32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// V = ¼ (x² - 1)² + ½ y² has minima at x = ±1 and a saddle between.
+    struct Wells {
+        at: [f64; 2],
+        trial: [f64; 2],
+        step: [f64; 2],
+        stiffness: [f64; 2],
+        may_leave: bool,
+    }
+
+    impl Wells {
+        fn new(at: [f64; 2], may_leave: bool) -> Wells {
+            Wells { at, trial: at, step: [0.0; 2], stiffness: [1.0; 2], may_leave }
+        }
+    }
+
+    impl Energy for Wells {
+        const TRIALS: usize = 30;
+
+        fn evaluate(&mut self) -> Option<f64> {
+            self.trial = self.at;
+            self.trial(0.0)
+        }
+
+        fn factorise(&mut self, shift: f64) -> bool {
+            self.stiffness = [3.0 * self.at[0].powi(2) - 1.0 + shift, 1.0 + shift];
+            self.stiffness[0] > 0.0
+        }
+
+        fn find_step(&mut self, _energy: f64) -> Step {
+            let [x, y] = self.at;
+            let gradient = [x * (x * x - 1.0), y];
+            self.step = [0, 1].map(|i| -gradient[i] / self.stiffness[i]);
+            let gain = -(self.step[0] * gradient[0] + self.step[1] * gradient[1]);
+            Step { gain, is_last: gain <= 1e-16 }
+        }
+
+        fn trial(&mut self, share: f64) -> Option<f64> {
+            self.trial = [0, 1].map(|i| self.at[i] + share * self.step[i]);
+            let [x, y] = self.trial;
+            Some(0.25 * (x * x - 1.0).powi(2) + 0.5 * y * y)
+        }
+
+        fn accept(&mut self) {
+            self.at = self.trial;
+        }
+
+        fn find_mode(&mut self) -> Option<f64> {
+            self.may_leave.then(|| {
+                self.step = [1.0, 0.0];
+                0.1
+            })
+        }
+    }
+
+    #[test]
+    fn a_saddle_is_left_and_the_minimum_is_counted_in_iterations() {
+        let mut iterations = 0;
+        let mut wells = Wells::new([0.0, 1e-9], true);
+        let found = minimise(&mut wells, 40, &mut iterations).unwrap();
+        assert!(found.buckled && found.energy < 1e-15 && (wells.at[0] - 1.0).abs() < 1e-8, "{found:?}");
+        assert!((4..40).contains(&iterations), "{iterations}");
+        let mut stays = Wells::new([0.0, 1e-9], false);
+        let found = minimise(&mut stays, 40, &mut 0).unwrap();
+        assert!(!found.buckled && (found.energy - 0.25).abs() < 1e-15 && stays.at[0] == 0.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_search_that_ends_early_says_why() {
+        assert_eq!(minimise(&mut Wells::new([3.0, 0.0], true), 2, &mut 0), Err(Setback::Slow));
+        assert_eq!(minimise(&mut Wells::new([f64::NAN, 0.0], true), 9, &mut 0), Err(Setback::Unstable));
+    }
+}

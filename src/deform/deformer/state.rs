@@ -1,5 +1,5 @@
-//! Loads and forces at points of a body's surface, which act beside its control elements; and the whole state of a deformer, taken and
-//! gone on from.
+//! Loads and forces at points of a body's surface, which act beside its control elements; and the whole state of a deformer, taken
+//! and gone on from.
 
 use super::Deformer;
 use crate::deform::contribution::{Contribution, DeformerState};

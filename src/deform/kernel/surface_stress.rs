@@ -17,10 +17,11 @@
 //! σ₃₃ = t₃   σ₃₁ = t₁   σ₃₂ = t₂   σ₁₁, σ₂₂ + t₃ λ/(λ + 2μ)   ε₃₃ + t₃/(λ + 2μ)   ε₃₁ + t₁/2μ   ε₃₂ + t₂/2μ
 //! ```
 //!
-//! which is all of it for small strain, and for laws of large strain but for parts of the order of (t/μ)². Both tensors are turned back into the body at rest, where a node takes the mean of the
-//! triangles around it, weighed by area at rest. The nodes lie on the surface itself, so a bent body has the stress of its
-//! outermost fibre, which a mean over the tetrahedra below would miss. Triangles inside control elements are left out: forces
-//! of unknown share act there. Where materials meet, a node has that of its materials which is nearest to its limit.
+//! which is all of it for small strain, and for laws of large strain but for parts of the order of (t/μ)². Both tensors are turned
+//! back into the body at rest, where a node takes the mean of the triangles around it, weighed by area at rest. The nodes lie on
+//! the surface itself, so a bent body has the stress of its outermost fibre, which a mean over the tetrahedra below would miss.
+//! Triangles inside control elements are left out: forces of unknown share act there. Where materials meet, a node has that of its
+//! materials which is nearest to its limit.
 
 use crate::fem::{FreeFace, Lame};
 use nalgebra::Vector3;

@@ -10,7 +10,8 @@
 //! Warmth e makes the stress-free body s = 1 + e times as large: s³ V(F/s) = (V - ε zᵀ T z + ½ ε² T_00)/s with ε = (s² - 1)/2, which
 //! is exact for St. Venant–Kirchhoff's law.
 //!
-//! What acts now ([`Acting`]) are sums over tables with a column of vectors for each of the loads' columns. While a pose is settled all forces keep their directions: those that follow the body are turned beforehand.
+//! What acts now ([`Acting`]) are sums over tables with a column of vectors for each of the loads' columns. While a pose is settled
+//! all forces keep their directions: those that follow the body are turned beforehand.
 
 use super::applied::{AppliedLoads, PointLoad, Pull, SharedLoads};
 use crate::deform::model::{ColumnsAt, LoadInput, ModelInput};

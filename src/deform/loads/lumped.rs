@@ -5,13 +5,12 @@
 //! Σ_s a_s · (Σ f φ_s); behind the slots of the model those of the control elements, f and f ⊗ (X - o_e) of the nodes that each
 //! holds. Loads that follow the body turn with the mean turn of its control elements ([`mean_rotation`]).
 //!
-//! The load on a frame of a section or an interface ([`Borne`]), with N = Σ f and M = Σ f ⊗ a of forces at arms a from the frame, along
-//! the body's axes, has the potential -(N·x + M : R) of the
-//! frame (x, R), with derivatives by a motion exp (v, ω) along the frame's own axes, of x + R (v + ½ ω × v) and
-//! R (1 + ω̂ + ½ ω̂²).
+//! The load on a frame of a section or an interface ([`Borne`]), with N = Σ f and M = Σ f ⊗ a of forces at arms a from the frame,
+//! along the body's axes, has the potential -(N·x + M : R) of the frame (x, R), with derivatives by a motion exp (v, ω) along the
+//! frame's own axes, of x + R (v + ½ ω × v) and R (1 + ω̂ + ½ ω̂²).
 //!
-//! On a body that is solved anew ([`NodalLoads`]) they are forces over all nodes, N, along the body's axes, that keep their directions
-//! while a pose is solved, and warmth that lengthens what is free; pressure is that on the area at rest.
+//! On a body that is solved anew ([`NodalLoads`]) they are forces over all nodes, N, along the body's axes, that keep their
+//! directions while a pose is solved, and warmth that lengthens what is free; pressure is that on the area at rest.
 
 use super::applied::{AppliedLoads, StaticForces};
 use super::in_frame::Acting;
@@ -19,11 +18,12 @@ use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{ColumnsAt, ControlRest, ModelInput};
 use crate::deform::models::rotation::mean_rotation;
 use crate::deform::pose::frame::{ControlPose, PoseSlope, axial};
+use crate::deform::pose::se3::{blocks, joined};
 use crate::fem::NodeFields;
 use crate::green::{self, GreenError, LoadForces, LoadMeta, Turning};
 use crate::mesh::TetMesh;
 use crate::scene::Scene;
-use nalgebra::{DMatrix, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 type V3 = Vector3<f64>;
 
@@ -200,15 +200,17 @@ impl Borne {
         Borne { force: inverse * self.force, moments: inverse.matrix() * self.moments }
     }
 
-    /// Minus the slope of the potential by ω, of a load along the frame's own axes; by v it is the force.
-    pub fn torque(&self) -> V3 {
-        axial(&self.moments)
+    /// Minus the slope of the potential by (v, ω), of a load along the frame's own axes: force and torque.
+    pub fn wrench(&self) -> Vector6<f64> {
+        joined(&self.force, &axial(&self.moments))
     }
 
-    /// Minus the second derivatives of the potential by (v, ω) and by (ω, ω), of a load along the frame's own axes.
-    pub fn curvatures(&self) -> [Matrix3<f64>; 2] {
+    /// Minus the second derivative of the potential by (v, ω), of a load along the frame's own axes.
+    pub fn curvature(&self) -> Matrix6<f64> {
         let symmetric = (self.moments + self.moments.transpose()) * 0.5;
-        [self.force.cross_matrix() * 0.5, symmetric - Matrix3::from_diagonal_element(self.moments.trace())]
+        let turning = symmetric - Matrix3::from_diagonal_element(self.moments.trace());
+        let mixed = self.force.cross_matrix() * 0.5;
+        blocks(&Matrix3::zeros(), &mixed, &mixed.transpose(), &turning)
     }
 }
 
@@ -305,9 +307,8 @@ mod tests {
             )
         };
         let own = load.along(&turn);
-        let slope = -own.force.dot(&v) - own.torque().dot(&w);
-        let [mixed, turning] = own.curvatures();
-        let second = -2.0 * v.dot(&(mixed * w)) - w.dot(&(turning * w));
+        let motion = joined(&v, &w);
+        let (slope, second) = (-own.wrench().dot(&motion), -motion.dot(&(own.curvature() * motion)));
         let h = 1e-4;
         let (high, low, here) = (at(h), at(-h), at(0.0));
         assert!(((high - low) / (2.0 * h) - slope).abs() < 1e-7, "{slope}");

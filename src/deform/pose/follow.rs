@@ -6,8 +6,9 @@
 //! the last angle is taken. Near whole turns sin φ/2 is small and q says little of the axis a: there the last axis is kept,
 //! and φ is the twist about it.
 //!
-//! A tracked hand's poses are admitted, clamped, slowed or held before anything is summed: out come poses that are finite, proper and
-//! no wilder than the limits below, and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips never reaches a buffer.
+//! A tracked hand's poses are admitted, clamped, slowed or held before anything is summed: out come poses that are finite, proper
+//! and no wilder than the limits below, and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips
+//! never reaches a buffer.
 
 use super::frame::{ControlPose, continued};
 use crate::fem::Polar;

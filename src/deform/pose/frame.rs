@@ -1,9 +1,9 @@
 //! Poses of control elements with the paper's twelve coefficients, and poses taken apart: where the origin is, how the element is
 //! turned, how it is stretched.
 //!
-//! In: a pose T, M. Out: the place o + T, the rotation R and the symmetric stretch U of M = R U, R as the quaternion of the two whose
-//! sign goes on from the one before; and the way back of forces: the derivatives of an energy by T and M from those by place, rotation
-//! and stretch, and the force and torque that a hand must apply ([`Wrench`]). With X = Rᵀ dM the polar factors move by
+//! In: a pose T, M. Out: the place o + T, the rotation R and the symmetric stretch U of M = R U, R as the quaternion of the two
+//! whose sign goes on from the one before; and the way back of forces: the derivatives of an energy by T and M from those by place,
+//! rotation and stretch, and the force and torque that a hand must apply ([`Wrench`]). With X = Rᵀ dM the polar factors move by
 //!
 //! ```text
 //! dR = R [w]     (tr U - U) w = axial X     dU = sym X - sym([w] U)

@@ -10,7 +10,8 @@
 //! Introduction to Robotic Manipulation, section 2.3; Selig, Geometric Fundamentals of Robotics, section 4.5; Sonneville, Cardona and
 //! Brüls, CMAME 268, 2014). Defined up to θ < 2π.
 //!
-//! The mean of the control elements' frames ([`MeanFrame`]): of frames g_e = (R_e, p_e) the m with Σ_e log(m⁻¹ g_e) = 0, and the slopes of a scalar by the frames from that by m:
+//! The mean of the control elements' frames ([`MeanFrame`]): of frames g_e = (R_e, p_e) the m with Σ_e log(m⁻¹ g_e) = 0, and the
+//! slopes of a scalar by the frames from that by m:
 //!
 //! ```text
 //! ξ_e = log(m⁻¹ g_e)     g_e → g_e exp δ_e  ⇒  m → m exp η,   (Σ L⁻¹(ξ_e)) η = Σ J⁻¹(ξ_e) δ_e
@@ -39,6 +40,15 @@ const SERIES: [f64; 9] = [
     3_617.0 / 10_670_622_842_880_000.0,
     43_867.0 / 5_109_094_217_170_944_000.0,
 ];
+
+/// F. Infinite at a whole turn.
+fn bernoulli_value(square: f64) -> f64 {
+    if square < SMALL * SMALL {
+        return SERIES.iter().rev().fold(0.0, |sum, term| sum * square + term);
+    }
+    let half = 0.5 * square.sqrt();
+    (1.0 - half / half.tan()) / square
+}
 
 /// F and its first two derivatives by φ. Infinite at a whole turn.
 fn bernoulli(square: f64) -> [f64; 3] {
@@ -83,7 +93,7 @@ pub fn slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
 /// V(ω)⁻¹; its singularity is at θ = 2π.
 pub fn inverse_slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
     let (square, cross) = (turn.norm_squared(), turn.cross_matrix());
-    Matrix3::identity() - cross * 0.5 + cross * cross * bernoulli(square)[0]
+    Matrix3::identity() - cross * 0.5 + cross * cross * bernoulli_value(square)
 }
 
 /// exp ξ.

@@ -1,8 +1,8 @@
 //! The body that a thread keeps in static equilibrium.
 //!
-//! In: what the thread is asked for ([`Background`]). Out: each equilibrium that it finds, and the stiffness there. Each is a full one
-//! ([`Settler`]); between two poses no element is turned by more than 30° at once, and what lies on the way is an equilibrium, too.
-//! The factor of one tangent stiffness serves many of them, and is made anew where the iterations grow.
+//! In: what the thread is asked for ([`Background`]). Out: each equilibrium that it finds, and the stiffness there. Each is a full
+//! one ([`Settler`]); between two poses no element is turned by more than 30° at once, and what lies on the way is an equilibrium,
+//! too. The factor of one tangent stiffness serves many of them, and is made anew where the iterations grow.
 
 use super::background::{Asked, Background, Found, Next, Shared, lock, lose, next};
 use super::load_steps;

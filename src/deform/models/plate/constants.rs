@@ -14,8 +14,8 @@
 //! at them when it is bent or twisted a little: p and q of the [`Point`]s are such that the shell pulls as strongly. Elements
 //! that lock in bending or twisting feel these stretches differently.
 //!
-//! And the way of all control elements from one set of frames to another, whose quaternions distinguish turns up to 360° apart, in steps
-//! along screws.
+//! And the way of all control elements from one set of frames to another, whose quaternions distinguish turns up to 360° apart, in
+//! steps along screws.
 
 use super::point::{Hold, Law, Point};
 use super::sheet::{Sheet, Standing};

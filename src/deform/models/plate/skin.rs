@@ -9,9 +9,9 @@
 //! with the node's place (r, α, z) at rest, and the contraction across the plate of plane stress. Nodes of the control
 //! elements go exactly where they are held.
 //!
-//! A control element holds the middle surface by [`Grip`]s: in each cell those of the places of its nodes that lie farthest out in eight directions, which
-//! mark the edge of the held region, and the one in the middle. Fibres are held as far as the nodes spread across the plate: a
-//! face or a band holds them, nodes of one of its two faces alone do not.
+//! A control element holds the middle surface by [`Grip`]s: in each cell those of the places of its nodes that lie farthest out in
+//! eight directions, which mark the edge of the held region, and the one in the middle. Fibres are held as far as the nodes spread
+//! across the plate: a face or a band holds them, nodes of one of its two faces alone do not.
 
 use super::middle::Middle;
 use super::point::{Grip, Hold, Point};

@@ -17,7 +17,7 @@
 
 use crate::deform::loads::Borne;
 use crate::deform::memory::{ModelMemory, Unknowns};
-use crate::deform::pose::se3::{Tangent, exp, halves, joined, log_of};
+use crate::deform::pose::se3::{Tangent, exp, halves, log_of};
 use crate::solve::minimise::{Energy, Step, factorise, minimise};
 use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
 
@@ -339,8 +339,7 @@ impl Chain {
     /// Takes the loads' work from the gradient.
     fn take_work(&mut self) {
         for (slope, (frame, load)) in self.gradient.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
-            let load = load.along(&frame.rotation);
-            *slope -= joined(&load.force, &load.torque());
+            *slope -= load.along(&frame.rotation).wrench();
         }
     }
 
@@ -380,11 +379,7 @@ impl Chain {
         }
         self.take_work();
         for (block, (frame, load)) in self.diagonal.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
-            let [mixed, turning] = load.along(&frame.rotation).curvatures();
-            for (row, column, part) in [(0, 3, mixed), (3, 0, mixed.transpose()), (3, 3, turning)] {
-                let mut view = block.fixed_view_mut::<3, 3>(row, column);
-                view -= part;
-            }
+            *block -= load.along(&frame.rotation).curvature();
         }
         self.energy_of(&self.frames)
     }

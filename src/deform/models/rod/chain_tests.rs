@@ -1,6 +1,7 @@
 //! The rod against twists, arcs and rolls in closed form, the elastica, tabulated tips and the twist at which it buckles.
 
 use super::*;
+use crate::deform::pose::se3::joined;
 use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
 

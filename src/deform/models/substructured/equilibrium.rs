@@ -136,15 +136,11 @@ impl Assembly {
     fn add_loads(&mut self, places: &Places) {
         for (i, (frame, load)) in places.interfaces.iter().zip(&self.loads).enumerate() {
             let load = load.along(&frame.rotation);
-            let (torque, [mixed, turning]) = (load.torque(), load.curvatures());
-            for row in 0..3 {
-                self.gradient[6 * i + row] -= load.force[row];
-                self.gradient[6 * i + 3 + row] -= torque[row];
-                for column in 0..3 {
-                    if column <= row {
-                        self.hessian.add(6 * i + 3 + row, 6 * i + 3 + column, -turning[(row, column)]);
-                    }
-                    self.hessian.add(6 * i + 3 + row, 6 * i + column, -mixed[(column, row)]);
+            let (wrench, curvature) = (load.wrench(), load.curvature());
+            for row in 0..6 {
+                self.gradient[6 * i + row] -= wrench[row];
+                for column in 0..=row {
+                    self.hessian.add(6 * i + row, 6 * i + column, -curvature[(row, column)]);
                 }
             }
         }

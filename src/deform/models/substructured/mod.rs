@@ -17,7 +17,7 @@ use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{
     Bearing, BodyState, DeformationModel, Frame, Kind, ModelEntry, ModelInput, Response,
 };
-use crate::deform::pose::frame::{ControlFrame, ControlPose, FrameSlope, PoseSlope};
+use crate::deform::pose::frame::{ControlFrame, ControlPose, FrameSlope, PoseSlope, axial};
 use crate::green::substructure::{Joint, StoredParts};
 use crate::green::{LOAD_FORCES, SUBSTRUCTURES};
 use energy::PartEnergy;
@@ -215,7 +215,7 @@ impl Substructured {
             if let Some(load) = on_controls.get(e) {
                 let along = load.along(&frame.turn);
                 own.force -= along.force;
-                own.torque -= along.torque();
+                own.torque -= axial(&along.moments);
                 self.energy += load.potential(&frame.place, &frame.turn);
             }
             own.force = frame.turn * own.force;
