@@ -123,7 +123,7 @@ impl Setting {
 }
 
 /// The costs of one setting, and its errors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     pub setting: Setting,
     pub mesh_nodes: usize,
