@@ -93,7 +93,7 @@ pub struct Shapes {
     pub errors: Vec<(usize, Vec<Vector3<f64>>)>,
 }
 
-/// A value for each parameter of a body ([`PARAMETERS`](super::PARAMETERS)).
+/// A value for each parameter of a body ([`PARAMETERS`]).
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
