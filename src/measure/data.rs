@@ -93,7 +93,7 @@ pub struct Shapes {
     pub errors: Vec<(usize, Vec<Vector3<f64>>)>,
 }
 
-/// A value for each parameter of a body ([`PARAMETERS`](super::PARAMETERS)).
+/// A value for each parameter of a body ([`PARAMETERS`]).
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Setting {
     /// Uniform refinements of the scene's mesh.
@@ -123,7 +123,7 @@ impl Setting {
 }
 
 /// The costs of one setting, and its errors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     pub setting: Setting,
     pub mesh_nodes: usize,

@@ -179,7 +179,7 @@ pub fn write(solution: &Solution) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The solution of a scene's body that [`write`] wrote; `None` where the bytes are not of this body.
+/// The solution of a scene's body that [`write()`] wrote; `None` where the bytes are not of this body.
 pub fn read(scene: &Scene, body: &str, bytes: &[u8]) -> Option<Solution> {
     let (length, rest) = bytes.split_at_checked(8)?;
     let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;

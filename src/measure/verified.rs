@@ -143,7 +143,6 @@ fn matching(statics: &Statics, deformer: &Deformer, extent: f64) -> Vec<(usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::data::{Cost, Errors, Setting};
     use crate::measure::poses::random;
     use std::path::Path;
 
@@ -174,14 +173,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = bar(folder.path(), keys);
         // Too large for a finer reference, and no error of the mesh: what is left is the model's.
-        let row = Measurement {
-            setting: Setting::default(),
-            mesh_nodes: 1_000_000,
-            surface_nodes: 0,
-            forward_error: None,
-            cost: Cost::default(),
-            error: Errors::default(),
-        };
+        let row = Measurement { mesh_nodes: 1_000_000, ..Measurement::default() };
         let origins = [Vector3::new(2.5, -2.0, 5.0), Vector3::new(3.5, -2.0, 5.0)];
         verify(&scene, "b", &row, &random(&origins, &[angle], 0.0, 1)).unwrap().unwrap()
     }

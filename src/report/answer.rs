@@ -290,8 +290,6 @@ mod tests {
                 storage: "f32".into(),
                 model: crate::deform::find_model(model).unwrap(),
             },
-            mesh_nodes: 100,
-            surface_nodes: 80,
             forward_error: Some(1e-12),
             cost: Cost { frame_p50_s: 1e-6 * time_us, offline_s: 2.0, file_bytes: 1e6, ..Cost::default() },
             error: Errors {
@@ -300,6 +298,7 @@ mod tests {
                 uncancelled_held: held.into().map(spread),
                 ..Errors::default()
             },
+            ..Measurement::default()
         }
     }
 

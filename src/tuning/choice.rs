@@ -232,14 +232,12 @@ mod tests {
         let spread = Spread { median: error, worst: error };
         Measurement {
             setting: Setting {
-                refine: 0,
                 element: "tet4".into(),
                 solver: solver.parse().unwrap(),
                 storage: storage.into(),
                 model: &crate::deform::LINEAR,
+                ..Setting::default()
             },
-            mesh_nodes: 100,
-            surface_nodes: 80,
             forward_error: Some(1e-12),
             cost: Cost { frame_p50_s: 1e-6 * time_us, file_bytes: 1e6, ..Cost::default() },
             error: Errors {
@@ -250,6 +248,7 @@ mod tests {
                 uncancelled_held: Some(spread),
                 ..Errors::default()
             },
+            ..Measurement::default()
         }
     }
 

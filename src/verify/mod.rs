@@ -96,7 +96,7 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<ConvergenceRow>, Ver
         Effort::Fine => &problem.sizes[..],
     };
     let ratios = if effort == Effort::Smooth { &POISSON[..1] } else { &POISSON[..] };
-    let mut table = Table::default();
+    let mut rows = Vec::new();
     for &element in ELEMENTS {
         for &size in sizes {
             let measures = (problem.solve)(element, size, ratios).map_err(|fault| VerifyError {
@@ -105,50 +105,25 @@ pub fn run(problem: &Problem, effort: Effort) -> Result<Vec<ConvergenceRow>, Ver
                 size,
                 fault: Box::new(fault),
             })?;
-            for measure in measures {
-                table.add(problem, element, size, measure);
-            }
+            measures.into_iter().for_each(|measure| add(&mut rows, problem, element, size, measure));
         }
     }
-    Ok(table.finish())
+    rows.iter_mut().for_each(|row| row.rate = rate(&row.levels, row.known_to));
+    Ok(rows)
 }
 
-/// The rows while they are collected.
-#[derive(Default)]
-struct Table {
-    rows: Vec<ConvergenceRow>,
-}
-
-impl Table {
-    fn add(&mut self, problem: &Problem, element: &Element, size: u32, measure: Measure) {
-        let Measure { quantity, nodes, seconds, value, reference, error, known_to, bound } = measure;
-        let level = Level { h: 1.0 / f64::from(element.cells(size)), nodes, value, error, seconds };
-        let same = |row: &ConvergenceRow| row.quantity == quantity && row.element == element.name;
-        match self.rows.iter_mut().find(|row| same(row)) {
-            // What is required is so on the finest mesh.
-            Some(row) => {
-                row.levels.push(level);
-                row.bound = bound;
-            }
-            None => {
-                let after = self.rows.iter().rposition(|row| row.quantity == quantity);
-                let row = ConvergenceRow {
-                    problem: problem.name.into(),
-                    quantity,
-                    element: element.name.into(),
-                    reference,
-                    levels: vec![level],
-                    known_to,
-                    rate: None,
-                    bound,
-                };
-                self.rows.insert(after.map_or(self.rows.len(), |at| at + 1), row);
-            }
-        }
+/// Adds a measure to the row of its quantity and element, or a row behind those of the quantity.
+fn add(rows: &mut Vec<ConvergenceRow>, problem: &Problem, element: &Element, size: u32, measure: Measure) {
+    let Measure { quantity, nodes, seconds, value, reference, error, known_to, bound } = measure;
+    let level = Level { h: 1.0 / f64::from(element.cells(size)), nodes, value, error, seconds };
+    if let Some(row) = rows.iter_mut().find(|row| row.quantity == quantity && row.element == element.name) {
+        row.levels.push(level);
+        // What is required is so on the finest mesh.
+        row.bound = bound;
+        return;
     }
-
-    fn finish(self) -> Vec<ConvergenceRow> {
-        let rated = |row: ConvergenceRow| ConvergenceRow { rate: rate(&row.levels, row.known_to), ..row };
-        self.rows.into_iter().map(rated).collect()
-    }
+    let after = rows.iter().rposition(|row| row.quantity == quantity);
+    let (problem, element, levels) = (problem.name.into(), element.name.into(), vec![level]);
+    let row = ConvergenceRow { problem, quantity, element, reference, levels, known_to, rate: None, bound };
+    rows.insert(after.map_or(rows.len(), |at| at + 1), row);
 }

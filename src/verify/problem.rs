@@ -78,9 +78,7 @@ impl Solution {
 
     /// A relative error in some norm, whose reference is 0.
     pub fn norm(&self, quantity: impl Into<String>, error: f64, bound: Bound) -> Measure {
-        let quantity = quantity.into();
-        let (nodes, seconds) = (self.displacement.len(), self.seconds);
-        Measure { quantity, nodes, seconds, value: error, reference: 0.0, error, known_to: 0.0, bound }
+        Measure { error, ..self.value(quantity, error, 0.0, 0.0, bound) }
     }
 }
 

@@ -10,7 +10,7 @@ use crate::fem::{Law, NEO_HOOKEAN, STVK, nearest_turn};
 use crate::green::{FIELDS, Solution};
 use crate::scene::Scene;
 use crate::solve::Silent;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use std::path::Path;
 
 pub(super) fn rows() -> CaseRows {
@@ -33,20 +33,6 @@ fn row(number: u32, case: impl Into<String>, must: Must, fault: Option<PoseFault
         measured: must.measured,
         error: Some(error),
         bound: Some(must.bound),
-    }
-}
-
-/// Displacements of the surface nodes: the point X of the body comes to
-/// x = body_from_surface · (X + u), both about the body's centre.
-struct SurfaceDisplacements {
-    u: Vec<[f32; 3]>,
-    /// Rigid motion that the model took out of the poses; the identity for `linear`.
-    body_from_surface: Isometry3<f64>,
-}
-
-impl SurfaceDisplacements {
-    fn zeros(nodes: usize) -> SurfaceDisplacements {
-        SurfaceDisplacements { u: vec![[0.0; 3]; nodes], body_from_surface: Isometry3::identity() }
     }
 }
 
@@ -98,18 +84,18 @@ impl Online {
             loads: None,
         };
         let Ok(mut model) = make(&input) else { return Vec::new() };
-        let mut u = SurfaceDisplacements::zeros(self.rest.len());
         let groups: Vec<ColumnGroup> = self.columns.iter().map(|columns| ColumnGroup::F32(columns)).collect();
-        let place = |u: &SurfaceDisplacements| -> Vec<Vector3<f64>> {
-            let moved = self.rest.iter().zip(&u.u).map(|(x, u)| x + Vector3::from(*u).cast::<f64>());
-            moved.map(|x| (u.body_from_surface * Point3::from(x)).coords).collect()
-        };
-        let mut sum = Superposition::new(&groups, self.rest.len());
+        let (mut sum, mut u) =
+            (Superposition::new(&groups, self.rest.len()), vec![[0.0; 3]; self.rest.len()]);
+        // The point X of the body comes to x = body_from_surface · (X + u), both about the body's centre.
         let frame = |poses: ControlPoses| {
             let made = model.state(&poses);
-            sum.update(&groups, &made.coefficients, &mut u.u);
-            u.body_from_surface = made.body_from_surface();
-            (place(&u), made.rotation_undefined)
+            sum.update(&groups, &made.coefficients, &mut u);
+            let motion = made.body_from_surface();
+            let place = |(x, u): (&Vector3<f64>, &[f32; 3])| {
+                (motion * Point3::from(x + Vector3::from(*u).cast::<f64>())).coords
+            };
+            (self.rest.iter().zip(&u).map(place).collect(), made.rotation_undefined)
         };
         poses.map(frame).collect()
     }
