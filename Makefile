@@ -1,7 +1,7 @@
 # `make demo` builds the program and starts the demo.
 # `make test` runs all that CI runs.
-# `make one T=solve::pcg` runs the library's tests of that name, and compiles only what has changed since the last time.
 # Both install what is missing on Debian or Ubuntu, and say what and why (scripts/setup.sh).
+# `make one T=solve::pcg` runs the library's tests of that name, and compiles only what has changed since the last time.
 
 # Mesa complains where no session has set it.
 XDG_RUNTIME_DIR ?= /tmp
