@@ -1,7 +1,7 @@
 //! Makes the 16-bit columns of a container pack well, and undoes it.
 //!
 //! In: the bytes of a .green file. Out: as many bytes in which the columns stand as what differs from guesses
-//! ([`super::guess`]), and behind them which guesses:
+//! ([`Guesses`]), and behind them which guesses:
 //!
 //! ```text
 //! container | a byte for each tensor of such columns, in the order of their names | their number, u32 | MARK

@@ -437,7 +437,7 @@ impl ChangedSystem<'_> {
 }
 
 impl ChangedSystem<'_> {
-    /// What [`Changed::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
+    /// What [`ChangedSystem::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
     /// were changed.
     pub fn added_yield(&self) -> Option<(Vec<u32>, DMatrix<f64>)> {
         let k = self.released.len();

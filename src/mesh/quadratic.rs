@@ -125,7 +125,7 @@ pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
         let mut joining = Vec::new();
         let holds = |node: &u32| group.binary_search(node).is_ok();
         let (mut solid, mut covered) = (Vec::new(), Vec::new());
-        for tet in group.iter().flat_map(|&node| tets.from_node(node)).map(|tet| mesh.tets[tet as usize]) {
+        for tet in group.iter().flat_map(|&node| tets.starting_at(node)).map(|tet| mesh.tets[tet as usize]) {
             if tet.iter().all(holds) {
                 solid.extend(edges_of(&tet));
                 covered.extend(tet);
@@ -136,7 +136,7 @@ pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
         covered.dedup();
         let is_volume = covered.len() == group.len();
         let is_surface = group.iter().all(|node| is_outer[*node as usize]);
-        for i in group.iter().flat_map(|&node| edges.from_node(node)) {
+        for i in group.iter().flat_map(|&node| edges.starting_at(node)) {
             let edge = ends[i as usize];
             let belongs = match (is_volume, is_surface) {
                 (true, _) => solid.binary_search(&edge).is_ok(),
@@ -165,7 +165,7 @@ impl ByLeast {
         ByLeast { sorted }
     }
 
-    fn from_node(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
+    fn starting_at(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
         let first = self.sorted.partition_point(|(least, _)| *least < node);
         self.sorted[first..].iter().take_while(move |(least, _)| *least == node).map(|(_, thing)| *thing)
     }

@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// All that changes from frame to frame.
 ///
 /// Not here, because it follows from the state: positions, normals, factors, the [`Frame`]. Not here, because it comes in as
-/// [`Input`](super::Input): trackers, script, devices. Background work under way is forgotten.
+/// [`Input`]: trackers, script, devices. Background work under way is forgotten.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {

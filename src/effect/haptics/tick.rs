@@ -78,7 +78,7 @@ pub struct Control {
 }
 
 impl Control {
-    /// `bodies` are those that [`Held::body`] indexes; `latency_s` is that of the device.
+    /// `bodies` are those that [`ElementHold::body`] indexes; `latency_s` is that of the device.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
         let (delay, acting) = (Delay::new(haptic.period_s()), ActingPush::new(haptic.rate_hz));
         Control {

@@ -18,7 +18,7 @@
 //! ```
 //!
 //! which is I/A of a uniform straight rod, in the mean of both directions of bending. The rod itself takes its radius from the solved
-//! body's compliance ([`Section`](section::Section)), which differs where the body narrows or its ends give way.
+//! body's compliance ([`Section`]), which differs where the body narrows or its ends give way.
 
 mod chain;
 mod section;
