@@ -138,9 +138,13 @@ fn covered(image: &egui::ColorImage, uv: [f32; 2]) -> f32 {
     image.pixels.get(at(1) * image.size[0] + at(0)).map_or(1.0, |pixel| f32::from(pixel.a()) / 255.0)
 }
 
-/// Light of an sRGB value.
+/// Light of an sRGB value of eight bits.
 pub fn linear(value: u8) -> f32 {
-    let x = f32::from(value) / 255.0;
+    light(f32::from(value) / 255.0)
+}
+
+/// Light of an sRGB value from 0 to 1.
+pub fn light(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -2,16 +2,16 @@
 //!
 //! In: triangles, places and values. Out: a PNG file, or its bytes as a data address for a page. It needs no graphics device.
 
-use image::ImageEncoder;
-use image::codecs::png::PngEncoder;
+use crate::export::raster::{self, Raster, SAMPLES};
+use image::{DynamicImage, ImageFormat};
 use nalgebra::{Matrix3, Vector3};
+use std::io::Cursor;
 
-/// Pixels of the longer side, and how many samples a pixel has along each axis.
+/// Pixels of the longer side.
 const LONGEST: f64 = 620.0;
-const SAMPLES: usize = 2;
 /// Room around the body, as a part of its extent.
 const ROOM: f64 = 0.06;
-const BACKGROUND: [f64; 3] = [0.953, 0.957, 0.965];
+const BACKGROUND: [u8; 3] = [243, 244, 246];
 const GHOST: [f64; 3] = [0.80, 0.82, 0.84];
 
 /// Colours from nothing to the largest value (matplotlib's viridis, CC0; S. van der Walt and N. Smith, 2015): equal steps of
@@ -122,20 +122,18 @@ impl Frame {
 /// A picture while surfaces are drawn into it.
 pub struct Relief {
     frame: Frame,
-    colours: Vec<[f64; 3]>,
-    depth: Vec<f64>,
+    raster: Raster,
 }
 
 impl Relief {
     pub fn new(frame: Frame) -> Relief {
-        let count = frame.size[0] * frame.size[1] * SAMPLES * SAMPLES;
-        Relief { frame, colours: vec![BACKGROUND; count], depth: vec![f64::NEG_INFINITY; count] }
+        Relief { frame, raster: Raster::new(frame.size, BACKGROUND) }
     }
 
     /// The body where it should be: grey, behind whatever is drawn later.
     pub fn ghost(&mut self, triangles: &[[u32; 3]], places: &[Vector3<f64>]) {
         self.draw(triangles, places, &|_, _| GHOST);
-        self.depth.fill(f64::NEG_INFINITY);
+        self.raster.forget_depth();
     }
 
     /// The surface, its colour by `part` of the largest value at each node.
@@ -146,68 +144,27 @@ impl Relief {
     }
 
     fn draw(&mut self, triangles: &[[u32; 3]], places: &[Vector3<f64>], colour: &Colour<'_>) {
-        let wide = SAMPLES * self.frame.size[0];
-        let high = SAMPLES * self.frame.size[1];
-        let samples: Vec<Vector3<f64>> = places.iter().map(|place| self.frame.sample(place)).collect();
+        let samples: Vec<[f64; 3]> = places.iter().map(|place| self.frame.sample(place).into()).collect();
+        let towards = self.frame.view.0.row(2).transpose();
         for triangle in triangles {
-            let [a, b, c] = triangle.map(|node| samples[node as usize]);
-            let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
-            if area.abs() < 1e-12 || !area.is_finite() {
-                continue;
-            }
             // Light from the eye, softened: surfaces that turn away are darker.
             let [p, q, r] = triangle.map(|node| places[node as usize]);
             let normal = (q - p).cross(&(r - p));
-            let towards = self.frame.view.0.row(2).transpose();
             let light = 0.55 + 0.45 * (normal.dot(&towards) / normal.norm().max(1e-300)).abs();
-            let range = |x: [f64; 3], most: usize| {
-                let low = x.iter().copied().fold(f64::INFINITY, f64::min).floor().max(0.0) as usize;
-                let high = x.iter().copied().fold(f64::NEG_INFINITY, f64::max).ceil().max(0.0) as usize;
-                low..(high + 1).min(most)
+            let paint = |weights| {
+                let [r, g, b] = colour(triangle, weights).map(|c| raster::light((c * light) as f32));
+                [r, g, b, 1.0]
             };
-            for y in range([a.y, b.y, c.y], high) {
-                for x in range([a.x, b.x, c.x], wide) {
-                    let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
-                    let u = ((px - a.x) * (c.y - a.y) - (c.x - a.x) * (py - a.y)) / area;
-                    let v = ((b.x - a.x) * (py - a.y) - (px - a.x) * (b.y - a.y)) / area;
-                    let weights = [1.0 - u - v, u, v];
-                    if weights.iter().any(|w| *w < -1e-9) {
-                        continue;
-                    }
-                    let depth = weights[0] * a.z + weights[1] * b.z + weights[2] * c.z;
-                    let at = y * wide + x;
-                    if depth > self.depth[at] {
-                        self.depth[at] = depth;
-                        self.colours[at] = colour(triangle, weights).map(|c| c * light);
-                    }
-                }
-            }
+            self.raster.triangle(triangle.map(|node| samples[node as usize]), true, &paint);
         }
     }
 
     /// The picture as a PNG file.
     pub fn png(&self) -> Vec<u8> {
-        let [width, height] = self.frame.size;
-        let mut bytes = Vec::with_capacity(3 * width * height);
-        for y in 0..height {
-            for x in 0..width {
-                let inside = (0..SAMPLES * SAMPLES)
-                    .map(|i| (SAMPLES * y + i / SAMPLES) * SAMPLES * width + SAMPLES * x + i % SAMPLES);
-                let mut sum = [0.0; 3];
-                inside.for_each(|at| (0..3).for_each(|c| sum[c] += self.colours[at][c]));
-                let mean = sum.map(|c| c / (SAMPLES * SAMPLES) as f64);
-                bytes.extend(mean.map(|c| (255.0 * c.clamp(0.0, 1.0)).round() as u8));
-            }
-        }
-        let mut file = Vec::new();
-        let written = PngEncoder::new(&mut file).write_image(
-            &bytes,
-            width as u32,
-            height as u32,
-            image::ExtendedColorType::Rgb8,
-        );
+        let picture = DynamicImage::from(self.raster.picture()).to_rgb8();
+        let mut file = Cursor::new(Vec::new());
         // Into memory, of a size that fits: nothing can fail.
-        written.map_or_else(|_| Vec::new(), |()| file)
+        picture.write_to(&mut file, ImageFormat::Png).map_or_else(|_| Vec::new(), |()| file.into_inner())
     }
 }
 
@@ -234,7 +191,7 @@ mod tests {
         assert_eq!((picture.width(), picture.height()), (width, height));
         assert_eq!(picture.get_pixel(width / 2, height / 2).0, COLOURS[8]);
         assert_eq!(picture.get_pixel(width / 8, height / 2).0, COLOURS[0]);
-        assert_eq!(picture.get_pixel(1, 1).0, BACKGROUND.map(|c| (255.0 * c).round() as u8));
+        assert_eq!(picture.get_pixel(1, 1).0, BACKGROUND);
         // Drawn the other way round it is the same.
         let mut other = Relief::new(frame);
         other.surface(&[triangles[2], triangles[3], triangles[0], triangles[1]], &places, &part);
