@@ -1,12 +1,12 @@
 //! Seats of the plates of a world: apart from each other and from the overlay, never over what a hand holds, and steady.
 //!
-//! In: the sizes that each plate may have, the most important plate first, and what is in the picture ([`Room`]). Out: a
-//! [`Seat`] for each plate, or none where there is no room even for the smallest. A plate stands in its own corner, above
-//! those that came before, while nothing is held there. Otherwise it goes where it covers least of the bodies, smaller where it must, stays
-//! there until something comes under it, and goes back when its own place has been free for a second.
+//! In: the sizes that each plate may have, the most important plate first, and the rectangles in the picture ([`Room`]).
+//! Out: a [`Seat`] for each plate, or none where there is no room even for the smallest. A plate stands in its own corner,
+//! above the plates before it, while nothing is held there. Otherwise it goes where it covers least of the bodies, smaller
+//! where it must, stays there until something comes under it, and goes back when its own place has been free for a second.
 //!
-//! Finds the rectangles that plates must not cover: the control elements that are held, their arrows and what is pointed at, as
-//! screens show it.
+//! [`keep_clear`] finds the rectangles that plates must not cover: the control elements that are held, their arrows and the
+//! points that styli hit, as the screens show them.
 
 use crate::render::Drawable;
 use crate::scene::Grab;

@@ -1,12 +1,10 @@
 //! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
 //!
-//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where the
-//! condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of the
-//! condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
-//! iterations that are left would take longer than a factor in f64. A note reports it. Literature: Higham and Mary, Acta Numerica
-//! 31 (2022), 347-414, section 8.
-//!
-//! An estimate of the condition number of A in a small part of the time of its factor; a factor in f32 is useless above 1e7.
+//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where
+//! the condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of
+//! the condition number, which takes a small part of the time of a factor, decides beforehand whether the factor is made in
+//! f64 instead; otherwise that happens as soon as the remaining iterations would take longer than a factor in f64. A note
+//! reports it. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
 
 use super::analysis::Analysis;
 use super::cholesky::Cholesky;
@@ -323,7 +321,12 @@ const STEPS: usize = 6;
 /// The largest eigenvalue of a stiffness matrix that is scaled by its diagonal.
 const LARGEST: f64 = 3.0;
 
-/// Estimate of κ₂(S A S) with S = diag(A)^-1/2; infinite where A is not positive definite, `None` without places.
+/// Estimate of κ₂(S A S) with S = diag(A)^-1/2, from below and to an order of magnitude; infinite where A is not positive
+/// definite, `None` without places.
+///
+/// The nodes are gathered into a few groups that move as rigid bodies (Rayleigh and Ritz). All strain is then between the
+/// groups, in one layer of elements instead of many: the least eigenvalue is too large by as many times as a group has
+/// layers.
 pub(super) fn condition(a: &StiffnessMatrix) -> Option<f64> {
     if a.places.len() != a.nodes() || a.nodes() == 0 {
         return None;

@@ -1,4 +1,5 @@
-//! The prolongator: turns a motion of the aggregates into that of their nodes.
+//! The prolongator, which turns a motion of the aggregates into that of their nodes, and the matrix with which a level is
+//! smoothed ([`Smoothed`], f32: the rows, the inverses of the clusters' blocks, and the parts that one thread works on).
 //!
 //! ```text
 //! tentative    [N_i S(o_i - c)]_(i in aggregate) = Q R      P₀ = Q,  coarse N = R about the centre c
@@ -9,8 +10,6 @@
 //! × d. Rigid motions of the whole body are therefore motions of the aggregates, exactly, and have no energy on the coarse level
 //! either. A motion that is not distinct from the others at the aggregate's nodes (the turn of a straight row of nodes about
 //! itself) is left out: its column of Q is zero.
-//!
-//! The matrix that a level is smoothed with, f32: the rows, the inverses of the clusters' blocks, and what one thread works on.
 
 use super::cluster;
 use super::cluster::{ALONE, Aggregates, Clusters, MOST};
