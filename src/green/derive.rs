@@ -277,7 +277,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct Measure<'a> {
     /// The columns of control elements and loads on the surface after the change.
     pub columns: &'a DMatrix<f64>,
-    /// The Hessian before the change ([`Changed::body`]).
+    /// The Hessian before the change ([`ChangedSystem::body`]).
     pub hessian: &'a DMatrix<f64>,
     /// Half the body's extent, m: it makes a displacement of a unit field that is not a shift.
     pub reach: f64,

@@ -437,8 +437,8 @@ impl ChangedSystem<'_> {
 }
 
 impl ChangedSystem<'_> {
-    /// What [`Changed::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
-    /// were changed.
+    /// The addition of [`ChangedSystem::compliance`] as W M Wᵀ: the columns of g and h on the surface that W has, and M. `None`
+    /// where moduli were changed.
     pub fn added_yield(&self) -> Option<(Vec<u32>, DMatrix<f64>)> {
         let k = self.released.len();
         let fields = self.fields.iter().map(|&field| field as u32).collect();
