@@ -261,8 +261,8 @@ fn surface_result(
     lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
-            "warning: {}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
-             turned too far against each other or too far apart, and keeps one of before: the result is not to be trusted; \
+            "warning: {}: the model \"{}\" finds no frame or no equilibrium: its control elements are turned too far \
+             against each other, or are too far apart. The result has an earlier one and is not to be trusted; \
              model = \"stvk\" solves such a pose anew",
             asked.place(),
             body.entry.name

@@ -140,7 +140,7 @@ fn known_tables() -> impl Iterator<Item = &'static str> {
     own.into_iter().chain(substructure::TABLES)
 }
 
-/// All of a solution but the numbers.
+/// A solution without its numbers.
 #[derive(Serialize, Deserialize)]
 struct Head {
     columns: usize,

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends on
-//! those numbers; the third takes any number of right-hand sides. A body whose nodes are all held has no unknowns, and a
-//! solver of its own.
+//! those numbers; the third takes any number of right-hand sides. A body whose nodes are all held has no unknowns, and the
+//! solver [`NoUnknowns`].
 
 use super::analysis::SharedAnalysis;
 use super::error::SolveError;
