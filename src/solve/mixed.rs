@@ -48,11 +48,11 @@ fn expected(condition: f64) -> f64 {
 /// Iterations after which the factor is called too inexact, and those that are usual.
 const MOST: usize = 25;
 const USUAL: f64 = 3.0;
-/// Relative residual to which the recurrence goes, …
+/// Relative residual of the recurrence at which the iteration ends.
 const TOLERANCE: f64 = 5e-13;
-/// … and of what it lost by rounding, and of the solves of the estimates.
-const CORRECTION: f64 = 1e-3;
-/// … and of columns of the inverse at chosen nodes, which are kept as f32.
+/// The same for the solves by which the error is estimated.
+const ESTIMATE: f64 = 1e-3;
+/// The same for columns of the inverse at chosen nodes, which are kept as f32.
 const COLUMN: f64 = 1e-10;
 
 const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
@@ -215,7 +215,7 @@ impl Mixed<'_> {
         progress.advance(b.columns as u64);
         progress.end();
         let Ok((x, iterations)) = first else { return Ok(None) };
-        // What the recurrence lost by rounding is found by further iterations for the true residual.
+        // Further iterations for the true residual correct the rounding errors of the recurrence.
         let inverse = |r: &NodeFields| {
             Ok(self
                 .iterate(r, TOLERANCE)?
@@ -293,7 +293,7 @@ impl Factor for Mixed<'_> {
             return Ok((x, stats));
         }
         // An estimate needs few digits.
-        let inverse = |b: &NodeFields| match self.iterate(b, CORRECTION)? {
+        let inverse = |b: &NodeFields| match self.iterate(b, ESTIMATE)? {
             Ok((x, _)) => Ok(x),
             Err(Stagnant) => self.llt.substitute(b, &Silent),
         };

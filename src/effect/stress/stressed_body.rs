@@ -136,9 +136,9 @@ fn edges(nodes: usize, triangles: &[[u32; 3]], held: &[Vec<u32>], rings: u32) ->
     is_edge
 }
 
-/// Tensor of the numbers of these columns among the body's load columns, …
+/// Tensor of the indices of the patterns' columns among the body's load columns.
 const COLUMNS: &str = "load";
-/// … and their tractions, column by column.
+/// Tensor of the patterns' tractions, column by column.
 const TRACTIONS: &str = "traction";
 
 /// The tractions of all patterns of a body: of each column at every triangle, Pa for a coefficient of 1, kept in the section

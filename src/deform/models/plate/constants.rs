@@ -260,7 +260,7 @@ fn part(point: &Point, kind: usize, one: &[f64; 3], two: &[f64; 3]) -> f64 {
     if kind.is_multiple_of(2) { one[0] * stress[0] + one[1] * stress[1] } else { one[2] * stress[2] }
 }
 
-/// No step turns a control element by more, rad, moves it by more than this part of the body's size, or stretches it by more.
+/// Largest turn of a control element in one step, rad, largest move in parts of the body's size, and largest stretch.
 const TURN: f64 = PI / 8.0;
 const MOVE: f64 = 0.2;
 const STRETCH: f64 = 0.1;
