@@ -8,14 +8,14 @@
 //! ```text
 //! offline   Scene → Resolved → TetMesh → StiffnessMatrix → A|B|C → Factor → columns → tube.green
 //! online    tube.green → Assets, and a Deformer for each body of a World
-//!           trackers, keys, script → Input → World::step moves the world on (State is its snapshot) → Frame
+//!           trackers, keys, script → Input → World::step moves the world by one frame (State is its snapshot) → Frame
 //!           Frame → ViewSource (screen × eye) → Presenter
 //! ```
 //!
 //! | question | answer |
 //! |---|---|
-//! | What is the state of a session between two frames? | [`world::State`], plain data; [`world::World::state`] takes it, [`world::World::set_state`] goes on from it |
-//! | What comes from outside in a frame? | [`world::Input`] and nothing else; a recording is a `State` and then an `Input` a frame |
+//! | What is the state of a session between two frames? | [`world::State`], plain data; [`world::World::state`] takes it, [`world::World::set_state`] continues from it |
+//! | What comes from outside in a frame? | [`world::Input`] and nothing else; a recording is a `State`, followed by one `Input` per frame |
 //! | What can a script write? | head, styli and loads: [`session::InputSource::state`] and [`session::InputSource::loads`] put them into the `Input` |
 //! | Where would contact between bodies go? | a folder of [`effect`], a line in [`effect::EFFECTS`]; its [`acts`](world::RunningEffect::acts) returns true and its [`solve`](world::RunningEffect::solve) adds energy and slopes; its `memory` is part of the `State`. `tests/pictures/breath.rs` is a complete example |
 //! | Where would a headset plug in? | one [`display::view_source::ViewSource`] and one [`display::presenter::Presenter`], which [`display::view_source::show`] joins; head and controllers come from a [`track::Source`]. `tests/pictures/headset.rs` shows the views |
@@ -28,21 +28,21 @@
 //! |---|---|
 //! | [`cli`] | one file per subcommand (its arguments, one call, the printed result), and the helpers that they share |
 //! | [`demo`] | the demo's chapters, in one captioned window, or as pictures and a film |
-//! | [`display`] | a session on screens or in images: what is seen and who shows it, bodies on the GPU, overlays, the stage from outside |
+//! | [`display`] | a session on screens or in images: views and presenters, bodies on the GPU, overlays, the stage from outside |
 //! | [`edit`] | control elements made with a ray: brush, ball, box, growing; a scene written as a file |
-//! | [`tuning`] | chooses element, refinement, storage, solver and model from what was measured, for an accuracy or budget that is asked for |
-//! | [`session`] | what moves a world, and the recording of it: input sources, recordings; [`session::Session::advance`] |
-//! | [`report`] | what accuracy costs in time, as table, CSV, JSON, plots and page |
+//! | [`tuning`] | chooses element, refinement, storage, solver and model from measurements, for a required accuracy or a given budget |
+//! | [`session`] | moves a world frame by frame ([`session::Session::advance`]): input sources, recordings |
+//! | [`report`] | the cost of accuracy in time, as table, CSV, JSON, plots and page |
 //! | [`verify`] | problems with known answers, and how near the elements come to them; hard cases; studies behind the manual's tables |
 //! | [`measure`] | one machinery of comparison: references, variants, poses, norms, times, resumption |
 //! | [`export`] | displacements and forces of many poses, as CSV and VTU files |
 //! | [`prepare`] | resolves the names in a scene ([`prepare::Resolved`]), and finds its .green file, or makes it where it is missing or stale |
-//! | [`effect`] | opt-in effects, each with all its parts: precomputation, phases of a frame, drawing, threads; what no scene lists costs nothing |
-//! | [`world`] | all that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`], all that changes, and [`world::Frame`], what is shown |
+//! | [`effect`] | opt-in effects, each with all its parts: precomputation, phases of a frame, drawing, threads; an effect that no scene lists costs nothing |
+//! | [`world`] | everything that moves in one frame: bodies at their places, hands, the graph of fields; [`world::State`] is all that changes, [`world::Frame`] all that is shown |
 //! | [`deform`] | deformation models: control poses → coefficients → displacements; pose files |
 //! | [`interact`] | pick ray and reach, hands that hold, modes, history, navigation |
 //! | [`green`] | the precomputed columns and the .green file |
-//! | [`scene`] | what a scene asks for: bodies, materials, control elements, model, effects |
+//! | [`scene`] | the contents of a scene: bodies, materials, control elements, model, effects |
 //! | [`bem`] | boundary elements: the columns of a homogeneous body from its surface alone |
 //! | [`solve`] | ordering, Cholesky, PCG, one minimiser for all equilibria ([`solve::minimise`](solve::minimise())) |
 //! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |

@@ -11,8 +11,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 #[global_allocator]
 static ALLOCATOR: memory::Allocator = memory::Allocator;
 
-/// Stack of the thread that works, and of those that libraries start, bytes: that of the first one is what the shell allows
-/// (`ulimit -s`).
+/// Stack of the working thread and of the threads that libraries start, bytes. The main thread has the stack that the shell
+/// allows (`ulimit -s`).
 const STACK: usize = 8 << 20;
 
 fn main() -> ExitCode {
@@ -27,9 +27,9 @@ fn main() -> ExitCode {
         diagnostic::say(format_args!("note: Ctrl-C ends this program where it stands ({error})"));
     }
     match std::thread::Builder::new().name("work".into()).stack_size(STACK).spawn(work) {
-        // A thread that panicked has said so.
+        // A thread that panicked has printed its message.
         Ok(worker) => worker.join().unwrap_or(ExitCode::from(101)),
-        // No thread can be had: the first one works, on its own stack.
+        // No thread can be started: the main thread works, on its own stack.
         Err(_) => work(),
     }
 }
@@ -60,8 +60,8 @@ fn work() -> ExitCode {
     }
 }
 
-/// Gives threads that libraries start a stack of [`STACK`]: otherwise they have what the shell allows the first one, with which
-/// Mesa's drivers overflow where that is small.
+/// Gives threads that libraries start a stack of [`STACK`] bytes. Otherwise they have the size that the shell allows the
+/// main thread, and where it is small, Mesa's drivers overflow it.
 fn give_libraries_a_stack() {
     #[cfg(target_env = "gnu")]
     {
@@ -81,7 +81,8 @@ fn give_libraries_a_stack() {
     }
 }
 
-/// Mesa's drivers write an error wherever no desktop session has named this folder, and then work all the same.
+/// Sets `XDG_RUNTIME_DIR` where no desktop session has set it: without it Mesa's drivers print an error, and then work all
+/// the same.
 fn quieten_mesa() {
     const NAME: &str = "XDG_RUNTIME_DIR";
     if std::env::var_os(NAME).is_none() {

@@ -1,4 +1,4 @@
-//! The folder of files that can be made anew: computed for scenes that have no folder.
+//! The cache folder: files for scenes that have no folder of their own. All of them can be made again.
 
 use super::diagnostic::notice;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};

@@ -1,7 +1,7 @@
 //! Stores columns of displacements in single precision, or in half the bytes with a known error.
 //!
-//! In: f64 columns, or stored numbers wherever they lie. Out: [`StoredColumns`], which own their numbers and know their
-//! errors, and [`ColumnGroup`], a view of them that the .green file, the sum on the CPU and the renderer share.
+//! In: f64 columns, or stored numbers in any memory. Out: [`StoredColumns`], which own their numbers and know their errors,
+//! and [`ColumnGroup`], a view of them that the .green file, the sum on the CPU and the renderer share.
 
 use half::f16;
 use serde::{Deserialize, Serialize};

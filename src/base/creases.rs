@@ -1,7 +1,7 @@
 //! Sharp edges of a surface: a node on such an edge is drawn once for each of its sides, so that each side keeps its normal.
 //!
-//! In: triangles and the surface at rest. Out: the triangles as they are drawn, over the nodes and copies of some of them
-//! that come after. Only what is drawn has copies; picking, control elements and results know nodes alone.
+//! In: triangles and the surface at rest. Out: the triangles as they are drawn, over the nodes and, after these, copies of
+//! some of them. Only the drawn surface has copies; picking, control elements and results know nodes alone.
 
 use super::disjoint::DisjointSets;
 

@@ -1,7 +1,7 @@
-//! A diagnostic: one error, warning or note about a mesh, a scene, a stage or a solution.
+//! Diagnostics (errors, warnings and notes about a mesh, a scene, a stage or a solution), and the lines for people that a
+//! program writes to standard error.
 //!
-//! Writes lines for people to standard error. A line that cannot be written, because a disk is full or a pipe is closed, is
-//! lost; the work goes on.
+//! A line that cannot be written, because a disk is full or a pipe is closed, is lost; the work goes on.
 
 use super::table::count;
 use super::text::plain;

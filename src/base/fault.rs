@@ -1,8 +1,8 @@
 //! Faults of memory (SIGSEGV, SIGBUS), and the same signals as another process sends them.
 //!
-//! Rust's own handler reports an overflown stack, and returns from any other fault so that the instruction faults again without a
-//! handler. After a signal that a watchdog sent, nothing faults again: the program would go on. This handler sends it once more,
-//! to its usual end, and leaves faults to Rust's.
+//! Rust's own handler reports a stack overflow, and returns from any other fault so that the instruction faults again
+//! without a handler. After a signal that a watchdog sent, nothing faults again, and the program would go on. This handler
+//! sends such a signal once more, so that it ends the program as usual, and leaves faults to Rust's handler.
 
 use libc::{SIGBUS, SIGSEGV, c_int, c_void, siginfo_t};
 use std::ptr::null_mut;
@@ -19,7 +19,7 @@ pub fn end_by_what_is_sent() {
     let nothing: libc::sigaction = unsafe { std::mem::zeroed() };
     let before = FAULTS.map(|signal| {
         let mut before = nothing;
-        // SAFETY: asks alone; `before` outlives the call.
+        // SAFETY: the call only reads the action; `before` outlives it.
         unsafe { libc::sigaction(signal, std::ptr::null(), &raw mut before) };
         before
     });
@@ -40,7 +40,7 @@ extern "C" fn answer(signal: c_int, info: *mut siginfo_t, _: *mut c_void) {
     let is_fault = unsafe { (*info).si_code } > 0;
     let at = FAULTS.iter().position(|fault| *fault == signal);
     match at.and_then(|at| BEFORE.get().map(|before| before[at])).filter(|_| is_fault) {
-        // The instruction faults again, and comes to that handler.
+        // The instruction faults again, and Rust's handler takes it.
         // SAFETY: `before` is what the system gave, and outlives the call.
         Some(before) => unsafe { _ = libc::sigaction(signal, &raw const before, null_mut()) },
         None => send_again(signal),

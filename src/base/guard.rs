@@ -2,10 +2,10 @@
 //! ends.
 //!
 //! In: a connection, and the message that means no force, as bytes. Out: nothing, until this program's end of a socket
-//! between the two closes, or it does not beat while a force acts. Then the guard sends the message. The
-//! kernel closes that socket when the last thread of this program is gone, whatever ended it (SIGKILL, a fault, a
-//! library that calls exit), so that no force can follow the message. A guard is this program again, started with the one
-//! argument [`ARGUMENT`]; it holds the connection itself, and the program writes to it directly.
+//! between the two closes, or until no heartbeat comes while a force acts. Then the guard sends the message. The kernel
+//! closes that socket when the last thread of this program is gone, whatever ended it (SIGKILL, a fault, a library that
+//! calls exit), so that no force can follow the message. A guard is this program again, started with the one argument
+//! [`ARGUMENT`]; it holds the connection itself, and the program writes to it directly.
 
 use libc::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::io::{Error, ErrorKind, Read, Result, Write};

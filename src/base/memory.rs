@@ -1,7 +1,8 @@
 //! Ends the program with one sentence and status 1 when an allocation fails.
 //!
-//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can distinguish
-//! this abort from any other and give the reason. An allocation that may fail (`try_reserve`) returns its error as ever.
+//! Rust aborts when an ordinary allocation fails. The allocator remembers the failed request, so that the handler can
+//! distinguish this abort from any other and give the reason. An allocation that may fail (`try_reserve`) returns its error
+//! as usual.
 
 use libc::{SIGABRT, c_int};
 use std::alloc::{GlobalAlloc, Layout, System};

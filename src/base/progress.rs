@@ -1,6 +1,5 @@
-//! The interface by which long work reports its progress.
-//!
-//! Progress of long work on standard error: bars on a terminal, a line per step elsewhere.
+//! Progress of long work: the interface [`Progress`] by which it is reported, and [`Bars`], which shows it on standard
+//! error: bars on a terminal, a line per step elsewhere.
 
 use super::diagnostic::notice;
 use super::text::one_line;

@@ -1,4 +1,4 @@
-//! Numbers that look random and are the same in every run.
+//! Pseudorandom numbers that are the same in every run.
 
 /// A linear congruential generator (D. Knuth, The Art of Computer Programming, volume 2, section 3.3.4).
 pub struct Random(u64);

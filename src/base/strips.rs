@@ -1,4 +1,4 @@
-//! Quadrilaterals with a shader of their own, as the renderer takes them: what an effect draws.
+//! Quadrilaterals with a shader of their own, by which an effect draws beside the bodies.
 
 /// A kind of strip: one shader, and the numbers that it takes for each instance.
 #[derive(Debug)]

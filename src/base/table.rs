@@ -1,6 +1,4 @@
-//! Tables for people: aligned columns, text left and numbers right.
-//!
-//! Cells of comma-separated values (RFC 4180).
+//! Tables for people (aligned columns, text left and numbers right), and the cells of comma-separated values (RFC 4180).
 
 use super::text::one_line;
 

@@ -8,9 +8,8 @@
 //!
 //! by the theorem of Gauss in the plane: logarithms over the edges and the solid angle (Wilton, Rao, Glisson, Schaubert,
 //! Al-Bundak and Butler, IEEE Trans. Antennas Propag. 32, 1984; the solid angle by Van Oosterom and Strackee, IEEE Trans.
-//! Biomed. Eng. 30, 1983). What is written here for one point has no branches, so that a loop over points becomes vector instructions.
-//!
-//! Logarithm and arc tangent without branches, so that loops over them become vector instructions.
+//! Biomed. Eng. 30, 1983). The code for one point has no branches, nor have its own logarithm ([`ln`]) and arc tangent
+//! ([`atan2`]), so that a loop over points becomes vector instructions.
 
 use crate::base::lanes;
 use crate::base::lanes::Kernel;

@@ -243,7 +243,7 @@ fn places(meshes: &[StandingBody<'_>], stage: &Stage) -> Vec<Diagnostic> {
     findings
 }
 
-/// A word about a turn by more than once around, which degrees would make.
+/// A warning of a turn by more than once around, which looks like degrees.
 fn in_degrees(name: &str, body: &Body) -> Option<Diagnostic> {
     let angle = Vector3::from(body.place?.rotation?).norm();
     let message = format!(
@@ -260,7 +260,7 @@ fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
     Some(Diagnostic::new(Severity::Note, format!("body.{name}.control"), message))
 }
 
-/// A word about a limit that no effect looks at.
+/// A finding about a limit that no effect watches.
 fn unwatched_limit(name: &str, body: &Body, resolved: Option<&ResolvedBody>) -> Option<Diagnostic> {
     let is_own = |material: &Material| {
         material.known.and_then(|known| known.yield_stress).map(Limit::Stress) != material.limit

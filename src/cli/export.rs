@@ -202,7 +202,7 @@ impl<'a> SingularPose<'a> {
     }
 }
 
-/// Files above this size are told before they are written.
+/// Files above this size are announced before they are written.
 const LARGE: u64 = 100_000_000;
 
 fn write_basis(

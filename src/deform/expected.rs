@@ -39,9 +39,9 @@ pub struct ExpectedErrors {
 pub struct MovedErrors {
     pub control: String,
     /// Errors of the model against static equilibrium on the same mesh, in order of increasing reach: bent along an arc and
-    /// twisted, so that the body keeps its length …
+    /// twisted, so that the body keeps its length.
     pub bent: Vec<ErrorsAt>,
-    /// … and turned in place or shifted, so that it is stretched.
+    /// Errors of the same kind: turned in place or shifted, so that the body is stretched.
     pub shifted: Vec<ErrorsAt>,
     /// Pulled away from the others, neither turned nor shifted aside.
     #[serde(default)]

@@ -236,7 +236,7 @@ pub fn in_session(
 pub struct PoseResult {
     /// Wrenches about the places of the control elements; `None` if the model has no forces.
     pub wrenches: Option<Vec<Wrench>>,
-    /// Strain energy, J.
+    /// Strain energy less the work of the loads, J; 0 if the model has no forces.
     pub energy: f64,
     /// Displacements of the surface nodes, m.
     pub surface: Vec<Vector3<f64>>,

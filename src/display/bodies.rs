@@ -1,7 +1,5 @@
 //! The bodies of a world on a graphics device: buffers for each body, uploaded once a frame and drawn for every screen and
-//! eye.
-//!
-//! A plate above each body that is bent further than its model holds; the body itself is hatched then.
+//! eye. A body that is bent further than its model holds is hatched, and has a plate above it.
 
 use super::device;
 use super::device::Choice;

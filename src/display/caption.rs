@@ -1,9 +1,8 @@
 //! A caption in a window: a title, measured values, the progress of a story, and its keys.
 //!
-//! In: a [`Caption`]. Out: a plate at the bottom of the picture with its words, and one in its upper right corner with
-//! the keys. It lies over everything else that a window shows, once, however many tiles the window has.
-//!
-//! Writes a few words on a plate, for overlays, patterns and the room view.
+//! In: a [`Caption`]. Out: a plate at the bottom of the picture with its words, and one in its upper right corner with the
+//! keys. It lies over everything else that a window shows, once, however many tiles the window has. [`Lettering`] writes the
+//! words, also for overlays, patterns and the room view.
 
 use egui::text::LayoutJob;
 use egui::{Align, Align2, Color32, FontId, Galley, Painter, Pos2, Rect, TextFormat, Vec2, pos2, vec2};

@@ -1,12 +1,12 @@
 //! Seats of the plates of a world: apart from each other and from the overlay, never over what a hand holds, and steady.
 //!
-//! In: the sizes that each plate may have, the most important plate first, and what is in the picture ([`Room`]). Out: a
-//! [`Seat`] for each plate, or none where there is no room even for the smallest. A plate stands in its own corner, above
-//! those that came before, while nothing is held there. Otherwise it goes where it covers least of the bodies, smaller where it must, stays
-//! there until something comes under it, and goes back when its own place has been free for a second.
+//! In: the sizes that each plate may have, the most important plate first, and the rectangles in the picture ([`Room`]).
+//! Out: a [`Seat`] for each plate, or none where there is no room even for the smallest. A plate stands in its own corner,
+//! above the plates before it, while nothing is held there. Otherwise it goes where it covers least of the bodies, smaller
+//! where it must, stays there until something comes under it, and goes back when its own place has been free for a second.
 //!
-//! Finds the rectangles that plates must not cover: the control elements that are held, their arrows and what is pointed at, as
-//! screens show it.
+//! [`keep_clear`] finds the rectangles that plates must not cover: the control elements that are held, their arrows and the
+//! points that styli hit, as the screens show them.
 
 use crate::render::Drawable;
 use crate::scene::Grab;
@@ -15,7 +15,7 @@ use crate::world::{Highlight, PlacedBody, World};
 use egui::{Pos2, Rect, Vec2, pos2};
 use nalgebra::{Matrix4, Point3, Vector3};
 
-/// The corner of a plate.
+/// The side of the picture in whose lower corner a plate stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Left,
@@ -26,7 +26,7 @@ pub(super) enum Side {
 #[derive(Clone, Debug)]
 pub(super) struct PlateRequest {
     pub side: Side,
-    /// Sizes, from the full one to the least.
+    /// Sizes, from the full one to the smallest.
     pub sizes: Vec<Vec2>,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct Room<'a> {
     pub held: &'a [Rect],
     /// Elements that can be taken: plates go elsewhere if they can.
     pub loose: &'a [Rect],
-    /// Bodies, which are better not covered.
+    /// Bodies: plates cover as little of them as they can.
     pub bodies: &'a [Rect],
     pub time_s: f64,
 }
@@ -51,7 +51,7 @@ pub(super) struct Room<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seat {
     pub rect: Rect,
-    /// Number of its size.
+    /// Index of its size in [`PlateRequest::sizes`].
     pub size: usize,
 }
 
@@ -59,12 +59,12 @@ pub(super) struct Seat {
 #[derive(Clone, Debug, Default)]
 pub struct PlateSeats {
     inside: Option<Rect>,
-    kept: Vec<PlateKey>,
+    kept: Vec<LastSeat>,
 }
 
-/// A plate by its side and its number there.
+/// The seat that a plate had in the last frame; `key` is the plate's side and its number there.
 #[derive(Clone, Copy, Debug)]
-struct PlateKey {
+struct LastSeat {
     key: (Side, usize),
     corner: Pos2,
     size: usize,
@@ -75,22 +75,22 @@ struct PlateKey {
 
 /// Time after which a plate goes back to its own place, s.
 const BACK_S: f64 = 1.0;
-/// Penalties of a place, beside its distance as a part of the picture's diagonal: each smaller size, and the part of the plate
-/// that is over what can be taken and over a body.
+/// Penalties of a place, added to its distance from the plate's own place in parts of the picture's diagonal: for each step
+/// to a smaller size, and for the part of the plate over an element that can be taken and over a body.
 const SMALLER: f32 = 0.5;
 const OVER_LOOSE: f32 = 8.0;
 const OVER_BODY: f32 = 1.5;
 
 impl PlateSeats {
     /// The seat of each plate in this frame.
-    pub(super) fn take(&mut self, room: &Room<'_>, wanted: &[PlateRequest]) -> Vec<Option<Seat>> {
+    pub(super) fn take(&mut self, room: &Room<'_>, requests: &[PlateRequest]) -> Vec<Option<Seat>> {
         if self.inside.replace(room.inside) != Some(room.inside) {
             self.kept.clear();
         }
         let before = std::mem::take(&mut self.kept);
         let (mut taken, mut counts) = (room.taken.to_vec(), [0; 2]);
         let mut seats = Vec::new();
-        for plate in wanted {
+        for plate in requests {
             let count = &mut counts[usize::from(plate.side == Side::Right)];
             let key = (plate.side, *count);
             *count += 1;
@@ -112,30 +112,30 @@ impl Room<'_> {
     fn seated(
         &self,
         plate: &PlateRequest,
-        before: Option<PlateKey>,
+        before: Option<LastSeat>,
         taken: &[Rect],
         key: (Side, usize),
-    ) -> Option<PlateKey> {
+    ) -> Option<LastSeat> {
         let own = self.own(plate, taken);
-        // Three gaps are free before it goes back: what trembles at the border does not make it.
+        // A plate goes back only when three gaps around its place are free: a body that trembles at the border does not call it.
         let is_free = own.is_some_and(|own| self.is_clear(own.expand(3.0 * self.gap)));
         // A script's time begins anew with every round.
         let since_s = before.and_then(|before| before.free_since_s);
         let since_s = since_s.filter(|since_s| is_free && self.time_s >= *since_s);
         let free_since_s = since_s.or(is_free.then_some(self.time_s));
         let is_back = free_since_s.is_some_and(|since_s| self.time_s - since_s >= BACK_S);
-        let kept = |rect: Rect, size, is_own| PlateKey { key, corner: rect.min, size, is_own, free_since_s };
+        let kept = |rect: Rect, size, is_own| LastSeat { key, corner: rect.min, size, is_own, free_since_s };
         let is_at_home = before.is_none_or(|before| before.is_own);
         if let Some(own) = own.filter(|own| (is_at_home || is_back) && self.is_clear(*own)) {
             return Some(kept(own, 0, true));
         }
         let stays = before.filter(|before| !before.is_own).and_then(|before| {
             let rect = Rect::from_min_size(before.corner, *plate.sizes.get(before.size)?);
-            let is_right = self.is_inside(rect)
+            let is_usable = self.is_inside(rect)
                 && !is_over(rect, taken)
                 && !is_over(rect, self.held)
                 && !is_over(rect, self.loose);
-            is_right.then(|| kept(rect, before.size, false))
+            is_usable.then(|| kept(rect, before.size, false))
         });
         stays.or_else(|| self.best(plate, taken).map(|seat| kept(seat.rect, seat.size, false)))
     }
@@ -161,7 +161,7 @@ impl Room<'_> {
         free.max_by(|a, b| a.max.y.total_cmp(&b.max.y))
     }
 
-    /// The best of all places at the edges of the picture and beside what is in it.
+    /// The best of all places at the edges of the picture and beside the rectangles in it.
     fn best(&self, plate: &PlateRequest, taken: &[Rect]) -> Option<Seat> {
         let held: Vec<Rect> = self.held.iter().map(|held| held.expand(1.5 * self.gap)).collect();
         let edges = || taken.iter().chain(&held).chain(self.loose).chain(self.bodies);
@@ -197,12 +197,12 @@ impl Room<'_> {
     }
 }
 
-/// Whether a rectangle is over one of these.
+/// Whether a rectangle overlaps one of the others.
 pub(super) fn is_over(rect: Rect, others: &[Rect]) -> bool {
     others.iter().any(|other| rect.shrink(0.01).intersects(*other))
 }
 
-/// The part of a rectangle that is over these, which are counted each.
+/// The sum of a rectangle's overlaps with the others, in parts of its area.
 pub(super) fn covered(rect: Rect, others: &[Rect]) -> f32 {
     let shared = |other: &Rect| {
         let both = rect.intersect(*other);
@@ -211,7 +211,7 @@ pub(super) fn covered(rect: Rect, others: &[Rect]) -> f32 {
     others.iter().map(shared).sum::<f32>() / (rect.width() * rect.height()).max(1.0)
 }
 
-/// Largest number of nodes of an element or of a body that are looked at.
+/// Largest number of nodes of an element or of a body that are sampled.
 const NODES: usize = 64;
 
 /// Rectangles on one screen, of both eyes: left, right, bottom, top in normalised device coordinates of the whole screen.
@@ -228,7 +228,7 @@ pub struct KeepClear {
 /// The rectangles of each screen.
 pub fn keep_clear(world: &World) -> Vec<KeepClear> {
     let things = [held(world), elements(world, Highlight::Idle), bodies(world)];
-    let of = |screen: &Screen| {
+    let on_screen = |screen: &Screen| {
         let viewer = &world.assets.stage.viewer;
         let views = world.assets.stage.stereo.eyes().iter().filter_map(|&eye| {
             let view = screen.view(&viewer.eye_in_room(&world.room_from_head, eye), NEAR_M).ok()?;
@@ -239,7 +239,7 @@ pub fn keep_clear(world: &World) -> Vec<KeepClear> {
             things.each_ref().map(|all| all.iter().filter_map(|points| rectangle(&views, points)).collect());
         KeepClear { held, loose, bodies }
     };
-    world.assets.stage.screens.iter().map(of).collect()
+    world.assets.stage.screens.iter().map(on_screen).collect()
 }
 
 /// Points in the room of each thing that is held or pointed at.
@@ -256,16 +256,16 @@ fn held(world: &World) -> Vec<Vec<Point3<f64>>> {
     things
 }
 
-/// Points in the room of each control element that can be taken and has this highlight.
+/// Points in the room of each control element that is held, or, for any other highlight, that can be taken and is not held.
 fn elements(world: &World, highlight: Highlight) -> Vec<Vec<Point3<f64>>> {
     let mut things = Vec::new();
     for (body, shown) in world.bodies.iter().zip(&world.frame.bodies) {
-        let is_meant = |grab: Grab, now: Highlight| match highlight {
+        let is_chosen = |grab: Grab, now: Highlight| match highlight {
             Highlight::Held => now == Highlight::Held,
             _ => now != Highlight::Held && grab == Grab::Dragger,
         };
         let controls = body.assets.controls.iter().zip(&shown.highlights).enumerate();
-        for (c, _) in controls.filter(|(_, (control, now))| is_meant(control.grab, **now)) {
+        for (c, _) in controls.filter(|(_, (control, now))| is_chosen(control.grab, **now)) {
             let nodes = body.deformer.control_nodes(c);
             things.push(places(body, nodes.iter().copied(), nodes.len()));
         }
@@ -274,14 +274,14 @@ fn elements(world: &World, highlight: Highlight) -> Vec<Vec<Point3<f64>>> {
 }
 
 fn bodies(world: &World) -> Vec<Vec<Point3<f64>>> {
-    let of = |body: &PlacedBody| {
+    let nodes_of = |body: &PlacedBody| {
         let count = body.deformer.node_count();
         places(body, 0..count as u32, count)
     };
-    world.bodies.iter().map(of).collect()
+    world.bodies.iter().map(nodes_of).collect()
 }
 
-/// Places of some of the nodes, in the room.
+/// Places in the room of at most [`NODES`] of the nodes.
 fn places(body: &PlacedBody, nodes: impl Iterator<Item = u32>, count: usize) -> Vec<Point3<f64>> {
     let positions = body.deformer.kept_positions();
     let room_from_surface = body.room_from_surface();

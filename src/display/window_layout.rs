@@ -1,6 +1,5 @@
-//! Lays out the windows of a stage: the tiles with the view of each eye, and the screen under the cursor.
-//!
-//! The parts that showing one frame needs.
+//! Lays out the windows of a stage: the tiles with the view of each eye, the screen under the cursor, and the parts that the
+//! drawing of one frame needs ([`WindowFrame`]).
 
 use super::bodies::GpuBodies;
 use super::presenter::Presenter;

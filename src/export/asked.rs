@@ -1,6 +1,5 @@
-//! Poses that are asked for, each with the body that it is for.
-//!
-//! One pose of a pose file, with those that it goes on from.
+//! The poses of an export, each with the body that it is for: all poses of a pose file, or a chosen one with the poses that
+//! it starts from.
 
 use crate::base::failure::Failure;
 use crate::config::unknown_name;

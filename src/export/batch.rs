@@ -27,13 +27,13 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The file, with what opening it does not look at found sound.
+/// Checks also the parts of the file that opening it leaves unchecked.
 fn verified(file: Arc<GreenFile>) -> Result<Arc<GreenFile>, Failure> {
     file.verify()?;
     Ok(file)
 }
 
-/// All bodies of a scene in the poses that are asked for, and a table of how the solves went, where there were some.
+/// Results of all bodies of a scene in the given poses, and a table of the solves, where there were some.
 ///
 /// The .green file is read from `green`, or found or made beside the scene; with `all_nodes` the linear theory is solved
 /// in f64 instead.
@@ -46,7 +46,7 @@ pub fn solve(
     let online = prepare::summed_part(scene)?;
     let file = match online.body.is_empty() || all_nodes {
         true => None,
-        // A force that is left out would be seen by nobody.
+        // Nobody would notice a force that is missing because the file is damaged.
         false => Some(prepare::green_file(&online, green).and_then(verified)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
@@ -57,7 +57,7 @@ pub fn solve(
         };
         let own: Vec<&PoseRequest<'_>> =
             asked.iter().filter(|asked| asked.body == *name && !is_missed(asked)).collect();
-        // The linear theory takes matrices as they are, not as turns; a pose that goes on from another says which way.
+        // The linear theory takes matrices as they are, not as turns; a pose that continues another one has a known direction.
         let doubtful = |asked: &PoseRequest<'_>| {
             let doubt = pose_file::doubtful_turn(&asked.control, body);
             doubt.filter(|_| !scene.bodies[name].model.is_linear() && asked.after.is_none())
@@ -80,7 +80,7 @@ pub fn solve(
             }
         };
         set.geometry.push(shape);
-        set.results.extend(found.into_iter().map(|result| told(scene, asked, result)));
+        set.results.extend(found.into_iter().map(|result| with_facts(scene, asked, result)));
     }
     let order = |result: &PoseResult| {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
@@ -89,8 +89,8 @@ pub fn solve(
     Ok((set, tables))
 }
 
-/// A result with where its control elements are, and by how much they were free.
-fn told(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> PoseResult {
+/// Adds to a result the poses, freedom and loads of its control elements, and a reason where its error is unknown.
+fn with_facts(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> PoseResult {
     let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
         return result;
     };
@@ -110,7 +110,7 @@ fn told(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> PoseRe
     PoseResult { told, ..result }
 }
 
-/// The contents of a run's results, and the file that it needs, known before anything is solved.
+/// The contents of a run's results, and whether it needs the .green file, known before anything is solved.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outlook {
     /// Whether some body's results will have forces.
@@ -119,7 +119,7 @@ pub struct Outlook {
     pub has_stress: bool,
     /// Whether some body is shown from the .green file.
     pub needs_green: bool,
-    /// Whether some control element is free, and found.
+    /// Whether some control element is free, so that its pose is searched for.
     pub has_found: bool,
 }
 
@@ -129,7 +129,7 @@ struct SolvedStress {
     body: StressedBody,
 }
 
-/// Prepares the stress of the body, if the body lists it.
+/// Prepares the stress of the body, if the body lists an effect that shows stress.
 fn solved_stress(
     scene: &Resolved,
     name: &str,
@@ -144,8 +144,8 @@ fn solved_stress(
 }
 
 impl SolvedStress {
-    /// The stress from the displacements of all nodes, under loads, of which `points` are the nodes of the mesh that bear
-    /// separate forces.
+    /// The stress from the displacements of all nodes under loads; `points`: the nodes of the mesh with forces at single
+    /// points.
     fn result(
         &self,
         displacement: &[Vector3<f64>],
@@ -175,7 +175,7 @@ fn lists_stress(scene: &Resolved, body: &str) -> bool {
     scene.bodies[body].entries().any(|effect| effect.shows_stress)
 }
 
-/// Finds what a run of the scene will read and write.
+/// Finds whether a run of the scene will give forces and stresses, and whether it needs the .green file.
 pub fn outlook(scene: &Resolved) -> Result<Outlook, Failure> {
     let mut outlook = Outlook::default();
     for name in scene.body.keys() {
@@ -241,7 +241,7 @@ fn surface_results(
         told.pushed = PointPush::list(&applied.points, &geometry.rest, &result.displacement);
         if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
             told.first_yield = free_poses::first_yield(asked, &mut deformer, stressed, expected.as_ref());
-            // Others may go on from this pose.
+            // Later poses may continue from this one: the deformer returns to it.
             lead(asked, all, None, &mut deformer);
             deformer.evaluate(&asked.control);
         }
@@ -261,8 +261,8 @@ fn surface_result(
     lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
-            "warning: {}: the model \"{}\" finds no frame or no equilibrium of its control elements, which are \
-             turned too far against each other or too far apart, and keeps one of before: the result is not to be trusted; \
+            "warning: {}: the model \"{}\" finds no frame or no equilibrium: its control elements are turned too far \
+             against each other, or are too far apart. The result has an earlier one and is not to be trusted; \
              model = \"stvk\" solves such a pose anew",
             asked.place(),
             body.entry.name
@@ -304,7 +304,7 @@ fn volume_results(
     let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
     let mut found = Vec::new();
     for asked in asked {
-        let asked = match found_in(asked, model, &solution) {
+        let asked = match with_free_elements(asked, model, &solution) {
             Ok(asked) => asked,
             Err(why) => {
                 let (pose, body) = (asked.pose.to_owned(), name.to_owned());
@@ -335,8 +335,8 @@ fn volume_results(
     Ok((Geometry::volume(name, &solution.mesh), found))
 }
 
-/// A pose with its free control elements found.
-fn found_in<'a>(
+/// The pose with its free control elements in equilibrium.
+fn with_free_elements<'a>(
     asked: &PoseRequest<'a>,
     model: &ModelEntry,
     solution: &Solution,
@@ -385,7 +385,7 @@ fn volume_result(
     }
 }
 
-/// The slopes of the energy of the body's model by the poses, and the energy, where the scene asks for forces.
+/// The slopes of the energy of the body's model by the poses, and the energy, where the scene requests forces.
 fn volume_slopes(
     asked: &PoseRequest<'_>,
     model: &ModelEntry,

@@ -1,6 +1,5 @@
-//! Assembly of the stiffness matrix from sets of elements.
-//!
-//! The split of the nodes that turns K into A, B, C:
+//! Assembly of the stiffness matrix K from sets of elements, and the split of the nodes that turns K into A, B, C
+//! ([`Partition`]).
 
 use super::energy::Strains;
 use super::stiffness::NodeFields;
@@ -176,7 +175,15 @@ fn edges<E: Elements + ?Sized>(nodes: usize, sets: &[Box<E>], incident: &[Incide
     per_node.concat()
 }
 
-/// Free nodes (displacement unknown, no external force) and controlled nodes (displacement prescribed).
+/// Free nodes (displacement u unknown, no external force) and controlled nodes (displacement b prescribed):
+///
+/// ```text
+/// | A   B | | u |   |  0  |     A u = -B b,    f_b = Bᵀ u + C b
+/// | Bᵀ  C | | b | = | f_b |
+/// ```
+///
+/// Neither B nor C is stored: B b is K applied to b extended by zero, and f_b is K applied to (u, b), both read at the rows
+/// that are needed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     /// Ascending.

@@ -1,6 +1,5 @@
-//! The symmetric stiffness matrix in 3×3 blocks: diagonal blocks on nodes, off-diagonal blocks on edges.
-//!
-//! Several nodal vector fields in one array, as the solvers use them.
+//! The symmetric stiffness matrix in 3×3 blocks (diagonal blocks on nodes, off-diagonal blocks on edges), and several nodal
+//! vector fields in one array, as the solvers use them ([`NodeFields`]).
 
 use crate::base::lanes;
 use crate::base::lanes::{Kernel, fused64};

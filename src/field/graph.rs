@@ -1,8 +1,5 @@
-//! Fields, connections between them, and one evaluation of all that changed.
-//!
-//! Errors of making, setting or connecting fields.
-//!
-//! A graph to be read: as an indented list, and in Graphviz' language.
+//! The data-flow graph: fields, connections between them, and one evaluation of all that changed; the errors of making,
+//! setting or connecting fields; and the graph as text, as an indented list or in Graphviz' language.
 
 use super::input::{Field, Input, Value, Values};
 use std::any::Any;

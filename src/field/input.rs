@@ -1,6 +1,5 @@
-//! Inputs of a function of the graph: one field, several of different types, or each of a list.
-//!
-//! The values that a field can hold, the handle of a field, and the values of all fields of a graph.
+//! Inputs of a function of the graph (one field, several of different types, or each of a list), the values that a field can
+//! hold, the handle of a field, and the values of all fields of a graph.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

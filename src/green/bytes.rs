@@ -1,9 +1,8 @@
-//! A whole file in memory, aligned for numbers of eight bytes.
+//! The bytes of a .green file: a whole file in memory, aligned for numbers of eight bytes ([`Bytes`]), and a tensor before
+//! it is written: a type, a shape and little-endian bytes ([`Tensor`]).
 //!
 //! In: an opened file and its length. Out: a copy of its bytes. A memory map would cost less, but a mapped file that
 //! another program cuts short ends this one by SIGBUS.
-//!
-//! A tensor on its way into a .green file: a type, a shape and little-endian bytes.
 
 use safetensors::tensor::Dtype;
 use std::io::{Error, ErrorKind, Read, Result};

@@ -3,7 +3,7 @@
 //! In: a file, and the scene as it is now. Out: a file in memory of the same surfaces, with the numbers that a new precomputation
 //! finds: of a body with the family `updates` without factoring again ([`super::update`]), of the others by solving anew.
 //!
-//! How inexact a body is after a change that was not solved for anew ([`super::update`]).
+//! [`error`] measures how inexact a body is after a change that was not solved for anew ([`super::update`]).
 
 use super::acting::acting;
 use super::basis::precompute_kept;
@@ -277,7 +277,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct Measure<'a> {
     /// The columns of control elements and loads on the surface after the change.
     pub columns: &'a DMatrix<f64>,
-    /// The Hessian before the change ([`ChangedSystem::body`](super::update::ChangedSystem::body)).
+    /// The Hessian before the change ([`ChangedSystem::body`]).
     pub hessian: &'a DMatrix<f64>,
     /// Half the body's extent, m: it makes a displacement of a unit field that is not a shift.
     pub reach: f64,
@@ -287,7 +287,13 @@ pub struct Measure<'a> {
     pub residual: f64,
 }
 
-/// The largest relative error of `after`, which `changed` made; infinite where no digit is left.
+/// The largest relative error of the columns, the handle stiffness and the compliance of `after`, which `changed` made;
+/// infinite where no digit is left.
+///
+/// A change of many decades, or one that leaves little to hold the body, takes the difference of large numbers, whose errors
+/// no residual of the small dense system shows. So the change is made a second time with numbers that differ at random by as
+/// much as they may be wrong; the difference of the results is the error (J. Vignes, Mathematics and Computers in Simulation
+/// 35, 1993, 233-261).
 pub fn error(
     updates: &Updates,
     change: &Change,

@@ -1,13 +1,12 @@
 //! Makes the 16-bit columns of a container pack well, and undoes it.
 //!
-//! In: the bytes of a .green file. Out: as many bytes in which the columns stand as what differs from guesses
-//! ([`Guesses`]), and behind them which guesses:
+//! In: the bytes of a .green file. Out: as many bytes, in which each number of a column is replaced by its difference from a
+//! guess ([`Guesses`]: from the numbers of earlier nodes), so that small numbers are left, which pack well; behind them
+//! stands which guesses were used:
 //!
 //! ```text
 //! container | a byte for each tensor of such columns, in the order of their names | their number, u32 | MARK
 //! ```
-//!
-//! Guesses the numbers of a column from those of nodes before, so that what is left is small and packs well.
 
 use super::zstd_context;
 use nalgebra::{Matrix3, Vector3};
@@ -146,7 +145,9 @@ const NEAR: f64 = 1e-3;
 /// million squared steps nor the memory of as many weights.
 const MOST: usize = 64;
 
-/// The order of a surface's nodes, and the earlier nodes from which each is guessed.
+/// The order of a surface's nodes, and the earlier nodes from which the three 16-bit numbers of each are guessed. Both ways
+/// the same sums are rounded in the same order, with nothing but additions, products and quotients, so that a guess is the
+/// same on every machine.
 pub struct Guesses {
     order: Vec<u32>,
     /// Start of the terms of each node.
@@ -198,7 +199,7 @@ impl Guesses {
         sum.round() as i16
     }
 
-    /// Replaces the bytes of a column, little-endian, by what differs from the guesses.
+    /// Replaces the little-endian numbers of a column by number minus guess, first all low bytes, then all high ones.
     pub fn hide(&self, column: &mut [u8]) {
         let numbers: Vec<i16> =
             column.chunks_exact(2).map(|pair| i16::from_le_bytes([pair[0], pair[1]])).collect();

@@ -62,8 +62,8 @@ pub fn fingerprint(scene: &Scene, name: &str, requirements: &Requirements) -> Re
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// What the columns of loads and the compliance are made from; nothing of a body without. How large a load is does not
-/// change its columns.
+/// Text of the data from which the columns of loads and the compliance are made; empty for a body without them. The size of
+/// a load does not change its columns.
 fn loads(body: &Body) -> String {
     let told = |load: &LoadEntry<'_>| match load.source {
         LoadSource::Gravity | LoadSource::Thermal => format!("{}\n", load.name),

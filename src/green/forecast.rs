@@ -1,6 +1,6 @@
-//! How large the factor of a body will be, and how long it will take, told from the counts of its mesh alone.
+//! A forecast of the size of a body's factor and of the time that it takes, from the counts of its mesh alone.
 //!
-//! In: a mesh and the number of its control elements. Out: a [`Forecast`], to be told as the estimate that it is. Nested
+//! In: a mesh and the number of its control elements. Out: a [`Forecast`], which is an estimate and is shown as one. Nested
 //! dissection of a body in three dimensions fills c n^{4/3} numbers of n unknowns, less terms of lower order (George, SIAM J.
 //! Numer. Anal. 10, 1973; Lipton, Rose and Tarjan, SIAM J. Numer. Anal. 16, 1979). Of cubes of 9,261 to 1,000,000 nodes, c was
 //! measured as 11 to 20, near 23 - 340/n^{1/3}. A body with more surface has smaller separators: with s times the surface nodes
@@ -43,7 +43,7 @@ const WHILE_MADE: f64 = 3.0;
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
-/// Below so many unknowns nothing is worth a word.
+/// Number of unknowns below which no forecast is shown.
 const SMALL: f64 = 30_000.0;
 
 /// The cost of a body's Cholesky factor, at least and at most.
@@ -61,7 +61,7 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// For a mesh with so many control elements, all of whose nodes are unknown but theirs, which are few.
+    /// A forecast for a mesh with so many control elements. All of its nodes count as unknown: those of control elements are few.
     pub fn new(mesh: &TetMesh, controls: usize) -> Forecast {
         let unknowns = 3.0 * mesh.nodes.len() as f64;
         let columns = 12.0 * controls as f64;
@@ -102,7 +102,7 @@ impl Forecast {
         ))
     }
 
-    /// What `surface_compliance` adds, with [`super::compliance_size`]: its columns are solved as others are.
+    /// The cost of `surface_compliance`, from [`super::compliance_size`]: its columns are solved as others are.
     pub fn compliance_told(&self, [nodes, all, size]: [usize; 3]) -> String {
         let columns = 3.0 * nodes as f64;
         let threads = rayon::current_num_threads() as f64;
@@ -116,7 +116,7 @@ impl Forecast {
         )
     }
 
-    /// The same with kept = "factor": the numbers on the ways from the surface to the root of the elimination tree.
+    /// The cost with kept = "factor": the numbers on the ways from the surface to the root of the elimination tree.
     pub fn kept_factor_told(&self, [nodes, all, size]: [usize; 3]) -> String {
         let [least, most] = [0, 1].map(|i| KEPT[i] * self.factor_entries[i]);
         let [file, memory] = [NUMBER as f64, 8.0].map(|number| {
@@ -130,7 +130,7 @@ impl Forecast {
         )
     }
 
-    /// The same of one that is compressed within an error.
+    /// The cost of a compliance that is compressed within an error.
     pub fn compressed_told(&self, [nodes, all, full]: [usize; 3], error: f64) -> String {
         let own = COMPRESSED_NODE[0] - COMPRESSED_NODE[1] * (error.log10() + 3.0);
         let [least, most] = [0.5, 2.0].map(|times| bytes((times * own * all as f64).min(full as f64)));
@@ -141,7 +141,7 @@ impl Forecast {
         )
     }
 
-    /// What is worth telling of it; `None` of a small body, which is done in seconds.
+    /// The forecast as a sentence; `None` for a small body, which takes seconds.
     pub fn told(&self) -> Option<String> {
         let [least, most] = self.memory.map(bytes);
         let [soon, late] = self.seconds.map(duration);
@@ -175,7 +175,7 @@ pub fn compliance_fits(size: usize) -> Result<(), String> {
     })
 }
 
-/// What boundary elements of a prepared body take, or why they do not fit.
+/// Memory and time of the boundary elements of a prepared body, or the reason why they do not fit.
 pub fn boundary_told(mesh: &TetMesh, controls: &[ControlElement]) -> Result<String, String> {
     let mut is_held = vec![false; mesh.nodes.len()];
     controls.iter().flat_map(|control| &control.nodes).for_each(|&node| is_held[node as usize] = true);
@@ -190,7 +190,7 @@ pub fn boundary_told(mesh: &TetMesh, controls: &[ControlElement]) -> Result<Stri
     ))
 }
 
-/// In the unit that suits it, without digits that nobody knows.
+/// A duration in a suitable unit, without digits that nobody knows.
 fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 90.0 => format!("{:.0} s", s.max(1.0)),
@@ -260,7 +260,7 @@ mod tests {
         assert!(compliance_fits(1 << 20).is_ok() && compliance_fits(1 << 50).unwrap_err().contains("kept"));
     }
 
-    /// As `greenstage precompute` told it of these bodies.
+    /// Sizes that `greenstage precompute` printed for these bodies.
     #[test]
     fn kept_factors_that_were_measured_lie_in_the_forecast() {
         for (size, cells, kept) in

@@ -1,6 +1,5 @@
-//! Recognises .green files and packed ones by their first bytes.
-//!
-//! Names of the columns of a body, for other programs and for people.
+//! Recognises .green files and packed ones by their first bytes, and names the columns of a body for other programs and for
+//! people.
 
 use super::families::{FAMILIES, names_of_fields, names_of_loads};
 use super::family::{ColumnName, ColumnSource};
@@ -31,7 +30,8 @@ fn is_packed(head: &[u8]) -> bool {
 }
 
 impl GreenFile {
-    /// All columns of a body.
+    /// Name and unit of every column of a body, in the order of [`GreenFile::groups`]: `right.m12` of a control element,
+    /// `gravity.x` or `press` of a load, `reduced.3` of a family that does not name its columns.
     pub fn column_names(&self, body: &str) -> Vec<ColumnName> {
         let Some(meta) = self.meta.bodies.get(body) else { return Vec::new() };
         let required = FAMILIES.iter().filter(|entry| meta.requirements.has(entry.family));

@@ -50,7 +50,7 @@ const WORK: &str = "updates/work";
 pub const TABLES: [&str; 10] =
     [NODES, RELEASED, FREE, REGIONS, STIFFNESSES, VALUES, REACTIONS, COLUMNS, TORQUES, WORK];
 
-/// What a body can be changed by, without its numbers.
+/// The changes for which a body is prepared, without the numbers of their fields.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ports {
     /// Nodes of the mesh, ascending.
@@ -86,7 +86,7 @@ pub struct Updates {
     pub(super) work: DMatrix<f64>,
 }
 
-/// What is changed of a body.
+/// A change of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Change {
     /// The control elements that hold nothing.
@@ -100,9 +100,9 @@ pub struct Change {
 pub struct Updated {
     /// The control elements that still hold, ascending.
     pub kept: Vec<usize>,
-    /// What is added to their affine columns on the surface, and the columns of the loads there: a column for each.
+    /// Additions to their affine columns on the surface, and to the columns of the loads there: a column for each.
     pub added: DMatrix<f64>,
-    /// Of these, what is added to [`TORQUES`](super::TORQUES).
+    /// Additions to [`TORQUES`](super::TORQUES) of these columns.
     pub torques: DMatrix<f64>,
     /// The Hessian of the energy by their coefficients: S of those that are kept, in front.
     pub hessian: DMatrix<f64>,
@@ -116,7 +116,7 @@ pub struct ChangedSystem<'a> {
     kept: Vec<usize>,
     /// Rows of the reactions of what is released, one for each d.
     released: Vec<usize>,
-    /// Of every port, the first row of its three in d.
+    /// First of the three rows of every port in d.
     released_at: Vec<Option<usize>>,
     /// The regions that are changed, by their numbers, with α.
     regions: Vec<(usize, f64)>,
@@ -126,7 +126,7 @@ pub struct ChangedSystem<'a> {
     /// Forces are counted in this many N, so that both equations have one unit.
     unit: f64,
     system: Lu,
-    /// Those fields on the surface.
+    /// The fields of g and h on the surface.
     columns: Mat<f64>,
 }
 
@@ -136,7 +136,7 @@ impl Ports {
         3 * (self.released.len() + self.free.len())
     }
 
-    /// With the numbers of their fields as [`TABLES`] has them: at the ports, reactions, on the surface, torques and work.
+    /// The [`TABLES`] of these ports and of their fields: at the ports, reactions, on the surface, torques and work.
     pub fn tables(
         self,
         [values, reactions, columns, torques, work]: [DMatrix<f64>; 5],
@@ -165,8 +165,8 @@ impl Ports {
 }
 
 impl Updates {
-    /// From the tables of a body with so many control elements, surface nodes and columns of loads; the error names the first
-    /// fault.
+    /// Reads the tables of a body with so many control elements, surface nodes and columns of loads; the error names the
+    /// first fault.
     pub fn read(
         table: &dyn Fn(&str) -> Option<DMatrix<f64>>,
         [controls, surface, loads]: [usize; 3],
@@ -296,7 +296,7 @@ impl Updates {
         Some(changed)
     }
 
-    /// Where h of a port stands among g and h.
+    /// Index of a port's h among g and h.
     fn h(&self, port: usize) -> Option<usize> {
         Some(3 * self.ports.released.len() + 3 * self.ports.free.binary_search(&port).ok()?)
     }
@@ -308,7 +308,7 @@ impl ChangedSystem<'_> {
         self.released.len()
     }
 
-    /// What acts of each changed region on its ports, of fields with these values at the ports.
+    /// Forces of each changed region on its ports, for fields with these values at the ports.
     fn acts(&self, values: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
         let act = |(number, factor): &(usize, f64)| {
             let region = self.region(*number);
@@ -418,8 +418,8 @@ impl ChangedSystem<'_> {
         }
     }
 
-    /// What is added to the displacements of the surface for unit forces at these of its nodes, three columns each. By
-    /// reciprocity, such a force moves a free port by h there, and pulls on what may be released by -g.
+    /// Additions to the displacements of the surface for unit forces at these of its nodes, three columns each. By
+    /// reciprocity, such a force moves a free port by h there, and pulls on a node that may be released by -g.
     pub fn compliance(&self, nodes: &[u32]) -> DMatrix<f64> {
         let updates = self.updates;
         let rows: Vec<usize> =
@@ -437,8 +437,8 @@ impl ChangedSystem<'_> {
 }
 
 impl ChangedSystem<'_> {
-    /// What [`ChangedSystem::compliance`] adds, as W M Wᵀ: which columns of g and h on the surface W has, and M. `None` where moduli
-    /// were changed.
+    /// The addition of [`ChangedSystem::compliance`] as W M Wᵀ: the columns of g and h on the surface that W has, and M. `None`
+    /// where moduli were changed.
     pub fn added_yield(&self) -> Option<(Vec<u32>, DMatrix<f64>)> {
         let k = self.released.len();
         let fields = self.fields.iter().map(|&field| field as u32).collect();
@@ -447,7 +447,7 @@ impl ChangedSystem<'_> {
     }
 }
 
-/// As faer sees it, whose products and solves of large dense matrices are the faster ones.
+/// The matrix for faer, whose products and solves of large dense matrices are faster.
 fn seen(matrix: &DMatrix<f64>) -> MatRef<'_, f64> {
     MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.ncols())
 }

@@ -1,10 +1,10 @@
-//! The motion that one hand or two hands give to what they hold, as a similarity of the room.
+//! The motion that one hand or two hands give to the element that they hold, as a similarity of the room.
 //!
 //! In: the pose of every hand at the grab and now, and the point that it holds. Out: the motion since the grab. One hand
 //! gives a rigid motion. With two hands, the line between the two held points follows the hands, is scaled with their
 //! distance, and turns about itself by the mean of the hands' rotations.
 //!
-//! A held element's matrix as a function of the pose of one of the hands that hold it.
+//! [`Carrying`] is the held element's matrix as a function of the pose of one of the hands that hold it.
 
 use super::mode::{Mode, twist};
 use nalgebra::{
@@ -133,7 +133,8 @@ impl Carrying {
         held_line(self.motions.get(..self.hands)?, self.line)
     }
 
-    /// The element's matrix if this hand were at another pose.
+    /// The element's matrix if this hand were at another pose. The force on the hand is minus the derivative of the body's
+    /// energy along this function.
     pub fn at(&self, room_from_hand: &Isometry3<f64>) -> Option<Matrix4<f64>> {
         let mut moved = *self;
         moved.motions.get_mut(self.mine)?.room_from_hand_now = *room_from_hand;

@@ -1,10 +1,9 @@
-//! Picking with a ray: finds the nearest deformed control element.
+//! Picking with a ray, which finds the nearest deformed control element, and touching with the stylus' tip, which finds the
+//! nearest point of the control elements within reach.
 //!
 //! In: a ray in the room and each element's triangles in its body's frame. Out: the [`Hit`]. The intersections
 //! are parry's. There is no tree over the triangles, because they move in every frame and building it costs more than the
 //! one ray that is cast.
-//!
-//! Touching with the stylus' tip: finds the nearest point of the control elements within reach.
 
 use crate::mesh::Surface;
 use crate::track::{StylusState, usable};
@@ -150,8 +149,9 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
     })
 }
 
-/// The nearest place of any target within `reach_m` of `tip`, in the room; `None` if there is none. Triangles without
-/// area count by their edges; those with a vertex that does not exist or is not finite are never touched.
+/// The nearest place of any target within `reach_m` of `tip`, in the room, as a [`Hit`] whose ray runs from the tip to the
+/// place; `None` if there is none. The projections are parry's; triangles whose box is out of reach are skipped. Triangles
+/// without area count by their edges; those with a vertex that does not exist or is not finite are never touched.
 pub fn reach(tip: &Point3<f64>, targets: &[PickTarget], reach_m: f64) -> Option<Hit> {
     let touched =
         targets.iter().enumerate().filter_map(|(target, shape)| reach_one(tip, target, shape, reach_m));

@@ -6,7 +6,7 @@
 /// A chapter as the contents list it and as it is printed.
 pub struct Chapter {
     pub name: &'static str,
-    /// Its line of the contents.
+    /// Line of the contents.
     pub summary: &'static str,
     /// Markdown, which begins with the title `# NAME: …`.
     pub text: &'static str,

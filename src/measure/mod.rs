@@ -1,9 +1,9 @@
 //! One machinery of comparison: references, variants, poses, norms, times and resumption.
 //!
 //! In: a [`Request`]: a scene's body, poses and limits. Out: the costs of every setting and the parts of its error
-//! ([`settings`]), and beside them models, a smooth problem and effects ([`measure()`]). Report, planner and verification read
-//! what is measured here; errors to expect are measured with the same [`Trial`](crate::deform::Trial)s and
-//! [`Truth`](crate::deform::Truth)s.
+//! ([`settings`]), and in addition those of models, a smooth problem and effects ([`measure()`]). The rooms `report`,
+//! `tuning` and `verify` read these results; the effect expected_errors measures with the same
+//! [`Trial`](crate::deform::Trial)s and [`Truth`](crate::deform::Truth)s.
 //!
 //! ```text
 //! u_setting - u* =   (stored - f64)                    storage
@@ -12,9 +12,9 @@
 //!                  + (model - nonlinear statics)       model, both with tet4 on the scene's mesh
 //! ```
 //!
-//! A model with its own column families is made on fewer meshes. From the finest of them on, its discretisation error is the
-//! change by refinement in the most accurate model that is made on finer ones. Beside the settings, each model is tried alone at
-//! rotations from 1° to 360° (`trials`).
+//! A model with column families of its own is computed on fewer meshes. Beyond the finest of them, its discretisation error
+//! is the change by refinement in the most accurate model that is computed on finer ones. In addition, each model alone is
+//! tried at rotations from 1° to 360° ([`trials`]).
 //!
 //! The parts are fields on one finest mesh. Their sum, node by node, is the whole error, so its norm is at most the sum of
 //! their norms. u* is thus the nonlinear equilibrium on the scene's mesh, corrected by what refinement changes in the
@@ -61,7 +61,7 @@ use resume::Kept;
 use std::path::Path;
 use variants::{Candidate, Meshes, iterative};
 
-/// Costs and errors of every setting, and what they are compared with.
+/// Costs and errors of every setting, and the references of the errors.
 pub struct Measured {
     pub rows: Vec<Measurement>,
     pub timing: Timing,
@@ -75,15 +75,15 @@ pub struct Measured {
     pub models_left_out: Vec<String>,
 }
 
-/// The body solved in every way, and what it is compared with.
-struct Solved<'a> {
+/// Solutions of the body with every setting, and the references with which they are compared.
+struct Solutions<'a> {
     candidates: Vec<Candidate>,
     references: References<'a>,
     /// Models that a body or an element does not suit, and why.
     left_out: Vec<String>,
 }
 
-/// The course of a request, with an announcement of how long it will take.
+/// Makes the course of a request, and announces how long it will take.
 fn course<'a>(
     request: &Request<'_>,
     meshes: &Meshes,
@@ -93,8 +93,8 @@ fn course<'a>(
     let mut kept = None;
     if let Some(folder) = request.keep {
         let io = |source| MeasureError::Io { path: folder.to_owned(), source };
-        let (found, told) = Kept::open(folder, request).map_err(io)?;
-        told.iter().for_each(|told| progress.tell(told));
+        let (found, notices) = Kept::open(folder, request).map_err(io)?;
+        notices.iter().for_each(|notice| progress.tell(notice));
         kept = Some(found);
     }
     let can_stop = if kept.is_some() { "; Ctrl-C stops it, and the same command continues" } else { "" };
@@ -107,21 +107,21 @@ fn course<'a>(
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
     let meshes = Meshes::new(request)?;
     let course = course(request, &meshes, false, progress)?;
-    let mut solved = Solved::new(&meshes, request, &course)?;
+    let mut solved = Solutions::new(&meshes, request, &course)?;
     let (rows, timing) = solved.rows(&meshes, request, &course)?;
     Ok(solved.measured(rows, timing))
 }
 
-impl<'a> Solved<'a> {
+impl<'a> Solutions<'a> {
     fn new(
         meshes: &'a Meshes,
         request: &Request<'_>,
         course: &Course<'_>,
-    ) -> Result<Solved<'a>, MeasureError> {
+    ) -> Result<Solutions<'a>, MeasureError> {
         let mut left_out = Vec::new();
         let candidates = variants::solve(request, meshes, &mut left_out, course)?;
         let references = References::new(request, meshes, &candidates, course)?;
-        Ok(Solved { candidates, references, left_out })
+        Ok(Solutions { candidates, references, left_out })
     }
 
     fn rows(
@@ -156,7 +156,7 @@ pub fn measure(
 ) -> Result<Report, MeasureError> {
     let meshes = Meshes::new(request)?;
     let course = course(request, &meshes, true, progress)?;
-    let mut solved = Solved::new(&meshes, request, &course)?;
+    let mut solved = Solutions::new(&meshes, request, &course)?;
     let trials = trials::measure(request, &solved.candidates, &solved.references, &course)?;
     let (rows, timing) = solved.rows(&meshes, request, &course)?;
     let own = own_setting(request);
@@ -199,7 +199,7 @@ pub fn measure(
     })
 }
 
-/// The file, or the name of a scene that the program brings along.
+/// The scene's file, or the name of a built-in scene.
 fn scene_name(path: &Path) -> String {
     match path.file_stem() {
         Some(name) if !path.exists() => format!("{}, which the program brings along", name.to_string_lossy()),
@@ -207,7 +207,7 @@ fn scene_name(path: &Path) -> String {
     }
 }
 
-/// The setting that the scene asks for; the tolerance of a direct solver means nothing.
+/// The setting in the scene; without the tolerance of a direct solver, which has no effect.
 fn own_setting(request: &Request<'_>) -> Setting {
     let body = &request.scene.body[request.body];
     let Solver { method, tolerance, .. } = body.solver;
@@ -234,28 +234,29 @@ fn about(request: &Request<'_>, base: &TetMesh) -> Vec<String> {
     let material = |m: &crate::scene::Material| {
         format!("Young's modulus {:.3e} Pa, Poisson's ratio {}", m.young, m.poisson)
     };
-    let mut said = vec![
+    let mut sentences = vec![
         format!("{} nodes and {} tetrahedra, {origin}", base.nodes.len(), base.tets.len()),
         format!("isotropic: {}", material(&body.material)),
     ];
-    said.extend(body.region.iter().map(|(region, m)| format!("region {region}: {}", material(m))));
+    sentences.extend(body.region.iter().map(|(region, m)| format!("region {region}: {}", material(m))));
     let names: Vec<&str> = body.control.keys().map(String::as_str).collect();
-    said.push(format!("{} control elements: {}", names.len(), names.join(", ")));
+    sentences.push(format!("{} control elements: {}", names.len(), names.join(", ")));
     let loads: Vec<&str> = body.loads().iter().map(|load| load.name).collect();
     if !loads.is_empty() {
-        said.push(format!(
+        sentences.push(format!(
             "measured without its loads ({}); the effect expected_errors measures the scene's model under them",
             loads.join(", ")
         ));
     }
-    said
+    sentences
 }
 
-/// Unknowns of the demo's tube with tet4, to which times are fitted.
+/// Unknowns of the demo's tube with tet4, at which times are fitted.
 const TUBE: f64 = 30_240.0;
 
-/// The steps of a measurement in their order, with their expected times on an idle machine with two cores, fitted to the demo's
-/// tube; the course corrects them by what the first steps take. `whole` with all that stands in a report beside the settings.
+/// The steps of a measurement in their order, with their expected times on an idle machine with two cores, fitted to the
+/// demo's tube; the course corrects them by the times of the first steps. `whole`: with everything that a report has in
+/// addition to the settings.
 fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     let mut steps = Vec::new();
     let step =
@@ -263,7 +264,7 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     let unknowns = |refine: u32, element: &Element| meshes.unknowns(refine, element) / TUBE;
     let top = meshes.linear.len() as u32 - 1;
     let repeats = if request.quick { 1.0 } else { 2.0 };
-    // Errors of every storage in three poses, all on the finest mesh.
+    // Time of the errors of every storage in three poses, all on the finest mesh.
     let judged = |own: f64| 0.18 * unknowns(top, &TET10) + 0.75 * own;
     let mut solved = Vec::new();
     for (refine, element) in meshes.affordable(request) {
@@ -332,5 +333,5 @@ fn direct(unknowns: f64) -> f64 {
     0.4 * unknowns.powf(1.6)
 }
 
-/// A solve with column families of a model's own over one without.
+/// Time of a solve with a model's own column families over that of one without.
 const OF_MODELS: f64 = 30.0;

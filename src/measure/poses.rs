@@ -63,7 +63,7 @@ fn across(v: &Vector3<f64>, chord: &Vector3<f64>) -> Vector3<f64> {
     chord.try_normalize(f64::MIN_POSITIVE).map_or(*v, |along| v - along * along.dot(v))
 }
 
-/// No control element turns by more between two poses of [`on_the_way`], rad.
+/// Largest turn of a control element between two poses of [`on_the_way`], rad.
 const STEP: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
 /// The poses between rest and `poses` through which a hand brings a body there: a model with its own equilibrium finds it from

@@ -13,7 +13,7 @@ use crate::green::{
 };
 use crate::mesh::Surface;
 use crate::scene::Scene;
-use crate::solve::SolveStats;
+use crate::solve::{Method, NO_UNKNOWNS, SolveStats};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -140,7 +140,7 @@ fn known_tables() -> impl Iterator<Item = &'static str> {
     own.into_iter().chain(substructure::TABLES)
 }
 
-/// All of a solution but the numbers.
+/// A solution without its numbers.
 #[derive(Serialize, Deserialize)]
 struct Head {
     columns: usize,
@@ -148,7 +148,9 @@ struct Head {
     tables: Vec<(String, usize, usize)>,
     asymmetry: Option<f64>,
     rigid: RigidMotion,
+    /// With a method of the list where there were no unknowns, because no list has [`NO_UNKNOWNS`].
     stats: SolveStats,
+    is_without_unknowns: bool,
     times: StepTimes,
     matrix_entries: usize,
 }
@@ -159,6 +161,11 @@ pub fn write(solution: &Solution) -> Option<Vec<u8>> {
     if tables.keys().any(|name| !known_tables().any(|known| known == *name)) {
         return None;
     }
+    let mut stats = solution.stats.clone();
+    let is_without_unknowns = stats.method.name == NO_UNKNOWNS.name;
+    if is_without_unknowns {
+        stats.method = <&'static Method>::default();
+    }
     let head = Head {
         columns: fields.columns,
         tables: tables
@@ -167,7 +174,8 @@ pub fn write(solution: &Solution) -> Option<Vec<u8>> {
             .collect(),
         asymmetry: solution.asymmetry,
         rigid: solution.rigid,
-        stats: solution.stats.clone(),
+        stats,
+        is_without_unknowns,
         times: solution.times.clone(),
         matrix_entries: solution.matrix_entries,
     };
@@ -184,7 +192,10 @@ pub fn read(scene: &Scene, body: &str, bytes: &[u8]) -> Option<Solution> {
     let (length, rest) = bytes.split_at_checked(8)?;
     let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
     let (head, rest) = rest.split_at_checked(length)?;
-    let head: Head = serde_json::from_slice(head).ok()?;
+    let mut head: Head = serde_json::from_slice(head).ok()?;
+    if head.is_without_unknowns {
+        head.stats.method = &NO_UNKNOWNS;
+    }
     let prepared = green::prepare(scene, body).ok()?;
     let nodes = prepared.mesh.nodes.len();
     let mut numbers =
@@ -222,4 +233,32 @@ pub fn read(scene: &Scene, body: &str, bytes: &[u8]) -> Option<Solution> {
         matrix_entries: head.matrix_entries,
         notices: Vec::new(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::green::{AFFINE, Requirements};
+    use crate::solve::Silent;
+    use std::path::Path;
+
+    /// A block of one cell, whose nodes are all held, has no unknowns.
+    #[test]
+    fn a_solution_is_read_as_it_was_written() {
+        for cells in [1, 2] {
+            let scene = format!(
+                "[body.b]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [{cells}, 1, 1] }} }}\n\
+                 material = {{ young = 1e6, poisson = 0.3 }}\n\
+                 control.left = {{ nodes = {{ group = \"left\" }}, grab = \"fixed\" }}\n\
+                 control.right = {{ nodes = {{ group = \"right\" }} }}\n"
+            );
+            let scene = Scene::parse(&scene, Path::new("block.toml")).unwrap();
+            let solution = green::solve(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
+            assert_eq!(solution.stats.method.name == NO_UNKNOWNS.name, cells == 1);
+            let bytes = write(&solution).unwrap();
+            let again = read(&scene, "b", &bytes).unwrap();
+            assert_eq!((again.fields.data, again.stats), (solution.fields.data, solution.stats));
+            assert!(read(&scene, "b", &bytes[..bytes.len() - 8]).is_none());
+        }
+    }
 }

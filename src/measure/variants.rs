@@ -325,7 +325,7 @@ pub fn solved(
     Ok(Candidate { refine: 0, element: body.element, solver: body.solver, models: models.to_vec(), solution })
 }
 
-/// What else the machine does makes short times longer, never shorter: the fastest of three.
+/// The fastest of three solves: other work of the machine makes short times longer, never shorter.
 fn fastest(
     scene: &Scene,
     request: &Request<'_>,

@@ -1,4 +1,4 @@
-//! Quadratic tetrahedra: the nodes between the corners, and the map they span.
+//! Quadratic tetrahedra: the nodes between the corners, the map they span, and the node groups that the new nodes join.
 //!
 //! In: a linear mesh, and where the middle of each edge is. Out: the mesh with [`TetMesh::mids`].
 //!
@@ -7,8 +7,6 @@
 //! ```
 //!
 //! with barycentric coordinates L (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., section 8.10).
-//!
-//! Decides which groups a new node joins that is inserted between two old ones.
 
 use super::tet_mesh::surface_edges;
 use super::tet_mesh::{EDGES, TetMesh, edges_of};
@@ -112,8 +110,15 @@ pub fn least_jacobian(mesh: &TetMesh, tet: usize) -> f64 {
     least / straight
 }
 
-/// Adds node `first` + i, which stands on the edge `ends[i]` (ascending) of a linear mesh, to the groups of `mesh` that
-/// it belongs to.
+/// Adds node `first` + i, which stands on the edge `ends[i]` (ascending) of a linear mesh, to the groups of `mesh` to which
+/// it belongs. A group is a set of nodes, and no file says whether it means a volume, a part of the surface or a line, so
+/// its nodes decide:
+///
+/// 1. each is a corner of a tetrahedron that lies in the group with all corners: a volume; the edges of those
+///    tetrahedra belong to it;
+/// 2. else, all are on the surface: a part of it; edges of the surface between two of its nodes belong to it, but no edge
+///    that runs through the body, so that a wall does not grow inward;
+/// 3. else every edge between two of its nodes belongs to it.
 pub(super) fn join(mesh: &mut TetMesh, first: usize, ends: &[[u32; 2]]) {
     let outer = surface_edges(mesh);
     let mut is_outer = vec![false; mesh.nodes.len()];

@@ -1,4 +1,4 @@
-//! Finds what is wrong with a triangle surface, and makes the repairs that are unambiguous.
+//! Finds the defects of a triangle surface, and makes the repairs that are unambiguous.
 //!
 //! In: a [`TriangleSurface`]. Out: the same with outward triangles (cavities inward), and a [`SurfaceReport`]: shells,
 //! holes, edges of three triangles and more, places where it passes through itself, volume. Winding numbers by solid
@@ -18,13 +18,13 @@ use std::collections::VecDeque;
 pub struct SurfaceReport {
     pub vertices: usize,
     pub triangles: usize,
-    /// Pieces that are joined through vertices, the greatest first in the order of the file.
+    /// Pieces whose triangles are joined through edges, in the order of their first triangles in the file.
     pub shells: Vec<Shell>,
     pub bounding_box: [[f64; 3]; 2],
     pub area: f64,
     /// Volume inside the surface, without cavities. It means nothing for an open surface.
     pub volume: f64,
-    /// Loops of edges that belong to one triangle only.
+    /// Loops of edges that an odd number of triangles share, mostly one.
     pub holes: Vec<Hole>,
     /// Edges of three triangles or more: how many, and the middle of the first.
     pub crowded_edges: usize,
@@ -51,13 +51,13 @@ pub struct Hole {
     pub at: [f64; 3],
 }
 
-/// Vertices of a shell that are tested for lying inside another.
+/// Number of vertices of a shell for which is tested whether they lie inside another shell.
 const SAMPLES: usize = 16;
 /// No further shell is tested after this many solid angles.
 const MOST_SOLID_ANGLES: usize = 50_000_000;
 
-/// Turns the triangles of every shell one way, outward or into a cavity, and reports the remaining defects. The triangles that
-/// were turned are added to `notices`.
+/// Turns the triangles of every shell one way, outward or into a cavity, and reports the remaining defects. Notes of the
+/// turned triangles are added to `notices`.
 pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> SurfaceReport {
     let edges = Edges::new(surface);
     let (shell_of, turned, unorientable_edges) = orient(surface, &edges);
@@ -101,12 +101,12 @@ pub fn check(surface: &mut TriangleSurface, notices: &mut Vec<String>) -> Surfac
 }
 
 impl SurfaceReport {
-    /// Whether it has an inside.
+    /// Whether the surface has an inside.
     pub fn is_closed(&self) -> bool {
         self.holes.is_empty() && self.unorientable_edges == 0
     }
 
-    /// Sentences about what is wrong, the worst first; none for a sound surface.
+    /// A sentence about each kind of defect, the worst first; none for a sound surface.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let place = |[x, y, z]: &[f64; 3]| format!("({x:.6}, {y:.6}, {z:.6})");
@@ -144,8 +144,8 @@ impl SurfaceReport {
     }
 }
 
-/// The edges of all triangles, sorted: vertices in ascending order, triangle, whether it runs from the lower to the
-/// higher vertex. Equal edges are neighbours.
+/// The edges of all triangles, sorted: the vertices in ascending order, the triangle, and whether the triangle runs from the
+/// lower to the higher vertex. Equal edges are neighbours.
 struct Edges(Vec<([u32; 2], u32, bool)>);
 
 impl Edges {
@@ -170,14 +170,15 @@ fn middle(surface: &TriangleSurface, vertices: &[u32]) -> [f64; 3] {
     (sum / vertices.len().max(1) as f64).into()
 }
 
-/// Makes neighbours across every edge of two triangles agree, starting from the first triangle of each shell. The
-/// shell of each triangle (joined through edges), how many were turned, edges that still disagree.
+/// Makes neighbours across every edge of two triangles agree, starting from the first triangle of each shell. Returns the
+/// shell of each triangle (joined through edges), the number of turned triangles, and the number of edges that still
+/// disagree.
 fn orient(surface: &mut TriangleSurface, edges: &Edges) -> (Vec<u32>, usize, usize) {
     let count = surface.triangles.len();
     let mut links: Vec<(u32, u32, bool)> = Vec::new();
     for group in edges.groups() {
         for pair in group.windows(2) {
-            // Across an edge of many triangles only the shell is carried on, and no direction asked for.
+            // An edge of three triangles or more joins them into one shell, but demands no direction.
             let disagree = group.len() == 2 && pair[0].2 == pair[1].2;
             links.push((pair[0].1, pair[1].1, disagree));
             links.push((pair[1].1, pair[0].1, disagree));
@@ -224,7 +225,7 @@ fn orient(surface: &mut TriangleSurface, edges: &Edges) -> (Vec<u32>, usize, usi
     (shell_of, turned, contradictions / 2)
 }
 
-/// Whether two triangles share an edge that belongs to no third: only there must they agree.
+/// Whether two triangles share an edge that belongs to no third one: only across such an edge must they agree.
 fn edge_of_two(edges: &Edges, surface: &TriangleSurface, t: usize, next: usize) -> bool {
     let [a, b, c] = surface.triangles[t];
     [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| {
@@ -299,7 +300,7 @@ fn turn_shells(
     let mut budget = MOST_SOLID_ANGLES;
     let mut turned = Vec::new();
     for (s, triangles) in members.iter().enumerate() {
-        let (mut deep, mut looked) = (0, 0);
+        let (mut deep, mut tested) = (0, 0);
         let mut vertices: Vec<u32> = triangles.iter().flat_map(|&t| surface.triangles[t]).collect();
         vertices.sort_unstable();
         vertices.dedup();
@@ -315,11 +316,11 @@ fn turn_shells(
                 budget -= others.len();
                 depth += usize::from(winding(surface, others, &point).abs() > 0.5);
             }
-            looked += 1;
+            tested += 1;
             deep += depth % 2;
         }
         // A shell that passes through another lies inside it with some of its vertices only.
-        shells[s].is_cavity = deep == looked;
+        shells[s].is_cavity = deep == tested;
         if (shells[s].volume < 0.0) != shells[s].is_cavity {
             shells[s].volume = -shells[s].volume;
             triangles.iter().for_each(|&t| surface.triangles[t].swap(1, 2));

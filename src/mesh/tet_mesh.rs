@@ -1,6 +1,4 @@
-//! The tetrahedral mesh that every other room works on.
-//!
-//! The outer surface of a tetrahedral mesh.
+//! The tetrahedral mesh that every other room works on, and its outer surface.
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -53,7 +51,9 @@ pub struct LoadedMesh {
     pub notices: Vec<String>,
 }
 
-/// The outer surface of a [`TetMesh`]: triangles oriented outward over the surface nodes.
+/// The outer surface of a [`TetMesh`]: the faces that belong to one tetrahedron only, as outward triangles over the surface
+/// nodes, in the order of their tetrahedra; a face of a quadratic mesh as four triangles. Faces between two regions belong
+/// to two tetrahedra and are therefore not among them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// Corners as indices into `nodes`.

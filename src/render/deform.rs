@@ -7,7 +7,8 @@
 //! `rotation` all elements change together. Twins on the CPU: `deform::Superposition`, `deform::move_parts`,
 //! `deform::vertex_normals`.
 //!
-//! Vertices that are copies of nodes, on the device: drawn on the other side of a sharp edge.
+//! Copies of nodes, which draw the other side of a sharp edge, take their nodes' positions after every deformation; their
+//! twin on the CPU is `base::creases`.
 
 use super::chunk::{Chunk, ComputePass, most_items, ranges};
 use super::error::RenderError;

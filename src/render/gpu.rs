@@ -1,7 +1,6 @@
-//! The graphics device. In comes nothing but the machine's drivers (and `WGPU_BACKEND`, where set); out goes a device
-//! that says what it is, because a software device or an OpenGL fallback is fit for tests, not for a wall.
-//!
-//! Time on the device itself: how long each pass took, by its own timestamps, where the device has them.
+//! The graphics device. In: nothing but the machine's drivers (and `WGPU_BACKEND`, where set). Out: a device that says what
+//! it is, because a software device or an OpenGL fallback is fit for tests, not for a wall. Where the device has timestamps,
+//! [`Clock`] reads how long each pass took on it.
 
 use super::error::RenderError;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -278,7 +277,7 @@ impl Gpu {
 /// Passes between two readings; more are not timed.
 const PASSES: u32 = 256;
 
-/// A query set of a beginning and an end per pass.
+/// A query set of a beginning and an end per pass. No query is made until [`Gpu::start_clock`] is called.
 pub(super) struct Clock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,

@@ -1,6 +1,5 @@
-//! The floor: lines on a horizontal rectangle, every fifth one stronger, fading towards its rim.
-//!
-//! The empty room behind everything: a gradient over the height of the sight line.
+//! The floor (lines on a horizontal rectangle, every fifth one stronger, fading towards its rim), and the empty room behind
+//! everything: a gradient over the height of the sight line.
 
 use super::error::RenderError;
 use super::frame::{FrameContents, Grid};

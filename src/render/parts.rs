@@ -1,9 +1,8 @@
-//! The rigid parts of a body on the device, of a body that has several.
+//! The rigid parts of a body that has several, on the device; and vertex data that advances once per instance: where a shape
+//! stands, and its colour ([`Instances`]).
 //!
 //! In: the parts' weights of every vertex, once, and the motion of every part; out: a pass that moves the summed positions
 //! in place. Its twin on the CPU is `deform::move_parts`.
-//!
-//! Vertex data that advances once per instance: where a shape stands, and its colour.
 
 use super::chunk::ComputePass;
 use super::error::RenderError;

@@ -1,13 +1,11 @@
-//! The common part of floor, lines and quads: strips of four corners, one per instance, blended over the picture.
+//! Strips of four corners, one per instance, blended over the picture: the common part of floor, lines and quads.
 //!
 //! In comes a list of instances per frame; out goes one draw per view. The pipeline and the buffer are made with the
 //! first instance that is ever drawn, and grow with the longest list.
 //!
-//! Straight lines in the room, as wide in pixels wherever they are seen from.
-//!
-//! Translucent parallelograms in the room: one colour seen from the front, another from the back.
-//!
-//! Strips with shaders that an effect brings: one pipeline and one buffer for each kind, found by its name.
+//! [`Line`] is straight in the room, and as wide in pixels wherever it is seen from. [`Quad`] is a translucent parallelogram
+//! in the room: one colour seen from the front, another from the back. [`CustomStripsPass`] draws strips with shaders that
+//! an effect brings: one pipeline and one buffer for each kind, found by its name.
 
 use super::error::RenderError;
 use super::frame::{Drawable, FrameContents, Line, Quad};

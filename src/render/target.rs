@@ -1,6 +1,5 @@
-//! Targets of pictures: the multisampled colour and depth of one size, and the plain texture they resolve to.
-//!
-//! Samples a pixel: as asked for, or as the device can afford.
+//! Targets of pictures: the multisampled colour and depth of one size, the plain texture they resolve to, and the number of
+//! samples a pixel: as asked for, or as the device can afford.
 
 use super::error::RenderError;
 use super::gpu::Gpu;

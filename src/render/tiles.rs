@@ -4,7 +4,7 @@
 //! Two-eye tiles are drawn into two pictures of their own, which are then joined ([`Composite`]). In between, `paint`
 //! may draw over each eye's picture: what it writes is then readable in every kind of stereo.
 //!
-//! Both eyes' pictures of one screen: drawn in one pass where the device has multiview, in two where not.
+//! [`EyePair`] holds both eyes' pictures of one screen: drawn in one pass where the device has multiview, in two where not.
 
 use super::composite::{Composite, CompositePass, Inputs};
 use super::error::RenderError;
@@ -285,7 +285,8 @@ fn pictures<'a>(target: &'a Target<'_>) -> Vec<Picture<'a>> {
     whole.chain(eyes).collect()
 }
 
-/// Two pictures of one size.
+/// Two pictures of one size, plain and two-dimensional, and equal in both ways of drawing. In one pass every vertex is
+/// fetched once and every command is recorded once for both eyes; each eye's picture is then a layer of one texture.
 pub struct EyePair {
     pub size: [u32; 2],
     /// Each eye's picture by itself.

@@ -1,6 +1,5 @@
-//! One eye's picture of one screen, and the struct `View` of `shaders/common/view.wgsl` that the shaders read of it.
-//!
-//! Boxes around shapes, and whether a view meets them: shapes that an eye cannot see are not drawn.
+//! One eye's picture of one screen, the struct `View` of `shaders/common/view.wgsl` that the shaders read of it, and boxes
+//! around shapes, so that shapes that an eye cannot see are not drawn ([`Bounds`]).
 
 use nalgebra::{Matrix3, Matrix4, Point3, RowVector4, Vector3};
 

@@ -1,4 +1,4 @@
-//! What goes with boundary elements in a body's settings, and what does not.
+//! Checks which settings of a body go with boundary elements, and which do not.
 
 use super::Body;
 use super::method::Method;
@@ -14,7 +14,7 @@ impl Body {
         self.method == Method::Bem && self.mesh.as_deref().is_some_and(is_surface_file)
     }
 
-    /// What its .green file names as its element.
+    /// Name of the element in the body's .green file.
     pub fn element_name(&self) -> &'static str {
         match self.method {
             Method::Fem => self.element.name,

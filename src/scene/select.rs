@@ -1,6 +1,4 @@
-//! Selections of the nodes of a mesh that a control element holds.
-//!
-//! A control element of a body, as a scene names it.
+//! A control element of a body, as a scene names it, and the selection of the mesh's nodes that it holds.
 
 use crate::base::input;
 use crate::config::unknown_name;

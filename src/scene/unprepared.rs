@@ -1,4 +1,4 @@
-//! What to write into a scene whose body was not prepared for a change that is asked of it.
+//! The advice for a change for which a body was not prepared: the lines to write into its scene.
 
 use super::Body;
 use super::updates::Updates;
@@ -48,7 +48,7 @@ impl Body {
 }
 
 impl Updates {
-    /// As it stands in a scene file.
+    /// The table as a scene file has it.
     fn written(&self) -> String {
         let lists = [("release", &self.release), ("modulus", &self.modulus), ("released", &self.released)];
         let of_list = |(key, names): (&str, &Vec<String>)| {

@@ -1,4 +1,4 @@
-//! What is released and changed of a body while it is shown, and the body as it was precomputed.
+//! Changes of a body while it is shown (released control elements, other moduli), and the body as it was precomputed.
 
 use super::updates::Updates;
 use super::{Body, Method, Scene};
@@ -6,7 +6,7 @@ use crate::config::unknown_name;
 use crate::fem::Dilatation;
 
 impl Body {
-    /// By how much the modulus of each region of `updates.modulus` is larger than it was precomputed.
+    /// Factor of the modulus of each region of `updates.modulus` over the precomputed one.
     pub fn modulus_factors(&self) -> Vec<f64> {
         let Some(updates) = &self.updates else { return Vec::new() };
         let factor = |region: &String| {
@@ -71,7 +71,7 @@ impl Body {
         true
     }
 
-    /// As it would be read again: all control elements in their order, and those named that are loose.
+    /// The body as its written scene would be read: all control elements in their order, and the loose ones by name.
     pub(super) fn as_written(&self) -> Body {
         let mut body = self.clone();
         let loose: Vec<String> = self.updates.iter().flat_map(Updates::loose).map(str::to_owned).collect();

@@ -1,6 +1,5 @@
-//! Opens a session from the options of a command: scene, stage, script, .green file, recordings.
-//!
-//! A scene's .green file that is found or made while windows are already open.
+//! Opens a session from the options of a command: scene, stage, script, .green file, recordings. [`Making`] finds or makes a
+//! scene's .green file while windows are already open.
 
 use super::advance::Session;
 use super::change::Steps;
@@ -129,6 +128,8 @@ pub fn script(scene: &Scene, asked: Option<&Path>) -> Result<Option<Script>, Fai
         .transpose()
 }
 
+/// A thread that finds or makes a scene's .green file, and the steps that the windows show meanwhile, as standard error
+/// does.
 pub struct Making {
     pub steps: Arc<Steps>,
     thread: JoinHandle<Result<Arc<GreenFile>, Failure>>,

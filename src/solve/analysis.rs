@@ -3,7 +3,7 @@
 //!
 //! In: A's graph. Out: an [`Analysis`], or, before there is one, [`SharedAnalysis::least_seconds`].
 //!
-//! Nested dissection of the node graph by METIS (Karypis and Kumar, SIAM J. Sci. Comput. 20, 1998).
+//! The ordering is nested dissection of the node graph by METIS (Karypis and Kumar, SIAM J. Sci. Comput. 20, 1998).
 
 use super::dense::{Real, SCRATCH};
 use super::error::SolveError;

@@ -2,9 +2,8 @@
 //! iterated together, so that one pass over the matrix multiplies all of them.
 //!
 //! In: A, its levels, and columns of b. Out: columns of x with their true residuals, or the first that stays above the
-//! tolerance; and a bound of their error in the norm of the energy.
-//!
-//! The least and the largest eigenvalue of a preconditioned matrix, as conjugate gradients see them.
+//! tolerance; a bound of their error in the norm of the energy; and the least and the largest eigenvalue of the
+//! preconditioned matrix, as the iteration sees them ([`Spectrum`]).
 
 use super::error::SolveError;
 use super::multigrid::{Multigrid, Workspace};

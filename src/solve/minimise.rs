@@ -44,9 +44,9 @@ pub trait Energy {
 
     /// Goes the last step; returns V after it.
     fn finish(&mut self, _energy: f64, _gain: f64) -> Option<f64> {
-        let energy = self.trial(1.0).filter(|energy| energy.is_finite());
+        let energy = self.trial(1.0).filter(|energy| energy.is_finite())?;
         self.accept();
-        energy
+        Some(energy)
     }
 
     /// Gives up a factor that was not of this state; false where it was, so that nothing is left to try.
@@ -81,7 +81,8 @@ pub struct Minimum {
 /// The reason why no minimum was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setback {
-    /// The Hessian is not positive definite, however it is shifted.
+    /// The Hessian is not positive definite, however it is shifted where shifts are allowed: the equilibrium is lost, or the
+    /// step is too long.
     Unstable,
     /// No step, however short, lowers the energy, or the state has none.
     NoDescent,
@@ -101,6 +102,9 @@ pub fn minimise<E: Energy>(problem: &mut E, most: usize, iterations: &mut usize)
             false => factorise(problem).ok_or(Setback::Unstable)?,
         };
         let Step { gain, is_last } = problem.find_step(energy);
+        if gain.is_nan() && !is_last {
+            return Err(Setback::NoDescent);
+        }
         let first = if is_last && shift > 0.0 { problem.find_mode() } else { None };
         if let Some(first) = first {
             let mut ways = (0..MODE_TRIALS).flat_map(|k| [first, -first].map(|way| way * halved(k)));

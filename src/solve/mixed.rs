@@ -1,12 +1,10 @@
 //! A Cholesky factor in f32 as the preconditioner of conjugate gradients in f64: half the memory of the factor.
 //!
-//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where the
-//! condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of the
-//! condition number decides beforehand whether the factor is made in f64 instead; otherwise that happens as soon as the
-//! iterations that are left would take longer than a factor in f64. A note reports it. Literature: Higham and Mary, Acta Numerica
-//! 31 (2022), 347-414, section 8.
-//!
-//! An estimate of the condition number of A in a small part of the time of its factor; a factor in f32 is useless above 1e7.
+//! The iteration ends where Cholesky in f64 would: at a residual of 1e-12, or where rounding lets it fall no further. Where
+//! the condition number of A comes near 1e7, a factor in f32 fails, or the iteration with it does not end. An estimate of
+//! the condition number, which takes a small part of the time of a factor, decides beforehand whether the factor is made in
+//! f64 instead; otherwise that happens as soon as the remaining iterations would take longer than a factor in f64. A note
+//! reports it. Literature: Higham and Mary, Acta Numerica 31 (2022), 347-414, section 8.
 
 use super::analysis::Analysis;
 use super::cholesky::Cholesky;
@@ -50,11 +48,11 @@ fn expected(condition: f64) -> f64 {
 /// Iterations after which the factor is called too inexact, and those that are usual.
 const MOST: usize = 25;
 const USUAL: f64 = 3.0;
-/// Relative residual to which the recurrence goes, …
+/// Relative residual of the recurrence at which the iteration ends.
 const TOLERANCE: f64 = 5e-13;
-/// … and of what it lost by rounding, and of the solves of the estimates.
-const CORRECTION: f64 = 1e-3;
-/// … and of columns of the inverse at chosen nodes, which are kept as f32.
+/// The same for the solves by which the error is estimated.
+const ESTIMATE: f64 = 1e-3;
+/// The same for columns of the inverse at chosen nodes, which are kept as f32.
 const COLUMN: f64 = 1e-10;
 
 const ILL_CONDITIONED: &str = "The stiffness matrix is too ill-conditioned for a factor in f32, or not positive definite: its \
@@ -217,7 +215,7 @@ impl Mixed<'_> {
         progress.advance(b.columns as u64);
         progress.end();
         let Ok((x, iterations)) = first else { return Ok(None) };
-        // What the recurrence lost by rounding is found by further iterations for the true residual.
+        // Further iterations for the true residual correct the rounding errors of the recurrence.
         let inverse = |r: &NodeFields| {
             Ok(self
                 .iterate(r, TOLERANCE)?
@@ -295,7 +293,7 @@ impl Factor for Mixed<'_> {
             return Ok((x, stats));
         }
         // An estimate needs few digits.
-        let inverse = |b: &NodeFields| match self.iterate(b, CORRECTION)? {
+        let inverse = |b: &NodeFields| match self.iterate(b, ESTIMATE)? {
             Ok((x, _)) => Ok(x),
             Err(Stagnant) => self.llt.substitute(b, &Silent),
         };
@@ -323,7 +321,12 @@ const STEPS: usize = 6;
 /// The largest eigenvalue of a stiffness matrix that is scaled by its diagonal.
 const LARGEST: f64 = 3.0;
 
-/// Estimate of κ₂(S A S) with S = diag(A)^-1/2; infinite where A is not positive definite, `None` without places.
+/// Estimate of κ₂(S A S) with S = diag(A)^-1/2, from below and to an order of magnitude; infinite where A is not positive
+/// definite, `None` without places.
+///
+/// The nodes are gathered into a few groups that move as rigid bodies (Rayleigh and Ritz). All strain is then between the
+/// groups, in one layer of elements instead of many: the least eigenvalue is too large by as many times as a group has
+/// layers.
 pub(super) fn condition(a: &StiffnessMatrix) -> Option<f64> {
     if a.places.len() != a.nodes() || a.nodes() == 0 {
         return None;

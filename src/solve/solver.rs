@@ -4,10 +4,9 @@
 //! Solver ── analyse(A) → LinearSolver ── factor(A) → Factor ── solve(b) → x, SolveStats
 //! ```
 //!
-//! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends
-//! on those numbers; the third takes any number of right-hand sides.
-//!
-//! The solver of systems without unknowns: those of bodies whose nodes are all held.
+//! The first step depends on the graph of A alone and is reused while only the numbers of A change; the second depends on
+//! those numbers; the third takes any number of right-hand sides. A body whose nodes are all held has no unknowns, and the
+//! solver [`NoUnknowns`].
 
 use super::analysis::SharedAnalysis;
 use super::error::SolveError;

@@ -14,9 +14,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Vectors that are iterated together, so that a mode that has a twin is found as fast as one that has none.
 const BLOCK: usize = 4;
-/// The iteration ends where the least eigenvalue changes by no more than this part, …
+/// The iteration ends where the least eigenvalue changes by no more than this part.
 const TOLERANCE: f64 = 1e-8;
-/// … or after this number of solves.
+/// The iteration ends at the latest after this number of solves.
 const MOST: usize = 60;
 /// Eigenvalues up to this many times the least belong to one mode and its twins.
 const TWIN: f64 = 1.2;

@@ -12,12 +12,12 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) struct Supernodes {
     /// The positions in the order of elimination of the nodes that are asked for: of a whole factor, of all.
     pub(super) inverse: Vec<u32>,
-    /// Supernode s has the nodes `begin[s]..begin[s + 1]` of this order, …
+    /// Nodes of supernode s, in this order: `begin[s]..begin[s + 1]`.
     begin: Vec<u32>,
-    /// … below them the `rows[row_start[s]..row_start[s + 1]]`, ascending, …
+    /// Rows below the nodes of supernode s, ascending: `rows[row_start[s]..row_start[s + 1]]`.
     rows: Vec<u32>,
     row_start: Vec<usize>,
-    /// … and the numbers `value_start[s]..value_start[s + 1]` of L: (n + m) × n, column after column.
+    /// Numbers of supernode s in L, (n + m) × n, column after column: `value_start[s]..value_start[s + 1]`.
     value_start: Vec<usize>,
     parent: Vec<u32>,
     /// The supernode of each node of the order.

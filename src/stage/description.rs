@@ -1,8 +1,5 @@
-//! The parts of a stage: its screens, windows, viewer, workspace, trackers and force-feedback devices.
-//!
-//! The built-in stages.
-//!
-//! The space before the screens: the ball in which a body is placed, and the grid that shows depth.
+//! The parts of a stage (screens, windows, viewer, workspace, trackers and force-feedback devices), the built-in stages, and
+//! the space before the screens: the ball in which a body is placed, and the grid that shows depth.
 
 use super::error::StageError;
 use super::haptic::Haptic;

@@ -146,9 +146,9 @@ pub const MAX_PIXELS: u32 = 16384;
 pub const PLACES: std::ops::RangeInclusive<i32> = -32768..=32767;
 pub const MIN_SIDE_M: f64 = 0.01;
 pub const MAX_SIDE_M: f64 = 100.0;
-/// Largest deviation of a corner from a rectangle that counts as a slip of the tape, m, which is straightened …
+/// Largest deviation of a corner from a rectangle that counts as an error of measurement and is straightened, m.
 pub const STRAIGHTENED_M: f64 = 5e-3;
-/// … unless the screen is so small that its edges meet at an angle with a greater cosine: 0.57°.
+/// Largest cosine of the angle between a screen's edges that is straightened: 0.57° off a right angle.
 pub const MAX_SKEW: f64 = 1e-2;
 pub const IPD_M: std::ops::RangeInclusive<f64> = 0.045..=0.080;
 

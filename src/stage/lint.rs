@@ -1,4 +1,4 @@
-//! Finds mistakes in a stage that loads: what display walls get wrong without an error.
+//! Finds mistakes in a stage that loads without an error, as they occur with display walls.
 //!
 //! In: a [`Stage`], and the monitors of its desktop if they are known. Out: [`Diagnostic`]s with their numbers: how edges meet,
 //! shapes of pixels, where the viewer stands, windows on their monitors.
@@ -16,20 +16,20 @@ use nalgebra::Point3;
 
 /// Pixels that differ from squares by more than this are reported.
 const PIXEL_RATIO: f64 = 0.01;
-/// Most adults' pupils lie within this distance, m (N. A. Dodgson, "Variation and extrema of human interpupillary
-/// distance", 2004: 5 % lie below, 5 % above).
+/// Distances between the pupils of most adults, m (N. A. Dodgson, "Variation and extrema of human interpupillary distance",
+/// 2004: 5 % lie below, 5 % above).
 const USUAL_IPD_M: std::ops::RangeInclusive<f64> = 0.055..=0.070;
 /// Edges that meet within this are reported as closed, m: a tape measures no better.
 pub(super) const CLOSED_M: f64 = 0.0005;
 /// Corners that are off a rectangle by more than this are reported, m.
 const SKEW_M: f64 = 0.0005;
-/// … as a warning from here on.
+/// Corners that are off a rectangle by more than this are reported as a warning, not a note, m.
 const SLIP_M: f64 = 0.001;
 /// Screens that lean forward, or fall to their upper edge, by more than this are reported, degrees.
 const LEANS: f64 = 0.5;
-/// A viewer farther from every screen than this is no viewer, m.
+/// A viewer farther from every screen than this is reported as an error, m.
 const FARTHEST_M: f64 = 20.0;
-/// A point up to here, in half widths and heights of a screen, may still lie behind a bezel.
+/// A point up to here from the middle, in half widths and heights of a screen, counts as shown: it may lie behind a bezel.
 const ABOUT_SHOWN: f32 = 1.02;
 /// Screens that are seen under a smaller angle to their plane are reported, radians.
 const GRAZING: f64 = 0.087;
@@ -39,23 +39,23 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     let mut found: Vec<Diagnostic> = upright::lint(stage).into_iter().collect();
     let is_upright = found.is_empty();
     for screen in &stage.screens {
-        screens(stage, screen, &mut found);
+        screen_lints(stage, screen, &mut found);
     }
     let overlaps = overlaps(&stage.screens, CLOSED_M);
-    for of in &stage.seams() {
-        let pair = of.edges.map(|(screen, _)| screen);
+    for joint in &stage.seams() {
+        let pair = joint.edges.map(|(screen, _)| screen);
         if !overlaps.iter().any(|overlap| overlap.screens == pair) {
-            found.push(seam(stage, of));
+            found.push(seam_lint(stage, joint));
         }
     }
-    found.extend(overlaps.iter().map(|overlap| twice(stage, overlap)));
-    let overlaps_none =
+    found.extend(overlaps.iter().map(|overlap| overlap_lint(stage, overlap)));
+    let is_alone =
         |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
-    found.extend(stage.apart().iter().filter(|&lone| overlaps_none(lone)).map(|lone| apart(stage, lone)));
+    found.extend(stage.apart().iter().filter(|&lone| is_alone(lone)).map(|lone| apart_lint(stage, lone)));
     viewer(stage, &mut found);
     eyes(stage, monitors, &mut found);
     windows(stage, monitors, &mut found);
-    // Pictures of walls that lie seem to be turned.
+    // Walls that lie flat would be reported as turned pictures, too.
     if is_upright {
         turned::lint(stage, &mut found);
     }
@@ -63,7 +63,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
     found
 }
 
-/// The errors of a stage whatever it is shown on.
+/// The errors of a stage that do not depend on its monitors.
 pub fn errors(stage: &Stage) -> impl Iterator<Item = Diagnostic> {
     lint(stage, &[]).into_iter().filter(|finding| finding.severity == Severity::Error)
 }
@@ -72,7 +72,7 @@ fn push(found: &mut Vec<Diagnostic>, severity: Severity, place: &str, message: i
     found.push(Diagnostic::new(severity, place, message));
 }
 
-fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
+fn screen_lints(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let entity = format!("screen.{}", screen.name);
     let [width_m, height_m] = screen.pixel_size_m();
     let ratio = width_m / height_m;
@@ -87,7 +87,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
         );
         push(found, Severity::Warning, &entity, message);
     }
-    // The loader refuses what is worse than a slip.
+    // The loader refuses larger deviations.
     let off_m = screen.off_rectangle_m();
     if (SKEW_M..=STRAIGHTENED_M).contains(&off_m) && off_m <= MAX_SKEW * screen.height_m() {
         let upright = screen.lower_left + screen.axes()[1] * screen.height_m();
@@ -103,7 +103,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
         push(found, severity, &entity, message);
     }
     push(found, Severity::Note, &entity, screen.measures());
-    // The tilt of a picture that is turned in its plane is told with its corners.
+    // The tilt of a picture that is turned in its plane is reported with its corners.
     let tilt = if turned::turned(stage, screen).is_some() { 0.0 } else { screen.tilt_degrees() };
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
@@ -135,7 +135,7 @@ fn screens(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     }
 }
 
-fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
+fn seam_lint(stage: &Stage, seam: &Seam) -> Diagnostic {
     let [a, b] = [0, 1].map(|k| {
         let (screen, edge) = seam.edges[k];
         format!("{} edge of {}", edge.name(), stage.screens[screen].name)
@@ -165,9 +165,9 @@ fn seam(stage: &Stage, seam: &Seam) -> Diagnostic {
     Diagnostic::new(severity, format!("seam.{}-{}", names[0], names[1]), format!("{a} and {b} {what}{along}"))
 }
 
-/// Words for the distance of the second edge's ends from the first's, mm.
+/// Words for the distances of the ends of the second edge from those of the first, mm.
 fn ends(along_mm: [f64; 2]) -> String {
-    let of = |mm: f64| match mm {
+    let place = |mm: f64| match mm {
         0.0 => "level with the first".to_owned(),
         mm if mm > 0.0 => format!("{mm:.1} mm beyond the first"),
         mm => format!("{:.1} mm short of the first", -mm),
@@ -176,14 +176,14 @@ fn ends(along_mm: [f64; 2]) -> String {
     if (first + last).abs() < 0.05 {
         return format!(", and the second is shifted by {:.1} mm along the first", first.abs());
     }
-    match (of(first), of(last)) {
+    match (place(first), place(last)) {
         (one, other) if one == other => format!(", and the second ends {one} at both ends"),
         (one, other) => format!(", and the second ends {one} at one end, {other} at the other"),
     }
 }
 
-/// A screen that meets no other.
-fn apart(stage: &Stage, apart: &Apart) -> Diagnostic {
+/// The finding about a screen that meets no other.
+fn apart_lint(stage: &Stage, apart: &Apart) -> Diagnostic {
     let names = apart.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
     let message = format!(
         "it meets no other screen: the nearest edges, {}, are {:.0} mm apart. Right where it really stands alone, else measure \
@@ -194,8 +194,8 @@ fn apart(stage: &Stage, apart: &Apart) -> Diagnostic {
     Diagnostic::new(Severity::Warning, format!("screen.{}", names[0]), message)
 }
 
-/// Two screens show part of one plane, or all of it, twice.
-fn twice(stage: &Stage, overlap: &Overlap) -> Diagnostic {
+/// The finding about two screens that show part of one plane, or all of it, twice.
+fn overlap_lint(stage: &Stage, overlap: &Overlap) -> Diagnostic {
     let [a, b] = overlap.screens.map(|screen| stage.screens[screen].name.as_str());
     let entity = format!("seam.{a}-{b}");
     if overlap.is_same {

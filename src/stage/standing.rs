@@ -32,9 +32,9 @@ pub struct HiddenPart {
     pub middle: Point3<f64>,
 }
 
-/// Ratio of one side to the next from which a body is a rod …
+/// Ratio of the longest side to the next from which a body is a rod.
 const ROD: f64 = 3.0;
-/// … and of two sides to the third from which it is a plate.
+/// Ratio of the middle side to the shortest from which a body is a plate.
 const PLATE: f64 = 3.0;
 /// Deeper than wide by more than this, a body is turned about the vertical.
 const DEEP: f64 = 1.25;

@@ -34,9 +34,9 @@ const FAR_M: f64 = 5.0;
 const EXPECTED_M: f64 = 1.5;
 /// Angle of a head's top from the vertical above which it counts as turned, degrees: who looks at a table bends by less.
 const TURNED: f64 = 65.0;
-/// Largest distance beside a screen's picture at which a head still counts as right behind it, m …
+/// Largest distance beside a screen's picture at which a head still counts as behind it, m.
 const BESIDE_M: f64 = 0.3;
-/// … and farther behind it than calibration is off, m.
+/// Least distance behind a screen at which a head counts as behind it, m: more than the error of a calibration.
 const BEHIND_M: f64 = 0.1;
 /// The most numbers that are listed.
 const MOST_NAMED: usize = 12;

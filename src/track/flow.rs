@@ -2,7 +2,7 @@
 //!
 //! In: the time of every reading, and for a sensor its position. Out: means over about the last 64 readings.
 //!
-//! Limits how much of a processor a source uses, whatever it is sent: a share of each slot of time.
+//! [`RateLimiter`] limits how much of a processor a source uses, whatever it is sent: a share of each slot of time.
 
 use crate::stage::tracking::LostPolicy;
 use nalgebra::Vector3;
@@ -80,7 +80,8 @@ const LONGEST_S: f64 = 1e-3;
 /// A changed state is published no more often than this, s.
 pub const PUBLISH_S: f64 = 1e-3;
 
-/// Time that a source has worked in the current slot.
+/// Time that a source has worked in the current slot. While it waits, the operating system keeps what arrives, and drops
+/// what is too much.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RateLimiter {
     slot_s: f64,

@@ -1,7 +1,5 @@
-//! One entry of the list of sources: the keys in a stage's `[tracker.NAME]` table, how they are checked, and how the source
-//! is opened.
-//!
-//! Errors of opening a tracker, with what to do about them.
+//! One entry of the list of sources (the keys in a stage's `[tracker.NAME]` table, how they are checked, and how the source
+//! is opened), and the errors of opening a tracker, with what to do about them.
 
 use super::device::Source;
 use super::listen::Listen;

@@ -6,7 +6,7 @@
 //! stage without trackers has one device, `Tracker0`, in the room's frame: sensor 0 is the head, sensor 1 + i stylus i, buttons
 //! 2 i and 2 i + 1 are its grab and its second button.
 //!
-//! A source for tests that reports what the test sets.
+//! [`FakeSource`] is a source for tests that reports what the test sets.
 
 use super::device::{DeviceState, Link, Source, now_s};
 use super::script::Script;

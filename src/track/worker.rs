@@ -1,9 +1,8 @@
 //! The thread of a source: it receives, keeps a [`DeviceState`], and publishes the newest one without a lock.
 //!
-//! In: a function that runs until it is asked to stop. Out: a [`Source`]. Here is what every source needs besides its protocol:
-//! publishing, stopping, and waiting longer after each failure.
-//!
-//! Hands the newest state of a source's thread to the frame: without a lock, and not more often than is of use.
+//! In: a function that runs until it is asked to stop. Out: a [`Source`]. The thread does what every source needs besides
+//! its protocol: publishing, stopping, and waiting longer after each failure. [`StatePublisher`] hands the newest state to
+//! the frame, not more often than is of use.
 
 use super::device::{DeviceState, Link, Source, now_s};
 use super::flow::{PUBLISH_S, RateLimiter};

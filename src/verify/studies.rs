@@ -24,7 +24,7 @@ pub struct Study {
     pub verdict: Result<Option<String>, String>,
 }
 
-/// Makes a study; what has to be left out is told.
+/// Makes a study, and reports the parts that have to be left out.
 pub type MakeStudy = fn(&mut dyn FnMut(String)) -> Result<Study, Failure>;
 
 /// The studies by the names by which `verify` is asked for them.

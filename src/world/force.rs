@@ -1,9 +1,9 @@
-//! The force that a hand feels, without a device: an arrow at the control element that is held, and its value.
+//! The force that a hand feels, shown without a device: an arrow at the held control element, its value, and how wrong it
+//! may be.
 //!
-//! In: bodies whose scene lists an effect with forces, and what is held. Out: [`HeldForce`]s and
-//! their arrows. A body without such an effect has no [`ForceScale`], and nothing here is called for it.
-//!
-//! Estimates by how much the forces and torques of a body may be wrong, in N and N·m, from its measured errors.
+//! In: bodies whose scene lists an effect with forces, and what is held. Out: [`HeldForce`]s and their arrows, and an
+//! estimate of the error of a body's forces and torques, in N and N·m, from its measured errors ([`WrenchError`]). A body
+//! without such an effect has no [`ForceScale`], and nothing here is called for it.
 
 use super::body::PlacedBody;
 use super::force_scale::ForceScale;

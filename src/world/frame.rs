@@ -1,11 +1,9 @@
-//! The content of one frame, thrown away with the next.
+//! The content of one frame, which is thrown away with the next.
 //!
-//! In: a world after [`World::step`](super::World::step). Out: colours of the bodies, forces, what is drawn beside the bodies, warnings.
-//! The shapes of the bodies themselves stay with their deformers, which the next frame brings up to date.
-//!
-//! Whether a hand points at a control element, holds it, or neither.
-//!
-//! The time that the mechanics of a frame took.
+//! In: a world after [`World::step`](super::World::step). Out: colours of the bodies, forces, drawables beside the bodies,
+//! warnings, whether a hand points at a control element, holds it, or neither ([`Highlight`]), and the time that the
+//! mechanics took ([`StepTimes`]). The shapes of the bodies themselves stay with their deformers, which the next frame
+//! brings up to date.
 
 use super::assets::{Assets, BodyAssets};
 use super::force_scale::ForceScale;

@@ -1,9 +1,7 @@
 //! Places the bodies of a scene on a stage, by the keys of their `place` and, for what those leave out, in sight.
 //!
-//! In: bodies with the points of their meshes. Out: room_from_mesh of each; and in words, the part of a body that is not in
-//! sight, with a place that is.
-//!
-//! Depths to which bodies reach into each other where they stand at rest.
+//! In: bodies with the points of their meshes. Out: room_from_mesh of each; in words, the part of a body that is not in
+//! sight, with a place that is; and the depths to which bodies reach into each other where they stand at rest.
 
 use crate::mesh::isosurface_stuffing::lattice::Depth;
 use crate::mesh::quality::bounding_box;
@@ -79,7 +77,8 @@ pub fn fault(points: &[Point3<f64>], room_from_mesh: &Similarity3<f64>, stage: &
 /// Bodies that touch, or stand in each other by less than this part of the smaller one's size, are not reported.
 const TOUCHING: f64 = 0.01;
 
-/// Pairs of surfaces, by their numbers, and how deep they reach into each other, m.
+/// Pairs of surfaces (closed, in one frame, m, oriented outward), by their numbers, of which one has a vertex inside the
+/// other, and the depth of the deepest such vertex below the other's surface, m.
 pub fn overlaps(surfaces: &[TriangleSurface]) -> Vec<([usize; 2], f64)> {
     let boxes: Vec<_> = surfaces.iter().map(|surface| bounding_box(&surface.vertices)).collect();
     let depths: Vec<Option<Depth<'_>>> = surfaces.iter().map(|surface| Depth::new(surface).ok()).collect();

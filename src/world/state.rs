@@ -3,9 +3,8 @@
 //! In: a world between two frames. Out: its [`State`], from which a world of the same scene and stage goes on bit by bit as this one
 //! does: the same frames from the same trackers' states and commands. Recordings begin with one.
 //!
-//! The state of a world as a hash in hexadecimal digits, by which a replay is compared with its recording.
-//!
-//! All that comes into a world from outside in one frame.
+//! [`World::state_hash`] is the state as a hash in hexadecimal digits, by which a replay is compared with its recording.
+//! [`Input`] is all that comes into a world from outside in one frame.
 
 use super::body::PlacedBody;
 use super::body_memory::BodyMemory;
@@ -146,7 +145,8 @@ impl World {
     }
 }
 
-/// The input of a frame: all that comes from outside.
+/// The input of a frame: all that comes from outside, from trackers, mouse or script, keys and panels, and the threads that
+/// compute in the background. It is recorded as it is: the same state and the same inputs give the same frames, bit by bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {

@@ -1,9 +1,8 @@
-//! One step of a world, from what comes from outside to what is shown: hands, control poses, deformed bodies, and where the eyes
-//! are.
+//! One step of a world, from an [`Input`] to a [`Frame`]: hands, control poses, deformed bodies, and the places of the eyes.
 //!
-//! In: a scene, its .green file, a stage, and an [`Input`] per frame. Out: a [`Frame`], the deformed bodies at their places, and one
-//! view per screen and eye. [`World::step`] is the only way in which anything moves; what it moves are the fields of one graph
-//! ([`flow`]), which is evaluated once a frame, and what [`State`](super::State) lists beside them.
+//! In: a scene, its .green file, a stage, and an [`Input`] per frame. Out: a [`Frame`], the deformed bodies at their places,
+//! and one view per screen and eye. Only [`World::step`] moves a world: it sets the fields of one graph ([`flow`]), which is
+//! evaluated once a frame, and the rest of the [`State`](super::State).
 
 use super::assets::{self, Assets};
 use super::body::PlacedBody;
@@ -33,7 +32,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 impl World {
-    /// The bodies of a scene, each with its model, from its .green file, at their places on the stage.
+    /// Builds a world: the bodies of a scene, each with its model, from its .green file, at their places on the stage.
     pub fn new(
         scene: &Scene,
         models: &[&'static ModelEntry],
@@ -43,7 +42,7 @@ impl World {
         World::of_bodies(scene, file, World::deformers(scene, models, file)?, stage)
     }
 
-    /// The slow part of [`World::new`]; it may run on another thread.
+    /// Makes a deformer for each body: the slow part of [`World::new`], which may run on another thread.
     pub fn deformers(
         scene: &Scene,
         models: &[&'static ModelEntry],
@@ -68,7 +67,7 @@ impl World {
         Ok(World::from_parts(stage, bodies, graph, fields))
     }
 
-    /// A stage without bodies: head and styli alone.
+    /// Builds a world without bodies: a stage, head and styli.
     pub fn of_stage(stage: Stage) -> Result<World, Failure> {
         let (graph, fields) = flow::graph(&IndexMap::new(), &[], &stage).map_err(Failure::request)?;
         Ok(World::from_parts(stage, Bodies::new(), graph, fields))
@@ -112,7 +111,7 @@ impl World {
         })
     }
 
-    /// The bodies for which the background has a new state. Pass them on in the next [`Input`].
+    /// Indices of the bodies for which a background thread has a new state. Pass them on in the next [`Input`].
     pub fn arrivals(&mut self) -> Vec<usize> {
         let bodies = self.bodies.iter_mut().zip(&self.fields.bodies).enumerate();
         bodies
@@ -122,7 +121,7 @@ impl World {
             .collect()
     }
 
-    /// Makes each frame from now on wait until the background has solved exactly its poses: for pictures and recordings.
+    /// Makes every later frame wait until the background threads have solved exactly its poses: for pictures and recordings.
     pub fn wait_for_background(&mut self) {
         self.bodies.iter_mut().for_each(|body| body.deformer.be_patient(Duration::MAX));
     }
@@ -131,16 +130,16 @@ impl World {
         self.fields.styli.len()
     }
 
-    /// Makes sure that there are fields for at least `count` styli, up to the limit.
+    /// Makes sure that there are fields for at least `count` styli, up to [`MOST_STYLI`].
     pub fn have_styli(&mut self, count: usize) {
         while self.fields.styli.len() < count.min(MOST_STYLI) {
             if let Err(error) = self.fields.add_stylus(&mut self.graph) {
-                unreachable!("the names of styli are their own: {error}");
+                unreachable!("every stylus has its own name: {error}");
             }
         }
     }
 
-    /// Moves everything on by one frame.
+    /// Moves the world on by one frame.
     pub fn step(&mut self, input: &Input) -> &Frame {
         let started = Instant::now();
         for action in &input.actions {
@@ -172,12 +171,12 @@ impl World {
         &self.frame
     }
 
-    /// Lets the effects see the world before a picture that is kept.
+    /// Lets the effects see the world before a picture is saved.
     pub fn before_picture(&mut self) {
         self.with_frame(|effect, world, frame| effect.before_picture(world, frame));
     }
 
-    /// Asks all effects what they add to the bodies, if any of them acts.
+    /// Collects the energy and slopes that effects add to the bodies, if any effect acts on bodies.
     fn gather_contributions(&mut self) {
         let Some(field) = self.fields.contributions else { return };
         let poses: Vec<Vec<Field<ControlPose>>> =
@@ -216,7 +215,7 @@ impl World {
         self.effects = effects;
     }
 
-    /// Lets the effects colour the bodies as they are.
+    /// Lets the effects colour the bodies in their present shapes.
     pub(super) fn colour(&mut self) {
         let mut bodies = std::mem::take(&mut self.frame.bodies);
         self.with_effects(|effect, world| effect.surface(world, &mut bodies));
@@ -241,10 +240,10 @@ impl World {
         self.frame = frame;
     }
 
-    /// Sets a field that is fed from outside.
+    /// Sets an input field of the graph, to which nothing is connected.
     pub(super) fn put<T: Value>(&mut self, field: Field<T>, value: T) {
         if let Err(error) = self.graph.set(field, value) {
-            unreachable!("nothing is connected to what is fed from outside: {error}");
+            unreachable!("nothing is connected to an input field: {error}");
         }
     }
 
@@ -274,13 +273,13 @@ impl World {
 
     /// Gives a warning once, on standard error and in the overlay.
     pub fn warn(&mut self, warning: String) {
-        if self.warnings.iter().all(|(_, told)| *told != warning) {
+        if self.warnings.iter().all(|(_, known)| *known != warning) {
             notice!("note: {warning}");
             self.warnings.push((self.clock_s, warning));
         }
     }
 
-    /// Fills the frame with styli, the forces on what they hold, and highlights.
+    /// Fills the frame with styli, the forces on the control elements that they hold, and highlights.
     fn show_hands(&mut self) {
         let (graph, workspace) = (&self.graph, &self.assets.stage.workspace);
         let hands = &graph.get(self.fields.hands).hands;
@@ -298,8 +297,8 @@ impl World {
                 let now = self.bodies[b].room_from_element(c, graph.get(self.fields.bodies[b].poses[c]));
                 let place = now.transform_point(&grip.place_in_element);
                 touched.push(((b, c), Highlight::Held));
-                let is_told = forces.iter().any(|force| (force.body, force.control) == (b, c));
-                if let Some(scale) = self.frame.bodies[b].force_scale.as_ref().filter(|_| !is_told) {
+                let is_listed = forces.iter().any(|force| (force.body, force.control) == (b, c));
+                if let Some(scale) = self.frame.bodies[b].force_scale.as_ref().filter(|_| !is_listed) {
                     let force = force::held_force(b, &self.bodies[b], scale, c);
                     let shown = force.as_ref().and_then(|f| force::arrow(f, &place, workspace.radius_m));
                     forces.extend(force);
@@ -333,7 +332,7 @@ impl World {
         Some((hit - self.eye(Eye::Centre)).norm())
     }
 
-    /// The view of `eye` through one screen; `None` if the screen stays black for this eye, of which [`World::step`] then warns.
+    /// The view of `eye` through one screen; `None` if the screen stays black for this eye ([`World::step`] warns).
     pub fn view(&self, screen: usize, eye: Eye) -> Option<View> {
         let view = self.assets.stage.screens.get(screen)?.view(&self.eye(eye), NEAR_M).ok()?;
         Some(View { clip_from_room: view.clip_from_room, eye_in_room: view.eye_in_room })
@@ -343,7 +342,7 @@ impl World {
         self.assets.stage.viewer.eye_in_room(&self.room_from_head, eye)
     }
 
-    /// Warns once for each screen, eye and reason for which a screen that should be seen stays black.
+    /// Warns of screens that should be seen but stay black: once for each screen, eye and reason.
     fn warn_of_black_screens(&mut self) {
         let mut unseen = Vec::new();
         for (number, screen) in self.assets.stage.screens.iter().enumerate() {

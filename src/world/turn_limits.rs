@@ -23,9 +23,9 @@ pub struct TurnLimits {
 pub enum Verdict {
     Good,
     Fair,
-    /// A turn beyond the model's table …
+    /// A turn beyond the model's table.
     Poor,
-    /// … or than was measured on the body.
+    /// A turn beyond those that were measured on the body.
     NotMeasured,
     /// More than half a turn between two control elements, for which no model is made: the matrices of the poses are those of
     /// smaller turns.

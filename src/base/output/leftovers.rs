@@ -1,12 +1,12 @@
-//! Temporary files beside the results, and those that killed runs left behind.
+//! The steps of writing a file: a temporary file beside the result, the place where its bytes go, and the renaming; and the
+//! removal of temporary files that killed runs left behind.
 //!
 //! `.greenstage-XXXXXX.part` is a file, `.greenstage-XXXXXX.scratch` a folder of files for one run. The
 //! process that makes one holds a lock on it, which the system releases however the process ends. The next
 //! run that writes into the folder removes everything of such a name that is not locked and was not changed for a minute.
 //!
-//! Finds where the bytes for a path go: into a file at the end of all symbolic links, or into a device or pipe.
-//!
-//! Renames several files into their places so that all of them are there, or none.
+//! A [`Place`] is the file at the end of all symbolic links, or a device or pipe. [`Renames`] puts several files into their
+//! places so that all of them are there, or none.
 
 use std::collections::BTreeSet;
 use std::fs::{DirEntry, File, Permissions};
@@ -199,7 +199,9 @@ pub fn sync(file: &File) -> Result<()> {
 
 const OWN: &str = "/proc/self/fd";
 
-/// Renames that are prepared; dropping them takes back those that are done.
+/// Renames of whole files into their places, and of files of an earlier run that are removed. What stands in a place gets a
+/// second name first; if a rename or the sync of a folder fails, or these are dropped, all renames are taken back. Between
+/// the first rename and the last nothing is allocated. A process that is killed between two renames can leave some of each.
 pub struct Renames(Vec<Rename>);
 
 struct Rename {

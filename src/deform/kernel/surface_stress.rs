@@ -66,9 +66,9 @@ pub enum Strain {
 /// Tractions on the triangles of a surface, Pa on the area at rest; either list may be empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FaceLoads {
-    /// Tractions that turn with their triangle, on the axes of the body at rest, …
+    /// Tractions that turn with their triangle, on the axes of the body at rest.
     pub follows: Vec<Vector3<f64>>,
-    /// … and those that keep their direction.
+    /// Tractions that keep their direction.
     pub fixed: Vec<Vector3<f64>>,
 }
 

@@ -32,9 +32,9 @@ impl Freedom {
     }
 }
 
-/// A change of a free component by this part of the body's size, or this many rad, is so small that J is its slope …
+/// Change of a free component by which J is found as a difference, in parts of the body's size, or rad.
 const STEP: f64 = 1e-5;
-/// … and one by this is none.
+/// Change of a free component that counts as none, in the same units.
 const NOTHING: f64 = 1e-12;
 /// Largest error of the loads, as a part of the largest wrench; and that of a body which answers no more closely, because its own
 /// equilibrium is found to a tolerance: a thin strip resists being stretched (L/t)² times more than being bent.

@@ -46,9 +46,9 @@ pub(super) const fn entry(law: &'static Law) -> ModelEntry {
     }
 }
 
-/// No load step turns a control element by more, rad, …
+/// Largest turn of a control element in one load step, rad.
 const TURN: f64 = std::f64::consts::PI / 6.0;
-/// … stretches one by more, or moves one against another by more than this part of the body's size.
+/// Largest stretch of a control element in one load step, and largest motion against another, in parts of the body's size.
 const STRETCH: f64 = 0.25;
 const MOST_STEPS: usize = 256;
 

@@ -1,10 +1,9 @@
-//! A body while control elements are made on it: its surface at rest, coloured by the elements' nodes and by those that the brush
-//! would take, and the tools of the mouse.
+//! The editor of control elements: a body on which they are made, its surface at rest coloured by the elements' nodes and by
+//! those that the brush would take, and the tools of the mouse.
 //!
 //! In: a body's mesh, a ray per movement of the mouse. Out: a [`Sketch`], and the surface on the device in place of the
-//! scene's bodies.
-//!
-//! The control elements that are being made: those in hand, and those of other bodies or of earlier, until they are precomputed.
+//! scene's bodies. [`Sketches`] holds the body in hand and the elements that were made earlier or on other bodies, until
+//! they are precomputed.
 
 use crate::base::failure::Failure;
 use crate::edit::{Canvas, Sketch, Touch};

@@ -1,9 +1,7 @@
 //! Turns a window's input into that of the panel, and decides what is meant for the panel and what for the scene.
 //!
-//! A button that is pressed over the panel belongs to it until it is let go, one that is pressed elsewhere to the scene. Keys
-//! belong to the panel while a text is being written.
-//!
-//! The key that lets go of a control element, or makes it hold again.
+//! A button that is pressed over the panel belongs to it until it is let go, one that is pressed elsewhere to the scene.
+//! Keys belong to the panel while a text is being written. One key releases a control element, or makes it hold again.
 
 use crate::render::window::{Button, Input, Key};
 use crate::scene::{Body, Scene, Updates};

@@ -1,8 +1,5 @@
-//! Messages that the window shows for a few seconds, and the progress of a computation.
-//!
-//! Messages about the result of a change of a scene, or why it was refused.
-//!
-//! Orders of a person at the desk, by the panel or by a key.
+//! Messages that the window shows for a few seconds: the progress of a computation, the result of a change of the scene, or
+//! why the change was refused; and the orders of a person at the desk, by the panel or by a key.
 
 use super::style::{GOOD, WRONG};
 use crate::base::diagnostic::notice;

@@ -1,6 +1,5 @@
-//! Paints the overlay: rows in a font of one width on dark translucent plates.
-//!
-//! The rows on the left: frame times, device, trackers, force devices, hands.
+//! Paints the overlay: rows in a font of one width on dark translucent plates. The rows on the left show frame times,
+//! device, trackers, force devices and hands.
 
 use super::body_rows::body_rows;
 use super::readings::{COLOURS, FRAMES, History, STEPS};

@@ -1,6 +1,5 @@
-//! The readings of the overlay beside times: plain values that are taken from a world.
-//!
-//! The times that the steps of the last frames took.
+//! The readings of the overlay, plain values that are taken from a world, and the times that the steps of the last frames
+//! took.
 
 use crate::base::plates::Words;
 use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench};

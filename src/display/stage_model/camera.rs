@@ -1,6 +1,5 @@
-//! The outside camera: an eye that orbits a point, and its view through a screen that floats in the room.
-//!
-//! The points that the outside camera must keep in view.
+//! The outside camera: an eye that orbits a point, its view through a screen that floats in the room, and the points that it
+//! must keep in view.
 
 use crate::render::View;
 use crate::render::window::{Button, Input};

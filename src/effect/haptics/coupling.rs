@@ -120,11 +120,11 @@ const ARRIVED_J: f64 = 1e-7;
 const SOFTEST: f64 = 1e-6;
 /// Γ counts as too great from this part of it on.
 const TOO_SOFT: f64 = 0.01;
-/// A change of the push is learned from if it is greater than this part of the limits, …
+/// Least change of the push that the coupling learns from, in parts of the limits.
 const LEARN: f64 = 1e-4;
-/// … no greater than expected by this factor, …
+/// Largest change of the push that the coupling learns from, over the expected change.
 const UNLIKELY: f64 = 100.0;
-/// … and at once between these.
+/// Range of the found over the expected change within which it is learned in full.
 const LEAST: f64 = 0.2;
 const MOST: f64 = 5.0;
 

@@ -2,7 +2,8 @@
 //!
 //! In: a device, or the loop that drives it. Out: a [`DeviceState`] with sensor 0 and the buttons 0 and 1.
 //!
-//! The push that acted on the hand while the handle moved. If messages take time, it is older than the loop's last one.
+//! [`ActingPush`] remembers the last pushes and gives the one that acted on the hand while the handle moved: if messages
+//! take time, it is older than the loop's last one.
 
 use super::device::{Device, Push, Reading, SampleInfo};
 use crate::track::device::{DeviceState, Link, Reading as Sample, Source, now_s};
@@ -74,6 +75,8 @@ impl Source for HapticSource {
 /// Time for which pushes are remembered, s: the longest silence during a force, and the greatest age of a pose.
 const KEPT_S: f64 = 0.2;
 
+/// The pushes of the last ticks, for the mean over the time between two poses, shifted by the delay. Allocates only in
+/// [`ActingPush::new`].
 pub struct ActingPush {
     given: VecDeque<TimedPush>,
 }

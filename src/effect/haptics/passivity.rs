@@ -53,11 +53,12 @@ impl Motion {
 /// Measures the energy that sampling generates, and brakes until it is taken back (B. Hannaford and J.-H. Ryu, "Time-domain passivity
 /// control of haptic interfaces", IEEE Trans. Robotics and Automation 18, 2002, 1-10).
 ///
-/// A force that is the gradient of a potential returns what the potential loses. The work is that of the force that acted
-/// between two poses, which is an older one if messages take time ([`ActingPush`](super::haptic_source::ActingPush)); whatever exceeds the loss was
-/// generated. A ramp of the force, or another hand on the body, changes the potential without a motion of this handle and is
-/// not counted; what another effect adds to it is. Energy dissipated by friction offsets energy generated at the same time, and is forgotten within
-/// [`RESERVE_S`], so that a calm second does not pay for a later limit cycle.
+/// A force that is the gradient of a potential returns the energy that the potential loses. The work is that of the force
+/// that acted between two poses, which is an older one if messages take time
+/// ([`ActingPush`](super::haptic_source::ActingPush)); whatever exceeds the loss was generated. A ramp of the force, or
+/// another hand on the body, changes the potential without a motion of this handle and is not counted; energy that another
+/// effect adds to it is counted. Energy dissipated by friction offsets energy generated at the same time, and is forgotten
+/// within [`RESERVE_S`], so that a calm second does not pay for a later limit cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Observer {
     /// Recently dissipated less generated energy, J; if negative, this much must be taken back.

@@ -30,7 +30,7 @@ pub const UNATTENDED_S: f64 = 0.2;
 pub const SLEW_S: f64 = 0.001;
 /// No hand moves a handle faster, m/s and rad/s: the sensor jumped.
 pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
-/// The coupling is updated when the body's stiffness was found anew, and when the lag of the force has changed by this
+/// The coupling is updated when the body's stiffness was estimated again, and when the lag of the force has changed by this
 /// factor.
 const SLOWER: f64 = 1.01;
 /// The most steps of the hold in one tick.
@@ -38,7 +38,7 @@ const MOST_STEPS: usize = 4;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
 
-/// The loop without its clock, so that tests run the same code as devices.
+/// The force loop without its clock, so that tests run the same code as devices.
 pub struct Control {
     pub haptic: Haptic,
     pub measures: Measures,
@@ -78,7 +78,7 @@ pub struct Control {
 }
 
 impl Control {
-    /// `bodies` are those that [`ElementHold::body`] indexes; `latency_s` is that of the device.
+    /// [`ElementHold::body`] is an index of `bodies`; `latency_s` is that of the device.
     pub fn new(haptic: Haptic, bodies: Vec<Elastic>, latency_s: f64) -> Control {
         let (delay, acting) = (Delay::new(haptic.period_s()), ActingPush::new(haptic.rate_hz));
         Control {
@@ -122,13 +122,13 @@ impl Control {
             self.hold_at = None;
         }
         self.held = held;
-        // What the others' motion changes in the push is no stiffness of this hold.
+        // The change of the push by the motion of other elements does not belong to this hold's stiffness.
         self.felt = None;
         let Some(held) = held else { return };
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
-        // The loop follows the turn of what it holds by itself.
+        // The loop itself follows the turn of the element that it holds.
         for (e, turn) in grasp.turns.iter().enumerate().filter(|(e, _)| is_new || *e != held.element) {
             body.set_turn(e, *turn);
         }
@@ -142,7 +142,7 @@ impl Control {
         if let Some(stored) = &mut self.stored {
             *stored += (energy - self.state.strain_energy) * held.energy_scale(&self.haptic);
         }
-        // What an effect adds from now on is: nobody's work paid for it, and the observer brakes what comes of it.
+        // Energy that an effect adds from now on counts as generated, because no hand did work for it: the observer brakes it.
         self.state.strain_energy = energy + self.bodies[held.body].add(grasp.added, &pose);
     }
 
@@ -246,7 +246,7 @@ impl Control {
             return false;
         }
         self.motion = Some(Motion { dx, turn, time_s: time });
-        // The velocity is known only when a new report has come.
+        // The velocity changes only when a new report has arrived.
         if new.arrived_s > last.arrived_s {
             let share = time / (time + VELOCITY_S);
             for (velocity, step) in self.velocity.iter_mut().zip([dx, turn]) {
@@ -304,7 +304,7 @@ impl Control {
         self.state.limited = self.give.is_limited;
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
-        // A new hold's force grows once the coupling suits the body's stiffness, and the hold has come to where it is felt.
+        // A new hold's force grows once the coupling suits the body's stiffness and the hold has arrived at its place.
         let is_ready = self.stiffness.found.is_some() && !is_found && !self.give.is_on_the_way;
         let ramp = if is_ready { dt / RAMP_S } else { 0.0 };
         let gain = (self.state.gain + ramp).min(1.0);
@@ -337,7 +337,7 @@ impl Control {
     }
 
     /// Reports the handle's last motion to the observer: the force that acted meanwhile, without the fading rest of an earlier
-    /// hold, and the energy stored at its end. Because of the poses' age it is not known exactly which force acted: of the last
+    /// hold, and the energy stored at the motion's end. Because of the poses' age it is not known exactly which force acted: of the last
     /// one and the oldest possible one, the one that generates more is counted. A device without torque is counted as if it
     /// had one, because the hand that turns it changes the body's energy by that much.
     fn count(&mut self, stored: f64, torque: Vector3<f64>, is_unsettled: bool) {
@@ -392,7 +392,7 @@ impl Control {
     /// Softens the coupling for the body's stiffness, where that is known, and for the lag of the force.
     fn suit(&mut self) {
         let Some(stiffness) = &self.stiffness.found else { return };
-        // Per unit of friction.
+        // Damping and stiffness in units of the device's own damping.
         let b = self.haptic.virtual_damping / self.haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, self.period_s(), self.age_s());
         self.coupling.suit(stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });

@@ -1,8 +1,8 @@
-//! A body's surface, the materials behind it and what they bear, from a .green file or a mesh.
+//! A body's surface, the materials behind it and the stress they bear, from a .green file or a mesh.
 //!
-//! Tractions of loads on the triangles of a body's surface: a load's traction is stress there that no strain shows.
-//!
-//! The largest stress and strain that a body has reached, and the part of its surface where a limit is passed.
+//! [`LoadedFaces`] holds the tractions of loads on the triangles of the surface, because a load's traction is a stress that
+//! no strain shows. [`Peaks`] are the largest stress and strain that a body has reached, and the part of its surface where a
+//! limit is passed.
 
 use crate::base::quantity::quantity;
 use crate::deform::{Deformer, FaceLoads, ModelEntry, NodeStress, Strain, SurfaceParts, SurfaceStress};
@@ -136,12 +136,13 @@ fn edges(nodes: usize, triangles: &[[u32; 3]], held: &[Vec<u32>], rings: u32) ->
     is_edge
 }
 
-/// Tensor of the numbers of these columns among the body's load columns, …
+/// Tensor of the indices of the patterns' columns among the body's load columns.
 const COLUMNS: &str = "load";
-/// … and their tractions, column by column.
+/// Tensor of the patterns' tractions, column by column.
 const TRACTIONS: &str = "traction";
 
-/// The tractions of all patterns of a body.
+/// The tractions of all patterns of a body: of each column at every triangle, Pa for a coefficient of 1, kept in the section
+/// of the .green file.
 #[derive(Debug, Default)]
 pub struct LoadedFaces(Vec<Column>);
 

@@ -1,6 +1,5 @@
-//! The list of files that hold columns, and the bodies that are written into them.
-//!
-//! A VTU file for ParaView and meshio: the surface of each body, and a point vector for every column.
+//! The list of files that hold columns, the bodies that are written into them, and the VTU file for ParaView and meshio: the
+//! surface of each body, and a point vector for every column.
 
 use super::basis_file::{BasisFile, Profile, numbers, triangles};
 use super::body_basis::{BodyBasis, Choice, Column, check_chosen};

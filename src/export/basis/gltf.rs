@@ -3,10 +3,9 @@
 //!
 //! A target's NORMAL is the derivative of the unit normal at rest, n' = (1 - n nᵀ) s'/|s| with s the sum of the triangles'
 //! areas around a vertex: right for small weights. An animation moves every control element in turn. The profile `viewer`
-//! has a few motions instead, each forwards and backwards, for programs that take 8 targets with weights from 0 to 1.
-//!
-//! Motions that people can follow: of each control element three shifts, three turns and three stretches, and one for every
-//! load; each a small sum of columns.
+//! has a few motions instead, each forwards and backwards, for programs that take 8 targets with weights from 0 to 1: of
+//! each control element three shifts, three turns and three stretches, and one motion for every load, each a small sum of
+//! columns that people can follow.
 
 use super::basis_file::{BasisFile, Profile, VIEWER_MOTIONS, numbers, triangles};
 use super::body_basis::{BodyBasis, Handle};
@@ -253,8 +252,9 @@ const OF_CONTROL: [(&str, &[(&str, f64)]); 9] = [
     ("stretch z", &[("m33", 1.0)]),
 ];
 
-/// All motions of a body: those of control elements that hands can take first, then the others', then the loads'. Where columns
-/// were chosen one by one, those are the motions.
+/// All motions of a body: those of control elements that hands can take first, then the others', then the loads'. Where
+/// columns were chosen one by one, those are the motions. Turns are those of the linear theory, which stretches what it
+/// turns.
 pub fn motions(body: &BodyBasis) -> Vec<Motion> {
     let single = |k: usize| Motion {
         name: body.columns[k].name.name.clone(),

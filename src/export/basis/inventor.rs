@@ -10,10 +10,9 @@
 //!                              left_tx … ├ coefficients × columns → right_sum, left_sum → rest + Σ → Coordinate3.point
 //! ```
 //!
-//! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 come from where R·S
-//! takes the axes.
-//!
-//! Names of nodes in Open Inventor files: letters, digits and `_`, no digit in front, each once.
+//! A dragger is scaled to its control element: T is its translation times that scale. The rows of M - 1 are the
+//! displacements of the unit axes under R·S. A node's name consists of letters, digits and `_`, does not begin with a digit,
+//! and occurs once ([`InventorNames`]).
 
 use super::basis_file::{BasisFile, Profile, numbers, triangles};
 use super::body_basis::{BodyBasis, Column, Handle};

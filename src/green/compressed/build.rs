@@ -1,15 +1,14 @@
-//! The numbers of all blocks, from a factor: first of what forces do at random, then of all columns, strip by strip.
+//! The numbers of all blocks, from a factor: first the responses to random forces, then all columns, strip by strip.
 //!
-//! In: a factor, the nodes of the surface in the order of a [`Tree`], its blocks. Out: [`Built`]. No more of the inverse than a
-//! strip is ever in memory. All is counted in frames that make a node yield by about 1 to a force on itself, so that one
-//! tolerance suits bodies that are stiff here or along one axis, and soft elsewhere:
+//! In: a factor, the nodes of the surface in the order of a [`Tree`], its blocks. Out: [`Built`]. No more of the inverse
+//! than one [`Strip`], in the order of the tree, is ever in memory. All numbers refer to frames in which a force moves the
+//! node under it by about 1, so that one tolerance suits bodies that are stiff in one place or along one axis, and soft
+//! elsewhere:
 //!
 //! ```text
 //! W = T⁻¹ (K⁻¹)ₛ T⁻¹      T² = (K⁻¹)_jj at one node j of each leaf
 //! N_st = Σ Q_s[i]ᵀ W_ij Q_t[j] over all pairs of nodes i, j of the clusters s and t, with their bases Q
 //! ```
-//!
-//! A strip of the inverse in the order of the tree.
 
 use super::super::dense;
 use super::basis::{Bases, WHAT, levels};

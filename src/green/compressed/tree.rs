@@ -4,7 +4,7 @@
 //! binary [`Tree`] of clusters, and its [`blocks`] (W. Hackbusch, Hierarchical Matrices, Springer 2015, chapter 5). Nodes that
 //! take forces and nodes that take none have a tree each.
 //!
-//! The surface that is compressed, and the frames in which a force moves the node under it by about 1.
+//! [`Surface`] is the surface that is compressed; in the [`Frame`]s of its nodes a force moves the node under it by about 1.
 
 use crate::fem::NodeFields;
 use crate::solve::{Factor, Progress, SolveError};

@@ -1,4 +1,5 @@
-//! The family `compliance`: (K⁻¹)ₛ, how the surface yields to a force at a node of it while the control elements are held.
+//! The family `compliance`: (K⁻¹)ₛ, the displacements of the surface for a force at one of its nodes while the control
+//! elements are held.
 //!
 //! In: the factor of A. Out, symmetric and stored once, f32: `compliance/order`, the free nodes of the surface with the n that
 //! take forces in front, and `compliance/values`, tile after tile:
@@ -7,8 +8,9 @@
 //! tile I, J ≥ I    nodes 32 I … of the n × nodes 32 J … of all m, 3 × 3 numbers each, m/N, row by row
 //! ```
 //!
-//! The values stay on the disk: what a force at a node does is read from the tiles of its row and column, m/32 of 37 kB, each
-//! checked against its hash in `compliance/hashes`. From the paper's "surface compliance": 5,000 nodes take 450 MB.
+//! The values stay on the disk: the response to a force at a node is read from the tiles of its row and column, m/32 tiles
+//! of 37 kB, each checked against its hash in `compliance/hashes`. This is the paper's "surface compliance": 5,000 nodes
+//! take 450 MB.
 
 use super::super::bytes::Tensor;
 use super::super::error::GreenError;
@@ -51,7 +53,7 @@ const ORDER: &str = "compliance/order";
 /// blake3 of every tile.
 const HASHES: &str = "compliance/hashes";
 
-/// The free nodes of the surface, with those in front that are selected, and how many these are.
+/// The free nodes of the surface, the selected ones in front, and the number of selected ones.
 pub(super) fn order(
     mesh: &TetMesh,
     surface: &Surface,
@@ -70,7 +72,7 @@ pub(super) fn order(
     Ok(([front, behind].concat(), count))
 }
 
-/// Nodes that take forces, free nodes of the surface, and bytes of the numbers, of a prepared body.
+/// Counts for a prepared body: nodes that take forces, free nodes of the surface, and bytes of the numbers.
 pub fn compliance_size(
     mesh: &TetMesh,
     held: impl IntoIterator<Item = u32>,
@@ -93,7 +95,7 @@ fn compute(
     };
     let (order, n, unknowns) = unknowns(assembled, solution, asked)?;
     let layout = TileLayout { n, m: order.len() };
-    // The numbers, as they are made, as a tensor, and in the file's bytes.
+    // Three copies of the numbers: as they are made, as a tensor, and in the file's bytes.
     machine::expect("the compliance of the surface", 12.0 * layout.len() as f64)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     let mut bytes = vec![0; layout.bytes()];
@@ -103,7 +105,7 @@ fn compute(
     Ok(())
 }
 
-/// [`order`], how many of these nodes take forces, and which nodes of A they are.
+/// The nodes of [`order`], the number of them that take forces, and the index of each among the nodes of A.
 pub(super) fn unknowns(
     assembled: &Assembled<'_>,
     solution: &Solution,
@@ -115,12 +117,12 @@ pub(super) fn unknowns(
         let key = format!("body.{}.surface_compliance.nodes", assembled.name);
         assembled.scene.invalid(&key, message)
     })?;
-    let of_a = |&i: &u32| free.partition_point(|&node| node < surface.nodes[i as usize]) as u32;
-    let unknowns = order.iter().map(of_a).collect();
+    let index_in_a = |&i: &u32| free.partition_point(|&node| node < surface.nodes[i as usize]) as u32;
+    let unknowns = order.iter().map(index_in_a).collect();
     Ok((order, n, unknowns))
 }
 
-/// Fills the blocks with the inverse over these nodes of A.
+/// Fills the tiles in `bytes` with the inverse of A over `nodes`.
 fn solve(
     factor: &dyn Factor,
     nodes: &[u32],
@@ -174,7 +176,7 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     vec![(ORDER.to_owned(), order), (HASHES.to_owned(), hashes), (VALUES.to_owned(), values)]
 }
 
-/// Number of nodes that take forces, and of nodes that the order names; the error says why they are none of the surface.
+/// Number of nodes that take forces, and number of nodes in the order; an error where the order is not one of surface nodes.
 pub(super) fn check_order(file: &GreenFile, order: &str, body: &BodyMeta) -> Result<[usize; 2], String> {
     let m = file.count(order);
     file.expect(order, Dtype::U32, &[m])?;
@@ -193,7 +195,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let values = format!("{name}/{VALUES}");
     let [n, m] = check_order(file, &format!("{name}/{ORDER}"), body)?;
     let layout = TileLayout { n, m };
-    // Its numbers are looked at when they are read.
+    // The numbers are checked when they are read.
     file.expect(&values, Dtype::F32, &[layout.len()])?;
     file.expect(&format!("{name}/{HASHES}"), Dtype::U8, &[layout.tiles().count(), HASH])
 }
@@ -201,35 +203,35 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
 /// The free nodes of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Order<'a> {
-    /// Indices among all nodes of the surface, …
+    /// Indices among all nodes of the surface; those that take forces come first.
     pub nodes: &'a [u32],
-    /// … the first n of which take forces.
+    /// Number of nodes that take forces.
     pub n: usize,
     pub surface_nodes: usize,
 }
 
 impl<'a> Order<'a> {
-    /// The order as the tensor of a body has it.
+    /// Reads the order from a body's tensor.
     pub fn open(file: &'a GreenFile, tensor: &str, body: &BodyMeta) -> Option<Order<'a>> {
         let (nodes, surface_nodes) = (file.slice(tensor), body.surface_nodes);
         Some(Order { nodes, n: body.compliance_nodes?, surface_nodes })
     }
 
-    /// The nodes after a change by which `freed` are held no more, and how many of them take forces: where all free nodes do, these do
-    /// too.
+    /// The nodes after a change that releases `freed`, and the number of them that take forces: where all free nodes do, the
+    /// released ones do too.
     pub fn with(&self, freed: &[u32]) -> (Vec<u32>, usize) {
         let all = [self.nodes, freed].concat();
         let n = if self.n == self.nodes.len() { all.len() } else { self.n };
         (all, n)
     }
 
-    /// Place of each node of the surface that takes forces.
+    /// Place in the order of each surface node that takes forces.
     pub fn places(&self) -> BTreeMap<u32, usize> {
         self.nodes[..self.n].iter().copied().zip(0..).collect()
     }
 
-    /// Displacements of the whole surface, from the numbers of the j-th of these nodes along an axis for a force along another;
-    /// nodes of control elements stay.
+    /// Displacements of the whole surface. `number(j, axis, force)` is that of the j-th node along `axis` for a unit force
+    /// along axis `force`; nodes of control elements stay.
     pub fn spread(&self, number: impl Fn(usize, usize, usize) -> f32) -> Yield {
         let mut all = vec![[[0.0; 3]; 3]; self.surface_nodes];
         for (j, &node) in self.nodes.iter().enumerate() {
@@ -239,10 +241,10 @@ impl<'a> Order<'a> {
     }
 }
 
-/// The tiles, read where they lie.
+/// The tiles of a file, each of which is read when it is needed.
 pub struct Tiles<'a> {
     file: &'a GreenFile,
-    /// Tensor of the values.
+    /// Name of the tensor of the values.
     tensor: String,
     layout: TileLayout,
     pub(super) order: Order<'a>,
@@ -265,13 +267,13 @@ impl<'a> Tiles<'a> {
         Ok(self.order.spread(|j, axis, force| strip[(row + force) * width + 3 * j + axis]))
     }
 
-    /// Reads every tile; errors at the first that is not what was written.
+    /// Reads every tile; errors at the first whose hash differs.
     pub(super) fn verify(&self) -> Result<(), GreenError> {
         let tiles: Vec<_> = self.layout.tiles().collect();
         tiles.par_iter().try_for_each(|&[block, other]| self.tile(block, other).map(drop))
     }
 
-    /// The rows of a block over all m nodes, both halves.
+    /// The rows of a block over all m nodes, on both sides of the diagonal.
     fn strip(&self, block: usize) -> Result<Arc<Vec<f32>>, GreenError> {
         self.file.recent.get(&self.tensor, block, || {
             let width = 3 * self.layout.m;
@@ -317,7 +319,7 @@ impl<'a> Tiles<'a> {
 }
 
 impl Tiles<'_> {
-    /// The tensors after a change by which the nodes `freed` of the surface are held no more.
+    /// The tensors after a change that releases the nodes `freed` of the surface.
     pub(super) fn changed(
         &self,
         freed: &[u32],
@@ -327,11 +329,11 @@ impl Tiles<'_> {
     }
 }
 
-/// All numbers of the nodes from one on, up to the next multiple of [`BLOCK`]: a row for each of their components.
+/// Reads rows of the matrix: three for each node from the given one up to the next multiple of [`BLOCK`].
 pub(super) type Rows<'a> = &'a dyn Fn(usize) -> Result<Arc<Vec<f32>>, GreenError>;
 
-/// The tensors of the tiles after a change by which the nodes `freed` are held no more, from the numbers before it, those of
-/// `tensor`. Errors where the new file and its tensors do not fit into memory together.
+/// The tensors of the tiles after a change that releases the nodes `freed`, from the numbers of `tensor` before the change.
+/// Errors where the new file and its tensors do not fit into memory together.
 pub(super) fn changed(
     tensor: &str,
     before: Order<'_>,
@@ -350,13 +352,13 @@ pub(super) fn changed(
     for first in (0..n).step_by(BLOCK) {
         let own = first..(first + BLOCK).min(n);
         let more = change.compliance(&order[own.clone()]);
-        // What was held did not yield.
+        // Nodes that were held did not move.
         let strip = if first < before.n { Some(rows(first)?) } else { None };
         for (row, (i, axis)) in own.flat_map(|i| [0, 1, 2].map(|axis| (i, axis))).enumerate() {
             let old = strip.as_ref().and_then(|strip| strip.get(3 * m * row..3 * m * (row + 1)));
             for (j, &node) in order.iter().enumerate().skip(first) {
                 for other in 0..3 {
-                    // Both halves of the matrix are the same: the force is at node i.
+                    // The matrix is symmetric: here the force acts at node i.
                     let old = old.and_then(|old| old.get(3 * j + other)).map_or(0.0, |&old| f64::from(old));
                     let new = (old + more[(3 * node as usize + other, row)]) as f32;
                     let at = 4 * (layout.at(i, axis, j) + other);

@@ -4,8 +4,8 @@
 //! ([`KeptFactor`]), with `kept_factor/order`, the free nodes of the surface with the n that take forces in front. The numbers
 //! stay on the disk until a node is touched; they are then read, checked against their hash, and kept in memory.
 //!
-//! A body that was changed while it is shown has the factor of the file that it was changed from, and what is added to the
-//! columns ([`ChangedSystem::added_yield`]).
+//! A body that was changed while it is shown has the factor of the file before the change, and the addition to the columns
+//! ([`ChangedSystem::added_yield`]).
 
 use super::super::bytes::Tensor;
 use super::super::error::GreenError;

@@ -132,7 +132,7 @@ fn compute(
     Ok(())
 }
 
-/// Of each column of these loads, whether it is a force of the body on itself.
+/// Whether each column of these loads is a force of the body on itself.
 pub(super) fn inner(loads: &[LoadMeta]) -> Vec<bool> {
     loads.iter().flat_map(|load| std::iter::repeat_n(load.turning == Turning::Inner, load.columns)).collect()
 }
@@ -149,7 +149,7 @@ pub(super) fn column_forces(assembled: &Assembled<'_>, mesh: &TetMesh) -> Result
     Ok(forces)
 }
 
-/// These forces over all nodes, and what they do while all control elements rest: F and G.
+/// Forces F of the loads over all nodes, and the displacements G that they cause while all control elements rest.
 pub(super) fn answers(
     assembled: &Assembled<'_>,
     nodes: usize,
@@ -235,7 +235,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
 }
 
 impl LoadMeta {
-    /// What the file says of a load.
+    /// The entry of a load in the file.
     pub fn new(load: &LoadEntry<'_>) -> LoadMeta {
         let (turning, unit) = match load.source {
             LoadSource::Gravity => (Turning::Fixed, "m/s²"),

@@ -30,7 +30,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 pub const PERTURBATION: Family = Family { name: "perturbation", from: &[REDUCED] };
 
-/// Its tables.
+/// Tables of the family.
 pub const SERIES: &str = "perturbation/series";
 pub const RADIUS: &str = "perturbation/radius";
 
@@ -48,9 +48,9 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     column_names: None,
 };
 
-/// Of the relative motion of two elements.
+/// Coordinates of the relative motion of two elements.
 const COORDINATES: usize = 6;
-/// Of second and of third order.
+/// Monomials of second and of third order.
 const MONOMIALS: usize = 21 + 56;
 /// Fields Φ of two elements, at most.
 const MOST_FIELDS: usize = 64;

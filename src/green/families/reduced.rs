@@ -38,7 +38,7 @@ use nalgebra::{DMatrix, Vector3};
 
 pub const REDUCED: Family = Family { name: "reduced", from: &[AFFINE] };
 
-/// Its table of the energy's coefficients.
+/// Table of the energy's coefficients.
 pub const QUARTIC: &str = "reduced/quartic";
 /// The work of loads, 3 (1 + 3 n) × K for n numbers z; and T, n × n, of a body that may be warm.
 pub const REDUCED_LOADS: &str = "reduced/loads";

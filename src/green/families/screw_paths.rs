@@ -16,9 +16,9 @@ use crate::fem::{NodeFields, RestPoints};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// At a = 1 two elements are turned against each other by so much, rad, …
+/// Turn of two elements against each other at a = 1, rad.
 const TURN: f64 = 75.0 * std::f64::consts::PI / 180.0;
-/// … and moved by at most this part of their distance beside that.
+/// Largest shift in addition to it, in parts of their distance.
 const SLIDE: f64 = 0.08;
 
 /// φ_k from the orders before it.

@@ -105,7 +105,7 @@ struct FamilyTables<'a> {
     ports: &'a Ports,
     loads: &'a Loads,
     surface: &'a [u32],
-    /// Of each node that may be released, its place among all that are controlled.
+    /// Index among all controlled nodes of each node that may be released.
     controlled: Vec<usize>,
     affine: usize,
     values: DMatrix<f64>,
@@ -362,7 +362,7 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
 }
 
 impl GreenFile {
-    /// What a body can be changed by, where it was precomputed.
+    /// The changes of a body that were prepared, with their fields, where its file has them.
     pub fn updates(&self, body: &str) -> Option<Updates> {
         let meta = self.meta.bodies.get(body).filter(|meta| meta.requirements.has(UPDATES))?;
         let counts = [meta.controls.len(), meta.surface_nodes, meta.load_columns()];

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! ε_k, σ_k and H_k are those of u_k. On the ends y is a screw motion, so that u has parts of second and third order there
-//! ([`second_order`](super::second_order), `Domain::end_work`). Up to third order V is the St. Venant-Kirchhoff energy whatever w_ij is
+//! ([`FrameSeries`], `Domain::end_work`). Up to third order V is the St. Venant-Kirchhoff energy whatever w_ij is
 //! (2n + 1 theorem); to fourth, with these w_ij, but for what neighbours' interfaces do against each other.
 //!
 //! An interface is not held itself: the frame of each is fitted to its nodes, while the far boundary of what surrounds the

@@ -1,8 +1,6 @@
-//! Fields of first and second order in the coordinates of a part: columns for each coordinate, and for each pair of them.
-//!
-//! Points of elements at which a part's strains are taken, and what the energy's terms need there.
-//!
-//! Motions of frames to second order in what causes them.
+//! Fields of first and second order in the coordinates of a part (columns for each coordinate, and for each pair of them);
+//! the points of elements at which a part's strains are taken, with the numbers that the energy's terms need there; and
+//! motions of frames to second order in their coordinates.
 
 use crate::fem::{Lame, NodeFields};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -139,7 +137,12 @@ impl QuarticRows {
 /// A value's part of first order, and that of second.
 pub type Orders = [Vector3<f64>; 2];
 
-/// Motion of a frame: R = exp ŵ, and its place by t.
+/// Motion of a frame, rotation R = exp ŵ and shift t, as w = w₁ + w₂ and t = t₁ + t₂ by their order. The screw between two
+/// frames and the frame midway follow to the same order from
+///
+/// ```text
+/// log(Rₐᵀ R_b) = w_b - wₐ - ½ wₐ × w_b + …    V(ω)⁻¹ = I - ½ ω̂ + ω̂²/12 + …
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameSeries {
     pub turn: Orders,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::base::random::Random;
 
-/// Of the products on all threads, those with one column have other sums on two than on one: here the field of the only load.
+/// Products with one column are summed in another order on two threads than on one: here the field of the only load.
 #[test]
 fn the_bits_of_a_change_do_not_depend_on_the_number_of_threads() {
     let (nodes, surface) = (210, 300);

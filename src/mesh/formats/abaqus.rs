@@ -1,10 +1,8 @@
-//! Abaqus and CalculiX `.inp`: nodes, elements C3D4 and C3D10, and their sets.
+//! Reads and writes Abaqus and CalculiX `.inp`: nodes, elements C3D4 and C3D10, and their sets.
 //!
 //! In: bytes. Out: a [`RawMesh`] with the file's numbers; node sets become node groups, element sets regions (see
 //! [`super::abaqus_sets`]). After "Abaqus Keywords Reference Guide" and G. Dhondt, "CalculiX CrunchiX User's Manual",
 //! chapter "Input deck format". Keywords of the analysis are skipped; those that move or create nodes are refused.
-//!
-//! Writes Abaqus and CalculiX `.inp`.
 
 use super::abaqus_sets::{Keyword, Sets, data_line, fields, skip_data};
 use super::format::{Encoded, Format, Part, Writer};
@@ -203,6 +201,8 @@ fn real(field: &[u8], at: usize) -> Result<f64, FormatFault> {
     }
 }
 
+/// The bytes of a deck: *NODE with the mesh's own node numbers, *ELEMENT of type C3D4, an *ELSET for each region but an
+/// unnamed 0, an *NSET for each node group.
 pub fn encode(mesh: &TetMesh) -> Result<Encoded, MeshError> {
     check(mesh, "Abaqus")?;
     let mut sets: BTreeMap<u32, String> = BTreeMap::new();

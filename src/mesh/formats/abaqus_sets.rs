@@ -1,11 +1,10 @@
-//! Makes node groups and regions of the sets in an Abaqus file.
+//! Makes node groups and regions of the sets in an Abaqus file, and splits the lines of such a deck into keywords, their
+//! parameters, and the data that follows them.
 //!
 //! Element sets may overlap, regions may not. Where the file has *SOLID SECTION, whose sets are the materials, only
 //! their sets become regions. An element in several sets belongs to the smallest of them, of equals to the one that
 //! the file names first; every set that loses elements by this stays a node group of all its nodes. Regions are
 //! numbered from 1 as the file names them; a set `Region_7` is region 7 without a name, as our writer puts it.
-//!
-//! The lines of an Abaqus deck: keywords with their parameters, and the data that follows them.
 
 use super::format::{Words, parsed};
 use super::gmsh_scan::excerpt;

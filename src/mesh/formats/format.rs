@@ -1,9 +1,8 @@
-//! An entry of the list of formats: how a mesh file is recognised, read and written.
+//! An entry of the list of formats (how a mesh file is recognised, read and written), and [`Words`]: the words, numbers and
+//! lines of a text file, one after the other.
 //!
 //! In: a file's bytes, or a [`TetMesh`]. Out: a [`RawMesh`] that is not yet checked, or the bytes of one or two files
 //! that the reader of the format gives back as the same nodes, tetrahedra and regions, bit by bit.
-//!
-//! The words, numbers and lines of a text file, one after the other.
 
 use super::gmsh_scan::excerpt;
 use crate::base::output::Kind;
@@ -90,6 +89,8 @@ pub fn find_writer<'a>(
     })
 }
 
+/// The words of a text with their offsets, or a [`FormatFault`] where something else stands. Nothing is allocated here, so
+/// that a forged count cannot cost memory.
 #[derive(Clone, Copy)]
 pub struct Words<'a> {
     pub bytes: &'a [u8],

@@ -1,9 +1,7 @@
-//! Gmsh `.msh` 2.2, 4.0 and 4.1, text or binary: the sections that all share.
+//! Gmsh `.msh` 2.2, 4.0 and 4.1, text or binary: the sections that all versions share, and `$Nodes` and `$Elements` of 2.2.
 //!
 //! In: bytes. Out: a [`RawMesh`]. After the Gmsh reference manual, chapter "Gmsh file formats", sections "MSH file
 //! format" and "Legacy formats". Sections may stand in any order; unknown ones are skipped.
-//!
-//! `$Nodes` and `$Elements` of Gmsh 2.2.
 
 use super::format::{Encoded, Format, Part, Writer};
 use super::gmsh_scan::known_kind;
@@ -185,6 +183,7 @@ fn physical_name(line: &[u8]) -> Option<((u8, u32), &str)> {
     words.next().is_none().then_some(((dimension, number.unsigned_abs()), name))
 }
 
+/// `$Nodes` of version 2.2.
 pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     for _ in 0..scan.count_line()? {
         let at = scan.at();
@@ -196,6 +195,8 @@ pub fn nodes(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     Ok(())
 }
 
+/// `$Elements` of version 2.2. An element's first tag is its physical group, which stands in for the geometric entity of
+/// version 4.
 pub fn elements(scan: &mut Scanner, raw: &mut RawMesh) -> Result<(), FormatFault> {
     let at = scan.at();
     let mut left = scan.count_line()?;

@@ -1,9 +1,8 @@
-//! The words and numbers of a Gmsh file, one after the other, text and binary alike.
+//! The words and numbers of a Gmsh file, one after the other, text and binary alike, and the element types of Gmsh by their
+//! numbers (Gmsh reference manual, section "Node ordering").
 //!
 //! In: bytes. Out: sections, lines and numbers, or a [`FormatFault`] at the offset where something else stands. Nothing
 //! is allocated here, so that a forged count cannot cost memory.
-//!
-//! The element types of Gmsh by their numbers, after the Gmsh reference manual, section "Node ordering".
 
 use crate::mesh::assemble::ElementShape;
 use crate::mesh::error::{FormatFault, refuse};

@@ -1,10 +1,9 @@
-//! Writes VTK XML `.vtu`: unstructured grids, their arrays as base64 within the XML.
+//! Writes VTK XML `.vtu` (unstructured grids, their arrays as base64 within the XML), and turns the cells of a grid, as both
+//! VTK formats hold them, into the elements of a [`RawMesh`] ([`Cells`]).
 //!
 //! In: pieces of nodes and cells with fields on them. Out: the file's bytes, which the reader of this folder, ParaView and
 //! meshio open. After "VTK XML Formats" of the VTK documentation: without compression, the length (8 bytes) and the
 //! numbers are encoded together in base64 (RFC 4648).
-//!
-//! Turns the cells of a VTK unstructured grid, as both VTK formats hold them, into the elements of a [`RawMesh`].
 
 use crate::base::text::base64;
 use crate::mesh::assemble::{ElementShape, RawMesh};
@@ -144,7 +143,9 @@ pub fn region_rank(name: &str) -> Option<usize> {
     REGION_ARRAYS.iter().position(|known| *known == name)
 }
 
-/// One block of cells; node numbers count from the block's first node.
+/// One block of cells; node numbers count from the block's first node. Tetrahedra become elements with their regions, and
+/// cells of lower dimension that have a number become node groups. Cell types and the order of their nodes are in "The VTK
+/// User's Guide", chapter "VTK File Formats".
 #[derive(Default)]
 pub struct Cells {
     pub connectivity: Vec<u32>,

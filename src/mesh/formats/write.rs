@@ -1,6 +1,5 @@
-//! Helpers of several formats' writers: checks, the groups to write, and sentences on what a format cannot hold.
-//!
-//! Advice for files of formats that are not read: geometry without a mesh, and meshes of other programs.
+//! Helpers of several formats' writers: checks, the groups to write, and sentences on what a format cannot hold; and advice
+//! for files of formats that are not read: geometry without a mesh, and meshes of other programs.
 
 use super::format::extension;
 use crate::mesh::error::MeshError;
@@ -83,7 +82,7 @@ pub fn put(text: &mut String, line: std::fmt::Arguments) {
     debug_assert!(written.is_ok(), "a string takes all text");
 }
 
-/// Advice for a file that no reader knows; `None` if it is not known here either.
+/// A sentence with the command that converts a file that no reader knows; `None` if it is not known here either.
 pub fn advice(path: &Path, bytes: &[u8]) -> Option<String> {
     let name = path.file_name().unwrap_or_default().display();
     let mesh = path.with_extension("msh");

@@ -7,9 +7,8 @@
 //! The two constants below are ours: they maximise the least angle over random signs and cut points that belong to no
 //! particular surface (`tests/meshes/isosurface_stuffing.rs`: 10.77° to 164.1°).
 //!
-//! The stencils of isosurface stuffing: the part of one lattice tetrahedron that lies inside.
-//!
-//! Lattice vertices on the wrong side of a surface that passes through itself.
+//! [`fill`] holds the stencils: the part of one lattice tetrahedron that lies inside. [`agree`] corrects the lattice
+//! vertices that are on the wrong side of a surface that passes through itself.
 
 use super::lattice::{Lattice, STEPS};
 use crate::mesh::quality::signed_volume;
@@ -143,7 +142,12 @@ pub struct Corner {
     pub sign: i8,
 }
 
-/// Numbers of nodes: `cut(inside, outside)` is the cut point's, a lattice vertex keeps its own.
+/// Emits one to three tetrahedra, the part inside of a lattice tetrahedron. Numbers of nodes: `cut(inside, outside)` is the
+/// cut point's, a lattice vertex keeps its own.
+///
+/// The quadrilaterals of cut faces are split by rules that depend on the face alone, so that neighbours conform: a cut point
+/// on a long edge takes the diagonal; where both cut points lie on short edges, the parity rule decides (Labelle and
+/// Shewchuk 2007, section 3).
 pub fn fill(corners: &[Corner; 4], cut: impl Fn(usize, usize) -> usize, mut emit: impl FnMut([usize; 4])) {
     let pick = |sign: i8| corners.iter().filter(move |corner| corner.sign == sign);
     let inside: Vec<&Corner> = pick(1).collect();
@@ -223,7 +227,10 @@ fn prism(
 /// Part of the vertices on one side that may have the wrong sign; the others outvote them.
 const MINORITY: f64 = 0.05;
 
-/// Turns signs that the neighbours outvote, with a notice; refuses where too many contradict.
+/// Makes the signs of the depths at the lattice vertices consistent: turns those that the neighbours outvote, with a notice;
+/// refuses where too many contradict. The distance of a vertex is always right, but its sign comes from one triangle, which
+/// may face the wrong way in a fold. Where the distances of two neighbours together exceed their edge, no surface lies
+/// between them, so that they are on one side.
 pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, String> {
     let found = contradictions(lattice, depth);
     let Some(at) = found.first() else { return Ok(None) };

@@ -1,10 +1,9 @@
-//! The body-centred cubic lattice: corners and centres of cubes, all with the same tetrahedra.
+//! The body-centred cubic lattice (corners and centres of cubes, all with the same tetrahedra), and the depth of a point
+//! inside a closed triangle surface ([`Depth`]).
 //!
 //! Vertices have integer coordinates in half cells: all even (corners) or all odd (centres). Long edges join
 //! neighbours of one kind (length 1 cell), short ones a corner and a centre (√3/2 cells). Every tetrahedron has two
 //! opposite long edges and four short ones; all its dihedral angles are 60° or 90°.
-//!
-//! Measures the depth of a point inside a closed triangle surface.
 
 use crate::mesh::quality::bounding_box;
 use crate::mesh::surface_files::TriangleSurface;
@@ -128,6 +127,9 @@ impl Lattice {
     }
 }
 
+/// Measures the distance of a point from an oriented [`TriangleSurface`], positive inside, m. The nearest triangle is found
+/// by parry in f32, in a box of size 1; the distance to it is then taken in f64. On edges and vertices angle-weighted
+/// pseudo-normals decide the side: Baerentzen and Aanaes (IEEE TVCG 11, 2005).
 pub struct Depth<'a> {
     surface: &'a TriangleSurface,
     tree: TriMesh,

@@ -1,6 +1,5 @@
-//! Words of a text, each with its byte offset, line by line where a format needs it.
-//!
-//! A surface as its format's reader found it.
+//! Words of a text, each with its byte offset, line by line where a format needs it, and a surface as its format's reader
+//! found it.
 
 use crate::mesh::error::FormatFault;
 use nalgebra::Vector3;

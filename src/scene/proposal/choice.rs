@@ -1,6 +1,6 @@
-//! The element, model and effects that suit a body and what is asked of it.
+//! The element, model and effects that suit a body and its purpose.
 //!
-//! In: a mesh, its material and [`Wishes`]. Out: a [`Choice`], with its reasons told.
+//! In: a mesh, its material and [`Wishes`]. Out: a [`Choice`], with its reasons.
 
 use super::super::Material;
 use super::ends;

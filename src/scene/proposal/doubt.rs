@@ -1,4 +1,5 @@
-//! Which unit a file is in, where its size does not tell; and all else for which nothing can be proposed.
+//! The question which unit a file is in, where its size does not show it; and all other reasons for which nothing can be
+//! proposed.
 
 use super::super::SceneError;
 use crate::base::failure::Failure;
@@ -13,12 +14,12 @@ pub struct UnitDoubt {
     pub mesh: PathBuf,
     /// Longest side of the file's box, in the file's unit.
     pub extent: f64,
-    /// The likeliest first; the last is what it would be without a word: metres.
+    /// The likeliest first; the last is metres, the unit of a file that names none.
     pub candidates: Vec<&'static LengthUnit>,
 }
 
 impl UnitDoubt {
-    /// How long the body is if the file is in `unit`: "0.195 m".
+    /// Length of the body if the file is in `unit`: "0.195 m".
     pub fn extent_in(&self, unit: &LengthUnit) -> String {
         format!("{} m", digits(self.extent * unit.metres))
     }

@@ -1,8 +1,8 @@
-//! Ends of a body: where it is to be held and where it is to be pulled if the user names nothing.
+//! The two ends of a body: where a proposed scene holds it, and where it is pulled, if the user names neither.
 //!
-//! In: a mesh. Out: two selections of nodes. A long body has its ends along the axis of least inertia, a body that fills
-//! its box at the far faces of it; any other, such as an organ, where two points of its surface are furthest apart through
-//! the material.
+//! In: a mesh. Out: two selections of nodes. The ends of a long body lie on its axis of least inertia; those of a body that
+//! fills its bounding box are the far faces of the box; those of any other body, such as an organ, are the two places of its
+//! surface that are furthest apart through the material.
 
 use super::super::Nodes;
 use crate::base::disjoint::DisjointSets;
@@ -13,11 +13,12 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 /// One end of a body.
 #[derive(Clone, Debug)]
 pub struct End {
-    /// "left", "top", …: where it lies as seen from the other.
+    /// Direction in which it lies as seen from the other end: "left", "top", ….
     pub name: &'static str,
     pub nodes: Nodes,
     /// The nodes it selects, ascending.
     pub selected: Vec<u32>,
+    /// Phrase for the nodes: "all nodes within 0.02 m of its left end".
     pub what: String,
 }
 
@@ -27,17 +28,17 @@ pub struct Ends {
     pub why: String,
 }
 
-/// Length over the next extent, both as standard deviations, from which a body has a long axis.
+/// Ratio of the two largest standard deviations of the body's material above which the body counts as long.
 const LONG: f64 = 1.5;
-/// Part of its box that a body fills, from which it has the box's faces.
+/// Part of its bounding box that a body fills, above which its ends are faces of the box.
 const BOXY: f64 = 0.85;
-/// A principal axis as near to a coordinate axis as this cosine is taken to be it.
+/// Cosine between a principal axis and a coordinate axis above which the coordinate axis is taken.
 const ALIGNED: f64 = 0.985;
-/// Depth of an end against the body's length: the first that is tried, along an axis and through the body, and the last.
+/// Depth of an end over the body's length: the first that is tried along an axis and through the body, and the last.
 const ALONG: f64 = 0.08;
 const THROUGH: f64 = 0.12;
 const DEEPEST: f64 = 0.35;
-/// Least number of nodes of an end, unless it would be deeper than the last depth.
+/// Least number of nodes of an end, unless that needs more than the last depth.
 const FEWEST: usize = 12;
 
 /// The ends of a body; `None` where no two can be distinguished, as in a mesh of a few tetrahedra.
@@ -65,7 +66,7 @@ pub fn length(mesh: &TetMesh) -> f64 {
     high - low
 }
 
-/// Shape of a body of uniform density: deviations along its principal axes, the greatest first.
+/// Shape of a body of uniform density: its principal axes and standard deviations along them, the greatest first.
 struct Shape {
     axes: [Vector3<f64>; 3],
     deviations: [f64; 3],
@@ -115,7 +116,7 @@ impl Shape {
         }
         let fills = self.volume / self.box_sides.product();
         (fills > BOXY).then(|| {
-            // Of about equal sides the upright one, on which a body stands.
+            // Of nearly equal sides the upright one wins, along which a body stands.
             let side = |axis: &usize| self.box_sides[*axis] * if *axis == 1 { 1.01 } else { 1.0 };
             let longest = (0..3).max_by(|a, b| side(a).total_cmp(&side(b))).unwrap_or(1);
             (Vector3::ith(longest, 1.0), "the far faces of its box".to_owned())
@@ -123,7 +124,7 @@ impl Shape {
     }
 }
 
-/// Turns a line round where it points against the coordinate axis that it is nearest to.
+/// Reverses an axis that points against the coordinate axis nearest to it.
 fn upward(axis: Vector3<f64>) -> Vector3<f64> {
     if axis[axis.iamax()] < 0.0 { -axis } else { axis }
 }
@@ -139,8 +140,8 @@ fn side(axis: &Vector3<f64>) -> &'static str {
     [["left", "right"], ["bottom", "top"], ["back", "front"]][at][usize::from(axis[at] > 0.0)]
 }
 
-/// The ends along `axis`: all nodes within a depth of the planes at which the body ends. The lower one, or the left, is
-/// fixed; but where only one of them is in one piece, that one is for the hand.
+/// The ends along `axis`: all nodes within a depth of the planes at which the body ends. The lower or left one comes first
+/// and is fixed; where only one of them is in one piece, that one is for the hand.
 fn along(mesh: &TetMesh, surface: &Surface, axis: &Vector3<f64>) -> Option<[End; 2]> {
     let unit = axis.normalize();
     let (low, high) = span(mesh, &unit);
@@ -208,7 +209,7 @@ impl Tips {
         Some(Tips { distance, lengths: [to_first, from(second)] })
     }
 
-    /// The middle of the nodes that ways of these parts of the distance reach from a tip.
+    /// Centroid of the nodes whose way from a tip, over the distance between both tips, is within `parts`.
     fn middle(&self, mesh: &TetMesh, tip: usize, parts: std::ops::Range<f64>) -> Option<Vector3<f64>> {
         let lengths = self.lengths[tip].iter().zip(0u32..);
         let is_in = |length: f64| parts.contains(&(length / self.distance));
@@ -216,7 +217,7 @@ impl Tips {
         quality::centroid(mesh, &shell)
     }
 
-    /// Whether the body bends away from `axis` at both ends, as an arch does: the faces across the axis are no ends then.
+    /// Whether the body bends away from `axis` at both tips, as an arch does, so that the faces across the axis are no ends.
     fn turn_off(&self, mesh: &TetMesh, axis: &Vector3<f64>) -> bool {
         let (low, high) = span(mesh, &axis.normalize());
         let turns = |tip: usize| {
@@ -231,7 +232,7 @@ impl Tips {
 /// The ends about the two tips of the body.
 fn farthest(mesh: &TetMesh, surface: &Surface, tips: &Tips) -> Option<[End; 2]> {
     let distance = tips.distance;
-    // From a corner of an end to its middle.
+    // A tip is a corner of an end: moved to the end's middle.
     let middle = |tip: usize| -> Option<u32> {
         let centre = tips.middle(mesh, tip, 0.0..THROUGH)?;
         geodesic::nearest(mesh, &surface.nodes, &centre).map(|(node, _)| node)
@@ -261,7 +262,7 @@ fn farthest(mesh: &TetMesh, surface: &Surface, tips: &Tips) -> Option<[End; 2]> 
     are_apart(&ends[0].selected, &ends[1].selected).then_some(ends)
 }
 
-/// The selection of the least depth that a hand can hold.
+/// The shallowest selection that a hand can hold and that has [`FEWEST`] nodes, or else the deepest that a hand can hold.
 fn selection(
     mesh: &TetMesh,
     surface: &Surface,
@@ -287,7 +288,7 @@ fn selection(
     found
 }
 
-/// Whether a ray can hit a triangle of it, and it is not all on one line.
+/// Whether a selection has a whole triangle, which a ray can hit, and does not lie on one line.
 pub fn can_be_held(mesh: &TetMesh, surface: &Surface, selected: &[u32]) -> bool {
     let holds = |node: u32| selected.binary_search(&node).is_ok();
     let is_whole = |triangle: &[u32; 3]| triangle.iter().all(|&corner| holds(surface.nodes[corner as usize]));
@@ -310,7 +311,7 @@ pub fn are_apart(a: &[u32], b: &[u32]) -> bool {
     a.iter().all(|node| b.binary_search(node).is_err())
 }
 
-/// Number of pieces of a selection that edges of the mesh do not join.
+/// Number of pieces of a selection, joined through edges of the mesh.
 fn pieces(mesh: &TetMesh, selected: &[u32]) -> usize {
     let mut joined = DisjointSets::new(selected.len());
     for edge in geodesic::edges(mesh) {

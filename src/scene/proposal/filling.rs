@@ -20,7 +20,7 @@ use std::path::Path;
 pub struct FilledSurface {
     pub loaded: LoadedMesh,
     pub cell: f64,
-    /// Of the thinnest walls, m, where there are any.
+    /// Thickness of the thinnest walls, m, where there are any.
     pub wall: Option<f64>,
 }
 
@@ -35,9 +35,9 @@ const CELLS: f64 = 2.0;
 const THINNEST: f64 = 0.05;
 /// The part of the volume that a whole body has lost or gained at most.
 const LOST: f64 = 0.05;
-/// How many times finer a cell is after one that tore the body.
+/// Factor by which the next cell is smaller than one that tore the body.
 const FINER: f64 = 1.4;
-/// Trials.
+/// Largest number of trials.
 const TRIALS: usize = 8;
 
 /// A surface that is filled by trial.
@@ -53,7 +53,7 @@ struct Trial<'a> {
 struct FilledCell {
     cell: f64,
     loaded: LoadedMesh,
-    /// How it differs from the surface, where it is torn.
+    /// Difference from the surface, in words, where the body is torn.
     tear: Option<String>,
 }
 

@@ -1,7 +1,7 @@
-//! From a mesh or surface file to a scene that can be shown at once, with the reason for every choice.
+//! Proposes a scene that can be shown at once for a mesh or surface file, with the reason for every choice.
 //!
-//! In: the file, where the scene is to stand, and [`Wishes`]. Out: a [`Proposal`]: the scene, the comments with which it is
-//! written, and what was guessed in words; or the question which unit the file is in ([`UnitDoubt`]).
+//! In: the file, the path of the scene, and [`Wishes`]. Out: a [`Proposal`]: the scene, the comments with which it is
+//! written, and every guess in words; or the question which unit the file is in ([`UnitDoubt`]).
 
 pub mod choice;
 mod doubt;
@@ -33,15 +33,15 @@ pub struct Proposal {
     /// The name of its one body.
     pub body: String,
     pub comments: Comments,
-    /// What was guessed and why, a sentence each.
+    /// Guesses and their reasons, a sentence each.
     pub reasons: Vec<String>,
-    /// What may go wrong and what to do about it, a sentence each.
+    /// Possible failures and their remedies, a sentence each.
     pub warnings: Vec<String>,
     /// The body's mesh, in metres, as the scene will load it.
     pub mesh: TetMesh,
 }
 
-/// What a body is made of where neither the user nor the file's name says so.
+/// Material of a body where neither the user nor the file's name gives one.
 pub const USUAL_MATERIAL: &str = "rubber";
 
 /// A scene at `scene_path` for the mesh or surface file at `file`.
@@ -245,7 +245,7 @@ pub fn pascals(value: f64) -> String {
     }
 }
 
-/// At most four digits, without zeros at the end.
+/// A number with at most four digits, without zeros at the end.
 fn digits_of(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     format!("{rounded}")

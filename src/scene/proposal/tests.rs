@@ -210,7 +210,7 @@ fn a_surface_is_filled_with_some_ten_thousand_nodes() {
     assert!(proposal.text().unwrap().contains("tetrahedralise = { cell = 0.0"));
 }
 
-/// By hand: away from the fixed left end is +x; y and z lead across.
+/// Directions worked out by hand: +x leads away from the fixed left end; y and z lead across.
 #[test]
 fn poses_pull_push_and_move_across_what_can_be_grabbed() {
     let wishes = Wishes { effects: vec!["haptics".into(), "stress".into()], ..Wishes::default() };
@@ -360,7 +360,7 @@ fn a_pull_of_a_large_mesh_lists_no_effect_that_takes_many_minutes() {
     }
 }
 
-/// For a spatula of rubber, 69,163 nodes, `new` chose tet4_anp with "reduced", which `deform` then refused.
+/// The command `new` chose tet4_anp with "reduced" for a spatula of rubber, 69,163 nodes, which `deform` then refused.
 #[test]
 fn a_large_nearly_incompressible_body_gets_a_model_and_an_element_that_suit_each_other() {
     let mesh = bar([0.32, 0.25, 0.25], [32, 25, 25]);

@@ -6,7 +6,7 @@
 //! Node by node, the smoother damps what runs through the wall and hardly what runs along it, and smoothing the prolongator
 //! does as little for the bending; with the line's block in place of its nodes', both see the wall as a surface.
 //!
-//! Clusters of nodes that are strongly coupled, gathered into aggregates (Vaněk, Mandel and Brezina, Computing 56, 1996, 179-196).
+//! [`Aggregates`] gathers the strongly coupled clusters (Vaněk, Mandel and Brezina, Computing 56, 1996, 179-196).
 
 use super::rows::{Block, Rows};
 use nalgebra::DMatrix;

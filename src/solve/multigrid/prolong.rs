@@ -1,4 +1,5 @@
-//! The prolongator: turns a motion of the aggregates into that of their nodes.
+//! The prolongator, which turns a motion of the aggregates into that of their nodes, and the matrix with which a level is
+//! smoothed ([`Smoothed`], f32: the rows, the inverses of the clusters' blocks, and the parts that one thread works on).
 //!
 //! ```text
 //! tentative    [N_i S(o_i - c)]_(i in aggregate) = Q R      P₀ = Q,  coarse N = R about the centre c
@@ -9,8 +10,6 @@
 //! × d. Rigid motions of the whole body are therefore motions of the aggregates, exactly, and have no energy on the coarse level
 //! either. A motion that is not distinct from the others at the aggregate's nodes (the turn of a straight row of nodes about
 //! itself) is left out: its column of Q is zero.
-//!
-//! The matrix that a level is smoothed with, f32: the rows, the inverses of the clusters' blocks, and what one thread works on.
 
 use super::cluster;
 use super::cluster::{ALONE, Aggregates, Clusters, MOST};
@@ -20,10 +19,10 @@ use std::ops::Range;
 
 /// Rigid motions.
 pub const MODES: usize = 6;
-/// Length of a column of Q before it is made 1, in parts of the column that it was made of, below which it is left out.
+/// A column of Q is left out where orthogonalisation leaves less than this part of its length.
 const DEPENDENT: f64 = 1e-6;
 
-/// A node's part of a column for each rigid motion.
+/// A node's rows of the columns of the six rigid motions.
 pub type Modes<const B: usize> = [[f64; MODES]; B];
 
 /// Rigid motions of the nodes of one level, each about its own place.
@@ -32,7 +31,7 @@ pub struct RigidModes<const B: usize> {
     pub modes: Vec<Modes<B>>,
 }
 
-/// P, by its rows and by its columns.
+/// P, stored by rows, with an index by columns.
 pub struct Prolongator<const B: usize> {
     /// Blocks of fine node i: `start[i]..start[i + 1]`.
     pub start: Vec<usize>,
@@ -41,11 +40,11 @@ pub struct Prolongator<const B: usize> {
     pub value: Vec<f32>,
     /// Blocks of aggregate a: `down_start[a]..down_start[a + 1]`, ascending by the fine nodes.
     pub down_start: Vec<usize>,
-    /// The fine node, and the block's number among the rows.
+    /// The fine node of each block, and the block's index in `column`.
     pub down: Vec<(u32, u32)>,
 }
 
-/// A motion (t, ω) about a place is this one about another that is `d` away from it.
+/// N S(d): the displacements of a node by the rigid motions about a centre from which it is `d` away.
 fn shifted<const B: usize>(modes: &Modes<B>, d: [f64; 3]) -> Modes<B> {
     // t + ω × d: the columns of ω × d for the unit turns.
     let turned = [[0.0, -d[2], d[1]], [d[2], 0.0, -d[0]], [-d[1], d[0], 0.0]];
@@ -58,7 +57,7 @@ fn shifted<const B: usize>(modes: &Modes<B>, d: [f64; 3]) -> Modes<B> {
     })
 }
 
-/// Q of every node, and the motions of the aggregates: R.
+/// The rows of Q of every node, and R of every aggregate: the rigid motions of the coarse level.
 fn tentative<const B: usize>(
     aggregates: &Aggregates,
     fine: &RigidModes<B>,
@@ -81,7 +80,7 @@ fn tentative<const B: usize>(
     (q, coarse)
 }
 
-/// The centre of one aggregate, R and Q, by Gram and Schmidt twice.
+/// The centre, R and Q of one aggregate, by the Gram-Schmidt process, run twice.
 fn orthonormal<const B: usize>(
     members: &[u32],
     fine: &RigidModes<B>,
@@ -182,7 +181,8 @@ struct Smoothing<'a, R, const B: usize> {
 }
 
 impl<R: Rows<B>, const B: usize> Smoothing<'_, R, B> {
-    /// The blocks of P in the rows of one cluster, ascending by their aggregates; nothing where A is not positive definite.
+    /// Fills `row` with the blocks of P in the rows of one cluster, ascending by their aggregates; leaves it empty where A
+    /// is not positive definite.
     fn rows_of(&self, members: Range<usize>, row: &mut Vec<(u32, [Modes<B>; MOST])>) {
         row.clear();
         for node in members.clone() {
@@ -247,7 +247,7 @@ fn by_columns(start: &[usize], column: &[u32], count: usize) -> (Vec<usize>, Vec
     (down_start, down)
 }
 
-/// The matrix that a level is smoothed with, f32, both triangles, the diagonal with the rest.
+/// The matrix with which a level is smoothed, f32: both triangles, the diagonal block first in each row.
 pub struct Smoothed<const B: usize> {
     /// Blocks of node i: `start[i]..start[i + 1]`.
     pub start: Vec<usize>,
@@ -262,7 +262,7 @@ pub struct Smoothed<const B: usize> {
     pub parts: Vec<Part>,
 }
 
-/// Whole clusters, of about [`PART`] nodes, and where their inverses begin.
+/// Whole clusters with about [`PART`] nodes together, and the offset of their inverses.
 pub struct Part {
     pub clusters: Range<usize>,
     pub nodes: Range<usize>,

@@ -3,9 +3,9 @@
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::stage::description::Stage;
 
-/// No tracker's unit is longer than this, m: a metre, within the error of a measured scale …
+/// Longest unit of a tracker, m: a metre, within the error of a measured scale.
 const LONGEST_UNIT_M: f64 = 1.1;
-/// … nor shorter: a millimetre.
+/// Shortest unit of a tracker, m: a millimetre, within the same error.
 const SHORTEST_UNIT_M: f64 = 0.9e-3;
 
 pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {

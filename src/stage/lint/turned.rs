@@ -16,9 +16,9 @@ const LEVEL: f64 = 0.866;
 const WALL_TURN: f64 = 45.0;
 /// A table's picture that is turned by more is not meant for a viewer at its front, degrees: benches stand at an angle, too.
 const TABLE_TURN: f64 = 60.0;
-/// The least cosine between where the viewer looks and the wall that counts as the front …
+/// Least cosine between the viewer's direction of sight and that to the front wall.
 const FACED: f64 = 0.5;
-/// … and how much less other walls may have that may be the front as well, as where the viewer looks into a corner.
+/// A wall whose cosine is smaller by less than this may be the front as well, as where the viewer looks into a corner.
 const AS_FACED: f64 = 0.3;
 /// A viewer who stands beyond a table's edge by less may stand at another one, m.
 const BEYOND_M: f64 = 0.05;
@@ -39,7 +39,7 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
     let mut push = |severity, screen: &Screen, message: String| {
         found.push(Diagnostic::new(severity, format!("screen.{}", screen.name), message));
     };
-    // Of a mirrored screen the loader tells the corners.
+    // The loader reports the corners of a mirrored screen.
     let viewer = Point3::from(stage.viewer.room_from_head.translation.vector);
     for screen in stage.screens.iter().filter(|screen| screen.distance_m(&viewer) > 0.0) {
         if let Some(message) = faces_away(stage, screen) {

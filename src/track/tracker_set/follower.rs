@@ -1,7 +1,7 @@
-//! One sensor, from its raw readings to a pose in the room now.
+//! One sensor, from its raw readings to its present pose in the room.
 //!
-//! In: readings of one sensor. Out: a finite pose at any time, and how well it is tracked. First comes the calibration;
-//! then jumps that no hand makes are held back; then come filter and prediction. Gaps and jumps are bridged smoothly.
+//! In: readings of one sensor. Out: a finite pose at any time, and how well it is tracked. The calibration comes first, then
+//! the rejection of jumps that no hand makes, then filter and prediction. Gaps and jumps are bridged smoothly.
 
 use super::super::state::{Signal, normalised};
 use super::clock::DeviceClock;
@@ -12,14 +12,14 @@ use crate::stage::tracking::{Sensor, TrackerFrame};
 use crate::track::device::Reading;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// No hand moves further than this between two readings, in addition to what its speed allows in the time between them.
+/// Largest motion of a hand between two readings, m and rad, in addition to what its speed allows in the time between them.
 /// If the device was silent for longer than usual, only `STEP_S` of that time counts.
 const STEP_M: f64 = 0.05;
 const STEP_RAD: f64 = 0.4;
 const STEP_S: f64 = 0.02;
 /// A jump is accepted when it has lasted for this long, s, so that a single wrong reading is never shown.
 const CONFIRM_S: f64 = 0.1;
-/// The pose glides from where it was held to where it is within this time, s.
+/// Time in which the shown pose glides from the held one to the measured one, s.
 const BRIDGE_S: f64 = 0.2;
 
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ pub struct SensorFaults {
     pub jumps: u64,
     /// Stamps of the device's clock that were refused.
     pub clock: u64,
-    /// Number of times that it was untracked for longer than its policy's `after`.
+    /// Number of times that the sensor was untracked for longer than its policy's `after`.
     pub drop_outs: u64,
 }
 
@@ -133,7 +133,7 @@ impl Follower {
             if is_step(&from.pose, &pose, step_s.min(STEP_S)) {
                 return true;
             }
-            // Readings in between were not seen here; the device's previous one must be compatible with this one as well.
+            // Readings in between were missed here; the device's previous one must be compatible with this one as well.
             let before = reading.before.and_then(|(value, _)| in_room(self.frame.room_from_sensor(&value)));
             let leads = before.is_none_or(|before| is_step(&before, &pose, gap_s.max(0.0)));
             !is_pause && leads && is_step(&from.pose, &pose, step_s)
@@ -214,7 +214,7 @@ impl Follower {
         self.follow(now);
     }
 
-    /// Updates how well it is tracked at `now_s`.
+    /// Updates the signal at `now_s`; returns an event when the sensor is lost or comes back.
     fn age(&mut self, now_s: f64) -> Option<Event> {
         let before = self.signal;
         let seen = self.raw.map(|raw| raw.arrived_s);

@@ -1,4 +1,5 @@
-//! The plate's constants, from the body's own handle stiffness.
+//! The plate's constants, from the body's own handle stiffness, and the motion of all control elements from one set of
+//! frames to another.
 //!
 //! In: S, and a shell with its grips. Out: four moduli, against stretching and shearing, bending and twisting, with which the
 //! shell answers small rigid motions of the control elements as the body does: the thickness enters as h and h³/12, so that
@@ -14,8 +15,7 @@
 //! at them when it is bent or twisted a little: p and q of the [`Point`]s are such that the shell pulls as strongly. Elements
 //! that lock in bending or twisting feel these stretches differently.
 //!
-//! And the way of all control elements from one set of frames to another, whose quaternions distinguish turns up to 360° apart, in
-//! steps along screws.
+//! [`follow`] moves the control elements in steps along screws; the quaternions distinguish turns up to 360° apart.
 
 use super::point::{Hold, Law, Point};
 use super::sheet::{Sheet, Standing};
@@ -260,7 +260,7 @@ fn part(point: &Point, kind: usize, one: &[f64; 3], two: &[f64; 3]) -> f64 {
     if kind.is_multiple_of(2) { one[0] * stress[0] + one[1] * stress[1] } else { one[2] * stress[2] }
 }
 
-/// No step turns a control element by more, rad, moves it by more than this part of the body's size, or stretches it by more.
+/// Largest turn of a control element in one step, rad, largest move in parts of the body's size, and largest stretch.
 const TURN: f64 = PI / 8.0;
 const MOVE: f64 = 0.2;
 const STRETCH: f64 = 0.1;

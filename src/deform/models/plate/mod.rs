@@ -240,7 +240,8 @@ fn bear(loads: &Lumped, motion: &Isometry3<f64>, sheet: &mut Sheet) {
     sheet.warm(loads.strain());
 }
 
-/// A target as near as this to one that had no equilibrium, in steps of the path to it, is not tried: each attempt takes long.
+/// A target that is nearer than this to one that had no equilibrium, in steps of [`constants::follow`], is not tried: each
+/// attempt takes long.
 const AGAIN: f64 = 0.125;
 
 /// An equilibrium that takes more evaluations is a long one.

@@ -225,7 +225,7 @@ impl ReducedBody {
             for i in 0..fields {
                 self.cross[i * active..(i + 1) * active].copy_from_slice(&second[(q + i) * n..][..active]);
             }
-            self.factor.clone_from(&self.beside);
+            self.factor.copy_from(&self.beside);
             self.find_tangent(active);
             self.missed.fill(0.0);
         }

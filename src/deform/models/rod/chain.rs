@@ -1,19 +1,20 @@
 //! A geometrically exact rod (Simo-Reissner) of n two-node elements between two clamps.
 //!
-//! In: its section stiffness C, its segment at rest, and two frames that hold its ends. Out: the frames of all sections
-//! in equilibrium, the energy, and the wrenches on the clamps.
+//! In: the section stiffness C, the segment at rest, and the two frames of the clamps. Out: the frames of all sections in
+//! equilibrium, the energy, and the wrenches on the clamps.
 //!
 //! ```text
 //! V = Σ ½ ẽᵀ C/ℓ ẽ    ẽ = e + u ½ eᵀ A e/ℓ    e = h - h₀    h = log(g_i⁻¹ g_i+1), constant strain along each segment
 //! ```
 //!
 //! Helicoidal elements (Sonneville, Cardona and Brüls, CMAME 268, 2014): no locking, no change under rigid motions, and
-//! arcs, twists and helices are exact. A is the stretch of second order along the axis u that a section's own strains have
-//! ([`super::section`]); without it the material is linear. Newton's iteration with the exact Hessian, which is block
-//! tridiagonal (6 × 6); where it is not positive definite, it is shifted until it is, and a state that is stationary but not
-//! stable is left along its mode.
+//! arcs, twists and helices are exact. A is the second-order stretch along the axis u that follows from a section's own
+//! strains ([`super::section`]); without it the material is linear.
 //!
-//! Loads are dead while a pose is settled; those of a section act on its frame ([`Borne`]). A warm rod is longer at rest.
+//! Newton's iteration has the exact Hessian, which is block tridiagonal (6 × 6). Where it is not positive definite, it is
+//! shifted until it is; a state that is stationary but not stable is left along its unstable mode.
+//!
+//! Loads are dead while a pose is solved; those of a section act on its frame ([`Borne`]). Warmth lengthens the rod at rest.
 
 use crate::deform::loads::Borne;
 use crate::deform::memory::{ModelMemory, Unknowns};
@@ -21,16 +22,16 @@ use crate::deform::pose::se3::{Tangent, exp, halves, log_of};
 use crate::solve::minimise::{Energy, Step, factorise, minimise};
 use nalgebra::{Cholesky, Const, Isometry3, Matrix6, Vector6};
 
-/// No step of a clamp turns it by more (rad), or moves it by more than this part of the rod's length.
+/// Largest turn of a clamp in one step, rad, and its largest move, in parts of the rod's length.
 const CLAMP_TURN: f64 = std::f64::consts::FRAC_PI_4;
 const CLAMP_MOVE: f64 = 0.25;
-/// No iteration turns a section by more, rad, or moves it by more than this part of the length.
+/// Largest turn of a section in one iteration, rad, and its largest move, in parts of the rod's length.
 const SECTION_TURN: f64 = 0.7;
 const SECTION_MOVE: f64 = 0.25;
-/// Twice the energy that an iteration promises to win, in parts of the energy: when it is below, this iteration is
-/// the last one. As it converges quadratically, forces are then right to about the square of its root.
+/// The iteration is the last one when -gᵀs, twice the energy that its step s is predicted to win, is below this part of the
+/// energy. The relative error of forces is then about √1e-10 before the step, and, by quadratic convergence, 1e-10 after it.
 const CONVERGED: f64 = 1e-10;
-/// Least shift of a Hessian that is not positive definite, in parts of the weight.
+/// Least shift of a Hessian that is not positive definite, in parts of `weight`.
 const SHIFT: f64 = 0.3;
 /// Iterations for one pose of the clamps.
 const MOST_ITERATIONS: usize = 300;
@@ -57,11 +58,11 @@ pub struct Chain {
     /// u, and A/ℓ of a segment.
     axis: Vector6<f64>,
     second: Matrix6<f64>,
-    /// h₀, and that of a rod that is not warm.
+    /// h₀ of the rod as warm as it is, and without warmth.
     rest: Vector6<f64>,
     cold: Vector6<f64>,
     length: f64,
-    /// Load on each section; empty where nothing acts. The strain energy of the last assembly.
+    /// Load on each section (empty where nothing acts), and the strain energy of the last assembly, J.
     loads: Vec<Borne>,
     strained: f64,
     /// Frames of the n + 1 sections.
@@ -76,16 +77,16 @@ pub struct Chain {
     pivots: Vec<Factor>,
     upper: Vec<Matrix6<f64>>,
     step: Vec<Vector6<f64>>,
-    /// Whether the factor is that of the present equilibrium, and the frames a last iteration before it at which it was made.
+    /// Whether the factor belongs to the present equilibrium, and the frames, one iteration before it, at which it was made.
     is_factored: bool,
     factored: Vec<Isometry3<f64>>,
-    /// Measure of the shift: a weight of each of the six motions of a section.
+    /// Weights of the six motions of a section in the shift.
     weight: Vector6<f64>,
 }
 
 impl Chain {
-    /// A rod at rest, from `first` on, of `segments` (2 at least) whose ends are a screw `rest` apart; `section`: C, in N
-    /// and N·m² (and N·m off the diagonal); `second`: A.
+    /// A rod at rest that begins at `first` and has `segments` (2 at least), the ends of each a screw `rest` apart;
+    /// `section`: C, in N and N·m² (and N·m off the diagonal); `second`: A.
     pub fn new(
         section: &Matrix6<f64>,
         second: &Matrix6<f64>,
@@ -132,7 +133,7 @@ impl Chain {
         self.frames.len() - 1
     }
 
-    /// Back to rest, from `first` on.
+    /// Returns the rod to rest, beginning at `first`.
     pub fn reset(&mut self, first: Isometry3<f64>) {
         let piece = exp(&self.rest);
         self.is_factored = false;
@@ -170,13 +171,13 @@ impl Chain {
         1 + 7 * (self.frames.len() + self.factored.len())
     }
 
-    /// Adds the state, and where the factor was made.
+    /// Adds the frames of the sections to `memory`, and those at which the factor was made.
     pub fn keep(&self, memory: &mut ModelMemory) {
         memory.unknowns.push(f64::from(u8::from(self.is_factored)));
         self.frames.iter().chain(&self.factored).for_each(|frame| memory.put(frame));
     }
 
-    /// Takes back what [`Chain::keep`] added.
+    /// Restores the state that [`Chain::keep`] added.
     pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
         let is_factored = unknowns.take::<f64>() == 1.0;
         self.kept.iter_mut().for_each(|frame| *frame = unknowns.take());
@@ -197,12 +198,12 @@ impl Chain {
         log_of(&self.frames[i].inv_mul(&self.frames[i + 1]))
     }
 
-    /// The wrench C/ℓ (h - h₀) that goes with the strain of segment `i`, in the axes of its sections, on their middle.
+    /// The wrench C/ℓ (h - h₀) of segment `i`, in the axes of its sections, at its middle.
     pub fn linear_wrench(&self, i: usize) -> Vector6<f64> {
         self.stiffness * (self.screw(i) - self.rest)
     }
 
-    /// The energy of a segment, and ∂V/∂h.
+    /// The energy of a segment, ∂V/∂h, and for [`Chain::tangent`] A e/ℓ and the force along u.
     fn law(&self, h: &Vector6<f64>) -> (f64, Vector6<f64>, Vector6<f64>, f64) {
         let strain = h - self.rest;
         let slope = self.second * strain;
@@ -224,8 +225,8 @@ impl Chain {
         self.frames[i] * exp(&(self.screw(i) * 0.5))
     }
 
-    /// Equilibrium with the clamps at `ends`, the way there from the present state continued in steps. The signs of the
-    /// quaternions distinguish turns up to 360°. `None`, and the state as it was, where none is found.
+    /// Finds the equilibrium with the clamps at `ends`, in steps from the present state. The signs of the quaternions
+    /// distinguish turns up to 360°. `None`, with the state unchanged, where there is none.
     pub fn hold(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
         self.kept.clone_from_slice(&self.frames);
         let standing = self.approach(ends);
@@ -237,7 +238,7 @@ impl Chain {
     }
 
     fn approach(&mut self, ends: &[Isometry3<f64>; 2]) -> Option<Standing> {
-        // The motion of the first clamp is given to the whole rod, which does not feel it.
+        // The whole rod takes part in the motion of the first clamp, which changes no strain.
         let carried = ends[0] * self.frames[0].inverse();
         for frame in &mut self.frames {
             *frame = carried * *frame;
@@ -282,7 +283,7 @@ impl Chain {
         Some(found.energy)
     }
 
-    /// Moves the last frame by `eta`, and the others as the tangent answers, with the factor of the last equilibrium where
+    /// Moves the last frame by `eta`, and the others by the linear response, with the factor of the last equilibrium where
     /// there is one. The energy may rise.
     fn predict(&mut self, eta: Vector6<f64>) -> Option<()> {
         if !std::mem::take(&mut self.is_factored) {
@@ -296,12 +297,12 @@ impl Chain {
         Some(())
     }
 
-    /// An energy that counts as none: that of a bend by 1e-4 rad.
+    /// The energy of a bend by 1e-4 rad, which counts as none.
     fn least_energy(&self) -> f64 {
         1e-8 * self.weight[3] * self.segments() as f64
     }
 
-    /// Shortens the step of the inner sections where it is beyond what one iteration may do.
+    /// Shortens the step of the inner sections to the limits of one iteration.
     fn limit_step(&mut self) {
         let last = self.segments();
         let mut excess: f64 = 1.0;
@@ -312,7 +313,7 @@ impl Chain {
         self.step[1..last].iter_mut().for_each(|step| *step /= excess);
     }
 
-    /// The state after this share of the step, as the trial.
+    /// Sets the trial to the state after this share of the step.
     fn try_step(&mut self, share: f64) {
         for i in 0..self.frames.len() {
             self.trial[i] = self.frames[i];
@@ -336,14 +337,14 @@ impl Chain {
         strained + frames.iter().zip(&self.loads).map(potential).sum::<f64>()
     }
 
-    /// Takes the loads' work from the gradient.
+    /// Subtracts the loads' wrenches from the gradient.
     fn take_work(&mut self) {
         for (slope, (frame, load)) in self.gradient.iter_mut().zip(self.frames.iter().zip(&self.loads)) {
             *slope -= load.along(&frame.rotation).wrench();
         }
     }
 
-    /// The gradient alone.
+    /// Computes the gradient alone.
     fn slopes(&mut self) {
         self.gradient.fill(Vector6::zeros());
         for i in 0..self.segments() {
@@ -355,7 +356,7 @@ impl Chain {
         self.take_work();
     }
 
-    /// Energy, gradient and Hessian.
+    /// Computes gradient and Hessian; returns the energy.
     fn assemble(&mut self) -> f64 {
         self.gradient.fill(Vector6::zeros());
         self.diagonal.fill(Matrix6::zeros());
@@ -384,7 +385,7 @@ impl Chain {
         self.energy_of(&self.frames)
     }
 
-    /// The step of the inner sections against the gradient, with the last section's own.
+    /// Solves for the Newton step of the inner sections; the last section moves by `of_last`.
     fn solve(&mut self, of_last: Vector6<f64>) {
         let last = self.segments();
         self.step[last] = of_last;
@@ -401,7 +402,7 @@ impl Chain {
         }
     }
 
-    /// Whether the state at hand is stable between its clamps: its Hessian is positive definite.
+    /// Whether the present state is stable between its clamps: its Hessian is positive definite.
     #[cfg(test)]
     pub fn is_stable(&mut self) -> bool {
         self.assemble();
@@ -409,7 +410,7 @@ impl Chain {
     }
 }
 
-/// The energy of the inner sections between two clamps that stand.
+/// The energy of the inner sections between two fixed clamps.
 impl Energy for Chain {
     const TRIALS: usize = 30;
 
@@ -451,7 +452,7 @@ impl Energy for Chain {
         self.frames.clone_from_slice(&self.trial);
     }
 
-    /// Inverse iteration with the shifted Hessian, from a start that is in no symmetry's way.
+    /// Inverse iteration with the shifted Hessian, from a start without symmetry.
     fn find_mode(&mut self) -> Option<f64> {
         let last = self.segments();
         for i in 1..last {
@@ -471,8 +472,8 @@ impl Energy for Chain {
     }
 }
 
-/// The last clamp at a share of its way: on the straight line between the screws that a rod from `first` on winds along,
-/// as long as none makes more than half a turn; else it turns and moves at a constant speed.
+/// The frame of the last clamp after a share of its way. Its screw from `first` is interpolated linearly where neither end
+/// of the way is more than half a turn away; else the clamp turns and moves at a constant speed.
 fn between(first: &Isometry3<f64>, from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
     if share >= 1.0 {
         return *to;

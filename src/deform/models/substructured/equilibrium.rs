@@ -222,9 +222,9 @@ fn interfaces(part: &LinkedPart) -> impl Iterator<Item = (usize, usize)> + '_ {
     })
 }
 
-/// A step turns two control elements against each other by no more, rad, …
+/// Largest turn of two control elements against each other in one step, rad.
 const TURN: f64 = 0.35;
-/// … shifts them by no more of the body's size, stretches one by no more.
+/// Largest shift against each other in parts of the body's size, and largest stretch of one, in one step.
 const APART: f64 = 0.15;
 const STRETCH: f64 = 0.2;
 const MOST_STEPS: f64 = 64.0;

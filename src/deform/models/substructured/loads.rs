@@ -18,7 +18,7 @@
 //! ```
 //!
 //! with the place x_p and rotation R_p of the frame midway between the part's two ends (of more or fewer, at the first), and c_p
-//! where it rests. Allocates nothing.
+//! where it rests.
 
 use super::link::{LinkedPart, PartEnd, Places, screw};
 use crate::base::columns::ColumnGroup;

@@ -1,11 +1,11 @@
 //! Method 3a of the paper's appendix: the body is cut into parts, each bends little, and between them large rotations are exact.
 //!
-//! Each part has its own Green's functions and strain energy ([`energy`]) in the screws between its ends: interfaces to other
-//! parts, and control elements ([`link`]). For every pose the frames of the interfaces go to where the sum V of
+//! Each part has its own Green's functions and strain energy ([`energy`]) in the screws between its ends: interfaces to
+//! other parts, and control elements ([`LinkedPart`]). For every pose the frames of the interfaces go to where the sum V of
 //! all parts' energies is least ([`equilibrium`]); there ∂V by the control elements is the whole derivative (envelope
-//! theorem), so that forces and moments are in equilibrium. Its deformed parts make the surface. Loads and forces at points act on the
-//! ends of the part that they are on ([`loads`]); what they bend the part by between these is left out. Warmth lengthens parts at
-//! rest.
+//! theorem), so that forces and moments are in equilibrium. [`PartShape`] makes the surface. Loads and forces at points act
+//! on the ends of the part that they are on ([`loads`]); the bending of the part that they cause between its ends is left
+//! out. Warmth lengthens parts at rest.
 
 mod energy;
 mod equilibrium;
