@@ -134,3 +134,71 @@ pub fn factorise<E: Energy>(problem: &mut E) -> Option<f64> {
 fn halved(k: usize) -> f64 {
     0.5_f64.powi(k as i32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// V = x⁴/4 - x²/2 with the minima -1/4 at ±1, not defined for x above `most`.
+    struct Well {
+        x: f64,
+        tried: f64,
+        step: f64,
+        shift: f64,
+        most: f64,
+    }
+
+    impl Well {
+        fn slope(&self) -> f64 {
+            self.x.powi(3) - self.x
+        }
+
+        fn curvature(&self) -> f64 {
+            3.0 * self.x * self.x - 1.0 + self.shift
+        }
+    }
+
+    impl Energy for Well {
+        const TRIALS: usize = 8;
+
+        fn evaluate(&mut self) -> Option<f64> {
+            self.step = 0.0;
+            self.trial(0.0)
+        }
+
+        fn factorise(&mut self, shift: f64) -> bool {
+            self.shift = shift;
+            self.curvature() > 0.0
+        }
+
+        fn find_step(&mut self, _energy: f64) -> Step {
+            self.step = -self.slope() / self.curvature();
+            Step { gain: -self.slope() * self.step, is_last: self.slope().abs() < 1e-12 }
+        }
+
+        fn trial(&mut self, share: f64) -> Option<f64> {
+            self.tried = self.x + share * self.step;
+            let energy = self.tried.powi(4) / 4.0 - self.tried.powi(2) / 2.0;
+            (self.tried <= self.most).then_some(energy)
+        }
+
+        fn accept(&mut self) {
+            self.x = self.tried;
+        }
+
+        fn find_mode(&mut self) -> Option<f64> {
+            self.step = 1.0;
+            Some(0.5)
+        }
+    }
+
+    #[test]
+    fn a_saddle_is_left_to_the_side_on_which_the_energy_is_defined() {
+        for (most, side) in [(0.0, -1.0), (2.0, 1.0)] {
+            let mut well = Well { x: 0.0, tried: 0.0, step: 0.0, shift: 0.0, most };
+            let found = minimise(&mut well, 50, &mut 0).unwrap();
+            assert!(found.buckled && (found.energy + 0.25).abs() < 1e-12, "{found:?}");
+            assert!((well.x - side).abs() < 1e-9, "{} and not {side}", well.x);
+        }
+    }
+}
