@@ -43,5 +43,7 @@ mod tests {
         assert_eq!(quantile([3.0, 1.0, 2.0], 1.0), 3.0);
         assert_eq!(quantile((0..=100).map(f64::from), 0.99), 99.0);
         assert_eq!(quantile([], 0.5), 0.0);
+        // Places 1.8 and 1.2 of 0 to 3.
+        assert_eq!([0.6, 0.4].map(|share| quantile([4.0, 1.0, 3.0, 2.0], share)), [3.0, 2.0]);
     }
 }

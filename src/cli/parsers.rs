@@ -74,3 +74,24 @@ pub fn length(text: &str) -> Result<f64, String> {
 pub fn scale(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|scale| (0.01..=4.0).contains(scale)).ok_or("a number from 0.01 to 4".into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_a_unit_and_may_have_an_exponent() {
+        for (text, metres) in
+            [("5mm", 0.005), ("2 in", 0.0508), ("1e-3m", 1e-3), ("2.5E1 cm", 0.25), ("4e2um", 4e-4)]
+        {
+            let found = length(text).unwrap();
+            assert!((found / metres - 1.0).abs() < 1e-14, "{text}: {found}");
+        }
+        for (text, why) in
+            [("5", "with its unit"), ("-1mm", "positive"), ("mm", "positive"), ("5 parsec", "unknown unit")]
+        {
+            let error = length(text).unwrap_err();
+            assert!(error.contains(why), "{text}: {error}");
+        }
+    }
+}

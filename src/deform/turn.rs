@@ -167,3 +167,21 @@ pub fn reach(deformer: &Deformer) -> Reach {
     }
     reach
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bent by 0.4 about an axis across the way, and twisted by 0.3: shifted as an arc asks for, half as far, twice as far and
+    /// the other way.
+    #[test]
+    fn a_bend_counts_by_as_much_of_an_arc_as_its_shift_is() {
+        for (twist, part, counted) in [(0.0, 1.0, 1.0), (0.0, 0.5, 0.5), (0.3, 2.0, 1.0), (0.3, -1.0, 0.0)] {
+            let (way, turn) = (Vector3::z(), Vector3::new(0.0, 0.4, twist));
+            let straight = Relative { way, turn, shift: Vector3::zeros() };
+            let shift = straight.arc_shift() * part;
+            let found = Relative { shift, ..straight }.along_the_arc();
+            assert!((found - f64::hypot(0.4 * counted, twist)).abs() < 1e-12, "{twist} {part}: {found}");
+        }
+    }
+}

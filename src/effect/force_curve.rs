@@ -528,5 +528,10 @@ mod tests {
             assert!(x == at && ((high - low) / force - 0.4).abs() < 1e-9, "{low} N to {high} N of {force} N");
         }
         assert!(trace.error_line()[0].0.contains("beyond"));
+        let translation = Vector3::x() * (0.008 * BAR[0]);
+        body.deformer.evaluate(&[ControlPose::REST, ControlPose { translation, ..ControlPose::REST }]);
+        trace.take(body, &shown, 0.0);
+        let lengths: Vec<usize> = trace.bands().iter().map(Vec::len).filter(|length| *length > 0).collect();
+        assert_eq!(lengths, [2, 1], "no band lies across what was not measured");
     }
 }

@@ -172,4 +172,18 @@ mod tests {
         square(&mut raster, 0.0, false, [0.0, 0.0, 1.0, 0.5]);
         assert_eq!(raster.picture().get_pixel(7, 2).0, [188, 0, 188, 255]);
     }
+
+    /// Left of x = 6.35 pixels: of the samples at 6.25 and 6.75 the first is inside; half of the light is 188 in sRGB.
+    #[test]
+    fn a_triangle_covers_the_samples_up_to_its_edge() {
+        let mut raster = Raster::new([10, 10], [255; 3]);
+        let (right, black) = (6.35 * SAMPLES as f64, |_: [f64; 3]| [0.0, 0.0, 0.0, 1.0]);
+        let [a, b, c, d] = [[0.0, 0.0, 0.0], [right, 0.0, 0.0], [right, right, 0.0], [0.0, right, 0.0]];
+        raster.triangle([a, b, c], true, &black);
+        raster.triangle([a, c, d], true, &black);
+        let picture = raster.picture();
+        for (at, grey) in [([5, 2], 0), ([6, 2], 188), ([7, 2], 255), ([2, 6], 188), ([2, 7], 255)] {
+            assert_eq!(picture.get_pixel(at[0], at[1]).0, [grey, grey, grey, 255], "{at:?}");
+        }
+    }
 }

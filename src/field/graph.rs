@@ -414,3 +414,21 @@ impl<C: 'static> Graph<C> {
         text + "}\n"
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_restored_value_is_that_of_the_previous_frame_too() {
+        let mut graph: Graph<()> = Graph::default();
+        let now = graph.field("now", 1.0).unwrap();
+        let before = graph.previous(now).unwrap();
+        graph.set(now, 2.0).unwrap();
+        graph.evaluate(&mut ());
+        graph.set(now, 3.0).unwrap();
+        assert_eq!(*graph.get(before), 2.0);
+        graph.restore(now, 5.0);
+        assert_eq!([*graph.get(now), *graph.get(before)], [5.0, 5.0]);
+    }
+}

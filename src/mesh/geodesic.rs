@@ -155,4 +155,18 @@ mod tests {
         assert_eq!(within(&mesh, 0, 2.0), [0, 1, 2, 3, 4, 6, 7]);
         assert_eq!(within(&mesh, 5, 1.5), [1, 2, 5]);
     }
+
+    /// Three edges of 0.1 m, whose sum is 0.30000000000000004 m, and no way beside them.
+    #[test]
+    fn a_radius_bears_the_rounding_of_a_sum() {
+        let way = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.1, 0.1, 0.1]];
+        let aside = [[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 5.0]];
+        let mesh = TetMesh {
+            nodes: way.into_iter().chain(aside).map(Vector3::from).collect(),
+            triangles: vec![[0, 1, 4], [1, 2, 5], [2, 3, 6]],
+            ..TetMesh::default()
+        };
+        assert_eq!(within(&mesh, 0, 0.3), [0, 1, 2, 3]);
+        assert_eq!(within(&mesh, 0, 0.299), [0, 1, 2]);
+    }
 }

@@ -241,4 +241,25 @@ mod tests {
         let tagged = TetMesh { tags: (0..1331).map(|i| u64::MAX - i).collect(), ..mesh };
         assert!(error(&tagged, 1).starts_with("the node tag 18446744073709551615 leaves no tags"));
     }
+
+    /// The middles of opposite edges are √1.5, √3.5 and √4.5 apart.
+    #[test]
+    fn the_inner_octahedron_is_cut_along_its_shortest_diagonal() {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [3.0, 2.0, 1.0]];
+        for order in [[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3]] {
+            let parent = TetMesh {
+                nodes: order.map(|corner| Vector3::from(corners[corner])).to_vec(),
+                tags: vec![1, 2, 3, 4],
+                tets: vec![[0, 1, 2, 3]],
+                regions: vec![0],
+                ..TetMesh::default()
+            };
+            let fine = refine(parent, 1, &quadratic::straight).unwrap();
+            let ends = [Vector3::new(1.5, 1.0, 0.5), Vector3::new(0.5, 0.5, 0.0)];
+            let holds = |tet: usize| {
+                ends.iter().all(|end| fine.corners(tet).iter().any(|x| (x - end).norm() < 1e-12))
+            };
+            assert_eq!((0..8).filter(|tet| holds(*tet)).count(), 4, "{order:?}");
+        }
+    }
 }

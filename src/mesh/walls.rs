@@ -166,4 +166,19 @@ mod tests {
         let found = thin_walls(&hollow, 2.0).unwrap();
         assert!((found.thickness - 0.05).abs() < 1e-12 && found.share > 0.9, "{found:?}");
     }
+
+    /// A cube without thin walls, and a plate beside it that has less than half of the area.
+    #[test]
+    fn the_thickness_is_that_of_the_thin_walls_alone() {
+        let body = |size: [f64; 3], cells: [u32; 3]| {
+            surface_body::of_tetrahedra(&block(&Block { size, cells }).unwrap())
+        };
+        let (mut both, plate) = (body([1.0; 3], [4; 3]), body([1.0, 1.0, 0.05], [5, 5, 1]));
+        let first = both.nodes.len() as u32;
+        both.nodes.extend(plate.nodes.iter().map(|x| x + Vector3::new(3.0, 0.0, 0.0)));
+        both.triangles.extend(plate.triangles.iter().map(|triangle| triangle.map(|node| node + first)));
+        let found = thin_walls(&both, 2.0).unwrap();
+        assert!((found.share - 2.0 / 8.2).abs() < 1e-12, "{found:?}");
+        assert!((found.thickness - 0.05).abs() < 1e-12, "{found:?}");
+    }
 }

@@ -98,3 +98,27 @@ pub fn check(session: &mut Session) -> Result<String, Failure> {
     let (middle, most) = (median(times.iter().copied()), quantile(times.iter().copied(), 0.99));
     Ok(format!("{report}mechanics of a frame: median {}, 99 % within {}\n", seconds(middle), seconds(most)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::Script;
+    use std::path::Path;
+
+    #[test]
+    fn the_last_picture_is_of_the_scripts_end() {
+        let script = "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.pen = { position = [0, 1, 0], direction = [0, 0, -1] }\n\
+                      [[key]]\ntime = 3.0\n";
+        for frames in [2, 7, 300] {
+            let world = crate::world::tests::world(&format!("playback-{frames}"));
+            let script = Script::parse(script, Path::new("s.toml")).unwrap();
+            let mut session = Session::new(world, Some(script));
+            let mut playback = Playback::new(&session, frames).unwrap();
+            for (frame, time_s) in [(0, 0.0), (frames - 1, 3.0)] {
+                playback.step_to(&mut session, frame).unwrap();
+                let found_s = *session.world.graph.get(session.world.fields.time);
+                assert!((found_s - time_s).abs() < 1e-9, "picture {frame} of {frames}: {found_s} s");
+            }
+        }
+    }
+}

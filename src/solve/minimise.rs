@@ -143,18 +143,19 @@ fn halved(k: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// V = ¼ (x² - 1)² + ½ y² has minima at x = ±1 and a saddle between.
+    /// V = ¼ (x² - 1)² + ½ y² has minima at x = ±1 and a saddle between; it is not defined for x above `most`.
     struct Wells {
         at: [f64; 2],
         trial: [f64; 2],
         step: [f64; 2],
         stiffness: [f64; 2],
         may_leave: bool,
+        most: f64,
     }
 
     impl Wells {
         fn new(at: [f64; 2], may_leave: bool) -> Wells {
-            Wells { at, trial: at, step: [0.0; 2], stiffness: [1.0; 2], may_leave }
+            Wells { at, trial: at, step: [0.0; 2], stiffness: [1.0; 2], may_leave, most: f64::INFINITY }
         }
     }
 
@@ -182,7 +183,8 @@ mod tests {
         fn trial(&mut self, share: f64) -> Option<f64> {
             self.trial = [0, 1].map(|i| self.at[i] + share * self.step[i]);
             let [x, y] = self.trial;
-            Some(0.25 * (x * x - 1.0).powi(2) + 0.5 * y * y)
+            let energy = 0.25 * (x * x - 1.0).powi(2) + 0.5 * y * y;
+            (x.is_nan() || x <= self.most).then_some(energy)
         }
 
         fn accept(&mut self) {
@@ -207,6 +209,16 @@ mod tests {
         let mut stays = Wells::new([0.0, 1e-9], false);
         let found = minimise(&mut stays, 40, &mut 0).unwrap();
         assert!(!found.buckled && (found.energy - 0.25).abs() < 1e-15 && stays.at[0] == 0.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_saddle_is_left_to_the_side_on_which_the_energy_is_defined() {
+        for (most, side) in [(0.0, -1.0), (2.0, 1.0)] {
+            let mut wells = Wells { most, ..Wells::new([0.0; 2], true) };
+            let found = minimise(&mut wells, 50, &mut 0).unwrap();
+            assert!(found.buckled && found.energy < 1e-15, "{found:?}");
+            assert!((wells.at[0] - side).abs() < 1e-8, "{} and not {side}", wells.at[0]);
+        }
     }
 
     #[test]

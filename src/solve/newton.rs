@@ -394,3 +394,41 @@ impl Energy for FreeNodes<'_> {
         Some(energy)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::{Lame, STVK, TET4};
+    use crate::mesh::{Block, block};
+    use crate::solve::Solver;
+
+    /// A cube of St. Venant–Kirchhoff material that is pressed along an axis snaps: its path drives the mode, whichever sign
+    /// the mode has.
+    #[test]
+    fn a_pressed_cube_is_driven_by_its_own_path() {
+        let mesh = block(&Block { size: [1.0; 3], cells: [3; 3] }).unwrap();
+        let lame = vec![Lame::from_young_poisson(1.0, 0.3); mesh.tets.len()];
+        let body = Hyperelastic::new(&TET4, &STVK, &mesh, &lame).unwrap();
+        let start = NodeFields::zeros(mesh.nodes.len(), 1);
+        for (axis, side) in (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
+            let at = |node: u32| mesh.nodes[node as usize][axis] * side;
+            let ends = (0..mesh.nodes.len() as u32).filter(|&node| at(node).abs() > 0.49);
+            let partition = Partition::new(mesh.nodes.len(), ends);
+            let a = partition.a(&body.tangent(&body.gradients(&start)));
+            let solver = Solver::default().analyse(&a, &Silent).unwrap();
+            let path = |share: f64, u: &mut NodeFields| {
+                for &node in &partition.controlled {
+                    u.data[3 * node as usize + axis] = if at(node) > 0.0 { -0.6 * side * share } else { 0.0 };
+                }
+            };
+            let newton = Newton { body: &body, partition: &partition, solver: Some(&*solver), loads: None };
+            let Err(NewtonError::Stopped { stability: Some(stability), share, .. }) =
+                newton.follow(start.clone(), 4, &path, &Silent)
+            else {
+                panic!("it bears being pressed to 0.4 of its length");
+            };
+            let driven = stability.driven;
+            assert!((0.5..1.0 + 1e-9).contains(&driven), "{axis} {side}: {driven} at {share}");
+        }
+    }
+}

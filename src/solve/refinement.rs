@@ -76,3 +76,15 @@ fn worst(relative: &[f64]) -> (usize, f64) {
         if residual > worst.1 || residual.is_nan() { (column, residual) } else { worst }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_residual_that_is_no_number_is_the_worst() {
+        assert_eq!(worst(&[1e-9, 3e-8, 2e-8]), (1, 3e-8));
+        let (column, residual) = worst(&[1e-3, f64::NAN, 1e-9]);
+        assert!(column == 1 && residual.is_nan(), "{column}: {residual}");
+    }
+}

@@ -91,3 +91,20 @@ pub(super) fn zero_at(before: (f64, f64), now: (f64, f64), snaps: bool) -> Optio
 fn scattered(count: usize) -> Vec<f64> {
     (1..=count).map(|i| 2.0 * (i as f64 * 0.754_877_666_246_692_7).fract() - 1.0).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// λ = 1 - s/0.8 of a body that buckles and λ = √(1 - s/0.8) of one that snaps vanish at 0.8.
+    #[test]
+    fn a_stiffness_falls_to_zero_on_a_line_or_as_a_square_root() {
+        for snaps in [false, true] {
+            let least = |s: f64| if snaps { (1.0 - s / 0.8).sqrt() } else { 1.0 - s / 0.8 };
+            let found = zero_at((0.3, least(0.3)), (0.6, least(0.6)), snaps).unwrap();
+            assert!((found - 0.8).abs() < 1e-12, "{snaps}: {found}");
+        }
+        assert_eq!(zero_at((0.3, 0.5), (0.6, 0.7), false), None);
+        assert_eq!(twins(&[2.0, 2.3, 2.5, 9.0]), 2);
+    }
+}

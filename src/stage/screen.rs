@@ -289,4 +289,17 @@ mod tests {
             assert!((near - expected_m).abs() < 1e-12, "{asked_m}: {near}");
         }
     }
+
+    #[test]
+    fn the_nearest_place_lies_on_the_screen_beyond_each_of_its_sides() {
+        for (point, nearest) in [
+            ([0.3, 0.7, 2.0], [0.3, 0.7, -1.5]),
+            ([2.5, 3.4, -1.5], [1.5, 2.4, -1.5]),
+            ([-2.5, -1.0, 0.5], [-1.5, 0.0, -1.5]),
+        ] {
+            let (point, nearest) = (Point3::from(point), Point3::from(nearest));
+            assert!((front().nearest(&point) - nearest).norm() < 1e-12, "{}", front().nearest(&point));
+            assert!((front().away_m(&point) - (point - nearest).norm()).abs() < 1e-12);
+        }
+    }
 }

@@ -190,3 +190,29 @@ impl std::fmt::Display for TrackerSource {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// x → M x and R → M R M with the reflection M.
+    #[test]
+    fn a_mirrored_pose_is_that_of_the_reflection_and_comes_back() {
+        let pose = Isometry3::new(Vector3::new(0.1, -0.2, 0.3), Vector3::new(0.4, 1.1, -0.7));
+        let matrix = |pose: &Isometry3<f64>| *pose.rotation.to_rotation_matrix().matrix();
+        for (k, axis) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
+            let frame = TrackerFrame { mirror: Some(axis), ..TrackerFrame::default() };
+            let mut reflection = Matrix3::identity();
+            reflection[(k, k)] = -1.0;
+            let found = frame.room_from_sensor(&pose);
+            assert!(
+                (found.translation.vector - reflection * pose.translation.vector).norm() < 1e-14,
+                "{found}"
+            );
+            assert!((matrix(&found) - reflection * matrix(&pose) * reflection).norm() < 1e-14, "{found}");
+            let back = frame.tracker_from_sensor(&found);
+            assert!((back.to_homogeneous() - pose.to_homogeneous()).norm() < 1e-14, "{back}");
+        }
+    }
+}

@@ -287,7 +287,8 @@ mod tests {
             let dated = dtrack.dated(told_s, MIDNIGHT_S + now_s) - MIDNIGHT_S;
             assert!((dated - expected).abs() < 1e-6, "{told_s}: {dated}");
         }
-        // A packet of before midnight that is read after it, as the first.
+        // As the first: a packet of before midnight that is read after it, and one of a clock that is ahead of ours.
+        assert!((Dtrack::default().dated(1.0, MIDNIGHT_S + 0.5) - (MIDNIGHT_S + 1.0)).abs() < 1e-6);
         assert!((Dtrack::default().dated(86_399.9, MIDNIGHT_S + 0.2) - (MIDNIGHT_S - 0.1)).abs() < 1e-6);
     }
 

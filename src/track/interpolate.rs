@@ -133,4 +133,14 @@ mod tests {
             assert!((pose.rotation.coords.norm() - 1.0).abs() < 1e-9);
         }
     }
+
+    /// By hand at 1 s: steps of 1 s and ½ s with the secants 1 and 4 have the weights 2 and 2½, so that the slope is
+    /// 4½ / (2/1 + 2½/4) = 12/7 (Moler, Numerical Computing with MATLAB, section 3.4).
+    #[test]
+    fn the_speed_at_a_key_is_the_weighted_harmonic_mean() {
+        let h = 1e-6;
+        let values = [0.0, 1.0, 3.0, 4.0, 5.0];
+        let speed = (value_at(values, 1.0 + h) - value_at(values, 1.0 - h)) / (2.0 * h);
+        assert!((speed - 12.0 / 7.0).abs() < 1e-4, "{speed}");
+    }
 }

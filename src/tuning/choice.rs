@@ -379,4 +379,15 @@ mod tests {
             assert_eq!(of(&rows), of(&backwards));
         }
     }
+
+    /// Better in shape and no dearer, but worse in force: it does not take the place of the first choice.
+    #[test]
+    fn what_has_worse_forces_does_not_replace_the_choice() {
+        let mut other = row("cholesky", "f32", 149.0, 0.0119);
+        "tet4_anp".clone_into(&mut other.setting.element);
+        other.cost.offline_bytes = 1e9;
+        other.error.uncancelled_held = Some(Spread { median: 0.5, worst: 0.5 });
+        let rows = [row("cholesky", "f32", 155.0, 0.0183), other];
+        assert_eq!(chosen(&rows, &accuracy(0.05)).row.setting.element, "tet4");
+    }
 }

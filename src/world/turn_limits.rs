@@ -128,4 +128,20 @@ mod tests {
         let error = "turned by 51°; its error was measured up to 40°";
         assert_eq!(told(51.0, measured).as_deref(), Some(error));
     }
+
+    #[test]
+    fn a_body_that_is_turned_by_more_than_half_a_turn_is_told_its_whole_turn() {
+        let mut world = crate::world::tests::world("turn-limits");
+        let deformer = &mut world.bodies[0].deformer;
+        let mut poses = deformer.poses.clone();
+        for degrees in (0..=200).step_by(10) {
+            let angle = f64::from(degrees).to_radians();
+            poses[1].matrix =
+                *nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), angle).matrix();
+            deformer.evaluate(&poses);
+        }
+        let (turn, limits) = TurnLimits::of_deformer(deformer);
+        assert!((turn.to_degrees() - 200.0).abs() < 1e-6, "{}°", turn.to_degrees());
+        assert_eq!(limits.verdict(turn), Verdict::Beyond);
+    }
 }

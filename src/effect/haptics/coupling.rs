@@ -433,4 +433,16 @@ mod tests {
         let apart = (push - give.push).norm() / push.norm();
         assert!(apart > 0.01, "the turn between hold and handle matters here: {apart}");
     }
+
+    /// offset = Γ f with f = -K (moved + offset): a body that is linear is followed exactly.
+    #[test]
+    fn the_hold_is_predicted_where_spring_and_body_balance() {
+        let mut coupling = Coupling::new([2.0, 0.5], true, None);
+        let stiffness = Matrix6::from_diagonal(&Vector6::new(4000.0, 3000.0, 5000.0, 30.0, 20.0, 40.0));
+        coupling.suit(&stiffness, 1000.0);
+        let moved = Vector6::new(1e-3, -2e-3, 5e-4, 0.0, 0.0, 0.0);
+        let offset = coupling.follow(&moved, &CouplingState::default()).offset;
+        let push = -(stiffness * (moved + offset));
+        assert!((coupling.compliance * push - offset).norm() < 1e-12 && offset.norm() > 1e-4, "{offset}");
+    }
 }

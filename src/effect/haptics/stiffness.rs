@@ -177,4 +177,17 @@ mod tests {
             assert_eq!(is_felt, tick >= 30, "tick {tick}");
         }
     }
+
+    /// A body that has not moved, in a hand that has turned by more than [`TURNED`].
+    #[test]
+    fn a_turned_handle_alone_is_measured_anew() {
+        let rest = ControlRest { name: "springs".into(), origin: Vector3::zeros(), nodes: 1 };
+        let mut body = Elastic::new(Box::new(Springs(Arc::default(), false)), &[rest]).unwrap();
+        let mut stiffness = Stiffness::default();
+        for (angle, begins) in [(0.0, true), (0.5 * TURNED, false), (2.0 * TURNED, true)] {
+            stiffness.next = None;
+            stiffness.follow(&Isometry3::rotation(Vector3::y() * angle), &mut body);
+            assert_eq!(stiffness.next.is_some(), begins, "{angle}");
+        }
+    }
 }

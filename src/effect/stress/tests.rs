@@ -298,3 +298,29 @@ fn a_section_that_does_not_fit_is_refused() {
     }
     assert_eq!(written(Limit::Strain(0.3)), "30.0 %");
 }
+
+/// A state is taken back whose count of deformations is by chance that of the body: colours are those of its own shape.
+#[test]
+fn a_state_that_is_taken_back_is_coded_anew() {
+    let scene = scene(BAR);
+    let folder = tempfile::tempdir().unwrap();
+    let (_, file) = written_file(&scene, folder.path());
+    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
+    let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
+    let [effect] = &mut running[..] else { panic!() };
+    let is_at_rest = |world: &World| {
+        world.frame.bodies[0].colours.as_ref().is_some_and(|codes| codes.iter().all(|code| *code == [0; 4]))
+    };
+    world.show_by(effect.as_mut());
+    let (rest, memory) = (world.bodies[0].deformer.poses.clone(), effect.memory().unwrap());
+    let mut pulled = rest.clone();
+    pulled[1].translation.x = 0.02;
+    world.bodies[0].deformer.evaluate(&pulled);
+    world.bodies[0].deformations += 1;
+    world.show_by(effect.as_mut());
+    assert!(!is_at_rest(&world));
+    world.bodies[0].deformer.evaluate(&rest);
+    effect.set_memory(&memory).unwrap();
+    world.show_by(effect.as_mut());
+    assert!(is_at_rest(&world));
+}

@@ -272,4 +272,33 @@ mod tests {
             }
         }
     }
+
+    /// Of two far clusters, neither box has a diagonal above twice the gap between the boxes.
+    #[test]
+    fn far_clusters_are_small_beside_the_gap_between_them() {
+        let place = |i: usize| V3::new((0.7 * i as f64).cos(), (0.7 * i as f64).sin(), 0.02 * i as f64);
+        let places: Vec<V3> = (0..700).map(place).collect();
+        let places: Vec<V3> = order(&places, 600).iter().map(|&node| places[node]).collect();
+        let tree = Tree::new(600, 700);
+        let far = blocks(&tree, &places).into_iter().filter(|block| block.is_far);
+        let mut count = 0;
+        for Block { of, .. } in far {
+            let [a, b] = of.map(|cluster| &places[tree.clusters[cluster].nodes.clone()]);
+            let range = |of: &[V3], axis: usize| {
+                let values = || of.iter().map(|place| place[axis]);
+                (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
+            };
+            let mut squares = [0.0; 3];
+            for axis in 0..3 {
+                let ((low_a, high_a), (low_b, high_b)) = (range(a, axis), range(b, axis));
+                let gap = (low_a - high_b).max(low_b - high_a).max(0.0);
+                let parts = [high_a - low_a, high_b - low_b, gap].map(|length| length * length);
+                squares = [0, 1, 2].map(|k| squares[k] + parts[k]);
+            }
+            let [of_a, of_b, gap] = squares.map(f64::sqrt);
+            assert!(of_a.max(of_b) <= 2.0 * gap, "{of_a} and {of_b} m, {gap} m apart");
+            count += 1;
+        }
+        assert!(count > 10, "{count}");
+    }
 }

@@ -320,3 +320,47 @@ impl Sink<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    /// The numbers of one array, appended raw and compressed in blocks of 16 bytes, whose header says this of the last one.
+    fn inflated(numbers: &[f64], last: u32) -> Vec<f64> {
+        let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let packed: Vec<Vec<u8>> = bytes
+            .chunks(16)
+            .map(|block| {
+                let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+                encoder.write_all(block).unwrap();
+                encoder.finish().unwrap()
+            })
+            .collect();
+        let head = [packed.len() as u32, 16, last];
+        let sizes = packed.iter().map(|block| block.len() as u32);
+        let mut file = b"_".to_vec();
+        file.extend(head.into_iter().chain(sizes).flat_map(u32::to_le_bytes));
+        file.extend(packed.concat());
+        let mut coding = Coding::new(&file);
+        coding.compressor = Some("vtkZLibDataCompressor".to_owned());
+        coding.appended(0, Some("raw".to_owned())).unwrap();
+        let (name, kind) = ("a".to_owned(), "Float64".to_owned());
+        let array = Array { name, kind, components: 1, source: ArrayData::Appended(0), at: 0 };
+        let mut found = Vec::new();
+        coding
+            .numbers(&array, |_, number| {
+                found.push(number);
+                Ok(())
+            })
+            .unwrap();
+        found
+    }
+
+    /// VTK writes the last block's bytes where it is shorter, and 0 where it is as long as the others.
+    #[test]
+    fn a_last_block_may_be_shorter_or_as_long_as_the_others() {
+        assert_eq!(inflated(&[1.0, 2.5, -3.0], 8), [1.0, 2.5, -3.0]);
+        assert_eq!(inflated(&[1.0, 2.5, -3.0, 0.25], 0), [1.0, 2.5, -3.0, 0.25]);
+    }
+}
