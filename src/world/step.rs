@@ -130,7 +130,7 @@ impl World {
         self.fields.styli.len()
     }
 
-    /// Makes sure that there are fields for at least `count` styli, up to [`MOST_STYLI`].
+    /// Makes sure that there are fields for at least `count` styli, at most 16.
     pub fn have_styli(&mut self, count: usize) {
         while self.fields.styli.len() < count.min(MOST_STYLI) {
             if let Err(error) = self.fields.add_stylus(&mut self.graph) {
