@@ -249,8 +249,8 @@ mod tests {
             let scene = format!(
                 "[body.b]\ngenerate = {{ block = {{ size = [1, 1, 1], cells = [{cells}, 1, 1] }} }}\n\
                  material = {{ young = 1e6, poisson = 0.3 }}\n\
-                 control.left = {{ nodes = {{ group = \"left\" }}, grab = \"fixed\" }}\n\
-                 control.right = {{ nodes = {{ group = \"right\" }} }}\n"
+                 control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+                 control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"fixed\" }}\n"
             );
             let scene = Scene::parse(&scene, Path::new("block.toml")).unwrap();
             let solution = green::solve(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
