@@ -31,7 +31,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("export", &["prepare effect world", BELOW_WORLD]),
     ("measure", &["prepare effect deform green scene mesh fem solve"]),
     ("verify", &["measure effect world deform green scene mesh fem solve stage render"]),
-    ("report", &["measure green scene mesh solve"]),
+    ("report", &["measure export green scene mesh solve"]),
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session measure prepare world deform green scene mesh fem solve"]),
     ("edit", &["interact green prepare scene mesh config"]),
