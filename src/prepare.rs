@@ -5,9 +5,8 @@
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::output::{self, OutputError};
-use crate::base::progress::Bars;
-use crate::base::progress::Progress;
 pub use crate::base::progress::Teller;
+use crate::base::progress::{Bars, Progress};
 use crate::base::signal::{OnEnd, on_end};
 use crate::effect;
 pub use crate::effect::Resolved;

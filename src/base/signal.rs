@@ -6,10 +6,9 @@
 //! that METIS installs for SIGTERM while it orders; that one would jump out of whatever a thread was doing.
 
 use libc::{SIG_BLOCK, SIG_IGN, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, c_int, sigset_t};
-use std::io;
 use std::mem::MaybeUninit;
-use std::ptr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::{io, ptr};
 
 const ENDING: [(c_int, &str); 3] = [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM"), (SIGHUP, "SIGHUP")];
 

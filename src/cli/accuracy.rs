@@ -11,10 +11,9 @@ use crate::deform::pose_file;
 use crate::green::Requirements;
 use crate::measure::{self, Limits, Measurement, Request, TimeLimit};
 use crate::prepare::{self, Resolved};
-use crate::report;
 use crate::scene::{AccuracyTarget, Scene};
-use crate::tuning;
 use crate::tuning::poses::{NamedPoses, scripted_or_random};
+use crate::{report, tuning};
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -1,9 +1,8 @@
 //! `greenstage bench`: measures the frame rate, and where a frame's time goes.
 
 use super::opening::Guess;
-use super::parsers;
 use super::print::print;
-use super::{bench_snapshot, marks, precompute};
+use super::{bench_snapshot, marks, parsers, precompute};
 use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;

@@ -7,10 +7,9 @@ use crate::config::unknown_name;
 use crate::deform::pose_file::{self, Pose};
 use crate::export::batch::Outlook;
 use crate::export::{Files, PoseRequest, ResultSet, ask, batch, pose_text};
-use crate::green;
 use crate::prepare::{self, Resolved};
 use crate::scene::{Scene, SceneError, Updates};
-use crate::tuning;
+use crate::{green, tuning};
 use std::path::PathBuf;
 
 /// Compute displacements and forces for a list of poses

@@ -2,9 +2,8 @@
 
 use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
-use crate::effect::expected;
 use crate::effect::expected::model::PULLS;
-use crate::effect::{ResolvedBody, name_of};
+use crate::effect::{ResolvedBody, expected, name_of};
 use crate::green::{GreenError, GreenFile};
 use crate::prepare;
 use crate::scene::{Method, Scene};

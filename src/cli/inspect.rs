@@ -6,7 +6,6 @@ use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::base::text::quoted;
 use crate::config::foreign;
-use crate::effect;
 use crate::green::{GreenError, GreenFile, STIFFNESS};
 use crate::mesh::length_unit::{LARGEST_M, implausible};
 use crate::mesh::{self, Surface, diagnostics, quality, surface_check, surface_files};
@@ -15,8 +14,8 @@ use crate::scene::built_in::{self, BUILT_IN};
 use crate::scene::{Material, Method, Scene};
 use crate::session::open;
 use crate::stage::Stage;
-use crate::tuning;
 use crate::world::flow;
+use crate::{effect, tuning};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

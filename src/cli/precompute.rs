@@ -1,20 +1,18 @@
 //! `greenstage precompute`: the offline stage.
 
-use super::expected;
 use super::opening::Guess;
-use super::parsers;
 use super::print::print;
+use super::{expected, parsers};
 use crate::base::failure::Failure;
 use crate::base::machine;
 pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::progress::Bars;
 use crate::base::table::{Table, bytes, seconds};
-use crate::effect;
 use crate::green::{self, FAMILIES, GreenFile, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare::{self, Resolved};
 use crate::scene::{Method, Storage};
-use crate::tuning;
+use crate::{effect, tuning};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

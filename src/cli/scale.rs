@@ -1,8 +1,7 @@
 //! `greenstage scale`: how the offline stage grows with the mesh.
 
-use super::marks;
-use super::parsers;
 use super::print::print;
+use super::{marks, parsers};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::output::{self, Kind};

@@ -5,11 +5,10 @@
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::stage::Stage;
-use crate::track::TrackerSet;
 use crate::track::device::now_s;
 use crate::track::vrpn::address::PORT;
 use crate::track::vrpn::{Server, ServerCounters};
-use crate::track::{Script, StandIn};
+use crate::track::{Script, StandIn, TrackerSet};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 

@@ -1,14 +1,12 @@
 //! Draws a world into offscreen pictures: one per screen and eye, per screen with both eyes joined, or per window.
 
 use super::bodies::{GpuBodies, contents};
-use super::device;
 use super::overlay::{FrameSteps, History, Panel, Readings, Seats};
-use super::plate_seats::PlateSeats;
-use super::plate_seats::{KeepClear, keep_clear};
+use super::plate_seats::{KeepClear, PlateSeats, keep_clear};
 use super::plates::Plates;
 use super::presenter::{Images, Presenter};
 use super::view_source::{Screens, ViewSource};
-use super::window_layout;
+use super::{device, window_layout};
 use crate::base::plates::Plate;
 use crate::render::window::Monitor;
 use crate::render::{COLOR_FORMAT, DrawCounts, EyePicture, Gpu, Overlay, RenderError, Samples};

@@ -7,8 +7,7 @@
 use super::caption::{self, Caption};
 use super::overlay::{History, Panel, Readings, Seats};
 use super::pattern::Pattern;
-use super::plate_seats::KeepClear;
-use super::plate_seats::PlateSeats;
+use super::plate_seats::{KeepClear, PlateSeats};
 use super::plates::Plates;
 use super::presenter::Presenter;
 use super::stage_model::{Camera, Orbit, StageModel, write_names};

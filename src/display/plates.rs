@@ -5,11 +5,9 @@
 //! that place's depth.
 
 use super::caption::{DARK, INK, QUIET};
-use super::legend;
-use super::plate_seats::KeepClear;
-use super::plate_seats::{PlateRequest, PlateSeats, Room, Side, covered, is_over};
-use super::plot;
+use super::plate_seats::{KeepClear, PlateRequest, PlateSeats, Room, Side, covered, is_over};
 use super::window_layout::{Part, view_of};
+use super::{legend, plot};
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::stage::Stage;
 use egui::{Color32, FontId, Galley, Painter, Pos2, Rect, Stroke, Vec2, pos2, vec2};

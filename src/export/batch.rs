@@ -2,16 +2,14 @@
 //! solving anew for every pose.
 
 use super::asked::{PoseRequest, has_forces, lead};
-use super::free_poses;
 use super::result_set::{ControlForces, Geometry, MissedPose, Needs, PoseResult, ResultSet, StressResult};
-use super::statics;
 use super::told::{PointPush, PoseFacts, Sureness};
-use super::unsure;
+use super::{free_poses, statics, unsure};
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::deform::pose_file;
 use crate::deform::{
     AppliedLoads, ControlPose, Deformer, EquilibriumResult, ModelEntry, PoseSlope, Strain, Wrench, model_of,
+    pose_file,
 };
 use crate::effect::expected;
 use crate::effect::stress::{StressedBody, SurfaceLoads};

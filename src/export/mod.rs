@@ -31,8 +31,7 @@ pub mod told;
 mod unsure;
 pub mod vtu;
 
-pub use asked::chosen;
-pub use asked::{PoseRequest, ask};
+pub use asked::{PoseRequest, ask, chosen};
 pub use basis::{BASIS_FILES, BasisFile, BodyBasis, Choice, Profile, VIEWER_MOTIONS};
 pub use exporter::{Exporter, Spread};
 pub use exporters::{EXPORTERS, find_surface, surfaces};

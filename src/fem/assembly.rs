@@ -2,8 +2,7 @@
 //! ([`Partition`]).
 
 use super::energy::Strains;
-use super::stiffness::NodeFields;
-use super::stiffness::StiffnessMatrix;
+use super::stiffness::{NodeFields, StiffnessMatrix};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::cmp::Ordering;

@@ -6,8 +6,7 @@
 use super::assembly::{AssemblyError, ElementSet, assemble_elements};
 use super::energy::mutual_energies;
 use super::lame::Lame;
-use super::stiffness::NodeFields;
-use super::stiffness::StiffnessMatrix;
+use super::stiffness::{NodeFields, StiffnessMatrix};
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;
 use nalgebra::DMatrix;

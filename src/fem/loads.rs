@@ -5,8 +5,7 @@
 //! the elements that the loads do.
 
 use super::quadrature::{STRAIGHT, tetrahedron_rule, triangle_rule};
-use super::stiffness::NodeFields;
-use super::stiffness::StiffnessMatrix;
+use super::stiffness::{NodeFields, StiffnessMatrix};
 use crate::mesh::{TetMesh, quadratic};
 use nalgebra::Vector3;
 use rayon::prelude::*;

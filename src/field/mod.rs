@@ -30,10 +30,7 @@ mod input;
 pub mod numbers;
 mod stream;
 
-pub use graph::Entry;
-pub use graph::FieldError;
-pub use graph::Graph;
+pub use graph::{Entry, FieldError, Graph};
 pub(crate) use input::value_types;
-pub use input::{Each, Input};
-pub use input::{Field, Value};
+pub use input::{Each, Field, Input, Value};
 pub use stream::{FieldState, LONGEST_LINE, StreamError, VERSION, read_line};

@@ -5,8 +5,7 @@
 //! each control element), those of the column families that the body requires, and `EFFECT/TENSOR` of effects that own some. The metadata key `greenstage` holds one JSON object;
 //! NumPy's safetensors opens the file as it is.
 
-use super::bytes::Bytes;
-use super::bytes::Number;
+use super::bytes::{Bytes, Number};
 use super::compressed::Shapes;
 use super::error::GreenError;
 use super::on_demand::OnDemand;

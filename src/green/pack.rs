@@ -5,9 +5,8 @@
 
 use super::error::GreenError;
 use super::file::GreenFile;
-use super::filter;
 use super::kind::{GREEN, PACKED};
-use super::zstd_context;
+use super::{filter, zstd_context};
 use crate::base::{input, output};
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};

@@ -3,8 +3,7 @@
 //! In: precomputed bodies. Out: a safetensors container with the tensors of the surface, of the families that each body
 //! requires and of its effects, and the metadata sealed by their hash.
 
-use super::bytes::Bytes;
-use super::bytes::Tensor;
+use super::bytes::{Bytes, Tensor};
 use super::control::{ControlElement, FIELD_NAMES, FIELDS};
 use super::error::GreenError;
 use super::families::FAMILIES;

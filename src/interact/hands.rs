@@ -5,8 +5,7 @@
 //! one, so that nothing drifts. When hands, mode or scaling change, a new hold starts where the element is, so that nothing
 //! jumps.
 
-use super::carry::Carrying;
-use super::carry::HandMotion;
+use super::carry::{Carrying, HandMotion};
 use super::mode::Mode;
 use super::navigate::MovingHand;
 use super::pick::Hit;

@@ -17,14 +17,12 @@ mod pick;
 mod pose;
 
 pub use action::{Action, SurfaceGrip};
-pub use carry::Carrying;
-pub use carry::{HandMotion, carry, held_line};
+pub use carry::{Carrying, HandMotion, carry, held_line};
 pub use curve::{ForceArrow, bend, force_arrow};
 pub use ease::{EASE_S, Ease, between, towards_rest};
 pub use hands::{CLICK_S, Drag, Element, Grip, HandRequests, Hands};
 pub use history::{History, KEPT};
 pub use mode::{Axis, AxisOf, Freedom, Mode, twist};
 pub use navigate::{Aside, MovingHand, Navigation, place_aside};
-pub use pick::reach;
-pub use pick::{Hit, PickRay, PickShape, PickTarget, pick};
+pub use pick::{Hit, PickRay, PickShape, PickTarget, pick, reach};
 pub use pose::{control_pose_in_body, room_from_element};

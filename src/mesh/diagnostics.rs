@@ -5,7 +5,7 @@
 
 use super::quadratic;
 use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
-use super::tet_mesh::sorted_faces;
+use super::surface::sorted_faces;
 use super::tet_mesh::{FACES, TetMesh};
 use crate::base::diagnostic::{Diagnostic, Severity};
 use nalgebra::Vector3;

@@ -19,6 +19,7 @@ pub mod quality;
 pub mod refine;
 mod scalar;
 mod shells;
+mod surface;
 pub mod surface_body;
 pub mod surface_check;
 pub mod surface_files;
@@ -31,8 +32,8 @@ pub use error::{FormatFault, MeshError, Place};
 pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
+pub use surface::{Surface, outer_faces};
 pub use tet_mesh::{EDGES, FACES, LoadedMesh, TetMesh};
-pub use tet_mesh::{Surface, outer_faces};
 
 use crate::base::{input, output};
 use formats::Part;

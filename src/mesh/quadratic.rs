@@ -8,7 +8,7 @@
 //!
 //! with barycentric coordinates L (Zienkiewicz and Taylor, The Finite Element Method, vol. 1, 5th ed., section 8.10).
 
-use super::tet_mesh::surface_edges;
+use super::surface::surface_edges;
 use super::tet_mesh::{EDGES, TetMesh, edges_of};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;

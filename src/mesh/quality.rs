@@ -5,8 +5,8 @@
 //! Elem. Anal. Des. 15, 1994, normalised), 1 for a regular tetrahedron and 0 for a flat one.
 
 use super::shells;
+use super::surface::{Surface, sorted_faces};
 use super::tet_mesh::TetMesh;
-use super::tet_mesh::{Surface, sorted_faces};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;

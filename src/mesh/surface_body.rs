@@ -5,9 +5,9 @@
 
 use super::error::MeshError;
 use super::length_unit::Scale;
+use super::surface::Surface;
 use super::surface_check::{self, SurfaceReport};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
-use super::tet_mesh::Surface;
 use super::tet_mesh::{LoadedMesh, TetMesh};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};

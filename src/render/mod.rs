@@ -58,12 +58,9 @@ pub use pass::DrawCounts;
 pub use pattern::Pattern;
 pub use renderer::Renderer;
 pub use shadow::Shadows;
-pub use target::Samples;
-pub use target::{Attachments, Picture};
-pub use tiles::EyePair;
-pub use tiles::{Canvas, EyePicture, Paint, Show, Target, Tile, TilePainter};
-pub use view::Bounds;
-pub use view::{View, Viewport};
+pub use target::{Attachments, Picture, Samples};
+pub use tiles::{Canvas, EyePair, EyePicture, Paint, Show, Target, Tile, TilePainter};
+pub use view::{Bounds, View, Viewport};
 
 /// The default filter of the log: the libraries used here log too much.
 pub const LOGGED: &str = "warn,winit=error,egui_wgpu=error";

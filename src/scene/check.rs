@@ -6,9 +6,8 @@
 use super::accuracy_target::no_more_than_all;
 use super::{
     Accuracy, AccuracyTarget, Body, Budget, Control, Material, Place, Scene, SceneError, Storage, TOLERANCE,
-    Tetrahedralise, Updates,
+    Tetrahedralise, Updates, linear, look,
 };
-use super::{linear, look};
 use crate::fem::Element;
 use crate::mesh::{refine, surface_files};
 use crate::solve::Solver;

@@ -42,8 +42,7 @@ pub use look::{CREASE, Color, Lines, Texture};
 pub use material::Material;
 pub use method::Method;
 pub use parts::Parts;
-pub use select::Nodes;
-pub use select::{Control, Grab};
+pub use select::{Control, Grab, Nodes};
 pub use updates::Updates;
 
 use crate::config::{self, ConfigError};

@@ -18,6 +18,5 @@ pub mod trackers;
 pub use advance::{Session, SessionProgress};
 pub use change::{Change, ChangeResult, Steps};
 pub use input::{InputSource, Leader};
-pub use open::Making;
-pub use open::Request;
+pub use open::{Making, Request};
 pub use playback::Playback;

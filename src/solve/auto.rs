@@ -7,9 +7,9 @@
 use super::analysis::SharedAnalysis;
 use super::error::SolveError;
 use super::kept_factor::KeptFactor;
-use super::solver::NoUnknowns;
 use super::solver::{
-    AnalysisInput, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats, Solver,
+    AnalysisInput, Factor, InverseStrip, Job, LinearSolver, Method, NoUnknowns, SolveResult, SolveStats,
+    Solver,
 };
 use crate::base::progress::Progress;
 use crate::base::table::{bytes, seconds};

@@ -3,8 +3,7 @@
 //! In: A with one column for each unknown. Out: its supernodal factor, whose dense kernels take all threads, and solves of a
 //! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept.
 
-use super::analysis::seconds_of;
-use super::analysis::{nested_dissection, ordering_memory};
+use super::analysis::{nested_dissection, ordering_memory, seconds_of};
 use super::cholesky::CHOLESKY;
 use super::error::SolveError;
 use super::fronts::front_work;

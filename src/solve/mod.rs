@@ -47,10 +47,9 @@ pub use minimise::{Minimum, Setback, minimise};
 pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
-pub use solver::NO_UNKNOWNS;
 pub use solver::{
-    AnalysisInput, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, SolveResult, SolveStats,
-    Solver,
+    AnalysisInput, Conditioning, Factor, InverseStrip, Job, LinearSolver, Method, NO_UNKNOWNS, SolveResult,
+    SolveStats, Solver,
 };
 pub use solvers::{SOLVERS, find_method, without_factor};
 pub use stability::Stability;

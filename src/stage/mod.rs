@@ -20,9 +20,7 @@ pub mod tracking;
 mod viewer;
 mod window;
 
-pub use description::BUILT_IN;
-pub use description::Stage;
-pub use description::{Grid, Workspace};
+pub use description::{BUILT_IN, Grid, Stage, Workspace};
 pub use error::{LocatedFault, StageError, StageFault};
 pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};

@@ -5,8 +5,7 @@
 //! error code, and the requested items: position (52), quaternion w x y z (61), switch (66), end of line (1).
 
 use super::device::{DeviceState, Link, now_s};
-use super::source_entry::OpenError;
-use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
+use super::source_entry::{ExclusiveUse, OpenError, SourceEntry, SourceSettings, device, keys};
 use super::worker::{Publisher, Worker};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::io::{ErrorKind, Read, Write};

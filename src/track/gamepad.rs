@@ -4,8 +4,7 @@
 //! number). Out: button n and valuator n. It has no poses; a stylus can use its buttons.
 
 use super::device::{DeviceState, Link};
-use super::source_entry::OpenError;
-use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings, device, keys};
+use super::source_entry::{ExclusiveUse, OpenError, SourceEntry, SourceSettings, device, keys};
 use super::worker::Worker;
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,7 @@
 //! In: the table as the stage keeps it. Out: a running [`Source`], or an error that names file, line and remedy.
 
 use super::device::Source;
-use super::source_entry::OpenError;
-use super::source_entry::{ExclusiveUse, SourceEntry, SourceSettings};
+use super::source_entry::{ExclusiveUse, OpenError, SourceEntry, SourceSettings};
 use super::{dtrack, fastrak, gamepad, osc, vrpn};
 use crate::config;
 use crate::stage::tracking::{SourceTable, TrackerSource, Tracking};

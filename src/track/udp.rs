@@ -6,8 +6,7 @@
 use super::device::{DeviceState, Link, now_s};
 use super::flow::{PUBLISH_S, RateLimiter};
 use super::listen::{Listen, is_only_late};
-use super::source_entry::OpenError;
-use super::source_entry::{ExclusiveUse, SourceSettings};
+use super::source_entry::{ExclusiveUse, OpenError, SourceSettings};
 use super::worker::{Publisher, Worker};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;

@@ -22,8 +22,7 @@ pub mod studies;
 
 pub use problem::{Bound, Measure, Problem};
 
-use crate::fem::ELEMENTS;
-use crate::fem::Element;
+use crate::fem::{ELEMENTS, Element};
 use crate::measure::body::ProblemError;
 use crate::measure::exact::{Level, rate};
 use problem::POISSON;

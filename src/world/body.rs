@@ -2,9 +2,7 @@
 
 use super::assets::BodyAssets;
 use super::body_memory::BodyMemory;
-use super::frame::BodyFrame;
-use super::frame::Highlight;
-use super::frame::StepTimes;
+use super::frame::{BodyFrame, Highlight, StepTimes};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseLimiter};
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;

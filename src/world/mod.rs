@@ -38,14 +38,11 @@ pub use body::PlacedBody;
 pub use edit_state::EditState;
 pub use flow::{Bodies, Fields};
 pub use force::{WrenchError, why_unknown, wrench_error, wrench_error_of};
-pub use frame::Highlight;
-pub use frame::StepTimes;
-pub use frame::{BodyFrame, Frame, HeldForce};
+pub use frame::{BodyFrame, Frame, HeldForce, Highlight, StepTimes};
 pub use hand::shape;
 pub use ruler::SurfacePoint;
 pub use running::{RunningEffect, World};
-pub use state::Input;
-pub use state::State;
+pub use state::{Input, State};
 pub use turn_limits::{TurnLimits, Verdict, out_of_range, out_of_range_of};
 
 #[cfg(test)]

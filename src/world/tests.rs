@@ -2,18 +2,14 @@
 
 use super::*;
 use crate::deform::{Contribution, ControlPose};
-use crate::green;
 use crate::green::GreenFile;
 use crate::interact::Action;
-use crate::prepare;
 use crate::prepare::Resolved;
 use crate::render::Drawable;
-use crate::stage::rotation_towards;
-use crate::stage::{Eye, Stage};
-use crate::track::StylusState;
-use crate::track::{Signal, TrackerState};
-use nalgebra::{Isometry3, Point3};
-use nalgebra::{Translation3, Vector3};
+use crate::stage::{Eye, Stage, rotation_towards};
+use crate::track::{Signal, StylusState, TrackerState};
+use crate::{green, prepare};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

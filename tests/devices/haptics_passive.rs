@@ -2,12 +2,11 @@
 //! relies on falls silent. On springs of known stiffness, in virtual time.
 
 use greenstage::deform::{ControlPose, ControlRest, ElementPotential, LINEAR, PoseCurvature, PoseSlope};
-use greenstage::effect::haptics::bent;
 use greenstage::effect::haptics::settling::{REPORTS, settle, shaking, still};
 use greenstage::effect::haptics::tick::{FADE_S, RAMP_S, UNATTENDED_S};
 use greenstage::effect::haptics::{
     Control, Device, Elastic, ElementHold, Grasp, Hand, HoldConstraint, Measures, Push, Reading, Reports,
-    Simulated,
+    Simulated, bent,
 };
 use greenstage::stage::{Haptic, HapticDevice};
 use nalgebra::{DMatrix, Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3};

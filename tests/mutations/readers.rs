@@ -3,8 +3,7 @@
 use crate::common::block_scene;
 use crate::mutate::{Random, mutated};
 use crate::{meshes, surfaces};
-use greenstage::deform::pose_file as poses;
-use greenstage::deform::{ControlPose, Deformer, ROTATION};
+use greenstage::deform::{ControlPose, Deformer, ROTATION, pose_file as poses};
 use greenstage::green::{self, GreenFile, Requirements, STIFFNESS};
 use greenstage::mesh::{
     self, Block, Order, Surface, block, diagnostics, formats, quality, surface_check, surface_files,

@@ -1,8 +1,7 @@
 //! A recorded session comes to the same state in every frame, with any number of threads; another scene, a damaged or a cut file
 //! is reported.
 
-use crate::common;
-use crate::render_common;
+use crate::{common, render_common};
 
 use common::{coarse_demo, folder, greenstage, program, text};
 use std::collections::BTreeSet;

@@ -8,19 +8,17 @@
 //! An existing file is overwritten only where it is empty or its first bytes are those of the kind being written.
 //! [`try_path`] checks all of this before the work; [`stage`] and [`put_all`] write several files of which all or none
 //! are there; [`stream`] writes a file that grows for a long time.
-mod leftovers;
+mod temporary;
 
-pub use leftovers::Scratch;
+pub use temporary::Scratch;
 
 use super::signal::{self, OnEnd};
-use leftovers::Renames;
-use leftovers::temporary;
-use leftovers::{Place, folder_of, sync};
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::NamedTempFile;
+use temporary::{Place, Renames, folder_of, sync, temporary};
 
 /// A kind of file, by which code decides whether it may overwrite one.
 #[derive(Debug)]
@@ -127,7 +125,7 @@ fn look(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<Place, OutputErr
     let closed = |source| OutputError::of_place(path, source);
     let place = Place::find(path).map_err(closed)?;
     let Place::File(target) = &place else { return Ok(place) };
-    if inputs.iter().any(|input| leftovers::is_same(input, target)) {
+    if inputs.iter().any(|input| temporary::is_same(input, target)) {
         return Err(OutputError::Input { path: path.to_owned() });
     }
     let file = match File::open(target) {
@@ -219,7 +217,7 @@ pub fn put_all(staged: Vec<Staged>, gone: &[PathBuf]) -> Result<Vec<Option<File>
     for Staged { path, place, file, unwritten: act } in staged {
         match place {
             Place::File(target) => {
-                leftovers::keep_attributes(&target, file.as_file())
+                temporary::keep_attributes(&target, file.as_file())
                     .map_err(|source| OutputError::Write { path: path.clone(), source })?;
                 let (file, beside) = file.into_parts();
                 files.push(Some(file));
@@ -229,7 +227,7 @@ pub fn put_all(staged: Vec<Staged>, gone: &[PathBuf]) -> Result<Vec<Option<File>
                 let failed = |source| OutputError::Stream { path: path.clone(), source };
                 let mut bytes = file.into_file();
                 bytes.rewind().map_err(failed)?;
-                let mut device = leftovers::open_stream(&to).map_err(failed)?;
+                let mut device = temporary::open_stream(&to).map_err(failed)?;
                 std::io::copy(&mut bytes, &mut device).map_err(failed)?;
                 files.push(None);
             }
@@ -266,7 +264,7 @@ pub fn stream(path: &Path, kind: &Kind, head: &[u8]) -> Result<Stream, OutputErr
         }
         Place::Stream(to) => {
             let failed = |source| OutputError::Stream { path: path.to_owned(), source };
-            let mut device = leftovers::open_stream(&to).map_err(failed)?;
+            let mut device = temporary::open_stream(&to).map_err(failed)?;
             device.write_all(head).map_err(failed)?;
             Ok(Stream(device))
         }

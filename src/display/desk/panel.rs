@@ -3,12 +3,10 @@
 //! In: the [`Draft`] of a scene. Out: the draft as a person changed it, and [`Order`]s. Nothing is checked here that the scene
 //! checks itself: a message rejects what cannot be when it is tried, and the old state stays.
 
-use super::editor::Editor;
-use super::editor::Sketches;
+use super::editor::{Editor, Sketches};
 use super::editor_panel;
 use super::foot::{keep, making, save, sketching};
-use super::messages::Order;
-use super::messages::progress;
+use super::messages::{Order, progress};
 use super::style::{ACTION, GOOD, number, row};
 use super::units::{PASCAL, read, shown};
 use crate::base::failure::Failure;

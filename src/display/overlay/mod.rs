@@ -11,9 +11,9 @@ mod row;
 mod seats;
 
 pub use panel::Panel;
-pub use readings::{ACQUIRE, FrameSteps, History, STEPS};
 pub use readings::{
-    BodyReading, ControlReading, ErrorReading, ForceReading, HandDoes, HandReading, Readings, SensorReading,
+    ACQUIRE, BodyReading, ControlReading, ErrorReading, ForceReading, FrameSteps, HandDoes, HandReading,
+    History, Readings, STEPS, SensorReading,
 };
 pub use seats::Seats;
 

@@ -2,8 +2,7 @@
 //! device, trackers, force devices and hands.
 
 use super::body_rows::body_rows;
-use super::readings::{COLOURS, FRAMES, History, STEPS};
-use super::readings::{HandDoes, HandReading, Readings, SensorReading};
+use super::readings::{COLOURS, FRAMES, HandDoes, HandReading, History, Readings, STEPS, SensorReading};
 use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, Words, fitting, height, words};
 use super::seats::{SeatRequests, Seats};
 use crate::base::fixed::{LETTERS, clipped, fixed};

@@ -9,8 +9,7 @@ mod stressed_body;
 #[cfg(test)]
 mod tests;
 
-pub use stressed_body::{NAME, StressedBody};
-pub use stressed_body::{Peaks, SurfaceLoads, share};
+pub use stressed_body::{NAME, Peaks, StressedBody, SurfaceLoads, share};
 
 use super::entry::EffectEntry;
 

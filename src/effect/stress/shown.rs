@@ -1,7 +1,6 @@
 //! The field in a session: codes of vertices, legend, probe, warnings and closing words.
 
-use super::stressed_body::{NAME, StressedBody};
-use super::stressed_body::{Peaks, share, written as limit_words};
+use super::stressed_body::{NAME, Peaks, StressedBody, share, written as limit_words};
 use crate::base::failure::Failure;
 use crate::base::legend::{Legend, LegendLine, round_up};
 use crate::base::plates::{Anchor, Plate};

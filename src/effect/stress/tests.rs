@@ -1,11 +1,9 @@
 //! Stress against that of bodies that were solved, and in sessions and damaged files.
 
-use super::stressed_body::StressedBody;
-use super::stressed_body::written;
+use super::stressed_body::{StressedBody, written};
 use crate::base::legend::Legend;
 use crate::deform::{AppliedLoads, ControlPose, Deformer, LINEAR};
-use crate::effect::RunningEffect;
-use crate::effect::{EFFECTS, Resolved, add_sections, attach};
+use crate::effect::{EFFECTS, Resolved, RunningEffect, add_sections, attach};
 use crate::fem::NodeFields;
 use crate::green::{self, GreenFile, Precomputed, Tensor};
 use crate::render::Drawable;

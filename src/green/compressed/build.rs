@@ -13,8 +13,7 @@
 use super::super::dense;
 use super::basis::{Bases, WHAT, levels};
 use super::memory;
-use super::tree::{Block, Tree};
-use super::tree::{Frame, Surface, TOGETHER, spans, unit_columns};
+use super::tree::{Block, Frame, Surface, TOGETHER, Tree, spans, unit_columns};
 use crate::base::machine;
 use crate::base::machine::TooLarge;
 use crate::base::memory::give_back;

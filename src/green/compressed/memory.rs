@@ -5,8 +5,7 @@
 use super::basis::{Bases, HEAP};
 use super::exact::MEASURED;
 use super::samples;
-use super::tree::{Block, Tree};
-use super::tree::{Surface, TOGETHER};
+use super::tree::{Block, Surface, TOGETHER, Tree};
 
 /// Bytes of the columns to compare with, of the samples, and of the leaves' rows of these at most. Each thread has the rows of a
 /// leaf twice in f64. The clusters above are counted by [`super::basis::bases`] level by level, when the ranks below are known.

@@ -20,5 +20,4 @@ pub use build::BuildError;
 pub use column::{Shape, Shapes};
 pub use encode::{Compressed, Trial, compress, frames_of, unpack_bases};
 pub use packed::unpack;
-pub use tree::Surface;
-pub use tree::{Block, Tree, blocks, order};
+pub use tree::{Block, Surface, Tree, blocks, order};

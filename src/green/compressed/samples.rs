@@ -3,8 +3,7 @@
 //! In: a surface and its frames. Out: [`Samples`], in f32.
 
 use super::basis::Samples;
-use super::tree::Tree;
-use super::tree::{Frame, Surface, TOGETHER};
+use super::tree::{Frame, Surface, TOGETHER, Tree};
 use crate::fem::NodeFields;
 use crate::solve::{Progress, SolveError};
 use rayon::prelude::*;

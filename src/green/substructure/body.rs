@@ -7,8 +7,7 @@
 use super::super::control::ControlElement;
 use super::cut::Cut;
 use super::part::{Domain, End, PartError, PartSolution, coordinates};
-use super::second_order::FrameFit;
-use super::second_order::StrainPoint;
+use super::second_order::{FrameFit, StrainPoint};
 use crate::fem::{AssemblyError, Element, Lame, NodeFields, TET4, tet4};
 use crate::mesh::geodesic::edges;
 use crate::mesh::{Surface, TetMesh, quality};

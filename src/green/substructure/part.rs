@@ -19,9 +19,10 @@
 //! part moves rigidly (oversampling: Hou and Wu, J. Comput. Phys. 134, 1997, 169-189). By St. Venant's principle the
 //! interface then warps as it does in the body; held flat, it would stiffen a tube of eight parts by a tenth.
 
-use super::second_order::{FrameFit, FrameSeries, Orders};
-use super::second_order::{QuarticRows, StrainPoint, gradients, stress};
-use super::second_order::{get, pairs, polarised, set, sum_at, times, unit};
+use super::second_order::{
+    FrameFit, FrameSeries, Orders, QuarticRows, StrainPoint, get, gradients, pairs, polarised, set, stress,
+    sum_at, times, unit,
+};
 use crate::fem::{NodeFields, Partition, StiffnessMatrix};
 use crate::solve::{Progress, SolveError, Solver};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};

@@ -5,8 +5,7 @@
 //! chapter "Input deck format". Keywords of the analysis are skipped; those that move or create nodes are refused.
 
 use super::abaqus_sets::{Keyword, Sets, data_line, fields, skip_data};
-use super::format::{Encoded, Format, Part, Writer};
-use super::format::{Words, parsed};
+use super::format::{Encoded, Format, Part, Words, Writer, parsed};
 use super::gmsh_scan::excerpt;
 use super::write::{check, own_groups, put};
 use crate::base::output::Kind;

@@ -4,8 +4,7 @@
 //! elements are faces or lines; without them every MESH is a region or a group, under its name. After the GiD
 //! customization manual, "Mesh format: ModelName.post.msh". Keywords may be in any case.
 
-use super::format::{Format, Part};
-use super::format::{Words, parsed};
+use super::format::{Format, Part, Words, parsed};
 use super::gmsh_scan::excerpt;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};

@@ -4,8 +4,7 @@
 //! format" and "Legacy formats". Sections may stand in any order; unknown ones are skipped.
 
 use super::format::{Encoded, Format, Part, Writer};
-use super::gmsh_scan::known_kind;
-use super::gmsh_scan::{Mode, Scanner, excerpt};
+use super::gmsh_scan::{Mode, Scanner, excerpt, known_kind};
 use super::gmsh_write::{Encoding, encode};
 use super::gmsh4;
 use super::gmsh4::Layout;

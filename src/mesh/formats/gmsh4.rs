@@ -2,8 +2,7 @@
 //!
 //! Both versions hold the same data in different orders: see [`Layout`].
 
-use super::gmsh_scan::Scanner;
-use super::gmsh_scan::known_kind;
+use super::gmsh_scan::{Scanner, known_kind};
 use crate::mesh::assemble::{RawElement, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;

@@ -4,8 +4,7 @@
 //! node group of an edge or a face. After P. Frey, "MEDIT: An interactive mesh visualization software" (INRIA RT-0253,
 //! 2001), appendix.
 
-use super::format::Words;
-use super::format::{Encoded, Format, Part, Writer};
+use super::format::{Encoded, Format, Part, Words, Writer};
 use super::gmsh_scan::excerpt;
 use super::write::{check, lost, put};
 use crate::base::output::Kind;

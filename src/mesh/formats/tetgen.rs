@@ -3,8 +3,7 @@
 //! In: the bytes of both. Out: a [`RawMesh`] with the files' numbers; the first attribute of a tetrahedron is its
 //! region. After Hang Si, "TetGen: A Quality Tetrahedral Mesh Generator", section "File formats".
 
-use super::format::{Encoded, Format, Part, Writer};
-use super::format::{Words, parsed};
+use super::format::{Encoded, Format, Part, Words, Writer, parsed};
 use super::gmsh_scan::excerpt;
 use super::write::{check, lost, put};
 use crate::base::output::Kind;

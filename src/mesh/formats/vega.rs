@@ -5,8 +5,7 @@
 //! blanks or commas, `#` begins a comment, of several regions that hold an element the last counts. A set `Region_7` is
 //! region 7 without a name, as in Abaqus files.
 
-use super::format::{Format, Part};
-use super::format::{Words, parsed};
+use super::format::{Format, Part, Words, parsed};
 use super::gmsh_scan::excerpt;
 use crate::mesh::assemble::{ElementShape, RawMesh, RawNode};
 use crate::mesh::error::{FormatFault, refuse};

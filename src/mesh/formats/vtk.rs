@@ -4,8 +4,7 @@
 //! Guide", chapter "VTK File Formats", and for version 5 (OFFSETS and CONNECTIVITY) the sources of VTK 9. Attributes
 //! other than a region array are skipped.
 
-use super::format::{Format, Part};
-use super::format::{Words, parsed};
+use super::format::{Format, Part, Words, parsed};
 use super::gmsh_scan::excerpt;
 use super::vtu_write::{Cells, index, region_rank};
 use crate::mesh::assemble::{RawMesh, RawNode};

@@ -3,8 +3,7 @@
 //! Texture coordinates, normals, materials, groups and lines do not change the surface and are skipped; free-form
 //! surfaces (`curv`, `surf`, …) are refused, because leaving them out would open holes.
 
-use super::words::RawSurface;
-use super::words::{Word, lines, number, words};
+use super::words::{RawSurface, Word, lines, number, words};
 use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 

@@ -3,8 +3,7 @@
 //! Elements `vertex` (x, y, z) and `face` (vertex_indices or vertex_index) are used; all other elements and properties
 //! are skipped by their declared sizes.
 
-use super::words::RawSurface;
-use super::words::{lines, words};
+use super::words::{RawSurface, lines, words};
 use crate::mesh::error::{FormatFault, refuse};
 use crate::mesh::scalar::Scalar;
 use nalgebra::Vector3;

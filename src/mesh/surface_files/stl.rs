@@ -3,8 +3,7 @@
 //! A binary file is recognised by its length, 84 + 50 · triangles, because many begin with "solid" as texts do. Normals
 //! and attribute bytes are not used: the order of the corners determines the outside.
 
-use super::words::RawSurface;
-use super::words::{number, words};
+use super::words::{RawSurface, number, words};
 use crate::mesh::error::{FormatFault, refuse};
 use nalgebra::Vector3;
 

@@ -21,11 +21,9 @@ mod tests;
 mod transfer;
 
 use crate::fem::StiffnessMatrix;
-use cluster::Aggregates;
-use cluster::Clusters;
+use cluster::{Aggregates, Clusters};
 use coarsest::Dense;
-use prolong::Smoothed;
-use prolong::{MODES, Prolongator, RigidModes};
+use prolong::{MODES, Prolongator, RigidModes, Smoothed};
 use rayon::prelude::*;
 use rows::{Rows, Scaled};
 use smooth::{Smoother, THICK, THIN, Vectors};

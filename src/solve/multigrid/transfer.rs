@@ -1,7 +1,6 @@
 //! Residuals to the coarse level, and its corrections back.
 
-use super::prolong::PART;
-use super::prolong::{MODES, Prolongator};
+use super::prolong::{MODES, PART, Prolongator};
 use crate::base::lanes::{Kernel, LANES, fused, lanes, lanes_mut, run};
 use rayon::prelude::*;
 

@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::deform::{CATCH_UP, STRETCH};
-use crate::track::FakeSource;
-use crate::track::TrackerSet;
 use crate::track::device::{DeviceState, Link, Reading, Stamp};
+use crate::track::{FakeSource, TrackerSet};
 use crate::world::Highlight;
 use nalgebra::UnitQuaternion;
 use std::ops::Range;

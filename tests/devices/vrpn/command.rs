@@ -1,7 +1,6 @@
 //! `greenstage track --serve`: a script served by one program, followed and passed on by a second, heard by a third.
 
-use super::lab::STEADY;
-use super::lab::wait;
+use super::lab::{STEADY, wait};
 use crate::common::folder;
 use greenstage::stage::{BUILT_IN, Stage};
 use greenstage::track::device::Source;

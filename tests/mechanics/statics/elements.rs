@@ -2,8 +2,10 @@
 
 use crate::common::scene;
 use greenstage::deform::{ControlPose, Statics};
-use greenstage::fem::{ELEMENTS, Element, Hyperelastic, LAWS, Lame, NEO_HOOKEAN, NodeFields, Partition};
-use greenstage::fem::{StiffnessMatrix, TET4, TET4_ANP, TET10};
+use greenstage::fem::{
+    ELEMENTS, Element, Hyperelastic, LAWS, Lame, NEO_HOOKEAN, NodeFields, Partition, StiffnessMatrix, TET4,
+    TET4_ANP, TET10,
+};
 use greenstage::mesh::{Block, TetMesh, block, quadratic};
 use greenstage::solve::{LinearSolver, Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};

@@ -1,20 +1,18 @@
 //! Hands that feel what they hold: through a simulated device, VRPN, and Haply's service, over the loopback interface.
 
 use super::*;
-use crate::effect;
 use crate::effect::Resolved;
 use crate::effect::haptics::grasp::device_from_handle;
 use crate::effect::haptics::thread::running;
-use crate::green;
 use crate::green::GreenFile;
 use crate::interact::{Action, Axis, Freedom};
-use crate::prepare;
 use crate::session::trackers;
 use crate::stage::{BUILT_IN, rotation_towards};
 use crate::track::device::{DeviceState, Link as Line, Source, now_s};
 use crate::track::vrpn::Server;
 use crate::track::{Signal, StylusState};
 use crate::world::Highlight;
+use crate::{effect, green, prepare};
 use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
 use std::cell::RefCell;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
