@@ -7,7 +7,7 @@ use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
-use crate::verify::studies::{MakeStudy, STUDIES, Study};
+use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
 use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
-    /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations), `bent` (whether the
+    /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations, of the bodies of scenes that follow, or of three of its own), `bent` (whether the
     /// force in the hand generates energy on bent bodies; takes minutes)
     pub problems: Vec<String>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
@@ -37,6 +37,12 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if let [name, scenes @ ..] = &args.problems[..]
+        && name == "forces"
+        && !scenes.is_empty()
+    {
+        return print_study(args, name, &|told| forces_of_scenes(scenes, told));
+    }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),
         _ => None,
@@ -45,7 +51,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         marks::try_between(path, study.map_or("verify", |(name, _)| name))?;
     }
     if let Some((name, make)) = study {
-        return print_study(args, name, *make);
+        return print_study(args, name, make);
     }
     let effort = match (args.fine, args.coarse) {
         (true, _) => Effort::Fine,
@@ -84,7 +90,11 @@ fn verdict(json: bool, said: &str) -> Result<(), Failure> {
     if json { Ok(()) } else { print(&format!("{said}\n")) }
 }
 
-fn print_study(args: &Args, name: &str, make: MakeStudy) -> Result<(), Failure> {
+fn print_study(
+    args: &Args,
+    name: &str,
+    make: &dyn Fn(&mut dyn FnMut(String)) -> Result<Study, Failure>,
+) -> Result<(), Failure> {
     let Study { tables, json, verdict: judged } = make(&mut |left_out| notice!("note: {left_out}"))?;
     let headed = |heading: &str, table: String| {
         if heading.is_empty() { table } else { format!("{heading}\n\n{table}\n") }

@@ -23,6 +23,8 @@ use std::time::Instant;
 pub enum Motion {
     /// Bend along a circular arc that keeps its length, °.
     Bend(f64),
+    /// The same about the direction that is perpendicular to both axis and across, °.
+    BendAside(f64),
     /// Twist about the axis, °.
     Twist(f64),
     /// Turn about an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
@@ -37,6 +39,7 @@ impl Motion {
     pub fn name(self) -> String {
         match self {
             Motion::Bend(degrees) => format!("bent by {degrees}°"),
+            Motion::BendAside(degrees) => format!("bent aside by {degrees}°"),
             Motion::Twist(degrees) => format!("twisted by {degrees}°"),
             Motion::Skew(degrees) => format!("bent and twisted by {degrees}°"),
             Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
@@ -51,6 +54,7 @@ impl Motion {
     pub fn part(self, share: f64) -> Motion {
         match self {
             Motion::Bend(degrees) => Motion::Bend(share * degrees),
+            Motion::BendAside(degrees) => Motion::BendAside(share * degrees),
             Motion::Twist(degrees) => Motion::Twist(share * degrees),
             Motion::Skew(degrees) => Motion::Skew(share * degrees),
             Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
@@ -61,9 +65,9 @@ impl Motion {
     /// Whether `other` goes on where this motion ends.
     fn leads_to(self, other: Motion) -> bool {
         match (self, other) {
-            (Motion::Bend(from), Motion::Bend(to)) | (Motion::Twist(from), Motion::Twist(to)) => {
-                from * to > 0.0 && (to - from).abs() < 180.0
-            }
+            (Motion::Bend(from), Motion::Bend(to))
+            | (Motion::BendAside(from), Motion::BendAside(to))
+            | (Motion::Twist(from), Motion::Twist(to)) => from * to > 0.0 && (to - from).abs() < 180.0,
             _ => false,
         }
     }
@@ -117,13 +121,17 @@ impl Moved {
         let turned = |about: Vector3<f64>, degrees: f64| {
             *Rotation3::from_scaled_axis(about * degrees.to_radians()).matrix()
         };
-        let (translation, matrix) = match motion {
-            Motion::Bend(0.0) => (Vector3::zeros(), Matrix3::identity()),
-            Motion::Bend(degrees) => {
-                let angle = degrees.to_radians();
-                let end = (axis * angle.sin() + lateral * (1.0 - angle.cos())) / angle;
-                ((end - axis) * *length, turned(*across, degrees))
+        // Along an arc in the plane of the axis and `to`.
+        let bent = |degrees: f64, about: Vector3<f64>, to: Vector3<f64>| match degrees.to_radians() {
+            0.0 => (Vector3::zeros(), Matrix3::identity()),
+            angle => {
+                let end = (axis * angle.sin() + to * (1.0 - angle.cos())) / angle;
+                ((end - axis) * *length, turned(about, degrees))
             }
+        };
+        let (translation, matrix) = match motion {
+            Motion::Bend(degrees) => bent(degrees, *across, lateral),
+            Motion::BendAside(degrees) => bent(degrees, lateral, -across),
             Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
             Motion::Skew(degrees) => {
                 let about = (axis + across + lateral).normalize();

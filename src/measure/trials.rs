@@ -173,7 +173,7 @@ fn row(model: &ModelEntry, trial: &Trial, deformer: &mut Deformer, nodes: &[usiz
     let (motion, degrees) = match trial.motion {
         Motion::Bend(degrees) => (TrialMotion::Bend, degrees),
         Motion::Twist(degrees) => (TrialMotion::Twist, degrees),
-        Motion::Skew(_) | Motion::Shift(_) | Motion::Mixed(..) => return None,
+        _ => return None,
     };
     let found = trial.deviation(deformer, nodes);
     Some(ModelTrial {

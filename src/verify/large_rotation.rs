@@ -6,48 +6,40 @@
 
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{Deviation, LINEAR, ModelEntry, Motion, Moved, Trial, Truth, in_session, trials};
+use crate::deform::{Deviation, Motion, Moved, Trial, Truth, in_session, trials};
 use crate::green;
 use crate::measure::online;
-use crate::scene::Scene;
+use crate::scene::{Grab, Scene};
 use serde::Serialize;
 use std::path::Path;
 
-/// A body that is held at both ends.
-struct HeldBody {
-    name: &'static str,
-    generate: &'static str,
-    ends: [&'static str; 2],
+/// A body with at least two control elements, one of which is moved against the others.
+pub struct TriedBody {
+    /// Its name in the tables.
+    pub title: String,
+    pub scene: Scene,
+    pub body: String,
+    pub motions: &'static [Motion],
 }
 
-const BODIES: [HeldBody; 3] = [
-    HeldBody {
-        name: "tube",
-        generate: "tube = { inner_radius = 0.07, outer_radius = 0.1, length = 1.0, radial = 2, around = 20, along = 40, control_length = 0.1 }",
-        ends: ["left", "right"],
-    },
-    HeldBody {
-        name: "beam",
-        generate: "block = { size = [0.1, 0.1, 1.0], cells = [3, 3, 30] }",
-        ends: ["zmin", "zmax"],
-    },
+/// The bodies of the manual's tables: title, generator, and the groups at both ends.
+const BODIES: [(&str, &str, [&str; 2]); 3] = [
+    (
+        "tube",
+        "tube = { inner_radius = 0.07, outer_radius = 0.1, length = 1.0, radial = 2, around = 20, along = 40, control_length = 0.1 }",
+        ["left", "right"],
+    ),
+    ("beam", "block = { size = [0.1, 0.1, 1.0], cells = [3, 3, 30] }", ["zmin", "zmax"]),
     // It is bent out of its plane.
-    HeldBody {
-        name: "plate",
-        generate: "block = { size = [0.03, 0.4, 1.0], cells = [2, 8, 20] }",
-        ends: ["zmin", "zmax"],
-    },
+    ("plate", "block = { size = [0.03, 0.4, 1.0], cells = [2, 8, 20] }", ["zmin", "zmax"]),
 ];
-
-/// The control element that moves.
-const RIGHT: usize = 1;
 
 /// One pose of one body.
 #[derive(Clone, Debug, Serialize)]
 pub struct HeldPose {
-    pub body: &'static str,
+    pub body: String,
     pub pose: String,
-    /// Force and torque of the right end in equilibrium, N and N·m about its place, and the strain energy, J.
+    /// Force and torque of the moved element in equilibrium, N and N·m about its place, and the strain energy, J.
     pub force_n: f64,
     pub torque_nm: f64,
     pub energy_j: f64,
@@ -84,26 +76,76 @@ const MOTIONS: [Motion; 16] = [
     Motion::Mixed(35.0, 0.12),
 ];
 
+/// Motions of bodies of other scenes.
+const OTHER_MOTIONS: [Motion; 14] = [
+    Motion::Bend(1.0),
+    Motion::Bend(30.0),
+    Motion::Bend(60.0),
+    Motion::Bend(90.0),
+    Motion::BendAside(30.0),
+    Motion::BendAside(60.0),
+    Motion::BendAside(90.0),
+    Motion::Twist(1.0),
+    Motion::Twist(30.0),
+    Motion::Twist(60.0),
+    Motion::Twist(90.0),
+    Motion::Skew(60.0),
+    Motion::Shift([0.1, 0.0]),
+    Motion::Shift([-0.05, 0.0]),
+];
+
+/// The bodies of the manual's tables.
+pub fn own_bodies() -> Result<Vec<TriedBody>, Failure> {
+    let scene = |&(title, generate, [left, right]): &(&str, &str, [&str; 2])| {
+        let text = format!(
+            "[body.b]\ngenerate = {{ {generate} }}\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\n\
+             control.left = {{ nodes = {{ group = \"{left}\" }}, grab = \"fixed\" }}\n\
+             control.right = {{ nodes = {{ group = \"{right}\" }}, grab = \"dragger\" }}\n"
+        );
+        let scene = Scene::parse(&text, Path::new("large-rotation.toml")).map_err(Failure::request)?;
+        Ok(TriedBody { title: title.to_owned(), scene, body: "b".to_owned(), motions: &MOTIONS })
+    };
+    BODIES.iter().map(scene).collect()
+}
+
+/// The bodies of a scene.
+pub fn bodies_of(scene: &Scene) -> Vec<TriedBody> {
+    let named = |name: &String| TriedBody {
+        title: name.clone(),
+        scene: scene.clone(),
+        body: name.clone(),
+        motions: &OTHER_MOTIONS,
+    };
+    scene.body.keys().map(named).collect()
+}
+
 /// All poses of all bodies for all models that have forces, body by body; `told` is called with the reason why one is left out.
-pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
+pub fn run(bodies: &[TriedBody], told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     let mut rows = Vec::new();
-    for body in &BODIES {
-        let plain = scene(body, &LINEAR)?;
-        let mut statics = Truth::SameMesh.statics(&plain, "b", &Silent).map_err(Failure::work)?;
-        let origins = [statics.controls[0].origin, statics.controls[1].origin];
-        let moved = Moved::new(&origins, RIGHT).ok_or_else(|| Failure::wrong("the ends are in one place"))?;
-        let mut left_out =
-            |motion: Motion, why: String| told(format!("{} {}: {why}", body.name, motion.name()));
-        let held = trials(&mut statics, &moved, &MOTIONS, &Silent, &mut left_out).map_err(Failure::work)?;
+    for TriedBody { title, scene, body, motions } in bodies {
+        let mut statics = Truth::SameMesh.statics(scene, body, &Silent).map_err(Failure::work)?;
+        let origins: Vec<_> = statics.controls.iter().map(|control| control.origin).collect();
+        let is_free = |e: &usize| {
+            let control = scene.body[body].control.get(&statics.controls[*e].name);
+            control.is_some_and(|control| control.grab == Grab::Dragger)
+        };
+        let Some(moved) = (0..origins.len()).filter(is_free).find_map(|e| Moved::new(&origins, e)) else {
+            told(format!("{title}: no control element can be moved against others"));
+            continue;
+        };
+        let mut left_out = |motion: Motion, why: String| told(format!("{title} {}: {why}", motion.name()));
+        let held = trials(&mut statics, &moved, motions, &Silent, &mut left_out).map_err(Failure::work)?;
         let first = rows.len();
-        rows.extend(held.iter().map(|trial| row(body.name, trial)));
+        rows.extend(held.iter().map(|trial| row(title, trial)));
         for model in online().filter(|model| model.energy.is_some()) {
-            let made = green::precompute(&scene(body, model)?, "b", &model.with_energy(), &Silent);
+            let mut scene = scene.clone();
+            scene.body[body].model = model.name.to_owned();
+            let made = green::precompute(&scene, body, &model.with_energy(), &Silent);
             let deformer = made.and_then(|made| in_session(&made, model));
             let mut deformer = match deformer.map_err(|error| error.to_string()).and_then(|made| made) {
                 Ok(deformer) => deformer,
                 Err(why) => {
-                    told(format!("{} {}: {why}", body.name, model.name));
+                    told(format!("{title} {}: {why}", model.name));
                     continue;
                 }
             };
@@ -118,21 +160,11 @@ pub fn run(told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     Ok(rows)
 }
 
-fn scene(body: &HeldBody, model: &ModelEntry) -> Result<Scene, Failure> {
-    let [left, right] = body.ends;
-    let text = format!(
-        "[body.b]\ngenerate = {{ {} }}\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"{}\"\n\
-         control.left = {{ nodes = {{ group = \"{left}\" }}, grab = \"fixed\" }}\n\
-         control.right = {{ nodes = {{ group = \"{right}\" }}, grab = \"dragger\" }}\n",
-        body.generate, model.name
-    );
-    Scene::parse(&text, Path::new("large-rotation.toml")).map_err(Failure::request)
-}
-
-fn row(body: &'static str, trial: &Trial) -> HeldPose {
-    let right = trial.settled.wrenches[RIGHT].about_the_place(&trial.poses[RIGHT]);
+fn row(title: &str, trial: &Trial) -> HeldPose {
+    let e = trial.moved.element;
+    let right = trial.settled.wrenches[e].about_the_place(&trial.poses[e]);
     HeldPose {
-        body,
+        body: title.to_owned(),
         pose: trial.motion.name(),
         force_n: right.force.norm(),
         torque_nm: right.moment.norm(),

@@ -3,7 +3,7 @@
 //! In: the name of one of [`STUDIES`]. Out: its [`Study`]: tables, the same as JSON, and whether all held that must.
 
 use super::hard_cases;
-use super::large_rotation::{self, HeldPose, ModelAtPose};
+use super::large_rotation::{self, HeldPose, ModelAtPose, TriedBody};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, seconds};
 use crate::effect::haptics::bent::{BENDS_DEG, beam, let_go};
@@ -11,9 +11,11 @@ use crate::effect::haptics::settling::{MODULI, REPORTS, SettlingResult, settle, 
 use crate::effect::haptics::stability::{RATES_HZ, Run, START_M, STIFFNESSES, boundary, run};
 use crate::effect::haptics::{Hand, Measures, Reports};
 use crate::measure::online;
+use crate::scene::Scene;
 use crate::stage::Haptic;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// The results of a study.
 pub struct Study {
@@ -297,10 +299,23 @@ fn bent(_: &mut dyn FnMut(String)) -> Result<Study, Failure> {
 
 /// Forces, energies and shapes of the models at large rotations, against static equilibrium: a table for each body and quantity.
 fn forces(told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
-    let rows = large_rotation::run(told)?;
+    forces_of(&large_rotation::own_bodies()?, told)
+}
+
+/// The same of the bodies of scenes.
+pub fn forces_of_scenes(scenes: &[String], told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
+    let mut bodies = Vec::new();
+    for path in scenes {
+        bodies.extend(large_rotation::bodies_of(&Scene::load(Path::new(path)).map_err(Failure::request)?));
+    }
+    forces_of(&bodies, told)
+}
+
+fn forces_of(bodies: &[TriedBody], told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
+    let rows = large_rotation::run(bodies, told)?;
     let mut tables = Vec::new();
     for rows in rows.chunk_by(|a, b| a.body == b.body) {
-        let body = rows[0].body;
+        let body = &rows[0].body;
         tables.extend(FORCE_TABLES.iter().map(|(title, write)| {
             ([format!("{body}: {title}"), format!("{body}, {title}:")], force_table(rows, *write))
         }));
