@@ -23,6 +23,7 @@ pub mod progress;
 pub mod quantity;
 pub mod random;
 pub mod signal;
+pub mod slide;
 pub mod statistics;
 pub mod strips;
 pub mod table;

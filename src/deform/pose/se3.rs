@@ -21,6 +21,7 @@
 //! screw motion between them.
 
 use super::frame::ControlFrame;
+pub use crate::base::slide::slide_matrix;
 use nalgebra::{
     Isometry3, Matrix3, Matrix6, Quaternion, Translation3, UnitQuaternion, Vector3, Vector4, Vector6,
 };
@@ -76,18 +77,6 @@ fn bernoulli(square: f64) -> [f64; 3] {
     let value = (1.0 - even) / square;
     let slope = -(first + value) / square;
     [value, slope, -(second + 2.0 * slope) / square]
-}
-
-/// V(ω).
-pub fn slide_matrix(turn: &Vector3<f64>) -> Matrix3<f64> {
-    let (square, cross) = (turn.norm_squared(), turn.cross_matrix());
-    let (first, second) = if square < 1e-4 {
-        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
-    } else {
-        let angle = square.sqrt();
-        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (angle * square))
-    };
-    Matrix3::identity() + cross * first + cross * cross * second
 }
 
 /// V(ω)⁻¹; its singularity is at θ = 2π.

@@ -261,6 +261,7 @@ fn axial(a: &Matrix3<f64>) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::slide::slide_matrix;
     use nalgebra::Rotation3;
 
     fn v(x: f64, y: f64, z: f64) -> Vector3<f64> {
@@ -269,11 +270,6 @@ mod tests {
 
     fn at(scale: f64, of: &Orders) -> Vector3<f64> {
         of[0] * scale + of[1] * (scale * scale)
-    }
-
-    fn slide_matrix(w: &Vector3<f64>) -> Matrix3<f64> {
-        let (t, c) = (w.norm(), w.cross_matrix());
-        Matrix3::identity() + c * ((1.0 - t.cos()) / (t * t)) + c * c * ((t - t.sin()) / t.powi(3))
     }
 
     /// All series against the exact motions: what is left is of third order.
