@@ -238,6 +238,7 @@ fn solve_kept(
         let (entity, method) = (format!("body.{name}"), solution.stats.method);
         notices.extend(judge(&entity, method, forward_error, &solution.rigid).map_err(failed)?);
     }
+    notices.append(&mut solution.notices);
     notices.sort_by_key(|finding| finding.severity);
     Ok(Solution { notices, ..solution })
 }

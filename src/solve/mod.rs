@@ -44,7 +44,7 @@ pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
 pub use minimise::{Minimum, Setback, minimise};
-pub use newton::{Counts, Equilibrium, Loads, Newton, NewtonError};
+pub use newton::{Counts, Equilibrium, LAST_STEP, Loads, Newton, NewtonError};
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::{

@@ -18,9 +18,8 @@ use crate::base::progress::{Progress, Silent};
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::Matrix3;
 
-/// The iteration ends with a full step in which no node moves by more than this part of the largest displacement; that
-/// step still squares the error.
-const LAST_STEP: f64 = 1e-9;
+/// [`Newton::last_step`] of an equilibrium that others are measured against.
+pub const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
 const MAX_MIXED: usize = 10;
 /// A load step that needs no more factorizations lets the next one be twice as long.
@@ -38,6 +37,9 @@ pub struct Newton<'a> {
     pub solver: Option<&'a dyn LinearSolver>,
     /// `None` where nothing acts but what holds the controlled nodes.
     pub loads: Option<Loads<'a>>,
+    /// The iteration ends with a full step in which no node moves by more than this part of the largest displacement; that
+    /// step still squares the error.
+    pub last_step: f64,
 }
 
 /// The loads on a body on its way.
@@ -163,6 +165,21 @@ impl Newton<'_> {
         Ok(self.judge(u, 1.0, counts))
     }
 
+    /// The equilibrium with the controlled nodes as `path` writes them, in one load step from the equilibrium `u`; `None` where
+    /// that step fails. Loads are those at the end of the way.
+    pub fn step_to(
+        &self,
+        u: &NodeFields,
+        path: &dyn Fn(f64, &mut NodeFields),
+    ) -> Result<Option<Equilibrium>, SolveError> {
+        let mut counts = Counts::default();
+        match self.step(u, [0.0, 1.0], path, &mut counts) {
+            Ok(found) => Ok(Some(self.judge(found, 1.0, counts))),
+            Err(IterationEnd::Solve(error)) => Err(error),
+            Err(IterationEnd::Setback(_)) => Ok(None),
+        }
+    }
+
     /// The stability of the equilibrium `u` at `share` of the path, compared with that at rest and an earlier one of `trail`.
     fn stability(
         &self,
@@ -265,7 +282,7 @@ impl Newton<'_> {
             counts.moves.push(largest(&d) / size);
             pressures = self.body.pressures_after(&gradients, &d);
             u = sum(&u, 1.0, &d);
-            if largest(&d) <= LAST_STEP * size {
+            if largest(&d) <= self.last_step * size {
                 return Ok(u);
             }
         }
@@ -375,7 +392,7 @@ impl Energy for FreeNodes<'_> {
         let longest = largest(&self.d);
         self.counts.moves.push(longest / self.size);
         let gain = self.downhill.dots(&self.d.at(&self.newton.partition.free))[0];
-        Step { gain, is_last: longest <= LAST_STEP * self.size }
+        Step { gain, is_last: longest <= self.newton.last_step * self.size }
     }
 
     fn trial(&mut self, share: f64) -> Option<f64> {
@@ -421,7 +438,13 @@ mod tests {
                     u.data[3 * node as usize + axis] = if at(node) > 0.0 { -0.6 * side * share } else { 0.0 };
                 }
             };
-            let newton = Newton { body: &body, partition: &partition, solver: Some(&*solver), loads: None };
+            let newton = Newton {
+                body: &body,
+                partition: &partition,
+                solver: Some(&*solver),
+                loads: None,
+                last_step: LAST_STEP,
+            };
             let Err(NewtonError::Stopped { stability: Some(stability), share, .. }) =
                 newton.follow(start.clone(), 4, &path, &Silent)
             else {

@@ -12,7 +12,7 @@ use greenstage::fem::{
 };
 use greenstage::mesh::{TetMesh, generate, quadratic};
 use greenstage::scene::Scene;
-use greenstage::solve::{Newton, Setback, Silent, Solver};
+use greenstage::solve::{LAST_STEP, Newton, Setback, Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 fn law(name: &str) -> &'static Law {
@@ -208,8 +208,13 @@ fn patch_test_at_large_strain() {
         let rest = NodeFields::zeros(mesh.nodes.len(), 1);
         let k = body.tangent(&body.gradients(&rest));
         let solver = Solver::default().analyse(&partition.a(&k), &Silent).unwrap();
-        let newton =
-            Newton { body: &body, partition: &partition, solver: Some(solver.as_ref()), loads: None };
+        let newton = Newton {
+            body: &body,
+            partition: &partition,
+            solver: Some(solver.as_ref()),
+            loads: None,
+            last_step: LAST_STEP,
+        };
         let path = |share: f64, u: &mut NodeFields| {
             for &node in &partition.controlled {
                 let at = h * mesh.nodes[node as usize] * share;

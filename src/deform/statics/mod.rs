@@ -23,7 +23,8 @@ use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
-    Counts, Equilibrium, LinearSolver, Loads, Newton, NewtonError, Progress, Setback, SolveError, Stability,
+    Counts, Equilibrium, LAST_STEP, LinearSolver, Loads, Newton, NewtonError, Progress, Setback, SolveError,
+    Stability,
 };
 use critical::{CriticalPose, Ways};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -371,6 +372,7 @@ impl Statics {
             partition: &self.partition,
             solver: self.solver.as_deref(),
             loads: is_loaded.then_some(Loads { forces: &on_the_way, stretch_before: start.stretch }),
+            last_step: LAST_STEP,
         };
         match newton.follow(start.u.clone(), steps, &path, progress) {
             Ok(equilibrium) => {

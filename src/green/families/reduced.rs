@@ -4,8 +4,9 @@
 //! and `reduced/quartic`, the strain energy of Σ c_k u_k + Φ q under the St. Venant–Kirchhoff law ([`QuarticShape`]). Φ is
 //! chosen from the power series of equilibria along [`screw_paths`](super::screw_paths): the main part of all φ_2, then that of
 //! all φ_3. Of two elements the φ_2 span the 21 second derivatives of the equilibrium by their relative motion, and all are kept (J.
-//! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes). Main parts are
-//! those of the energy norm.
+//! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes); in place of φ_3 stand the
+//! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
+//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each. Main parts are those of the energy norm.
 //!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
@@ -26,10 +27,12 @@ use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
+use super::equilibria::{Equilibria, equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
 use crate::base::columns::ColumnGroup;
+use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::fem::{NodeFields, QuarticShape, RestPoints, StiffnessMatrix};
 use crate::scene::Body;
@@ -52,7 +55,7 @@ fn names() -> Names {
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: REDUCED,
-    holds: "fields of second and third order, and the strain energy as a quartic in all fields",
+    holds: "fields into which the body bends, and the strain energy as a quartic in all fields",
     suits: Some(suits),
     compute: Some(compute),
     solves: true,
@@ -75,11 +78,17 @@ const MOST_ELEMENTS: usize = 4;
 fn most_fields(control_elements: usize) -> usize {
     match control_elements {
         0 | 1 => 0,
-        2 => 33,
+        2 => 45,
         3 => 24,
         _ => 20,
     }
 }
+
+/// Part of the energy of an equilibrium that the fields of two elements may miss: forces are then off by some per cent at 90°, and
+/// by less before.
+const MISSED: f64 = 1e-5;
+/// Fields of second order of two elements: one for each pair of the coordinates of their relative motion.
+const SECOND_ORDER: usize = 21;
 
 /// The part of them that is of second order.
 const SECOND_ORDER_PART: f64 = 0.65;
@@ -104,7 +113,10 @@ fn compute(
     let forces = column_forces(assembled, &solution.mesh)?;
     machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-    let basis = basis(assembled, solution, &points, progress)?;
+    let basis = match equilibria(assembled, solution, progress)? {
+        Some(equilibria) => enriched(assembled, solution, &points, &equilibria, progress)?,
+        None => basis(assembled, solution, &points, progress)?,
+    };
     let basis = match forces.len() {
         0 => basis,
         _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
@@ -174,6 +186,45 @@ fn basis(
     let rest = principal(assembled.k, &third, most - main.columns);
     progress.end();
     Ok(beside(&[&main, &rest]))
+}
+
+/// Φ of two elements: the fields of second order, then those that `equilibria` have beside them, until each misses less than
+/// [`MISSED`] of its energy.
+fn enriched(
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    points: &RestPoints,
+    equilibria: &Equilibria,
+    progress: &dyn Progress,
+) -> Result<NodeFields, GreenError> {
+    let k = assembled.k;
+    progress.begin("fields of second order", 0);
+    let first = lifted_order(solution, &paths(solution, PATHS), 1);
+    let second = bend(assembled, points, std::slice::from_ref(&first), progress)?;
+    let main = principal(k, &second, SECOND_ORDER);
+    progress.end();
+    let left = without(k, &equilibria.fields, &main);
+    let found = principal(k, &left, most_fields(2) - main.columns);
+    let shares = products(k, &found, &left);
+    let mut missed = products(k, &left, &left).diagonal();
+    let mut count = 0;
+    while count < found.columns && missed.max() > MISSED {
+        missed -= shares.row(count).map(|share| share * share).transpose();
+        count += 1;
+    }
+    let basis = beside(&[&main, &split_columns(&found, count).0]);
+    let [paths, whole] = equilibria.paths;
+    let mut message = format!(
+        "{} fields miss at most {:.1e} of the energy of {} equilibria, bent, twisted and pressed",
+        basis.columns,
+        missed.max().max(f64::EPSILON),
+        equilibria.fields.columns
+    );
+    if whole < paths {
+        message += &format!("; {} of {paths} ways there have none at 90° or at their end", paths - whole);
+    }
+    solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
+    Ok(basis)
 }
 
 /// Φ with what loads do: at rest, and in second order beside motions.

@@ -12,9 +12,10 @@ use super::super::error::GreenError;
 use super::super::family::Assembled;
 use super::super::solution::Solution;
 use super::dense_fields::combined;
+use crate::base::slide::slide_matrix;
 use crate::fem::{NodeFields, RestPoints};
 use crate::solve::Progress;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 
 /// Turn of two elements against each other at a = 1, rad.
 const TURN: f64 = 75.0 * std::f64::consts::PI / 180.0;
@@ -111,6 +112,15 @@ pub fn lifted_order(solution: &Solution, paths: &[Path], k: usize) -> NodeFields
         }
     }
     combined(&solution.fields, &c)
+}
+
+/// An element's motion with arm v at the end of a screw: T = V(ω)(v + d) - v, M = exp \[ω\].
+pub fn screw_motion(
+    arm: &Vector3<f64>,
+    slide: &Vector3<f64>,
+    turn: &Vector3<f64>,
+) -> (Vector3<f64>, Matrix3<f64>) {
+    (slide_matrix(turn) * (arm + slide) - arm, *Rotation3::from_scaled_axis(*turn).matrix())
 }
 
 /// The coefficients of an element's affine motion at a^k, with arm v: T = V(a ω)(v + a d) - v, M = exp(a \[ω\]).
