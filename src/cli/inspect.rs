@@ -325,7 +325,7 @@ fn graph(path: &Path, format: GraphFormat) -> Result<(), Failure> {
     }
     let scene = tuning::settle_from_file(Resolved::load(path)?)?;
     let stage = open::stage(&scene, None)?;
-    let (graph, _) = flow::graph(&scene.body, &scene.models(), &stage).map_err(Failure::request)?;
+    let (graph, _) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
     print(&match format {
         GraphFormat::Text => graph.text(),
         GraphFormat::Dot => graph.dot(),

@@ -3,6 +3,7 @@
 //! The shape is x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too. The energy is
 //! V(P) + V'(P) with the poses P of the control elements; effects supply V' and its derivatives.
 
+use super::deformer::Path;
 use super::loads::AppliedLoads;
 use super::memory::ModelMemory;
 use super::model::{BodyState, Response};
@@ -125,6 +126,7 @@ impl ElementPotential {
 pub struct DeformerState {
     pub poses: ControlPoses,
     pub turns: Vec<FollowedTurn>,
+    pub path: Path,
     pub loads: AppliedLoads,
     pub loads_changed: bool,
     pub contribution: Contribution,

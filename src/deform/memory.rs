@@ -42,6 +42,8 @@ pub struct FoundMemory {
     /// Displacements of the surface nodes, m, and the poses of the equilibrium that is shown.
     pub field: Vec<[f32; 3]>,
     pub poses: ControlPoses,
+    /// Whether an element is turned inside out in it.
+    pub is_inverted: bool,
     /// Whether it is that of the poses that were asked for last, or no equilibrium was found beyond it.
     pub is_reached: bool,
     pub is_lost: bool,

@@ -22,7 +22,7 @@ mod trial;
 mod turn;
 
 pub use contribution::{Contribution, DeformerState, ElementPotential, PoseCurvature, Topology};
-pub use deformer::{Deformer, FrameTimes};
+pub use deformer::{Deformer, Doubt, FrameTimes, Path};
 pub use errors_at::{ErrorsAt, percent};
 pub use expected::{ExpectedErrors, Hung, MovedErrors};
 pub use kernel::parts::move_parts;

@@ -72,6 +72,11 @@ pub trait DeformationModel: Send {
         None
     }
 
+    /// Whether the last state has parts that are turned inside out, as far as the model knows.
+    fn is_inverted(&self) -> bool {
+        false
+    }
+
     /// Limits the time that a state waits for the background to `patience`. With [`Duration::MAX`] every state is exactly that of
     /// the poses asked for, as pictures and recordings need it.
     fn be_patient(&mut self, _patience: Duration) {}

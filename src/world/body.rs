@@ -175,6 +175,16 @@ impl PlacedBody {
         }
     }
 
+    /// Says that the body has left the state in which it was for the equilibrium from rest, where it came home so often before.
+    pub(super) fn check_path(&mut self, homecomings: u64) {
+        if self.deformer.homecomings != homecomings {
+            let body = &self.deformer.body;
+            self.warnings.push(format!(
+                "body.{body}: its state was not the one that hands reach from rest; it has gone back to that one"
+            ));
+        }
+    }
+
     /// Warns once when a planned body turns farther than its error was measured for.
     pub(super) fn check_range(&mut self) {
         let left = |range: &f64| !self.range_left && self.deformer.largest_turn() > *range;

@@ -27,11 +27,11 @@
 use super::body::PlacedBody;
 use super::hand;
 use super::touch::{LoadValues, Touches};
-use crate::deform::{BodyState, Contribution, ControlPose, ModelEntry};
+use crate::deform::{BodyState, Contribution, ControlPose};
 use crate::field::{Each, Field, FieldError, Graph, Value, value_types};
 use crate::green::FIELDS;
 use crate::interact::{Element, HandRequests, Hands, Hit, SurfaceGrip};
-use crate::scene::{Body, Grab, KeptForm, Take};
+use crate::scene::{Body, Grab, Take};
 use crate::stage::Stage;
 use crate::track::{StylusState, usable};
 use indexmap::IndexMap;
@@ -78,8 +78,8 @@ pub struct TouchFields {
 
 pub struct BodyFields {
     pub place: Field<BodyPlace>,
-    /// Number of states that have arrived from the background, of a body whose model computes there.
-    pub arrived: Option<Field<f64>>,
+    /// Number of states that came though no pose changed: from the background, or on the way home of a body that lost its path.
+    pub arrived: Field<f64>,
     /// One per control element. That of a fixed element can be set from outside.
     pub poses: Vec<Field<ControlPose>>,
     coefficients: Field<BodyState>,
@@ -140,11 +140,7 @@ value_types! {
 
 /// The graph of the bodies of a scene, each with its model, on a stage, with one stylus. The head stands where it was last tracked; before it is
 /// tracked for the first time, where the stage's viewer stands.
-pub fn graph(
-    bodies: &IndexMap<String, Body>,
-    models: &[&'static ModelEntry],
-    stage: &Stage,
-) -> Result<(Graph<Bodies>, Fields), FieldError> {
+pub fn graph(bodies: &IndexMap<String, Body>, stage: &Stage) -> Result<(Graph<Bodies>, Fields), FieldError> {
     let (head, radius_m) = (stage.viewer.room_from_head, stage.workspace.radius_m);
     let mut graph = Graph::default();
     let time = graph.field("tracker.time", 0.0)?;
@@ -167,8 +163,8 @@ pub fn graph(
         contributions: None,
         targets: targets(bodies),
     };
-    for (b, ((name, body), model)) in bodies.iter().zip(models).enumerate() {
-        fields.bodies.push(body_fields(&mut graph, name, body, model)?);
+    for (b, (name, body)) in bodies.iter().enumerate() {
+        fields.bodies.push(body_fields(&mut graph, name, body)?);
         fields.connect_body(&mut graph, b)?;
     }
     fields.add_stylus(&mut graph)?;
@@ -193,7 +189,7 @@ type SeenByTouches<'a> = (&'a SurfaceGrip, Each<'a, Field<Option<StylusState>>>,
 /// Inputs of a body's state: poses, what arrived, loads with the place, touches, what effects add.
 type SeenByBody<'a> = (
     Each<'a, Field<ControlPose>>,
-    Each<'a, Field<f64>>,
+    &'a f64,
     Each<'a, (Field<LoadValues>, Field<BodyPlace>)>,
     Each<'a, Field<Touches>>,
     Each<'a, Field<Contributions>>,
@@ -219,12 +215,7 @@ fn touch_fields(
 }
 
 /// The fields of a body.
-fn body_fields(
-    graph: &mut Graph<Bodies>,
-    name: &str,
-    body: &Body,
-    model: &ModelEntry,
-) -> Result<BodyFields, FieldError> {
+fn body_fields(graph: &mut Graph<Bodies>, name: &str, body: &Body) -> Result<BodyFields, FieldError> {
     let pose =
         |control: &String| graph.field(format!("body.{name}.control.{control}.pose"), ControlPose::REST);
     let poses: Vec<_> = body.control.keys().map(pose).collect::<Result<_, _>>()?;
@@ -232,10 +223,7 @@ fn body_fields(
     let coefficients =
         graph.field(format!("body.{name}.coefficients"), BodyState::at_rest(FIELDS * poses.len()))?;
     let surface = graph.field(format!("body.{name}.surface"), SurfaceVersion(0))?;
-    let is_solved = body.surface_compliance.as_ref().is_some_and(|of| of.kept == KeptForm::Factor);
-    let arrived = (model.law().is_some() || is_solved)
-        .then(|| graph.field(format!("body.{name}.arrived"), 0.0))
-        .transpose()?;
+    let arrived = graph.field(format!("body.{name}.arrived"), 0.0)?;
     let starting: Vec<f64> = body.loads().into_iter().flat_map(|load| load.start).collect();
     let is_loaded = !starting.is_empty() || body.surface_compliance.is_some();
     let loads = is_loaded.then(|| graph.field(format!("body.{name}.loads"), LoadValues(starting.clone())));
@@ -267,8 +255,7 @@ impl Fields {
         let by_loads: Vec<_> = loads.iter().map(|loads| (*loads, *place)).collect();
         let touches = self.touch.iter().filter(|_| *is_touched).map(|touch| touch.touches);
         let acting: Vec<_> = self.contributions.into_iter().collect();
-        let (poses, arrived, touches) =
-            (poses.clone(), Vec::from_iter(*arrived), touches.collect::<Vec<_>>());
+        let (poses, arrived, touches) = (poses.clone(), *arrived, touches.collect::<Vec<_>>());
         graph.disconnect(*coefficients);
         graph.disconnect(*surface);
         let mut taken = Vec::new();
@@ -288,7 +275,9 @@ impl Fields {
                 if let Some(contribution) = acting.get(0).and_then(|all| all.0.get(b)) {
                     body.take_contribution(contribution);
                 }
+                let homecomings = body.deformer.homecomings;
                 body.deformer.take(&taken);
+                body.check_path(homecomings);
                 body.check_range();
                 body.deformer.state.clone()
             },

@@ -60,14 +60,13 @@ impl World {
         let assets = assets::of_bodies(scene, file, &mut deformers, &stage)?;
         let body = |(deformer, (assets, warnings))| PlacedBody::new(assets, deformer, warnings);
         let bodies: Bodies = deformers.into_iter().zip(assets).map(body).collect();
-        let models: Vec<_> = bodies.iter().map(|body| body.assets.model).collect();
-        let (graph, fields) = flow::graph(&scene.body, &models, &stage).map_err(Failure::request)?;
+        let (graph, fields) = flow::graph(&scene.body, &stage).map_err(Failure::request)?;
         Ok(World::from_parts(stage, bodies, graph, fields))
     }
 
     /// Builds a world without bodies: a stage, head and styli.
     pub fn of_stage(stage: Stage) -> Result<World, Failure> {
-        let (graph, fields) = flow::graph(&IndexMap::new(), &[], &stage).map_err(Failure::request)?;
+        let (graph, fields) = flow::graph(&IndexMap::new(), &stage).map_err(Failure::request)?;
         Ok(World::from_parts(stage, Bodies::new(), graph, fields))
     }
 
@@ -111,12 +110,8 @@ impl World {
 
     /// Indices of the bodies for which a background thread has a new state. Pass them on in the next [`Input`].
     pub fn arrivals(&mut self) -> Vec<usize> {
-        let bodies = self.bodies.iter_mut().zip(&self.fields.bodies).enumerate();
-        bodies
-            .filter_map(|(b, (body, fields))| {
-                (fields.arrived.is_some() && body.deformer.has_news()).then_some(b)
-            })
-            .collect()
+        let bodies = self.bodies.iter_mut().enumerate();
+        bodies.filter_map(|(b, body)| body.deformer.has_news().then_some(b)).collect()
     }
 
     /// Makes every later frame wait until the background threads have solved exactly its poses: for pictures and recordings.
@@ -154,10 +149,13 @@ impl World {
             self.put(self.fields.styli[stylus].stylus, trackers.styli.get(stylus).copied());
         }
         self.ease(trackers.time_s);
-        for b in &input.arrivals {
-            let Some(arrived) = self.fields.bodies.get(*b).and_then(|body| body.arrived) else { continue };
-            let count = self.graph.get(arrived) + 1.0;
-            self.put(arrived, count);
+        for b in 0..self.bodies.len() {
+            let is_homeward = self.bodies[b].deformer.pass_frame();
+            if is_homeward || input.arrivals.contains(&b) {
+                let arrived = self.fields.bodies[b].arrived;
+                let count = self.graph.get(arrived) + 1.0;
+                self.put(arrived, count);
+            }
         }
         self.evaluate();
         self.warn_of_black_screens();

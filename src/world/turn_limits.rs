@@ -1,7 +1,7 @@
 //! The turn of a bent body, against the turn up to which its model is good.
 
 use super::body::PlacedBody;
-use crate::deform::{Deformer, ModelEntry, local_turn};
+use crate::deform::{Deformer, Doubt, ModelEntry, local_turn};
 use std::f64::consts::PI;
 
 /// Number of triangles of a body that are sampled for their turns.
@@ -87,21 +87,25 @@ impl Verdict {
     }
 }
 
-/// A warning if the body is bent beyond the model's range, else `None`.
+/// A warning if the body is bent beyond the model's range, or its state is in doubt; else `None`.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
-    words(TurnLimits::of_body(body), body.assets.model)
+    words(TurnLimits::of_body(body), body.deformer.doubt(), body.assets.model)
 }
 
 /// [`out_of_range`] for a body that is in no world.
 pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
-    words(TurnLimits::of_deformer(deformer), deformer.entry)
+    words(TurnLimits::of_deformer(deformer), deformer.doubt(), deformer.entry)
 }
 
-fn words((turn, limits): (f64, TurnLimits), ModelEntry { name, .. }: &ModelEntry) -> Option<String> {
+fn words(
+    (turn, limits): (f64, TurnLimits),
+    doubt: Option<Doubt>,
+    ModelEntry { name, .. }: &ModelEntry,
+) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
     let held = format!("the model {name} holds up to {most:.0}°");
     match limits.verdict(turn) {
-        Verdict::Good | Verdict::Fair => None,
+        Verdict::Good | Verdict::Fair => doubt.map(|doubt| doubt.explain().to_owned()),
         Verdict::Beyond => Some(format!("turned {:.1} times round; {held}", turn / (2.0 * PI))),
         Verdict::NotMeasured => {
             Some(format!("turned by {turned:.0}°; its error was measured up to {most:.0}°"))
@@ -120,8 +124,10 @@ mod tests {
     fn a_body_that_is_bent_too_far_says_how_far_and_how_far_its_model_holds() {
         let table = TurnLimits::of_model(&ROTATION);
         let measured = TurnLimits { good: 0.7, fair: 0.7, is_measured: true };
-        let told = |degrees: f64, limits| words((degrees.to_radians(), limits), &ROTATION);
+        let told = |degrees: f64, limits| words((degrees.to_radians(), limits), None, &ROTATION);
         assert_eq!(told(44.0, table), None);
+        let lost = words((0.1, table), Some(Doubt::NoEquilibrium), &ROTATION);
+        assert_eq!(lost.as_deref(), Some("these poses have no equilibrium; an earlier one is shown"));
         let holds = "; the model rotation holds up to 45°";
         assert_eq!(told(51.0, table), Some(format!("turned by 51°{holds}")));
         assert_eq!(told(720.0, table), Some(format!("turned 2.0 times round{holds}")));

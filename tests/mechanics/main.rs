@@ -12,6 +12,7 @@ mod fem;
 mod forged_files;
 mod green_file;
 mod hard_cases;
+mod home;
 mod loads;
 mod loads_in_models;
 mod loads_solved;

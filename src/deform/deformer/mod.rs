@@ -3,6 +3,7 @@
 //! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to date, and
 //! sums the others on request.
 
+mod path;
 mod state;
 mod surface;
 
@@ -11,6 +12,7 @@ use super::kernel::parts::{PartialSum, move_parts, moved};
 use super::kernel::superposition::{Places, SumStats, Superposition, move_by};
 use super::kernel::surface::SurfaceNormals;
 use super::loads::{Loaded, SharedLoads, refusal};
+use super::memory::ModelMemory;
 use super::model::{
     Bearing, BodyState, ColumnsAt, ControlRest, DeformationModel, Frame, Kind, LoadInput, ModelEntry,
     ModelInput, Response, StateAge,
@@ -23,6 +25,7 @@ use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
 use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
+pub use path::{Doubt, Path};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -42,8 +45,15 @@ pub struct Deformer {
     /// Mesh coordinates of the origin about which all of the following stands, m.
     pub centre: Vector3<f64>,
     pub poses: ControlPoses,
+    /// Those before the last evaluation.
+    last: ControlPoses,
     /// Turn of every control element on the way to its pose.
     turns: Vec<FollowedTurn>,
+    /// Whether the model keeps anything from frame to frame; and the path.
+    has_path: bool,
+    path: Path,
+    /// Counts how often the body left the state in which it was for the equilibrium from rest.
+    pub homecomings: u64,
     /// The model's state for the poses.
     pub state: BodyState,
     pub times: FrameTimes,
@@ -135,6 +145,7 @@ impl Deformer {
             body: body.to_owned(),
             centre: Vector3::from(meta.centre),
             poses: vec![ControlPose::REST; controls.len()],
+            last: Vec::with_capacity(controls.len()),
             turns: vec![FollowedTurn::REST; controls.len()],
             u: vec![[0.0; 3]; nodes],
             of_columns: model.field().map_or_else(Vec::new, |_| vec![[0.0; 3]; nodes]),
@@ -147,6 +158,9 @@ impl Deformer {
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             version: 0,
+            has_path: model.memory() != ModelMemory::default(),
+            path: Path::default(),
+            homecomings: 0,
             model,
             entry,
             loads,
@@ -203,11 +217,16 @@ impl Deformer {
     pub fn take(&mut self, poses: &[ControlPose]) -> bool {
         let is_first = !std::mem::replace(&mut self.evaluated, true);
         let mut changed = is_first;
+        self.last.clone_from(&self.poses);
         for ((last, turn), new) in self.poses.iter_mut().zip(&mut self.turns).zip(poses) {
             if new.is_finite() && (is_first || new != last) {
                 (*last, *turn, changed) = (*new, turn.follow(new), true);
             }
         }
+        if changed && !is_first {
+            self.follow_path();
+        }
+        changed |= self.path_is_due();
         changed |= std::mem::take(&mut self.loads_changed);
         changed |= std::mem::take(&mut self.contribution_changed);
         if changed || self.model.has_news() {
@@ -215,6 +234,7 @@ impl Deformer {
             let version = self.state.field_version;
             self.state = self.model.state(&self.poses);
             let is_reshaped = self.has_field() || std::mem::take(&mut self.triangles_changed);
+            self.go_home();
             self.state.field_version = version + u64::from(is_reshaped);
             self.respond();
             // Columns of families that the model does not know.
@@ -341,6 +361,7 @@ impl Deformer {
     /// The next poses stand alone: a model that follows turns forgets those it saw.
     pub fn forget(&mut self) {
         self.model.forget();
+        self.path = Path::default();
         self.turns.fill(FollowedTurn::REST);
         self.evaluated = false;
     }
@@ -360,7 +381,8 @@ impl Deformer {
     /// The next pose of control element `e` continues this turn, whatever came before.
     pub fn set_turn(&mut self, e: usize, turn: FollowedTurn) {
         // The same matrix after another number of turns is another pose.
-        self.evaluated &= self.turns[e] == turn;
+        let is_same = self.turns[e] == turn;
+        (self.evaluated, self.path.is_lost) = (self.evaluated && is_same, self.path.is_lost || !is_same);
         self.turns[e] = turn;
         self.model.set_turn(e, turn.quaternion);
     }

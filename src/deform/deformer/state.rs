@@ -183,6 +183,7 @@ impl Deformer {
         DeformerState {
             poses: self.poses.clone(),
             turns: self.turns.clone(),
+            path: self.path.clone(),
             loads: self.applied(),
             loads_changed: self.loads_changed,
             contribution: self.contribution.clone(),
@@ -215,6 +216,7 @@ impl Deformer {
         self.model.set_memory(&from.memory).map_err(|message| format!("body.{}: {message}", self.body))?;
         self.poses.clone_from(&from.poses);
         self.turns.clone_from(&from.turns);
+        self.path.clone_from(&from.path);
         self.loads_changed = from.loads_changed;
         self.slopes.clone_from(&from.slopes);
         (self.response, self.evaluated) = (from.response, from.evaluated);

@@ -166,6 +166,10 @@ impl DeformationModel for Loaded {
         self.model.age()
     }
 
+    fn is_inverted(&self) -> bool {
+        self.model.is_inverted()
+    }
+
     fn be_patient(&mut self, patience: Duration) {
         self.points.be_patient(patience);
         self.model.be_patient(patience);

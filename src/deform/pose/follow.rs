@@ -10,7 +10,7 @@
 //! and no wilder than the limits below, and what was wrong. A lost tracker, a hand that lets go of a scale or a sensor that flips
 //! never reaches a buffer.
 
-use super::frame::{ControlPose, continued};
+use super::frame::{ControlPose, continued, same_side};
 use crate::fem::Polar;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -84,6 +84,8 @@ fn nearest(angle: f64, last: f64) -> f64 {
 pub const STRETCH: [f64; 2] = [0.05, 20.0];
 /// A turn by more than this between two frames is a sensor's jump, not a hand's, rad.
 pub const JUMP: f64 = 150.0 * std::f64::consts::PI / 180.0;
+/// A turn by more than this between two frames may have gone the other way round, rad.
+pub const KNOWN: f64 = std::f64::consts::FRAC_PI_2;
 /// Largest turn in a frame by which the pose follows after a jump, rad.
 pub const CATCH_UP: f64 = 15.0 * std::f64::consts::PI / 180.0;
 
@@ -112,11 +114,12 @@ impl PoseFault {
 }
 
 /// Admits the poses of one control element, frame by frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseLimiter {
-    /// Whether the pose is catching up after a jump.
-    behind: bool,
+    /// The turn from the pose that was admitted last to that of the hand, while the pose is catching up after a jump. The hand's
+    /// turns are followed meanwhile, so that the pose goes all the way after it.
+    behind: Option<FollowedTurn>,
 }
 
 impl PoseLimiter {
@@ -138,21 +141,38 @@ impl PoseLimiter {
         }
         // The last pose went through here, so its polar factor is defined.
         let turned = Polar::new(&last.matrix).map_or(UnitQuaternion::identity(), |polar| polar.turn());
-        let angle = turned.angle_to(&rotation);
+        let behind = self.behind(&(turned.inverse() * rotation));
+        let angle = behind.angle.abs();
         if angle > JUMP {
             faults.push(PoseFault::Jump);
-            self.behind = true;
         }
-        if !(self.behind && angle > CATCH_UP) {
-            self.behind = false;
+        if angle <= CATCH_UP || (self.behind.is_none() && angle <= JUMP) {
+            self.behind = None;
             let untouched = !mirrored && !clamped;
             let matrix = if untouched { pose.matrix } else { rotation.to_rotation_matrix() * stretch };
             return (ControlPose { translation: pose.translation, matrix }, faults);
         }
         let share = CATCH_UP / angle;
-        let step = turned.try_slerp(&rotation, share, 1e-9).unwrap_or(turned);
+        let step = UnitQuaternion::from_scaled_axis(behind.axis * (behind.angle * share));
+        self.behind = Some(FollowedTurn {
+            quaternion: step.inverse() * behind.quaternion,
+            axis: behind.axis,
+            angle: behind.angle * (1.0 - share),
+        });
         let translation = last.translation.lerp(&pose.translation, share);
-        (ControlPose { translation, matrix: step.to_rotation_matrix() * stretch }, faults)
+        (ControlPose { translation, matrix: (turned * step).to_rotation_matrix() * stretch }, faults)
+    }
+
+    /// The turn from the last pose to that of the hand, which are `apart` now. A hand that went by more than [`KNOWN`] since the
+    /// frame before turned nobody knows how: the shorter turn is taken.
+    fn behind(&self, apart: &UnitQuaternion<f64>) -> FollowedTurn {
+        let shorter = if apart.w < 0.0 { UnitQuaternion::new_unchecked(-apart.into_inner()) } else { *apart };
+        match &self.behind {
+            Some(behind) if behind.quaternion.angle_to(apart) <= KNOWN => {
+                behind.advanced(same_side(&behind.quaternion, shorter))
+            }
+            _ => FollowedTurn::new(shorter),
+        }
     }
 }
 

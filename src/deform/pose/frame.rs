@@ -77,8 +77,12 @@ pub fn continued(before: Option<&UnitQuaternion<f64>>, m: &Matrix3<f64>) -> Unit
     let Some(now) = nearest(m).map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation)) else {
         return before.copied().unwrap_or_else(UnitQuaternion::identity);
     };
-    let goes_on = before.map_or(now.w, |before| now.coords.dot(&before.coords)) >= 0.0;
-    if goes_on { now } else { UnitQuaternion::new_unchecked(-now.into_inner()) }
+    same_side(before.unwrap_or(&UnitQuaternion::identity()), now)
+}
+
+/// The quaternion of the two of the rotation `now` that continues `before`.
+pub fn same_side(before: &UnitQuaternion<f64>, now: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    if now.coords.dot(&before.coords) >= 0.0 { now } else { UnitQuaternion::new_unchecked(-now.into_inner()) }
 }
 
 /// The rotation nearest to A, or `None` where it is not defined.

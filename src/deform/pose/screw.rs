@@ -10,7 +10,7 @@
 //! (ω, v, S) no part of the way is flattened, as it is on that in (T, M), and if all control elements move as one rigid
 //! body, they do so on the whole way.
 
-use super::frame::{ControlPose, nearest};
+use super::frame::{ControlPose, ControlPoses, nearest};
 use super::se3::{long_turn, slide_matrix};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -121,6 +121,36 @@ pub fn part_of(pose: &ControlPose, turn: &UnitQuaternion<f64>, share: f64) -> Co
         translation: pose.translation * share,
         matrix: part * (Matrix3::identity() + stretch * share),
     }
+}
+
+/// The poses at `share` 0 to 1 of a way from rest on which the first control element stands still where it ends, and the others go
+/// by screw motions as they are seen from it: no part of the way squeezes a body that is turned or shifted as a whole. `turns` are
+/// those of the poses; with their signs they tell turns by up to 360° against the first one.
+pub fn from_rest(
+    origins: &[Vector3<f64>],
+    poses: &[ControlPose],
+    turns: &[UnitQuaternion<f64>],
+    share: f64,
+) -> ControlPoses {
+    let (Some(origin), Some(first), Some(base)) = (origins.first(), poses.first(), turns.first()) else {
+        return Vec::new();
+    };
+    let (to_first, from_first) = (base.inverse().to_rotation_matrix(), base.to_rotation_matrix());
+    let arms = origins.iter().map(|own| own - origin);
+    let way = |((pose, turn), arm): ((&ControlPose, &UnitQuaternion<f64>), Vector3<f64>)| {
+        let seen = ControlPose {
+            translation: to_first * (arm + pose.translation - first.translation) - arm,
+            matrix: to_first * pose.matrix,
+        };
+        let apart = base.inverse() * turn;
+        let part = match apart.w < 0.0 {
+            true => part_of(&seen, &apart, share),
+            false => Screw::default().towards(&Screw::from_pose(&seen), share).pose(),
+        };
+        let shift = from_first * (arm + part.translation) - arm;
+        ControlPose { translation: first.translation + shift, matrix: from_first * part.matrix }
+    };
+    poses.iter().zip(turns).zip(arms).map(way).collect()
 }
 
 #[cfg(test)]

@@ -69,6 +69,8 @@ pub struct Found {
     pub poses: ControlPoses,
     /// Displacements of the surface nodes, m.
     pub field: Vec<[f32; 3]>,
+    /// Whether an element is turned inside out: det F ≤ 0.
+    pub is_inverted: bool,
     /// Strain energy less the work of the loads, J.
     pub energy: f64,
     /// Derivatives of the energy by the poses, the loads that follow the body held.
@@ -98,6 +100,7 @@ impl Background {
             epoch: 0,
             poses: vec![ControlPose::REST; elements],
             field: vec![[0.0; 3]; surface],
+            is_inverted: false,
             energy: 0.0,
             slopes: vec![PoseSlope::default(); elements],
             stiffness: DMatrix::zeros(FIELDS * elements, FIELDS * elements),
@@ -195,6 +198,7 @@ impl Background {
             epoch: found.epoch + 1,
             poses: memory.poses.clone(),
             field: memory.field.clone(),
+            is_inverted: memory.is_inverted,
             energy,
             slopes,
             stiffness: stiffness.clone(),

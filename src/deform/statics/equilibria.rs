@@ -19,10 +19,10 @@ use crate::deform::loads::lumped::NodalLoads;
 use crate::deform::memory::{FoundMemory, ModelMemory, Unknowns};
 use crate::deform::model::{BodyState, DeformationModel, ModelInput, Response, StateAge};
 use crate::deform::pose::frame::{ControlPose, ControlPoses, PoseSlope, unwrapped};
-use crate::deform::pose::screw::part_of;
+use crate::deform::pose::screw::from_rest;
 use crate::fem::Law;
 use crate::green::{FIELDS, Volume};
-use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector4};
+use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::collections::VecDeque;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
@@ -38,13 +38,17 @@ pub fn make(law: &'static Law, input: &ModelInput<'_>) -> Result<Box<dyn Deforma
     let surface = volume.surface.clone();
     let background = Arc::new(held_volume::start(law, volume, columns)?);
     let model = Equilibria::new(background, input.controls.len());
-    Ok(Box::new(Equilibria { loads, surface, ..model }))
+    let origins = input.controls.iter().map(|control| control.origin).collect();
+    Ok(Box::new(Equilibria { origins, loads, surface, ..model }))
 }
 
 struct Equilibria {
     background: Arc<Background>,
+    /// o_e, m.
+    origins: Vec<Vector3<f64>>,
     /// Displacements of the newest equilibrium that was taken, and which it is.
     field: Vec<[f32; 3]>,
+    is_inverted: bool,
     version: u64,
     turns: Vec<UnitQuaternion<f64>>,
     /// Turns that the next poses continue.
@@ -81,6 +85,8 @@ impl Equilibria {
         Equilibria {
             field,
             background,
+            origins: Vec::new(),
+            is_inverted: false,
             version: 0,
             turns: vec![UnitQuaternion::identity(); controls],
             set: vec![None; controls],
@@ -115,10 +121,7 @@ impl Equilibria {
             }
         }
         let way = is_anew.then(|| {
-            let leg = |leg: usize| {
-                let share = leg as f64 / LEGS as f64;
-                poses.iter().zip(&turns).map(|(pose, turn)| part_of(pose, turn, share)).collect()
-            };
+            let leg = |leg: usize| from_rest(&self.origins, poses, &turns, leg as f64 / LEGS as f64);
             (1..LEGS).map(leg).collect()
         });
         self.turns = turns;
@@ -140,6 +143,7 @@ impl DeformationModel for Equilibria {
         let found = if self.waits { self.background.awaited() } else { self.background.newest() };
         if self.version != found.version {
             self.version = found.version;
+            self.is_inverted = found.is_inverted;
             self.field.copy_from_slice(&found.field);
         }
         BodyState::at_rest(0)
@@ -176,6 +180,7 @@ impl DeformationModel for Equilibria {
         let Quadratic { is_lost, energy, slope, stiffness, .. } = &self.quadratic;
         let found = FoundMemory {
             field: self.field.clone(),
+            is_inverted: self.is_inverted,
             poses: self.quadratic.poses.clone(),
             is_reached,
             is_lost: *is_lost,
@@ -218,6 +223,7 @@ impl DeformationModel for Equilibria {
         write(&mut quadratic.slope, memory.slopes.iter().map(PoseSlope::numbers));
         self.version = version;
         self.field.copy_from_slice(&found.field);
+        self.is_inverted = found.is_inverted;
         self.turns = memory.turns_of(controls);
         let mut unknowns = Unknowns(&memory.unknowns);
         self.is_forgotten = unknowns.take::<f64>() == 1.0;
@@ -226,6 +232,10 @@ impl DeformationModel for Equilibria {
             *set = (turn.coords != Vector4::zeros()).then_some(turn);
         }
         Ok(())
+    }
+
+    fn is_inverted(&self) -> bool {
+        self.is_inverted
     }
 
     fn has_news(&mut self) -> bool {

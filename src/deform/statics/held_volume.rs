@@ -126,13 +126,16 @@ impl HeldVolume {
                 }
                 Ok(Renewal::End) => return,
                 Err(_) => {
-                    // What was found last is no stable equilibrium: back to the one before, and on from there.
-                    let is_first = warm.factored == stable;
+                    // What was found last is no stable equilibrium: back to the one before, and on from there; from rest where
+                    // that is not stable either.
+                    if warm.factored == rest.held {
+                        return lose(shared, shared.number.load(Ordering::Acquire), (epoch, &warm));
+                    }
+                    if warm.factored == stable {
+                        stable.clone_from(&rest.held);
+                    }
                     (warm, legs) = (Warm::at(stable.clone()), VecDeque::new());
                     lose(shared, shared.number.load(Ordering::Acquire), (epoch, &warm));
-                    if is_first {
-                        return;
-                    }
                 }
             }
         }
@@ -187,7 +190,10 @@ impl HeldVolume {
                     if is_tired {
                         *warm = Warm::at(warm.held.clone());
                     }
-                    self.tell(shared, &asked, is_reached, &settled, (epoch, warm));
+                    // A way from rest is shown when it ends: what was shown before is nearer than what lies on it.
+                    if is_reached || legs.is_empty() {
+                        self.tell(shared, &asked, is_reached, &settled, (epoch, warm));
+                    }
                     if is_tired {
                         return Ok(Renewal::Tired);
                     }
@@ -260,6 +266,13 @@ impl HeldVolume {
             slope
         };
         let slopes = self.volume.held.iter().zip(&self.origins).map(slope).collect();
+        let is_inverted = self
+            .body
+            .borrow()
+            .1
+            .gradients(&at.u)
+            .iter()
+            .any(|h| (Matrix3::identity() + h).determinant() <= 0.0);
         let mut found = lock(&shared.found);
         if found.epoch != epoch {
             return;
@@ -277,6 +290,7 @@ impl HeldVolume {
             epoch,
             poses: warm.held.poses.clone(),
             field,
+            is_inverted,
             energy: at.energy,
             slopes,
             stiffness,

@@ -74,14 +74,16 @@ pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
     let (turn, limits) = (body.turn, body.limits);
     let verdict = limits.verdict(turn);
     let ink = match verdict {
+        _ if body.doubt.is_some() => BAD,
         Verdict::Good => GOOD,
         Verdict::Fair => FAIR,
         _ => BAD,
     };
     let turned = format!("{}°  ", fixed(turn.to_degrees(), 6, 1));
-    let told = match verdict {
-        Verdict::Beyond => format!("{} turns · too far", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
-        _ => match doubtful_force(body) {
+    let told = match (verdict, body.doubt) {
+        (Verdict::Beyond, _) => format!("{} turns · too far", fixed(turn / (2.0 * PI), 6, 2).trim_start()),
+        (_, Some(doubt)) => doubt.name().to_owned(),
+        (_, None) => match doubtful_force(body) {
             // No longer than the column.
             Some(part) if part >= 9.99 => format!("shape {}, forces wrong", verdict.name()),
             Some(part) => format!("shape {}, forces ±{}", verdict.name(), percent(part)),

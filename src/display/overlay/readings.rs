@@ -2,7 +2,7 @@
 //! took.
 
 use crate::base::plates::Words;
-use crate::deform::{ControlPose, ErrorsAt, StateAge, Wrench};
+use crate::deform::{ControlPose, Doubt, ErrorsAt, StateAge, Wrench};
 use crate::track::Signal;
 use crate::track::tracker_set::TrackerReport;
 use crate::world::flow::StylusFields;
@@ -71,6 +71,8 @@ pub struct BodyReading {
     /// The turn that its limits refer to, rad.
     pub turn: f64,
     pub limits: TurnLimits,
+    /// The reason not to trust its state, whatever its turn.
+    pub doubt: Option<Doubt>,
     /// The age of its state, if its model computes in the background.
     pub age: Option<StateAge>,
     /// Strain energy, J, where the scene asks for forces.
@@ -208,6 +210,7 @@ pub(super) fn body_reading(body: &PlacedBody, shown: &BodyFrame) -> BodyReading 
             .collect(),
         turn,
         limits,
+        doubt: deformer.doubt(),
         age: deformer.age(),
         energy,
         errors: error_reading((body, shown), wrenches.as_deref().map(|wrenches| (wrenches, error))),

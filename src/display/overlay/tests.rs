@@ -96,6 +96,7 @@ fn readings(turn: f64) -> Readings {
             controls: vec![control("left", 0.0), control("right", turn)],
             turn,
             limits: TurnLimits::of_model(&LINEAR),
+            doubt: None,
             energy: Some(0.1234),
             errors: None,
         }],

@@ -111,6 +111,11 @@ impl Elastic {
         self.model.set_turn(e, turn);
     }
 
+    /// The next response begins at rest.
+    pub fn forget(&mut self) {
+        self.model.forget();
+    }
+
     /// Energy and slope with the held element at `pose`.
     pub fn respond(&mut self, pose: &ControlPose) -> ElasticResponse {
         self.poses[self.held] = *pose;

@@ -16,6 +16,8 @@ pub struct Grasp {
     pub poses: Vec<ControlPose>,
     /// The turns that led to these poses.
     pub turns: Vec<UnitQuaternion<f64>>,
+    /// How often the body has come home: another state may stand behind these poses then.
+    pub homecomings: u64,
     /// Energy that other effects add to that of the held element.
     pub added: Option<ElementPotential>,
     /// The hand's pose in the room, for a simulated device.

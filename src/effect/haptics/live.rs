@@ -193,6 +193,7 @@ impl HapticSession {
                 grasp.added = held.zip(body).and_then(|(held, body)| {
                     body.contribution().of_element(held.element, body.poses.get(held.element)?)
                 });
+                grasp.homecomings = body.map_or(0, |body| body.homecomings);
                 grasp.turns.clear();
                 let turn = |body: &Deformer, e| body.turn(e).quaternion;
                 grasp

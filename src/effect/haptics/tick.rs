@@ -47,6 +47,8 @@ pub struct Control {
     pub latency_s: f64,
     bodies: Vec<Elastic>,
     held: Option<ElementHold>,
+    /// How often the held body had come home in the last frame.
+    homecomings: u64,
     /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
     coupling: Coupling,
@@ -88,6 +90,7 @@ impl Control {
             latency_s,
             bodies,
             held: None,
+            homecomings: 0,
             hold_at: None,
             coupling: Coupling::new([1.0; 2], true, None),
             stiffness: Stiffness::default(),
@@ -129,7 +132,12 @@ impl Control {
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
         // The loop itself follows the turn of the element that it holds.
-        for (e, turn) in grasp.turns.iter().enumerate().filter(|(e, _)| is_new || *e != held.element) {
+        let is_home = grasp.homecomings != std::mem::replace(&mut self.homecomings, grasp.homecomings);
+        if is_home && !is_new {
+            body.forget();
+        }
+        let sets = |e: usize| is_new || is_home || e != held.element;
+        for (e, turn) in grasp.turns.iter().enumerate().filter(|(e, _)| sets(*e)) {
             body.set_turn(e, *turn);
         }
         // The other hand of this hold moved the element too.

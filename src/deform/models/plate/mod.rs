@@ -63,7 +63,6 @@ pub struct Plate {
     frames: Vec<ControlFrame>,
     target: Vec<ControlFrame>,
     turns: Vec<UnitQuaternion<f64>>,
-    next_turns: Vec<UnitQuaternion<f64>>,
     /// The last state, while a way to the next one is tried.
     kept: (Vec<Vector3<f64>>, Vec<ControlFrame>),
     /// The last target, where it had no equilibrium; otherwise none.
@@ -106,7 +105,6 @@ impl Plate {
             holds: frames.iter().map(constants::held).collect(),
             target: frames.clone(),
             turns: vec![UnitQuaternion::identity(); origins.len()],
-            next_turns: Vec::with_capacity(origins.len()),
             kept: (sheet.q.clone(), frames.clone()),
             lost: Vec::with_capacity(origins.len()),
             frames,
@@ -138,12 +136,13 @@ impl Plate {
             };
             self.target.push(frame);
         }
-        self.next_turns.clear();
-        self.next_turns.extend(self.target.iter().map(|frame| frame.turn));
+        // Hands turn on where the shell cannot follow.
+        self.turns.clear();
+        self.turns.extend(self.target.iter().map(|frame| frame.turn));
         let motion = self.take_motion();
         if let Some(loads) = &mut self.loads {
             if !loads.is_none() {
-                loads.follow(poses, &self.next_turns);
+                loads.follow(poses, &self.turns);
             }
             bear(loads, &motion, &mut self.sheet);
         }
@@ -159,7 +158,6 @@ impl Plate {
         match self.go().or_else(|| self.go_from_rest(from_lost)) {
             Some(standing) => {
                 (self.standing, self.motion, self.is_defined) = (standing, motion, true);
-                self.turns.clone_from(&self.next_turns);
                 self.frames.clone_from(&self.target);
                 self.lost.clear();
             }

@@ -201,7 +201,7 @@ pub struct Posed {
     lift: Lift,
     mean: MeanFrame,
     frames: Vec<ControlFrame>,
-    /// The rotation of every element in the last poses that had a mean frame.
+    /// The rotation of every element in the last poses.
     turns: Vec<UnitQuaternion<f64>>,
     /// c, and ∂V/∂c.
     coefficients: DVector<f64>,
@@ -236,9 +236,10 @@ impl Posed {
         for (e, (control, pose)) in self.controls.iter().zip(poses).enumerate() {
             self.frames.push(ControlFrame::new(&control.origin, pose, self.turns.get(e))?);
         }
-        self.mean.find(&self.frames)?;
+        // Hands turn on where there is no mean.
         self.turns.clear();
         self.turns.extend(self.frames.iter().map(|frame| frame.turn));
+        self.mean.find(&self.frames)?;
         let mean_from_body = self.mean.body_from_mean.inverse();
         let rotation = mean_from_body.rotation.to_rotation_matrix();
         for (e, (control, pose)) in self.controls.iter().zip(poses).enumerate() {

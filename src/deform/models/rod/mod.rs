@@ -150,6 +150,8 @@ impl Rod {
         let frame = |e: usize| ControlFrame::new(&self.controls[e].origin, &poses[e], Some(&self.turns[e]));
         let (Some(first), Some(last)) = (frame(0), frame(1)) else { return };
         let frames = [first, last];
+        // The hand turns on where the rod cannot follow.
+        self.turns = frames.map(|frame| frame.turn);
         if let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none()) {
             loads.follow(&poses, &frames.map(|frame| frame.turn));
             self.bear();
@@ -164,7 +166,6 @@ impl Rod {
         });
         if let Some(standing) = held {
             self.standing = Some(standing);
-            self.turns = [0, 1].map(|e| frames[e].turn);
             self.frames = frames;
             self.is_defined = true;
         }

@@ -146,9 +146,10 @@ impl Substructured {
         if !self.is_defined {
             return true;
         }
+        // Hands turn on where the parts cannot follow.
+        self.turns.iter_mut().zip(&self.frames).for_each(|(turn, frame)| *turn = frame.turn);
         if let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none()) {
-            let turns: Vec<UnitQuaternion<f64>> = self.frames.iter().map(|frame| frame.turn).collect();
-            loads.follow(poses, &turns);
+            loads.follow(poses, &self.turns);
             self.bear();
         }
         for (wanted, frame) in self.wanted.iter_mut().zip(&self.frames) {
@@ -165,7 +166,6 @@ impl Substructured {
         }
         self.is_defined = self.search.is_settled;
         if self.is_defined {
-            self.turns.iter_mut().zip(&self.frames).for_each(|(turn, frame)| *turn = frame.turn);
             self.keep();
         }
         true
