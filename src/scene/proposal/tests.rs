@@ -374,3 +374,18 @@ fn a_large_nearly_incompressible_body_gets_a_model_and_an_element_that_suit_each
         assert_eq!((body.element.name, body.model.as_str()), expected);
     }
 }
+
+/// Such a scene was refused with the cell that it is filled with now.
+#[test]
+fn a_scene_with_a_surface_and_no_cell_fills_it_and_names_the_cell() {
+    let plate = block(&Block { size: [300.0, 200.0, 60.0], cells: [3, 2, 1] }).unwrap();
+    let file = surface_in_millimetres("plate", &plate);
+    let text = "[body.a]\nmesh = \"plate.stl\"\nunit = \"mm\"\nmaterial = \"steel\"\ncontrol.low = { nodes = { box = { \
+                min = [-1, -1, -1], max = [0.03, 1, 1] } }, grab = \"fixed\" }\n";
+    let scene = Scene::parse(text, &file.with_extension("toml")).unwrap();
+    let loaded = scene.load_mesh("a", &scene.body["a"]).unwrap();
+    assert!(loaded.notices[0].contains("filled with cells of 0.01 m"), "{:?}", loaded.notices);
+    let volume = volume(&loaded.mesh);
+    assert!((volume / 3.6e-3 - 1.0).abs() < 0.02, "{volume} m³");
+    std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
+}
