@@ -7,6 +7,7 @@ pub mod every;
 pub mod foreign;
 mod strict;
 
+use crate::base::diagnostic::is_verbose;
 use crate::base::failure::Failure;
 use crate::base::input;
 use serde::de::DeserializeOwned;
@@ -134,6 +135,9 @@ fn has_decimal_comma(text: &str, at: usize) -> bool {
         && (value.ends_with(',') || text[at..].starts_with(','))
 }
 
+/// A list of known keys that is longer than these letters is left out beside the nearest of them, but for `--verbose`.
+const LONG_LIST: usize = 120;
+
 /// serde's messages as a user of TOML reads them: its names of types, and "did you mean" after an unknown key or value.
 fn explain(message: &str) -> String {
     if let Some((found, expected)) =
@@ -145,7 +149,11 @@ fn explain(message: &str) -> String {
     let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
     let Some(unknown) = quoted.next().filter(|_| is_unknown) else { return message.to_owned() };
     match nearest(unknown, quoted) {
-        Some(known) => format!("{message}; did you mean `{known}`?"),
+        Some(known) => {
+            let is_long = |(_, list): &(&str, &str)| list.len() > LONG_LIST && !is_verbose();
+            let (what, _) = message.split_once(", expected ").filter(is_long).unwrap_or((message, ""));
+            format!("{what}; did you mean `{known}`?")
+        }
         None => message.to_owned(),
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! In: a scene whose names are [`Resolved`]. Out: the file, fresh for the scene as it is now.
 
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{self, notice};
 use crate::base::failure::Failure;
 use crate::base::output::{self, OutputError};
 pub use crate::base::progress::Teller;
@@ -80,9 +80,7 @@ pub fn fresh(scene: &Resolved, path: &Path) -> Result<Result<GreenFile, GreenErr
             other => other?,
         }
         effect::check_sections(scene, &file, name)?;
-        for warning in green::judge_file(&file, name)? {
-            notice!("{}: {warning}", path.display());
-        }
+        diagnostic::report(&format!("{}: ", path.display()), &green::judge_file(&file, name)?);
     }
     Ok(Ok(file))
 }
@@ -132,9 +130,7 @@ fn precompute_telling(
             let mut precomputed =
                 green::precompute_kept(scene, name, &requirements, fits, journal, &*progress)?;
             effect::add_sections(scene, &mut precomputed, &*progress)?;
-            for notice in &precomputed.solution.notices {
-                notice!("{notice}");
-            }
+            diagnostic::report("", &precomputed.solution.notices);
             Ok(precomputed)
         })
         .collect()
@@ -162,9 +158,7 @@ fn updated(base: Arc<GreenFile>, scene: &Resolved, teller: Teller<'_>) -> Result
     let sections = |file: &GreenFile, name: &str| effect::sections_after_change(scene, file, name);
     let changes = Changes { sections: &sections, fits: &|name| scene.bodies[name].model.fits };
     let (file, notices) = green::derive(base, scene, &changes, teller)?;
-    for notice in notices {
-        notice!("{notice}");
-    }
+    diagnostic::report("", &notices);
     Ok(Arc::new(file))
 }
 
@@ -234,9 +228,7 @@ fn changed_base(
                 let fits = scene.bodies[*name].model.fits;
                 let mut precomputed = green::precompute_kept(scene, name, required, fits, None, progress)?;
                 effect::add_sections(scene, &mut precomputed, progress)?;
-                for notice in &precomputed.solution.notices {
-                    notice!("{notice}");
-                }
+                diagnostic::report("", &precomputed.solution.notices);
                 made.push(precomputed);
             }
         }

@@ -52,8 +52,8 @@ impl Storage {
     pub fn check(self) -> Result<(), String> {
         match self {
             Storage::Within(error) if !Storage::ERRORS.contains(&error) => Err(format!(
-                "error = {error:e} is not between {:e} and {:e} of each field's largest displacement: 16 bits hold nothing \
-                 finer (storage = \"f32\" does), and coarser steps would be seen",
+                "error = {error:e} must lie between {:e} and {:e} of each field's largest displacement. For less \
+             write storage = \"f32\"",
                 Storage::ERRORS.start(),
                 Storage::ERRORS.end()
             )),

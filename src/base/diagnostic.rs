@@ -7,6 +7,19 @@ use super::table::count;
 use super::text::plain;
 use std::fmt::Arguments;
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static VERBOSE: AtomicBool = AtomicBool::new(false);
+
+/// Shows details too from here on (`--verbose`).
+pub fn show_details() {
+    VERBOSE.store(true, Ordering::Relaxed);
+}
+
+/// Whether details are shown.
+pub fn is_verbose() -> bool {
+    VERBOSE.load(Ordering::Relaxed)
+}
 
 /// The severity of a diagnostic, the most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -18,6 +31,8 @@ pub enum Severity {
     Warning,
     /// Something was repaired, or is worth knowing.
     Note,
+    /// A figure or an explanation that only `--verbose` shows; JSON has it always.
+    Detail,
 }
 
 impl std::fmt::Display for Severity {
@@ -26,6 +41,7 @@ impl std::fmt::Display for Severity {
             Severity::Error => "error",
             Severity::Warning => "warning",
             Severity::Note => "note",
+            Severity::Detail => "detail",
         })
     }
 }
@@ -45,6 +61,10 @@ impl Diagnostic {
     pub fn new(severity: Severity, place: impl Into<String>, message: impl Into<String>) -> Diagnostic {
         Diagnostic { severity, place: place.into(), message: message.into() }
     }
+
+    pub fn is_shown(&self) -> bool {
+        self.severity < Severity::Detail || is_verbose()
+    }
 }
 
 impl std::fmt::Display for Diagnostic {
@@ -58,15 +78,32 @@ impl std::fmt::Display for Diagnostic {
     }
 }
 
-/// "1 error, 0 warnings, 2 notes".
-pub fn tally(found: &[Diagnostic]) -> String {
-    [Severity::Error, Severity::Warning, Severity::Note].map(|severity| number(found, severity)).join(", ")
+/// A line for each finding that is shown, and their numbers: "1 error, 0 warnings, 2 notes".
+pub fn listing(found: &[Diagnostic]) -> String {
+    let lines: String =
+        found.iter().filter(|finding| finding.is_shown()).map(|finding| format!("{finding}\n")).collect();
+    let numbers =
+        [Severity::Error, Severity::Warning, Severity::Note].map(|severity| number(found, severity));
+    let hidden: Vec<Diagnostic> = found.iter().filter(|finding| !finding.is_shown()).cloned().collect();
+    let more = match hidden.is_empty() {
+        true => String::new(),
+        false => format!("; --verbose shows {}", number(&hidden, Severity::Detail)),
+    };
+    format!("{lines}{}{more}\n", numbers.join(", "))
 }
 
 /// "2 warnings": those of one severity.
 pub fn number(found: &[Diagnostic], severity: Severity) -> String {
     let matching = found.iter().filter(|diagnostic| diagnostic.severity == severity).count();
     count(matching, &severity.to_string())
+}
+
+/// Writes the findings that are shown to standard error, each with `before` in front.
+pub fn report(before: &str, found: &[Diagnostic]) {
+    found
+        .iter()
+        .filter(|finding| finding.is_shown())
+        .for_each(|finding| say(format_args!("{before}{finding}")));
 }
 
 /// Writes a line to standard error, without anything that could control the terminal ([`plain`]).

@@ -204,8 +204,8 @@ fn limit(limits: &str, name: &str) -> Option<f64> {
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadsError {
     #[error(
-        "{variable} asks for {asked} threads; this machine has {processors} processors, and more than {most} threads \
-         are refused: leave it unset, or write {processors}"
+        "{variable} asks for {asked} threads; this machine has {processors} processors, at most {most} \
+             threads are taken. Leave it unset, or write {processors}"
     )]
     TooMany { variable: &'static str, asked: usize, processors: usize, most: usize },
     #[error(

@@ -87,8 +87,8 @@ fn conclude() {
     let mut rest = &mut text[..];
     let _ = writeln!(
         rest,
-        "error: out of memory: {:.1} MB more could not be had; coarsen the mesh, take fewer control elements, write \
-         solver = {{ method = \"pcg\" }} in the scene, or give the program more memory (control group, ulimit)",
+        "error: out of memory: {:.1} MB more could not be had. Coarsen the mesh, or write solver = {{ \
+             method = \"pcg\" }} in the scene",
         bytes as f64 / 1e6
     );
     let unused = rest.len();

@@ -1,7 +1,7 @@
 //! Progress of long work: the interface [`Progress`] by which it is reported, and [`Bars`], which shows it on standard
-//! error: bars on a terminal, a line per step elsewhere.
+//! error: bars on a terminal, and a line for every long step.
 
-use super::diagnostic::notice;
+use super::diagnostic::{is_verbose, notice};
 use super::text::one_line;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -47,6 +47,9 @@ impl Progress for Silent {
     fn advance(&self, _units: u64) {}
     fn end(&self) {}
 }
+
+/// A step that took longer than this leaves a line, s; `--verbose` shows a line for every step.
+const LONG_S: f64 = 10.0;
 
 /// Shows the steps of the offline stage for one body.
 pub struct Bars {
@@ -137,8 +140,8 @@ impl Progress for Bars {
         self.with_step(|current| {
             if let Some(step) = current.take() {
                 step.bar.finish_and_clear();
-                if !self.quiet {
-                    let seconds = step.started.elapsed().as_secs_f64();
+                let seconds = step.started.elapsed().as_secs_f64();
+                if !self.quiet && (seconds > LONG_S || is_verbose()) {
                     notice!("{:>12}  {:<30} {seconds:8.3} s", self.body, step.name);
                 }
             }

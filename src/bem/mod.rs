@@ -63,8 +63,8 @@ pub enum Error {
     )]
     Flat { triangle: usize, place: String },
     #[error(
-        "{source}; the matrices of boundary elements are full: about {fits} nodes would fit. Take a coarser surface, or fill the \
-         body with tetrahedra (leave method out)"
+        "{source}; about {fits} nodes would fit. Take a coarser surface, or fill the body with \
+             tetrahedra (leave method out)"
     )]
     Memory { source: TooLarge, fits: usize },
     #[error(transparent)]

@@ -3,9 +3,11 @@
 use super::opening::Guess;
 use super::parsers;
 use super::print::print;
+use crate::base::diagnostic::is_verbose;
 use crate::base::failure::Failure;
 use crate::base::output::Scratch;
 use crate::base::progress::Bars;
+use crate::base::table::count;
 use crate::config::unknown_name;
 use crate::deform::pose_file;
 use crate::green::Requirements;
@@ -110,7 +112,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let Some(readme) = &args.readme {
         super::marks::write_between(readme, "accuracy", &format!("{}\n", report::readme_table(&report)))?;
     }
-    let listed: String = written.iter().map(|path| format!("{}\n", path.display())).collect();
+    let shown = if is_verbose() { written.len() } else { 1 };
+    let mut listed: String = written.iter().take(shown).map(|path| format!("{}\n", path.display())).collect();
+    if written.len() > shown {
+        listed += &format!("and {} beside it (--verbose lists them)\n", count(written.len() - shown, "file"));
+    }
     print(&format!("{}\n{}{listed}", report::summary(&report), answers(&args.ask, &report.rows)))
 }
 

@@ -4,7 +4,7 @@ use super::opening::Guess;
 use super::print::print;
 use super::{bench_snapshot, marks, parsers, precompute};
 use crate::base::columns::ColumnGroup;
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::statistics::median;
@@ -132,12 +132,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let ticks = beside_frames(open()?, args)?;
     let snapshot = bench_snapshot::measure(&mut open()?)?;
-    let mut tables = vec![
-        offline_table(&offline, peak_memory),
-        loops_table(&loops),
-        frame_table(&stage.name, &drawn),
-        bench_snapshot::table(&snapshot),
-    ];
+    let mut tables =
+        vec![offline_table(&offline, peak_memory), loops_table(&loops), frame_table(&stage.name, &drawn)];
+    if is_verbose() || args.readme.is_some() {
+        tables.push(bench_snapshot::table(&snapshot));
+    }
     if !ticks.is_empty() {
         tables.push(haptic_tick::table(&ticks));
     }
@@ -151,7 +150,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{all:#}\n"))
     } else {
         let text: String =
-            tables.iter().map(|(title, table)| format!("{title}\n\n{}\n", table.text())).collect();
+            tables.iter().map(|(title, table)| format!("{title}\n{}\n", table.text())).collect();
         print(&text)
     }
 }

@@ -3,7 +3,7 @@
 use super::opening::Guess;
 use super::print::print;
 use super::{check_stage, expected, inspect};
-use crate::base::diagnostic::{Diagnostic, Severity, tally};
+use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::deform::{ExpectedErrors, Statics};
@@ -18,6 +18,7 @@ use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
 use crate::world::place::overlaps;
+use indexmap::IndexMap;
 use nalgebra::{Point3, Similarity3, Vector3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -91,19 +92,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         });
         print(&format!("{value:#}\n"))?;
     } else {
-        let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
-        let mut table = Table::new(&["body", "effect", "", "file and memory"]);
-        for cost in &effects {
-            let listed = if cost.listed { "listed" } else { "not listed" };
-            let own = if cost.has_section { ", and its section" } else { "" };
-            table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
-        }
-        let more = if effects.is_empty() {
-            String::new()
-        } else {
-            format!("\n{}\n{}", table.text(), errors_text(&known))
-        };
-        print(&format!("{lines}{}\n{more}", tally(&findings)))?;
+        print(&format!("{}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }
@@ -233,7 +222,7 @@ fn places(meshes: &[StandingBody<'_>], stage: &Stage) -> Vec<Diagnostic> {
     let surfaces: Vec<TriangleSurface> = meshes.iter().zip(&rooms).map(in_room).collect();
     findings.extend(overlaps(&surfaces).into_iter().map(|([one, other], depth)| {
         let message = format!(
-            "on stage {}, it reaches {} m into body {}, and bodies pass through each other. Give one of them another place",
+            "on stage {}, it reaches {} m into body {}. Give one of them another place",
             stage.name,
             digits(depth),
             meshes[other].name
@@ -247,7 +236,7 @@ fn places(meshes: &[StandingBody<'_>], stage: &Stage) -> Vec<Diagnostic> {
 fn in_degrees(name: &str, body: &Body) -> Option<Diagnostic> {
     let angle = Vector3::from(body.place?.rotation?).norm();
     let message = format!(
-        "a turn by {angle:.4} rad is more than once around: if degrees are meant, write {:.4} rad in all (π/180 for each)",
+        "a turn by {angle:.4} rad is more than once around. If degrees are meant, write {:.4} rad",
         angle.to_radians()
     );
     (angle > 1.001 * std::f64::consts::TAU)
@@ -271,32 +260,48 @@ fn unwatched_limit(name: &str, body: &Body, resolved: Option<&ResolvedBody>) -> 
     let severity =
         if limited.iter().any(|material| is_own(material)) { Severity::Warning } else { Severity::Note };
     let message = format!(
-        "its material has a limit, but nothing checks it: list effects = [\"{}\"] to see where it is passed",
+        "nothing watches the limit of its material. effects = [\"{}\"] shows where it is passed",
         name_of(|effect| effect.shows_stress)
     );
     let entity = format!("body.{name}");
     (!limited.is_empty() && !is_watched).then(|| Diagnostic::new(severity, &entity, message))
 }
 
-/// The table of what is known, and for each other body what to do.
+/// A table of the effects that are listed, or of all.
+fn effects_text(effects: &[Cost]) -> String {
+    let mut table = Table::new(&["body", "effect", "", "file and memory"]);
+    for cost in effects.iter().filter(|cost| cost.listed || is_verbose()) {
+        let listed = if cost.listed { "listed" } else { "not listed" };
+        let own = if cost.has_section { ", and its section" } else { "" };
+        table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
+    }
+    if table.rows.len() > 1 { format!("\n{}", table.text()) } else { String::new() }
+}
+
+/// The table of the errors that are known, and how the others can be.
 fn errors_text(known: &[(&String, Result<ExpectedErrors, String>)]) -> String {
     let mut text = String::new();
     let measured: Vec<_> =
         known.iter().filter_map(|(name, errors)| Some((name.as_str(), errors.as_ref().ok()?))).collect();
     if measured.iter().any(|(_, errors)| !errors.moved.is_empty()) {
         let table = expected::table(measured.iter().copied());
-        text.push_str(&format!("errors to expect, as measured ({})\n\n{}\n", expected::PARTS, table.text()));
+        let parts = if is_verbose() { format!("{}\n", expected::PARTS) } else { String::new() };
+        text.push_str(&format!("\nErrors to expect, as measured on the body:\n{parts}{}", table.text()));
     }
+    let mut alike: IndexMap<String, Vec<&str>> = IndexMap::new();
     for (name, errors) in known {
         match errors {
             Ok(errors) => errors
                 .left_out
                 .iter()
-                .for_each(|why| text.push_str(&format!("{name}: expected errors: {why}\n"))),
+                .for_each(|why| text.push_str(&format!("\n{name}: errors not measured: {why}\n"))),
             Err(to_do) => {
-                text.push_str(&format!("{name}: its errors of force and shape are not known: {to_do}\n"))
+                alike.entry(format!("errors of force and shape unknown: {to_do}")).or_default().push(name)
             }
         }
+    }
+    for (unknown, names) in alike {
+        text.push_str(&format!("\n{}: {unknown}\n", names.join(", ")));
     }
     text
 }

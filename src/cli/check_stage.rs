@@ -1,7 +1,7 @@
 //! `greenstage check STAGE`: lists all that can be found wrong with a stage.
 
 use super::print::print;
-use crate::base::diagnostic::{Diagnostic, Severity, number, tally};
+use crate::base::diagnostic::{Diagnostic, Severity, listing, number};
 use crate::base::failure::Failure;
 use crate::render::window;
 use crate::stage::{Monitor, Stage, Survey, lint};
@@ -31,8 +31,7 @@ pub fn run(name: &Path, json: bool) -> Result<(), Failure> {
         let value = serde_json::json!({ "stage": name, "findings": findings });
         print(&format!("{value:#}\n"))?;
     } else {
-        let lines: String = findings.iter().map(|finding| format!("{finding}\n")).collect();
-        print(&format!("{lines}{}\n", tally(&findings)))?;
+        print(&listing(&findings))?;
     }
     verdict(&findings, name)
 }

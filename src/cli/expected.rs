@@ -1,4 +1,4 @@
-//! Errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a sentence for each body.
+//! Errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a few lines for each body.
 
 use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
@@ -8,7 +8,7 @@ use crate::green::{GreenError, GreenFile};
 use crate::prepare;
 use crate::scene::{Method, Scene};
 
-/// Turns that the sentence names, °: up to which `rotation` and up to which all may serve.
+/// Turns that the lines name, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
 
 const PULLED: &str = "pulled away";
@@ -66,50 +66,35 @@ fn far(motion: &str, i: usize, at: &ErrorsAt) -> String {
 pub const PARTS: &str = "model: force, and torque over the length, as parts of the largest of both in static equilibrium on the \
                          same mesh, shape as a part of the length; mesh: relative, by a better solution of the linear body";
 
-/// A sentence on each kind of motion, one on the loads, one on the mesh, and what could not be measured.
-pub fn sentences(name: &str, errors: &ExpectedErrors) -> String {
-    let mut text = String::new();
+/// A line for each kind of motion, for the loads and the mesh, and for what could not be measured.
+pub fn lines(name: &str, errors: &ExpectedErrors) -> String {
+    let mut lines = Vec::new();
     for (motion, of) in MOTIONS {
         let worst = |i: usize| {
             let found = errors.moved.iter().map(|moved| of(moved).get(i).copied());
             found.collect::<Option<Vec<ErrorsAt>>>()?.into_iter().reduce(|a, b| a.and(&b))
         };
         let is_named = |at: &ErrorsAt| motion == PULLED || NAMED.contains(&at.angle);
-        let parts: Vec<String> = (0..)
-            .map_while(|i| Some((i, worst(i)?)))
-            .filter(|(_, at)| is_named(at))
-            .map(|(i, at)| within(&far(motion, i, &at), &at))
-            .collect();
+        let parts = (0..).map_while(|i| Some((i, worst(i)?))).filter(|(_, at)| is_named(at));
+        let parts: Vec<String> =
+            parts.map(|(i, at)| format!("{}: {}", far(motion, i, &at), within(&at))).collect();
         if !parts.is_empty() {
-            let (parts, model) = (parts.join(", "), &errors.model);
-            text.push_str(&format!(
-                "{name}: {motion} {parts}: model {model} against static equilibrium, measured on this body\n"
-            ));
+            lines.push(format!("{motion} {}", parts.join("; ")));
         }
     }
-    if let Some(loaded) = &errors.loaded {
-        let (within, model) = (within("under the scene's loads alone", loaded), &errors.model);
-        text.push_str(&format!(
-            "{name}: {within}: model {model} against static equilibrium, measured on this body\n"
-        ));
-    }
-    if let Some(mesh) = errors.mesh() {
-        let (element, wrench, shape) = (&errors.element, percent(mesh.wrench), percent(mesh.shape));
-        text.push_str(&format!(
-            "{name}: the mesh of {element} itself adds up to about {wrench} to forces and {shape} to displacements, in \
-             the motion where it is most, estimated by a better solution of this body\n"
-        ));
-    }
-    for why in &errors.left_out {
-        text.push_str(&format!("{name}: expected errors: {why}\n"));
-    }
-    text
+    lines.extend(errors.loaded.iter().map(|loaded| format!("under the loads alone: {}", within(loaded))));
+    lines.extend(errors.mesh().map(|mesh| {
+        let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
+        format!("mesh of {}, in its worst motion: forces {wrench}, shape {shape}", errors.element)
+    }));
+    lines.extend(errors.left_out.iter().map(|why| format!("not measured: {why}")));
+    let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
+    format!("{name}: errors of the model {}, against static equilibrium:\n{lines}", errors.model)
 }
 
-fn within(far: &str, at: &ErrorsAt) -> String {
-    let forces =
-        at.wrench().map_or("no forces".into(), |wrench| format!("errors of {} in forces", percent(wrench)));
-    format!("{far} expect {forces} and of {} in shapes", percent(at.shape))
+fn within(at: &ErrorsAt) -> String {
+    let forces = at.wrench().map_or("no forces".into(), |wrench| format!("forces {}", percent(wrench)));
+    format!("{forces}, shape {}", percent(at.shape))
 }
 
 /// Expected errors of a scene's body from its .green file; the error says how to obtain them.
@@ -119,14 +104,14 @@ pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<Expec
         return Err("the body is refused".into());
     };
     if body.method == Method::Bem {
-        return Err("solve once more with refine = 1, or half the longest_edge, and compare".into());
+        return Err("solve again with refine = 1, and compare".into());
     }
     if let Some(why) = expected::unmeasurable(body) {
         return Err(why.to_owned());
     }
     if !resolved.entries().any(|effect| effect.measures_errors) {
         let name = name_of(|effect| effect.measures_errors);
-        return Err(format!("list effects = [\"{name}\"], and `greenstage precompute` measures them"));
+        return Err(format!("`greenstage precompute` measures them for effects = [\"{name}\"]"));
     }
     let path = prepare::green_path(scene);
     if body.accuracy_target().is_some() {
@@ -157,7 +142,10 @@ mod tests {
     #[test]
     fn only_a_body_that_lists_expected_errors_is_said_to_be_measured() {
         for (effects, said) in [
-            ("[\"haptics\", \"stress\"]", "list effects = [\"expected_errors\"]"),
+            (
+                "[\"haptics\", \"stress\"]",
+                "`greenstage precompute` measures them for effects = [\"expected_errors\"]",
+            ),
             ("[\"stress\", \"expected_errors\"]", "`greenstage precompute missing/part.toml` measures them"),
         ] {
             let text = format!(

@@ -256,7 +256,7 @@ fn green(path: &Path) -> Result<(String, Value), Failure> {
             ));
         }
         if let Some(errors) = effect::expected::read(&file, name)? {
-            text.push_str(&expected::sentences(name, &errors));
+            text.push_str(&expected::lines(name, &errors));
         }
     }
     let mut tensors = Table::new(&["tensor", "type", "shape", "size"]);

@@ -52,8 +52,8 @@ fn contents() -> String {
         table.text()
     };
     format!(
-        "{}\n{}\n`greenstage manual CHAPTER` prints one, `greenstage manual WORD` searches all of them, and \
-         `greenstage manual CHAPTER WORD` searches one.\n",
+        "{}\n{}\n`greenstage manual CHAPTER` prints one; `manual WORD` searches all, `manual CHAPTER \
+             WORD` one.\n",
         part("guide", GUIDE),
         part("reference", REFERENCE)
     )

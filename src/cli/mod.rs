@@ -35,6 +35,7 @@ mod track;
 mod verify;
 mod view;
 
+use crate::base::diagnostic;
 use crate::base::failure::Failure;
 use crate::base::machine::{self, ThreadsError};
 use clap::{CommandFactory, Parser, Subcommand};
@@ -43,20 +44,9 @@ use session_args::SessionArgs;
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
-A first tour:
-  greenstage                                          the demo: six chapters in one window
-  greenstage new part.msh                             a scene file for a mesh or surface of your own
-  greenstage view bear                                a built-in scene: tube, hose, bar, bear, models, stylus
-  greenstage precompute tube                          the offline stage alone
-  greenstage render tube --stage cyberstage -o out/cave
-  greenstage export tube -o tube.glb                  for other programs: Open Inventor, glTF, VTK, STL, …
-  greenstage inspect part.msh                         what is in a mesh, .green, scene or stage file
-  greenstage convert part.inp part.msh                a mesh from one format to another
-  greenstage manual                                   the manual's chapters
-  greenstage manual stress                            where the manual says something about stress
-
-Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.
-GREENSTAGE_LOG=info logs more about the graphics device.";
+A first tour: `greenstage` plays the demo; `greenstage new part.msh` makes a scene of your mesh, `greenstage
+view part.toml` bends it. `greenstage manual start` goes on from there.
+Exit status: 0 done; 1 the work failed; 2 the request or its files are wrong.";
 
 /// Grab, bend and twist elastic finite element bodies in stereo, by precomputed Green's functions.
 #[derive(Debug, Parser)]
@@ -64,6 +54,9 @@ GREENSTAGE_LOG=info logs more about the graphics device.";
 pub struct Cli {
     #[command(subcommand)]
     pub command: Option<Command>,
+    /// Print details too: figures and explanations that the usual output leaves out
+    #[arg(long, global = true)]
+    pub verbose: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -111,10 +104,9 @@ fn help_template() -> String {
             let about = command.get_about().map(ToString::to_string).unwrap_or_default();
             groups += &format!("  {:<13}{about}\n", command.get_name());
         }
-        groups.push('\n');
     }
     format!(
-        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}{{after-help}}"
+        "{{about-with-newline}}{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}{{after-help}}"
     )
 }
 
@@ -141,6 +133,9 @@ impl Command {
 /// Runs the command that was asked for; without one, the demo. For a mesh or a surface file a scene is written first, so that
 /// commands know only scenes.
 pub fn run(mut cli: Cli) -> Result<(), Failure> {
+    if cli.verbose {
+        diagnostic::show_details();
+    }
     machine::start_threads().map_err(|error| match error {
         ThreadsError::TooMany { .. } => Failure::request(error),
         ThreadsError::Start { .. } => Failure::work(error),

@@ -52,8 +52,7 @@ fn is_a_person_there() -> bool {
 pub fn scene_path(path: &Path, guess: &Guess) -> Result<PathBuf, Failure> {
     if !is_mesh_or_surface(path) {
         let is_guessed = guess.unit.is_some() || guess.material.is_some();
-        let told =
-            "--unit and --material are for a mesh or surface file; a scene has the keys unit and material";
+        let told = "--unit and --material are for a mesh or surface file; a scene has the keys `unit` and `material`";
         return if is_guessed { Err(Failure::wrong(told)) } else { Ok(path.to_owned()) };
     }
     let place = place_of(path)?;
@@ -66,7 +65,7 @@ pub fn scene_path(path: &Path, guess: &Guess) -> Result<PathBuf, Failure> {
         notice!("{}: {line}", path.display());
     }
     notice!(
-        "{}: shown as {} says; `greenstage new {}` writes a scene beside it for you to change",
+        "{}: shown by {}; `greenstage new {}` writes a scene of your own",
         path.display(),
         place.display(),
         quoted(&path.display().to_string())

@@ -66,8 +66,8 @@ fn pictures(stage: &Stage, named: &str, folder: &Path) -> Result<(), Failure> {
     for tile in hidden {
         let [left, right, top, bottom] = tile.overscan;
         notice!(
-            "note: {}: its picture has all pixels of the screen, with the {left}, {right}, {top}, {bottom} at its left, right, top and bottom \
-             edge that its tile hides by `overscan`; without -o the window shows what is seen",
+            "note: {}: `overscan` of its tile hides the {left}, {right}, {top}, {bottom} at the left, right, \
+             top and bottom edge; the window shows what is seen",
             stage.screens[tile.screen].name
         );
     }

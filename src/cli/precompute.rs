@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
         .iter()
-        .filter_map(|body| Some(expected::sentences(&body.name, &effect::expected::of_precomputed(body)?)))
+        .filter_map(|body| Some(expected::lines(&body.name, &effect::expected::of_precomputed(body)?)))
         .collect();
     let planned = bytes(machine::planned_memory());
     let told = |peak| format!(", peak memory {}, where {planned} were planned", bytes(peak));
@@ -174,7 +174,7 @@ pub fn report(body: &Precomputed) -> Table {
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {
-        format!("; error of its forces {shift:.1e}, of those of a turn {turn:.1e}, relative to one element's")
+        format!(", of its forces {shift:.1e}, of the forces of a turn {turn:.1e}")
     });
     row(
         "all",
@@ -184,7 +184,7 @@ pub fn report(body: &Precomputed) -> Table {
     if let Some(chosen) = &stats.chosen {
         table.row(&["solver", "", chosen]);
     }
-    let shift = format!("error of a shift of all control elements {:.1e}{forces}", rigid.shift);
+    let shift = format!("error of a shift {:.1e}{forces}", rigid.shift);
     table.row(&["rigid motion", "", &shift]);
     table
 }

@@ -19,7 +19,7 @@ use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// Show live what the trackers of a stage report: pose, rate, age, jitter and drop-outs of every sensor; buttons, valuators
+/// Show live what the trackers of a stage report: pose, rate, age, jitter and drop-outs of every sensor
 ///
 /// On a terminal the table stays in its place; into a file or a pipe it is written anew each time. Ctrl+C ends it. With --once
 /// or --seconds the status is 1 if at the end a tracker is not there or a sensor of the stage was never heard. The columns:

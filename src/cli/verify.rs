@@ -2,13 +2,14 @@
 
 use super::marks;
 use super::print::print;
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
-use crate::verify::{self, ConvergenceRow, Effort, PROBLEMS, Problem};
+use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem};
+use indexmap::IndexMap;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -62,7 +63,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     for problem in chosen(&args.problems)? {
         let solved = verify::run(problem, effort).map_err(Failure::work)?;
         let section = section(problem, &solved);
-        if !args.json {
+        if !args.json && is_verbose() {
             print(&section)?;
         }
         text.push_str(&section);
@@ -71,6 +72,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.json {
         let rows: Vec<Value> = rows.iter().map(as_json).collect();
         print(&format!("{:#}\n", json!(rows)))?;
+    } else if !is_verbose() {
+        let fits = text.lines().count() <= SCREEN;
+        print(&if fits { text.clone() } else { format!("{}\n", summary(&rows).text()) })?;
     }
     if let Some(path) = &args.readme {
         let machine = format!(
@@ -102,9 +106,7 @@ fn print_study(
     if args.json {
         print(&format!("{json:#}\n"))?;
     } else {
-        let text = |([heading, _], table): &([String; 2], Table)| headed(heading, table.text());
-        let end = if tables.iter().all(|([heading, _], _)| heading.is_empty()) { "\n" } else { "" };
-        print(&(tables.iter().map(text).collect::<String>() + end))?;
+        print(&on_a_screen(tables.iter().map(|([heading, _], table)| headed(heading, table.text()))))?;
     }
     if let Some(path) = &args.readme {
         let markdown = |([_, heading], table): &([String; 2], Table)| headed(heading, table.markdown());
@@ -113,6 +115,53 @@ fn print_study(
     match judged {
         Ok(said) => said.map_or(Ok(()), |said| verdict(args.json, &said)),
         Err(why) => Err(Failure::Work(anyhow::anyhow!(why))),
+    }
+}
+
+/// Lines of tables that are printed without `--verbose`, so that all fits a screen with the verdict.
+const SCREEN: usize = 36;
+
+/// The first texts that fit a screen, and how many are left out; all with `--verbose`.
+fn on_a_screen(texts: impl Iterator<Item = String>) -> String {
+    let (mut shown, mut left_out) = (String::new(), 0);
+    for text in texts {
+        if is_verbose() || left_out == 0 && shown.lines().count() + text.lines().count() <= SCREEN {
+            shown += &text;
+        } else {
+            left_out += text.lines().count();
+        }
+    }
+    if left_out > 0 {
+        shown += &format!("{left_out} more lines of tables: --verbose\n");
+    }
+    shown
+}
+
+/// A row for each problem and element: the errors on the finest mesh, the rates, and how many bounds hold.
+fn summary(rows: &[ConvergenceRow]) -> Table {
+    let mut table = Table::new(&["problem", "element", "nodes", "errors", "rates", "bounds that hold"]);
+    let mut groups: IndexMap<[&str; 2], Vec<&ConvergenceRow>> = IndexMap::new();
+    rows.iter().for_each(|row| groups.entry([&row.problem, &row.element]).or_default().push(row));
+    for ([problem, element], rows) in groups {
+        let finest = || rows.iter().filter_map(|row| row.levels.last());
+        let nodes = finest().map(|level| level.nodes).max().unwrap_or(0);
+        let errors = range(finest().map(|level| level.error), percent);
+        let rates = range(rows.iter().filter_map(|row| row.rate), |rate| format!("{rate:.2}"));
+        let bounded: Vec<bool> =
+            rows.iter().filter(|row| row.bound != Bound::NONE).map(|row| row.holds()).collect();
+        let holds = format!("{} of {}", bounded.iter().filter(|holds| **holds).count(), bounded.len());
+        table.row(&[problem, element, &nodes.to_string(), &errors, &rates, &holds]);
+    }
+    table
+}
+
+/// "0.3 % to 2 %": the least and the largest of some numbers.
+fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> String {
+    let widest = |(least, most): (f64, f64), x: f64| (least.min(x), most.max(x));
+    match numbers.fold((f64::INFINITY, f64::NEG_INFINITY), widest) {
+        (least, most) if least > most => String::new(),
+        (least, most) if least == most => text(least),
+        (least, most) => format!("{} to {}", text(least), text(most)),
     }
 }
 

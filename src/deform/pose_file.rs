@@ -206,8 +206,8 @@ fn goes_on_from(poses: &[Pose], place: usize) -> Result<Option<usize>, (usize, S
         Some(before) if before < place => Ok(Some(before)),
         Some(itself) if itself == place => wrong(format!("pose \"{name}\" cannot go on from itself")),
         Some(_) => wrong(format!(
-            "pose \"{}\" goes on from \"{name}\", which stands further down: a pose goes on from one above it; move \
-             \"{name}\" up, unless it goes on from \"{}\" in its turn",
+            "pose \"{}\" goes on from \"{name}\", which stands further down. Move \"{name}\" up, unless it \
+             goes on from \"{}\"",
             pose.name, pose.name
         )),
         None if poses.iter().any(|other| other.name == *name) => {
@@ -295,8 +295,8 @@ pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
     (angle > DOUBTFUL).then(|| {
         let degrees = angle.to_degrees();
         format!(
-            "control element {} is turned by {degrees:.1}° against {}, each by its shorter turn from rest; their matrices \
-             are the same after {:.1}° the other way: to go that way, write a pose half way there, and `after` in this one",
+            "control element {} is turned by {degrees:.1}° against {}, by the shorter turn; {:.1}° the other \
+             way has the same matrices. For that way add a pose half way, and `after`",
             name(turned),
             name(other),
             360.0 - degrees

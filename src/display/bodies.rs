@@ -3,7 +3,7 @@
 
 use super::device;
 use super::device::Choice;
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::plates::{Anchor, Plate, Tone};
 use crate::render::{BodyBuffers, BodyInstance, Drawable, FrameContents, Gpu, RenderError};
 use crate::world::{BodyFrame, PlacedBody, World, out_of_range};
@@ -47,7 +47,9 @@ impl GpuBodies {
         };
         for (body, shown) in world.bodies.iter_mut().zip(&world.frame.bodies) {
             let (buffers, choice) = device::buffers(gpu, body, shown, asked.deform)?;
-            notice!("body.{}: {}", body.deformer.body, choice.describe());
+            if is_verbose() {
+                notice!("body.{}: {}", body.deformer.body, choice.describe());
+            }
             bodies.buffers.push(buffers);
             bodies
                 .uploaded

@@ -102,9 +102,7 @@ impl Multiview {
 /// Describes the graphics device, for the first lines of a session, with the samples of a pixel if these were not asked for.
 pub fn describe(gpu: &Gpu, samples: Samples) -> String {
     let few = match samples {
-        Samples::Auto if gpu.is_software => {
-            "; 1 sample a pixel, since 4 take some three times as long in software: --samples 4"
-        }
+        Samples::Auto if gpu.is_software => "; 1 sample a pixel (--samples 4 smooths edges)",
         _ => "",
     };
     format!("{}{few}", gpu.describe())

@@ -66,11 +66,7 @@ impl PictureRequest {
         let mut playback = Playback::new(session, self.frames)?;
         let frames = if playback.moves() { self.frames } else { 1 };
         if frames < self.frames {
-            notice!(
-                "one frame in place of {}: nothing moves without a script; --script bend, or script in the scene file, \
-                 moves head and stylus",
-                self.frames
-            );
+            notice!("one frame instead of {}: without a script nothing moves (--script bend)", self.frames);
         }
         let bar = indicatif::ProgressBar::new(frames as u64).with_message("frames");
         let mut chosen = SheetFrames::new(frames);

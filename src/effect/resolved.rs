@@ -77,8 +77,8 @@ impl Resolved {
             None => self.requirements(name),
             Some(law) => {
                 let message = format!(
-                    "\"{}\" is static equilibrium itself, which other models are measured against: write model = \
-                     \"rotation\" or \"linear\" to have an accuracy measured",
+                    "\"{}\" is static equilibrium itself, and has no accuracy to measure: write model = \"rotation\" \
+             or \"linear\"",
                     law.name
                 );
                 Err(wrong(scene, name, "model", message))
@@ -266,8 +266,8 @@ impl ResolvedBody {
         let is_known = |family: &&str| [AFFINE.name, STIFFNESS.name].contains(family);
         let Some(family) = required.families().find(|family| !is_known(family)) else { return Ok(()) };
         let message = format!(
-            "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model = \"linear\", for \
-             pictures without forces also \"rotation\", or {remedy}",
+            "\"{}\" with these effects needs the family {family}, which is made from tetrahedra: write model \
+             = \"linear\", or {remedy}",
             self.model.name
         );
         Err(wrong(scene, name, "model", message))

@@ -51,8 +51,8 @@ pub fn ask<'a>(scene: &'a Resolved, pose: &'a Pose, path: &Path) -> Result<PoseR
     let freedom = pose_file::freedom(pose, body, &scene.body[body], path)?;
     if !freedom.is_empty() && !has_forces(scene, body)? {
         return Err(wrong(format!(
-            "a control element that is free is found by the forces of the body, and body.{body} has none: list \
-             effects = [\"haptics\"], or take model = \"stvk\", for which nothing is precomputed"
+            "free control elements need forces, and body.{body} has none: list effects = [\"haptics\"], or \
+             take model = \"stvk\""
         )));
     }
     let loads = pose_file::loads(pose, (body, &scene.body[body]), scene.bodies[body].model, path)?;

@@ -5,7 +5,7 @@ use super::asked::{PoseRequest, has_forces, lead};
 use super::result_set::{ControlForces, Geometry, MissedPose, Needs, PoseResult, ResultSet, StressResult};
 use super::told::{PointPush, PoseFacts, Sureness};
 use super::{free_poses, statics, unsure};
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{self, notice};
 use crate::base::failure::Failure;
 use crate::deform::{
     AppliedLoads, ControlPose, Deformer, EquilibriumResult, ModelEntry, PoseSlope, Strain, Wrench, model_of,
@@ -259,9 +259,8 @@ fn surface_result(
     lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
         notice!(
-            "warning: {}: the model \"{}\" finds no frame or no equilibrium: its control elements are turned too far \
-             against each other, or are too far apart. The result has an earlier one and is not to be trusted; \
-             model = \"stvk\" solves such a pose anew",
+            "warning: {}: the model \"{}\" finds no equilibrium, and the result is that of an earlier pose. \
+             Take model = \"stvk\" for this pose",
             asked.place(),
             body.entry.name
         );
@@ -295,9 +294,7 @@ fn volume_results(
     }
     let requirements = scene.requirements(name)?.without(UPDATES);
     let solution = green::solve(scene, name, &requirements, &Silent)?;
-    for notice in &solution.notices {
-        notice!("{notice}");
-    }
+    diagnostic::report("", &solution.notices);
     let held: Vec<&[u32]> = solution.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
     let mut found = Vec::new();

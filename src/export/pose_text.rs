@@ -3,6 +3,7 @@
 
 use super::result_set::{PoseResult, ResultSet};
 use super::told::{FirstYield, PointPush, Sureness};
+use crate::base::diagnostic::is_verbose;
 use crate::base::quantity::{quantity, scale_of};
 use crate::base::table::Table;
 use crate::deform::{COMPONENTS, ControlPose, Freedom, Wrench, percent};
@@ -21,19 +22,26 @@ const NOTICED: f64 = 0.02;
 /// Part of the largest force or moment below which one is rounding.
 const ROUNDING: f64 = 1e-7;
 
-/// The text about all poses, one after another.
+/// The text about all poses, one after another; sentences that hold for all of them stand once, at the end.
 pub fn of_set(set: &ResultSet) -> String {
-    set.results.iter().map(|result| of_result(set, result)).collect()
-}
-
-fn of_result(set: &ResultSet, result: &PoseResult) -> String {
-    let rest =
-        set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..]);
-    let size = super::free_poses::size(rest.unwrap_or_default().iter().copied());
-    let heading =
-        format!("\npose \"{}\": body.{}, model {}\n", result.pose, result.body, result.told.model.name);
-    let lines: String = sentences(result, Some(size)).into_iter().map(|line| format!("  {line}\n")).collect();
-    format!("{heading}{}{lines}", table(result).text())
+    let rest = |result: &PoseResult| {
+        set.geometry.iter().find(|geometry| geometry.body == result.body).map(|geometry| &geometry.rest[..])
+    };
+    let size =
+        |result: &PoseResult| super::free_poses::size(rest(result).unwrap_or_default().iter().copied());
+    let said: Vec<Vec<String>> =
+        set.results.iter().map(|result| sentences(result, Some(size(result)))).collect();
+    let of_all = |line: &&String| said.len() > 1 && said.iter().all(|lines| lines.contains(line));
+    let mut text = String::new();
+    for (result, lines) in set.results.iter().zip(&said) {
+        let PoseResult { pose, body, told, .. } = result;
+        text +=
+            &format!("\npose \"{pose}\": body.{body}, model {}\n{}", told.model.name, table(result).text());
+        text.extend(lines.iter().filter(|line| !of_all(line)).map(|line| format!("  {line}\n")));
+    }
+    let common: Vec<String> =
+        said.iter().take(1).flatten().filter(of_all).map(|line| format!("  {line}\n")).collect();
+    if common.is_empty() { text } else { format!("{text}\nall poses:\n{}", common.concat()) }
 }
 
 /// Sentences about a pose; comparisons with the body's size where that is given.
@@ -45,6 +53,9 @@ pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
     lines.extend(stress(result));
     lines.extend(sureness(result));
     lines.extend(what_holds(result));
+    if size.is_some() && result.wrenches.is_none() {
+        lines.push(format!("no forces: they need effects = [\"{}\"]", name_of(|effect| effect.needs_energy)));
+    }
     lines
 }
 
@@ -108,16 +119,16 @@ fn table(result: &PoseResult) -> Table {
     let floors = floors(result);
     let plain = |v: Vector3<f64>, floor: f64| if v.norm() <= floor { Vector3::zeros() } else { v };
     let error = result.told.error.measured();
-    let heading: &[&str] = &["control", "moved by", "turned by", "force", "moment about its place"];
-    let mut table = Table::new(heading);
+    let heading = ["control", "moved by", "turned by", "force", "moment about its place"];
+    let columns = if result.wrenches.is_some() { 5 } else { 3 };
+    let mut table = Table::new(&heading[..columns]);
     for (e, name) in result.told.names.iter().enumerate() {
         let Some(pose) = result.told.control.get(e) else { continue };
         let turn = nearest_turn(&pose.matrix).scaled_axis();
         let turned = format!("{:.3}°", turn.norm().to_degrees());
         let moved =
             if pose.translation.amax() == 0.0 { "0".to_owned() } else { vector(&pose.translation, "m") };
-        let unknown = format!("needs effects = [\"{}\"]", name_of(|effect| effect.needs_energy));
-        let (mut force, mut moment) = (unknown, String::new());
+        let (mut force, mut moment) = (String::new(), String::new());
         if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
             let placed = as_found(wrench.about_the_place(pose), result.told.freedom.get(e));
             let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
@@ -130,7 +141,7 @@ fn table(result: &PoseResult) -> Table {
             force = of(plain(placed.force, floors[0]), "N", error.map(|error| error.force));
             moment = of(plain(placed.moment, floors[1]), "N·m", error.map(|error| error.moment));
         }
-        table.row(&[name, &moved, &turned, force.trim(), moment.trim()]);
+        table.row(&[name, &moved, &turned, force.trim(), moment.trim()][..columns]);
     }
     table
 }
@@ -192,11 +203,11 @@ fn what_holds(result: &PoseResult) -> Vec<String> {
         {
             let moment = quantity(placed.moment.norm(), "N·m");
             lines.push(format!(
-                "{name}: this end cannot turn: a moment of {moment} holds it; free = [\"rotation\"] lets it turn"
+                "{name} is clamped against turning ({moment}). To let it turn: free = [\"rotation\"]"
             ));
         }
         if let Some(along) = slid(pose, &placed, &freedom.free) {
-            lines.push(format!("{name}: {along}"));
+            lines.push(format!("{name} {along}"));
         }
     }
     lines
@@ -214,7 +225,7 @@ fn slid(pose: &ControlPose, placed: &Wrench, free: &[bool; 6]) -> Option<String>
     (!is_held.is_empty()).then(|| {
         let list: Vec<String> = is_held.iter().map(|name| format!("\"{name}\"")).collect();
         format!(
-            "it is held from sliding aside by {}, beside {} along its way; free = [{}] lets it slide",
+            "is held from sliding aside by {} ({} along its way). To let it slide: free = [{}]",
             quantity(across.norm(), "N"),
             quantity(along, "N"),
             list.join(", ")
@@ -230,8 +241,8 @@ fn far(result: &PoseResult, size: f64) -> Vec<String> {
         if times > FAR {
             let (way, whole) = (quantity(pose.translation.norm(), "m"), quantity(size, "m"));
             lines.push(format!(
-                "warning: {name} is moved by {way}, {times:.0} times the body's size of {whole}: poses are in metres; \
-                 were millimetres meant?"
+                "warning: {name} is moved by {way}, {times:.0} times the body's size of {whole}. Poses are in \
+             metres: were millimetres meant?"
             ));
         }
     }
@@ -239,8 +250,8 @@ fn far(result: &PoseResult, size: f64) -> Vec<String> {
     if lines.is_empty() && most > FAR * size {
         let (way, whole) = (quantity(most, "m"), quantity(size, "m"));
         lines.push(format!(
-            "warning: a node moves by {way}, {:.0} times the body's size of {whole}: what acts on it is far too strong for \
-             its material, or one of the two has another unit (Pa, N, kg/m³)",
+            "warning: a node moves by {way}, {:.0} times the body's size of {whole}. Check the units of \
+             loads and material (Pa, N, kg/m³)",
             most / size
         ));
     }
@@ -258,15 +269,13 @@ fn stress(result: &PoseResult) -> Vec<String> {
         {
             let elsewhere = reached.inside.limit.map_or(0.0, |(part, _)| part);
             lines.push(format!(
-                "the limit is passed at the edges of control elements alone, by peaks that may grow with a finer mesh; elsewhere {} \
-                 of it is reached",
+                "above the limit only at edges of control elements, whose peaks grow with a finer mesh; \
+             elsewhere {} of the limit",
                 percent(elsewhere)
             ));
         }
         (None, Some((part, _))) if part > 1.0 => {
-            lines.push(
-                "elastic only: what yields is not computed; forces beyond the limit are not real".to_owned(),
-            );
+            lines.push("Yielding is not computed: forces beyond the limit assume elasticity".to_owned());
         }
         (None, Some((part, _))) if part > 0.5 || !result.told.loads.is_none() => {
             lines.push(format!("no yield: {} of the limit is reached", quantity(part, "")));
@@ -285,13 +294,12 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
         .max_by(|&a, &b| size_of(&first.control[a]).total_cmp(&size_of(&first.control[b])))
         .unwrap_or(0);
     if first.share == 0.0 {
-        return "elastic only: the loads alone pass the limit, before anything is moved; what is beyond is not real"
-            .to_owned();
+        return "The loads alone pass the limit. Beyond that, forces assume elasticity".to_owned();
     }
     let (pose, name) = (&first.control[moved], result.told.names.get(moved).map_or("", String::as_str));
     let way = match pose.translation.norm() {
-        0.0 => format!("{name} turned by {:.2}°", nearest_turn(&pose.matrix).angle().to_degrees()),
-        way => format!("{name} moved by {}", quantity(way, "m")),
+        0.0 => format!("{:.2}° of {name}", nearest_turn(&pose.matrix).angle().to_degrees()),
+        way => format!("{} of {name}", quantity(way, "m")),
     };
     let wrench = first.wrenches.as_ref().and_then(|wrenches| wrenches.get(moved));
     let force = wrench.map_or(String::new(), |wrench| {
@@ -299,22 +307,19 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
         let by = plus_minus(first.error.map(|error| error.force), "N");
         let along = pose.translation.try_normalize(0.0).map(|way| wrench.force.dot(&way));
         let along = along.filter(|along| (along.abs() - size).abs() > 0.02 * size);
-        let along = along.map_or(String::new(), |along| format!(" ({} along its way)", quantity(along, "N")));
-        format!(", with {}{along}", format!("{} {by}", quantity(size, "N")).trim_end())
+        let along = along.map_or(String::new(), |along| format!(", {} along its way,", quantity(along, "N")));
+        format!("{}{along} at ", format!("{} {by}", quantity(size, "N")).trim_end())
     });
     let share = percent(first.share);
     // Near rest stress grows as the way does.
     let edges = match first.at_edges {
-        part if part > 1.02 => format!(
-            ". The edges of control elements are left out: peaks of stress there, which may grow with a finer mesh, reach the limit at \
-             about {}",
+        part if part > 1.02 && is_verbose() => format!(
+            " Peaks at the edges of control elements, which grow with a finer mesh, reach the limit at about {}.",
             percent(first.share / part)
         ),
         _ => String::new(),
     };
-    format!(
-        "elastic only: first yield at {way}{force}: {share} of this pose; what is beyond is not real{edges}"
-    )
+    format!("First yield: {force}{way} ({share} of this pose). Beyond that, forces assume elasticity.{edges}")
 }
 
 fn size_of(pose: &ControlPose) -> f64 {
@@ -338,8 +343,7 @@ fn sureness(result: &PoseResult) -> Vec<String> {
             )];
             if model > DOUBTFUL && result.told.model.law().is_none() {
                 lines.push(
-                    "for forces in this pose take model = \"stvk\": solved anew for each pose, nothing is precomputed, no \
-                     error by the model"
+                    "For forces in this pose take model = \"stvk\", which adds no error of its own"
                         .to_owned(),
                 );
             }

@@ -2,7 +2,7 @@
 
 use super::asked::PoseRequest;
 use super::free_poses;
-use crate::base::diagnostic::notice;
+use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::progress::Bars;
 use crate::base::table::{Table, seconds};
@@ -98,7 +98,8 @@ pub fn solve(
                     let end = format!("none beyond {:.1} %", 100.0 * share);
                     add_row(&mut table, pose.asked.pose, settled, [&end, ""], &took);
                 }
-                settled.push(Err(format!("{place}: {error}")));
+                let details = error.details().filter(|_| is_verbose()).map(|details| format!(". {details}"));
+                settled.push(Err(format!("{place}: {error}{}", details.unwrap_or_default())));
             }
             Err(error) => {
                 return Err(match failure(error) {
@@ -158,8 +159,8 @@ fn inverted(statics: &Statics, found: &EquilibriumResult) -> String {
     let tags = |&tet: &usize| format!("{:?}", mesh.tets[tet].map(|node| mesh.tags[node as usize]));
     let named: Vec<String> = found.inverted.iter().take(5).map(tags).collect();
     format!(
-        "{} of {} tetrahedra are turned inside out (least det F {:.3}; nodes {}{}): the forces balance, but no real \
-         body does this; turn or press less, or refine there",
+        "{} of {} tetrahedra are turned inside out (least det F {:.3}; nodes {}{}): no real body does \
+             this. Turn or press less, or refine there",
         found.inverted.len(),
         mesh.tets.len(),
         found.least_det.0,

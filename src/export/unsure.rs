@@ -18,11 +18,10 @@ pub(super) enum ErrorSource<'a> {
 pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom: &[Freedom]) -> String {
     let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     if body.method == Method::Bem {
-        return "solve once more with refine = 1, or half the longest_edge, and compare".to_owned();
+        return "solve again with refine = 1, and compare".to_owned();
     }
     if resolved.model.law().is_some() {
-        return "the model adds none; for the mesh's part solve again on half the cell, or with element = \"tet10\""
-            .to_owned();
+        return "none by the model; for the mesh's part solve again with element = \"tet10\"".to_owned();
     }
     if body.is_updated() {
         return CHANGED.to_owned();
@@ -33,21 +32,21 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom
     match looked {
         ErrorSource::InFile(Some(errors)) if freedom.iter().any(Freedom::is_any) => of_free_ends(errors),
         ErrorSource::InFile(Some(errors)) if !errors.moved.is_empty() => {
-            let pose = "the pose is beyond those in which it was measured";
+            let pose = "the pose is beyond those measured";
             match body.loads().is_empty() && body.surface_compliance.is_none() {
                 true => pose.to_owned(),
                 false => {
-                    format!("{pose}, or other loads act than those of the scene, under which it was measured")
+                    format!("{pose}, or under other loads")
                 }
             }
         }
         ErrorSource::InFile(Some(errors)) if !errors.left_out.is_empty() => errors.left_out.join("; "),
         ErrorSource::Nowhere if resolved.entries().any(|effect| effect.measures_errors) => {
-            "the .green file has them, which is not read: leave --all-nodes out".to_owned()
+            "leave --all-nodes out: the .green file has it".to_owned()
         }
         _ => {
             let effect = name_of(|effect| effect.measures_errors);
-            format!("list the effect \"{effect}\", which measures it while precomputing")
+            format!("effect \"{effect}\" measures it")
         }
     }
 }
@@ -62,8 +61,7 @@ fn of_free_ends(errors: &ExpectedErrors) -> String {
     match measured.is_empty() {
         true => "no free end could be measured".to_owned(),
         false => format!(
-            "free ends were measured by pushing {} alone, free in all else, while the others rest, and not so far or not \
-             in this way",
+            "free ends were measured by pushing {} alone, not so far or not in this way",
             measured.join(" or ")
         ),
     }
@@ -97,7 +95,7 @@ mod tests {
     #[test]
     fn no_effect_is_advised_that_would_not_help() {
         let listed = |scene: &Scene, looked: ErrorSource<'_>| {
-            why_of(scene, looked, &[]).starts_with("list the effect")
+            why_of(scene, looked, &[]).starts_with("effect \"expected_errors\"")
         };
         let plain = scene("", &BOTH);
         assert!(listed(&plain, ErrorSource::InFile(None)) && listed(&plain, ErrorSource::Nowhere));

@@ -10,18 +10,18 @@ use std::cmp::Ordering;
 #[derive(Debug, thiserror::Error)]
 pub enum AssemblyError {
     #[error(
-        "tetrahedron {index} (nodes with tags {tags:?}) has volume {volume:.3e} m³, relative volume {relative:.1e}; \
-         remove it or move a node: its stiffness would be infinite or wrong"
+        "tetrahedron {index} (nodes with tags {tags:?}) has volume {volume:.3e} m³, relative volume \
+             {relative:.1e}: remove it or move a node"
     )]
     Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
     #[error(
-        "{element} is an element of order {needed}, the mesh of order {order}: quadratic elements need nodes between \
-         the corners, linear ones a mesh without"
+        "{element} is of order {needed}, the mesh of order {order}: quadratic elements need nodes \
+             between the corners"
     )]
     Order { element: &'static str, needed: u32, order: u32 },
     #[error(
-        "the strain energy of {element} on this mesh is no quartic that can be tabulated, as the models \"reduced\" and \
-         \"perturbation\" need it: write element = \"tet4\", or \"tet10\" with straight edges, or model = \"rotation\""
+        "the strain energy of {element} on this mesh is no quartic, as \"reduced\" and \"perturbation\" \
+             need. Write element = \"tet10\" with straight edges, or model = \"rotation\""
     )]
     NoQuartic { element: &'static str },
 }

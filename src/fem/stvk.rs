@@ -16,8 +16,8 @@ pub const STVK: Law = Law {
     name: "stvk",
     title: "St. Venant–Kirchhoff",
     summary: "method 1a, found in the background: St. Venant–Kirchhoff statics, right for large rotations and small strain",
-    remedy: "St. Venant–Kirchhoff material gives way under compression, a bar at 58 % of its length: press or shear \
-             less, refine where it folds, or take model = \"neo_hookean\"",
+    remedy: "This law gives way under compression, a bar at 58 % of its length: press less, or take model = \
+             \"neo_hookean\"",
     energy,
     stress,
     tangent,

@@ -49,15 +49,17 @@ pub fn solve(
     notices.extend(judge(&entity, solved.stats.method, forward_error, &rigid).map_err(failed)?);
     let coarse = bem::relative(&(&solved.traction_work - &solved.work), &solved.work);
     let message = format!(
-        "boundary elements: the tractions on the control elements, constant on each triangle, do a work that differs by {:.1} % of the \
-         largest from that of the energy, which the forces are made from. Large triangles make the body stiffer than it is, and \
-         no figure here tells by how much: solve it once more with refine = 1, which makes four of each, or half the \
-         longest_edge, and compare the forces. A rigid motion, which needs no force, would take {:.0e} of the largest stiffness: so \
-         exact, about, are the integrals over the surface; it is taken out",
-        100.0 * coarse,
-        solved.integration_error
+        "boundary elements: the tractions' work differs by {:.1} % from the energy. Large triangles make \
+             the body too stiff: solve again with refine = 1, and compare the forces",
+        100.0 * coarse
     );
     notices.push(Diagnostic::new(Severity::Note, &entity, message));
+    let message = format!(
+        "boundary elements: a rigid motion would take {:.0e} of the largest stiffness, the error of the integrals, and is taken \
+         out",
+        solved.integration_error
+    );
+    notices.push(Diagnostic::new(Severity::Detail, &entity, message));
     notices.sort_by_key(|finding| finding.severity);
 
     let needs_stiffness = requirements.has(STIFFNESS);

@@ -32,8 +32,8 @@ impl Bytes {
         let too_large = |error: &dyn std::fmt::Display| {
             let gigabytes = length as f64 * 1e-9;
             let reason = format!(
-                "its {length} bytes ({gigabytes:.2} GB) do not fit into memory ({error}); storage = \"int16\" halves \
-                 the columns, a coarser mesh or fewer control elements need fewer"
+                "its {length} bytes ({gigabytes:.2} GB) do not fit into memory ({error}). Write storage = \
+             \"int16\", or take a coarser mesh"
             );
             Error::new(ErrorKind::OutOfMemory, reason)
         };

@@ -34,7 +34,7 @@ fn unit(entity: &str, mesh: &TetMesh, material: &Material) -> Option<Diagnostic>
     implausible(side, material.largest_m()).map(|message| Diagnostic::new(Severity::Note, entity, message))
 }
 
-/// Control elements that span no volume, all that are alike in one note.
+/// Control elements that span no volume, all that are alike in one detail.
 fn shapes(entity: &str, controls: &[ControlElement]) -> Vec<Diagnostic> {
     let mut alike: IndexMap<String, Vec<&str>> = IndexMap::new();
     for control in controls {
@@ -42,10 +42,10 @@ fn shapes(entity: &str, controls: &[ControlElement]) -> Vec<Diagnostic> {
             alike.entry(notice).or_default().push(&control.name);
         }
     }
-    let note = |(notice, names): (String, Vec<&str>)| {
-        Diagnostic::new(Severity::Note, entity, format!("control {}: {notice}", names.join(", ")))
+    let detail = |(notice, names): (String, Vec<&str>)| {
+        Diagnostic::new(Severity::Detail, entity, format!("control {}: {notice}", names.join(", ")))
     };
-    alike.into_iter().map(note).collect()
+    alike.into_iter().map(detail).collect()
 }
 
 /// Control elements that share nodes, and pieces that none holds or joins ([`pieces`]).
@@ -62,8 +62,8 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
             let other = &controls[other];
             let shared = control.nodes.iter().filter(|n| other.nodes.binary_search(n).is_ok()).count();
             let message = format!(
-                "overlaps control {}: {shared} nodes belong to both (the first has tag {}); each node can be \
-                 prescribed by one control element only, so make the selections disjoint",
+                "overlaps control {}: {shared} nodes belong to both (the first has tag {}). Make the selections \
+             disjoint",
                 other.name, mesh.tags[node as usize]
             );
             let entity = format!("{entity}.control.{}", control.name);
@@ -78,16 +78,12 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
 /// they are (plates of 1 × 1 m, 5 to 100 mm thick, beside `tet10`: chapter `method`).
 pub fn walls(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
     let ThinWalls { share, edge, thickness } = thin_walls(mesh, 2.0).filter(|walls| walls.share > 0.1)?;
+    let [thin, long] = [thickness, edge].map(digits);
     let message = format!(
-        "under {:.0} % of its surface the body is thinner than half the longest edge of the triangle there, half of that with \
-         edges of {} m on {} m or worse: boundary elements bend such a wall too stiffly, this one about {:.1} \
-         times. Write longest_edge = {} or less; or fill the body with tetrahedra (leave out method) of element = \
-         \"tet10\", which needs few",
-        100.0 * share,
-        digits(edge),
-        digits(thickness),
+        "walls {thin} m thick with edges of {long} m bend about {:.1} times too stiffly (under {:.0} % \
+             of the surface). Write longest_edge = {thin}, or fill the body (no method) with tet10",
         1.0 + (edge / thickness).powi(2) / 18.0,
-        digits(thickness),
+        100.0 * share,
     );
     Some(Diagnostic::new(Severity::Warning, entity, message))
 }
@@ -111,8 +107,9 @@ pub fn materials(
     let locks = |material: &Material| body.method == Method::Fem && material.poisson > LOCKING;
     for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks(material)) {
         let (severity, advice) = nearly_incompressible(body.element);
-        let message = format!("Poisson's ratio {poisson} is nearly incompressible: {advice}");
+        let message = format!("Poisson's ratio {poisson}: {advice}");
         findings.push(Diagnostic::new(severity, format!("{entity}.{key}"), message));
+        findings.push(Diagnostic::new(Severity::Detail, format!("{entity}.{key}"), COARSE));
     }
     let mut controlled = vec![false; mesh.nodes.len()];
     for &node in controls.iter().flat_map(|control| &control.nodes) {
@@ -121,9 +118,9 @@ pub fn materials(
     for part in floating(mesh, lame, &controlled, STIFF[0]) {
         let severity = if part.ratio > STIFF[1] { Severity::Error } else { Severity::Warning };
         let message = format!(
-            "{} inside material that is {:.1e} times softer ({} tetrahedra around {}) and {}: the part's own motion is \
-             lost in rounding (digits left: about {:.0}); make the contrast smaller, 10⁶ is as good as rigid, or hold \
-             the part by a control element at three nodes or more that are not on one line",
+            "{}, {:.1e} times stiffer than what is around it ({} tetrahedra around {}), and {}: about {:.0} \
+             digits of its own motion are left. A contrast of 10⁶ is as good as rigid; or hold it at three \
+             nodes off one line",
             floats(mesh, &part),
             part.ratio,
             part.tetrahedra,
@@ -136,20 +133,24 @@ pub fn materials(
     findings
 }
 
-/// Warning or note for an element near ν = 1/2, with its expected error and a remedy. Every model takes every element, so the
-/// advice leads to none that a model refuses.
+/// Errors of coarse meshes near ν = 1/2.
+const COARSE: &str = "at Poisson's ratio 0.4999 the moment of a bent bar errs by 31 % with 4 cells of tet4_anp through its \
+                      thickness and by 10 % with 8, by 9 % with 2 of tet10 and by 2 % with 4";
+
+/// Warning or note for an element near ν = 1/2, with a remedy.
 fn nearly_incompressible(element: &Element) -> (Severity, &'static str) {
-    if element.locks {
-        let advice = "linear tetrahedra lock and the body is too stiff, the more the nearer to 0.5 and the coarser the \
-                      mesh; write element = \"tet10\" (least error for its nodes) or \"tet4_anp\" (same nodes, does \
-                      not lock), with any model; effects = [\"expected_errors\"] measures what each adds to your forces";
-        return (Severity::Warning, advice);
+    match element.locks {
+        true => (
+            Severity::Warning,
+            "linear tetrahedra lock, and the body is too stiff. Write element = \"tet10\" (least error) or \"tet4_anp\" \
+             (same nodes)",
+        ),
+        false => (
+            Severity::Note,
+            "the element does not lock, but coarse meshes are too stiff. effects = [\"expected_errors\"] measures by how \
+             much",
+        ),
     }
-    let advice = "this element does not lock, but a coarse mesh is still too stiff: at 0.4999 the moment of a bent bar \
-                  errs by 31 % with 4 cells of tet4_anp through its thickness and by 10 % with 8, by 9 % with 2 of \
-                  tet10 and by 2 % with 4. Keep the element, and refine where that is too much: effects = \
-                  [\"expected_errors\"] measures it on this body, and this command then prints it";
-    (Severity::Note, advice)
 }
 
 /// "region 2 and a part of region 3 (bone) float".

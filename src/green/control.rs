@@ -49,19 +49,15 @@ impl ControlElement {
     /// Notice to the user about a control element that does not span a volume.
     pub fn notice(&self) -> Option<String> {
         let shape = match self.rank {
-            0 => "a single point: its rotation and scale move nothing",
-            1 => "collinear: turning about its line moves nothing",
-            2 => "planar: scaling along its normal moves nothing",
+            0 => "a single point",
+            1 => "collinear",
+            2 => "planar",
             _ => return None,
         };
         let zero: Vec<&str> =
             FIELD_NAMES.iter().zip(self.vanishing).filter(|(_, zero)| *zero).map(|(name, _)| *name).collect();
-        let zero = if zero.is_empty() {
-            String::new()
-        } else {
-            format!("; the columns {} are zero", zero.join(", "))
-        };
-        Some(format!("{shape}, so {} of {FIELDS} fields are independent{zero}", self.independent_fields()))
+        let zero = if zero.is_empty() { String::new() } else { format!("; {} are zero", zero.join(", ")) };
+        Some(format!("{shape}: {} of {FIELDS} fields are independent{zero}", self.independent_fields()))
     }
 
     /// Writes the unit affine displacement of every field that does not vanish into columns `first..first + 12` of

@@ -29,15 +29,15 @@ pub enum GreenError {
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error(
-        "body.{body}.updates: the effect {effect} has columns of its own, which hold only for the body as it is precomputed; leave \
-         out the effect or updates"
+        "body.{body}.updates: the columns of the effect {effect} hold only for the body as precomputed. \
+             Leave out the effect or updates"
     )]
     Updates { body: String, effect: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error(
-        "{body}: compressed, the compliance of the surface errs by {found:.1e} of a pressed node's displacement, where \
-         surface_compliance asks for kept = {{ error = {asked:e} }}; write a larger error, or kept = \"inverse\""
+        "{body}: the compressed compliance errs by {found:.1e}, above kept = {{ error = {asked:e} }}. \
+             Write a larger error, or kept = \"inverse\""
     )]
     Compression { body: String, asked: f64, found: f64 },
     #[error("{}: {source}", path.display())]
@@ -49,8 +49,8 @@ pub enum GreenError {
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
     Damaged { path: PathBuf, reason: String },
     #[error(
-        "{}: is stale: the scene, its mesh or the program changed since it was made (its fingerprint is {found}, \
-         the scene's {expected}); run `greenstage precompute` on the scene",
+        "{}: is stale: made for fingerprint {found}, the scene now has {expected}. Run `greenstage \
+             precompute` on the scene",
         path.display()
     )]
     Stale { path: PathBuf, found: String, expected: String },

@@ -87,8 +87,8 @@ impl CompressedMeta {
     pub fn told(&self) -> String {
         let CompressedMeta { asked, measured, nodes } = self;
         format!(
-            "compressed compliance: a displacement is wrong by at most {measured:.1e} of that of the pressed node, as measured at \
-             {nodes} nodes; asked for {asked:e}"
+            "compressed compliance: error at most {measured:.1e} of the pressed node's displacement, at \
+             {nodes} nodes (asked: {asked:e})"
         )
     }
 }

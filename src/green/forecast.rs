@@ -97,9 +97,7 @@ impl Forecast {
             }
             Err(_) => String::new(),
         };
-        Err(format!(
-            "by an estimate from its nodes at their least, {refused}: write {iterative}a coarser mesh"
-        ))
+        Err(format!("estimated from its nodes, {refused}: write {iterative}a coarser mesh"))
     }
 
     /// The cost of `surface_compliance`, from [`super::compliance_size`]: its columns are solved as others are.
@@ -110,8 +108,8 @@ impl Forecast {
         let [soon, late] = [seconds[0] / SPREAD, seconds[1] * SPREAD].map(duration);
         let [size, peak] = [1.0, WHILE_MADE].map(|times| bytes(times * size as f64));
         format!(
-            "{nodes} of {all} free nodes of the surface take forces: {size} in the .green file, {peak} of memory while it is \
-             made, little when it is used; it takes an estimated {} longer",
+            "{nodes} of {all} free nodes of the surface take forces: {size} in the file, {peak} of memory, \
+             and {} longer while precomputed",
             if soon == late { soon } else { format!("{soon} to {late}") }
         )
     }
@@ -124,8 +122,8 @@ impl Forecast {
             format!("{least} to {most}")
         });
         format!(
-            "{nodes} of {all} free nodes of the surface take forces: by an estimate {file} in the .green file, {memory} of \
-             memory once a node was touched, where kept = \"inverse\" takes {} in the file and little memory",
+            "{nodes} of {all} free nodes of the surface take forces: about {file} in the file and {memory} \
+             of memory (kept = \"inverse\": {} in the file)",
             bytes(size as f64)
         )
     }
@@ -135,8 +133,8 @@ impl Forecast {
         let own = COMPRESSED_NODE[0] - COMPRESSED_NODE[1] * (error.log10() + 3.0);
         let [least, most] = [0.5, 2.0].map(|times| bytes((times * own * all as f64).min(full as f64)));
         format!(
-            "{nodes} of {all} free nodes of the surface take forces: compressed within {error:e}, by an estimate from their number, \
-             {least} to {most} in the .green file, where all numbers take {}",
+            "{nodes} of {all} free nodes of the surface take forces: compressed within {error:e}, {least} to \
+             {most} in the file (uncompressed: {})",
             bytes(full as f64)
         )
     }
@@ -147,8 +145,7 @@ impl Forecast {
         let [soon, late] = self.seconds.map(duration);
         (self.unknowns > SMALL).then(|| {
             format!(
-                "{:.3e} unknowns: by an estimate from their number and the surface, precomputing takes {least} to {most} of \
-                 memory and {} on {} threads",
+                "{:.3e} unknowns: precomputing takes about {} and {least} to {most} of memory ({} threads)",
                 self.unknowns,
                 if soon == late { soon } else { format!("{soon} to {late}") },
                 rayon::current_num_threads()
@@ -170,9 +167,7 @@ fn fill(mesh: &TetMesh) -> [f64; 2] {
 /// fit into this machine.
 pub fn compliance_fits(size: usize) -> Result<(), String> {
     let fits = machine::fits("the compliance of the surface", WHILE_MADE * size as f64, 0.0);
-    fits.map_err(|refused| {
-        format!("{refused}: take fewer nodes, or kept = {{ error = 1e-3 }} or kept = \"factor\", which hold fewer numbers")
-    })
+    fits.map_err(|refused| format!("{refused}: take fewer nodes, or kept = {{ error = 1e-3 }} or \"factor\""))
 }
 
 /// Memory and time of the boundary elements of a prepared body, or the reason why they do not fit.
@@ -270,10 +265,7 @@ mod tests {
             let [thin, compact] = [0, 1].map(|i| NUMBER as f64 * KEPT[i] * forecast.factor_entries[i]);
             assert!(thin <= kept && kept <= compact, "{cells:?}: {kept} in {thin}..{compact}");
             let told = forecast.kept_factor_told([10, 20, 5_000_000]);
-            assert!(
-                told.starts_with("10 of 20 free") && told.contains("\"inverse\" takes 5.00 MB"),
-                "{told}"
-            );
+            assert!(told.starts_with("10 of 20 free") && told.contains("\"inverse\": 5.00 MB"), "{told}");
         }
     }
 
@@ -286,7 +278,7 @@ mod tests {
         assert!(forecast.memory[0] > 3e10 && forecast.memory[1] < 3e11, "{forecast:?}");
         let told = forecast.told().unwrap();
         assert!(
-            told.starts_with("4.200e6 unknowns: by an estimate") && told.contains(" GB of memory"),
+            told.starts_with("4.200e6 unknowns: precomputing takes about") && told.contains(" GB of memory"),
             "{told}"
         );
     }

@@ -36,10 +36,9 @@ pub fn judge(
     // Displacements and pulls are judged above: what is left is a moment that S has no digits for.
     findings.extend(turn.map(|turn| {
         let message = format!(
-            "the force or moment that a turn of all control elements costs one of them is {turn:.1e} of that of turning \
-             it alone, where it should be 0: S holds the far larger stiffness against straining that control element in \
-             the same numbers; pulls are right, moments are not to be trusted beyond this part; make the contrast of \
-             stiffness smaller, 10⁶ is as good as rigid"
+            "moments are uncertain by {turn:.1e} of that of turning one control element (a turn of all \
+             should cost 0); forces are right. Make the contrast of stiffness smaller: 10⁶ is as good as \
+             rigid"
         );
         Diagnostic::new(Severity::Warning, entity, message)
     }));

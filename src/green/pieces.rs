@@ -105,9 +105,8 @@ fn loose(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
         let is_apart = !nodes.iter().any(|node| hinges.binary_search(node).is_ok());
         let gap = if is_apart && findings.len() < MEASURED { gap(mesh, &marked(mesh, nodes)) } else { None };
         let message = format!(
-            "piece {} of {count} of the mesh ({} nodes, tags {}…, around {}) {how}{}; hold it with a control element at \
-             three nodes or more that are not on one line, join it to the rest by shared faces{}, or remove it from the \
-             mesh",
+            "piece {} of {count} of the mesh ({} nodes, tags {}…, around {}) {how}{}. Hold it at three nodes \
+             off one line, or join it to the rest by shared faces{}",
             piece + 1,
             nodes.len(),
             pieces.tags(mesh, piece),
@@ -157,8 +156,8 @@ fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
         let names: Vec<&str> = controls.iter().filter(holds).map(|control| control.name.as_str()).collect();
         let gap = gap(mesh, &inside)?;
         let remedy = match gap.is_narrow {
-            true => format!("if it belongs to the rest, merge nodes {}", gap.tolerance),
-            false => "make a body of its own of it, or hold it by a control element of the rest".to_owned(),
+            true => format!("to join it, merge nodes {}", gap.tolerance),
+            false => "make it a body of its own, or hold it with the rest".to_owned(),
         };
         told.push(format!(
             "part {} of {count} ({} nodes around {}, held by {}): {}; {remedy}",
@@ -173,8 +172,7 @@ fn apart(entity: &str, mesh: &TetMesh, controls: &[ControlElement], pieces: &Pie
         told.push(format!("and {} more", count - 1 - MEASURED));
     }
     let message = format!(
-        "the body is in {count} parts that no control element joins: pulling one never moves the other, and is not felt \
-         there. {}",
+        "the body is in {count} parts that no control element joins, and none moves another. {}",
         told.join(". ")
     );
     Some(Diagnostic::new(Severity::Warning, entity, message))
@@ -254,7 +252,7 @@ mod tests {
 
         let (mesh, controls) = two_cubes(0.5);
         let said = &find("body.b", &mesh, &controls)[0].message;
-        assert!(said.contains("is 0.5000 m") && said.contains("make a body of its own"), "{said}");
+        assert!(said.contains("is 0.5000 m") && said.contains("make it a body of its own"), "{said}");
     }
 
     #[test]

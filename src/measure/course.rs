@@ -271,8 +271,8 @@ impl<'a> Course<'a> {
         let [least, most] = self.loads.get();
         (count > 0).then(|| {
             format!(
-                "{count} of {} steps were reused from a run that was stopped; the machine's load was {least:.1} to {most:.1} \
-                 then, and is {:.1} now. Offline times are of the run that measured them, times of a frame all of this one.",
+                "{count} of {} steps are of a stopped run (load {least:.1} to {most:.1} then, {:.1} now). Their \
+             offline times are of that run.",
                 self.steps.len(),
                 load()
             )

@@ -72,8 +72,8 @@ impl Timing {
         let is_busy = self.scatter > scatter || self.load > load * self.processors as f64;
         is_busy.then(|| {
             format!(
-                "The machine was busy: the same evaluation took {} times as long in one stretch of the measurement as in another, \
-                 and {:.1} programs shared {} processors. Do not use these times; errors and sizes hold.",
+                "The machine was busy: times varied by {}, and {:.1} programs shared {} processors. Do not use \
+             these times; errors and sizes hold.",
                 super::units::times(self.scatter.max(1.0)),
                 self.load,
                 self.processors

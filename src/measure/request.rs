@@ -89,8 +89,8 @@ pub enum MeasureError {
     #[error("the smooth problem: {0}")]
     Smooth(#[from] ProblemError),
     #[error(
-        "the reference needs tet10 on this mesh, {nodes} nodes and three times as many unknowns, more than {largest:.0}; \
-         raise {key} (a million unknowns take some 10 GB), or take a coarser mesh"
+        "the reference (tet10) has {nodes} nodes, and 3 unknowns each, above {largest:.0}. Raise {key} \
+             (10 GB for a million), or coarsen the mesh"
     )]
     TooLarge { nodes: usize, largest: f64, key: String },
     #[error(

@@ -177,8 +177,8 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
         let reason = match raw.elements.len() {
             0 => "the file holds no elements".to_owned(),
             n => format!(
-                "none of the file's {n} elements is a tetrahedron: mesh the volume (gmsh -3); if the file has \
-                              physical groups, Gmsh saves it only where the volume is in one"
+                "none of the file's {n} elements is a tetrahedron: mesh the volume (gmsh -3), and put it into a \
+             physical group if there are any"
             ),
         };
         return Err(FormatFault::whole(reason));
@@ -224,8 +224,8 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
     for (element, nodes) in with_corners(raw, corners).filter(|(element, _)| element.kind.is_tetrahedron) {
         if element.kind != ElementShape::TETRAHEDRON_10 {
             let reason = format!(
-                "tetrahedron {} has {} nodes, others have 10: quadratic elements need all alike (gmsh: SetOrder 2), \
-                 element = \"tet4\" takes the corners of all",
+                "tetrahedron {} has {} nodes, others have 10: make them alike (gmsh: SetOrder 2), or write \
+             element = \"tet4\"",
                 element.tag, element.kind.nodes
             );
             return refuse(element.at, reason);
@@ -252,8 +252,7 @@ fn refuse_duplicates(raw: &RawMesh, tets: &[[u32; 4]], elements: &[RawElement]) 
     let (first, second) = (elements[pair[0].1], elements[pair[1].1]);
     let tags = pair[0].0.map(|node| raw.nodes[node as usize].tag);
     let reason = format!(
-        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one of them (Gmsh writes 2.2 files with \
-         one for each physical group of a volume; save as 4.1)",
+        "tetrahedron {} has the same nodes {tags:?} as tetrahedron {}: keep one (in Gmsh save as 4.1)",
         second.tag, first.tag
     );
     refuse(second.at, reason)

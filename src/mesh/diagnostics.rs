@@ -41,8 +41,8 @@ pub fn find(mesh: &TetMesh) -> Vec<Diagnostic> {
     }
     if extent < FAR * offset {
         let message = format!(
-            "the body of {} m lies {} m from its origin: its coordinates have only about {:.0} digits left for its \
-             shape; move it to the origin before it is meshed",
+            "the body of {} m lies {} m from its origin: its coordinates have about {:.0} digits left. Move \
+             it to the origin",
             digits(extent),
             digits(offset),
             (16.0 - (offset / extent).log10()).max(0.0)
@@ -72,8 +72,7 @@ fn elements(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     }
     if let Some((worst, _)) = slivers.first() {
         let message = format!(
-            "{} slivers (quality below {SLIVER}, the worst {worst:.1e}): {}; elsewhere the answer hardly changes, but \
-             their stresses mean nothing and conjugate gradients slow down",
+            "{} slivers (quality below {SLIVER}, the worst {worst:.1e}): {}. Their stresses mean nothing",
             slivers.len(),
             list(slivers)
         );
@@ -90,8 +89,8 @@ fn curved(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     let folded: Vec<u32> = (0..mesh.mids.len() as u32).filter(is_folded).collect();
     if !folded.is_empty() {
         let message = format!(
-            "{} quadratic tetrahedra are folded by their curved edges: {}; move their mid-side nodes, refine the mesh \
-             there, or take element = \"tet4\", which uses the corners only",
+            "{} quadratic tetrahedra are folded by their curved edges: {}. Move their mid-side nodes, or \
+             take element = \"tet4\"",
             folded.len(),
             tetrahedra(mesh, &folded)
         );
@@ -105,8 +104,8 @@ fn overlaps(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
         folded_pairs(mesh).into_iter().flatten().collect::<BTreeSet<u32>>().into_iter().collect();
     if !folded.is_empty() {
         let message = format!(
-            "the mesh is folded: {} tetrahedra lie on the wrong side of a face they share: {}; a node was pushed \
-             through its neighbours, move it back or mesh this place anew",
+            "the mesh is folded: {} tetrahedra lie on the wrong side of a face they share: {}. Mesh this \
+             place anew",
             folded.len(),
             tetrahedra(mesh, &folded)
         );
@@ -115,8 +114,8 @@ fn overlaps(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     let crowded = overlapping_faces(mesh);
     if let Some(face) = crowded.first() {
         let message = format!(
-            "{} faces belong to three or more tetrahedra (the first has nodes with tags {:?}): the mesh overlaps \
-             itself; remove the doubled elements",
+            "{} faces belong to three or more tetrahedra (the first has nodes with tags {:?}). Remove the \
+             doubled elements",
             crowded.len(),
             tags(mesh, face)
         );
@@ -130,8 +129,8 @@ fn joints(mesh: &TetMesh, say: &mut impl FnMut(Severity, String)) {
     if let Some(pair) = coincident.first() {
         let [a, b] = tags(mesh, pair);
         let message = format!(
-            "{} pairs of nodes lie at the same place (the first: tags {a} and {b} at {}); the body is cracked open \
-             there and will gape; merge the nodes (gmsh: Coherence Mesh)",
+            "{} pairs of nodes lie at the same place (the first: tags {a} and {b} at {}), and the body gapes \
+             there. Merge them (gmsh: Coherence Mesh)",
             coincident.len(),
             place(&mesh.nodes[pair[0] as usize])
         );

@@ -76,8 +76,8 @@ pub fn implausible(longest: f64, largest: f64) -> Option<String> {
         )
     });
     Some(format!(
-        "its longest side is {} m, for coordinates are metres: {guess}; pictures fit it into the stage all the same, but \
-         with a wrong unit forces and energies are wrong (chapter meshes, Units)",
+        "its longest side is {} m: {guess}. With a wrong unit forces are wrong (`greenstage manual \
+             meshes`)",
         digits(longest)
     ))
 }

@@ -32,8 +32,8 @@ fn refuse(report: &SurfaceReport) -> Result<(), String> {
     let faults = report.faults();
     if !faults.is_empty() {
         return Err(format!(
-            "boundary elements need a closed surface that does not pass through itself: {}. Repair it where it was made; small \
-             faults do not matter where the body is filled instead: tetrahedralise = {{ cell = … }} without method",
+            "boundary elements need a closed surface that does not pass through itself: {}. Repair it, or \
+             fill it: tetrahedralise = {{ cell = … }} without method",
             faults.join("; ")
         ));
     }

@@ -6,8 +6,8 @@ use crate::base::failure::Failure;
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     #[error(
-        "no graphics device: neither Vulkan nor OpenGL found an adapter ({0}); install a GPU driver, or a software \
-         one (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+        "no graphics device: no adapter by Vulkan or OpenGL ({0}). Install a driver, or a software one \
+             (Debian: apt install mesa-vulkan-drivers)"
     )]
     NoAdapter(String),
     #[error("the graphics device {adapter} refused to open: {reason}")]

@@ -84,7 +84,7 @@ pub fn recommendations(report: &Report) -> Vec<String> {
     for goal in GOALS {
         let Some(i) = cheapest_with(rows, &ONLINE, |row| row.worst() <= goal) else {
             sentences.push(format!(
-                "Within {}: nothing that was measured. The most accurate is {}, with {}; it costs {}.",
+                "Within {}: no setting. The most accurate is {}: {}; {}.",
                 relative(goal),
                 rows[best].setting,
                 errors(&rows[best]),
@@ -93,7 +93,7 @@ pub fn recommendations(report: &Report) -> Vec<String> {
             return sentences;
         };
         sentences.push(format!(
-            "Within {}: {}, with {}; it costs {}.",
+            "Within {}: {}: {}; {}.",
             relative(goal),
             rows[i].setting,
             errors(&rows[i]),

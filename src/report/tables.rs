@@ -356,13 +356,12 @@ pub fn summary(report: &Report) -> String {
     let models = if motions.is_empty() {
         String::new()
     } else {
-        let lead = "Models alone, by what one control element does: error of displacement · larger error of force and \
-                    torque";
-        format!("\n{lead}:\n\n{}", text(&motions))
+        let lead = "Models alone, where one control element moves: error of shape · of force and torque";
+        format!("\n{lead}:\n{}", text(&motions))
     };
     let busy = report.timing.warning().map_or_else(String::new, |warning| format!("{warning}\n\n"));
     format!(
-        "{busy}{} of {} settings, from fast to accurate, each the cheapest online for its error (relative L2, median of {} poses):\n\n{}\n{}\n{models}",
+        "{busy}{} of {} settings, each the fastest for its error (relative L2, median of {} poses):\n{}\n{}\n{models}",
         settings.len(),
         report.rows.len(),
         report.poses.len(),

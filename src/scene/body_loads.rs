@@ -157,8 +157,8 @@ fn check(body: &Body) -> Result<(), (String, String)> {
         let method = body.solver.method;
         if asked.kept == KeptForm::Factor && !method.keeps_factor {
             let message = format!(
-                "kept = \"factor\" needs one in f64, which solver = {{ method = \"{}\" }} does not make: write \
-                 solver = {{ method = \"cholesky\" }}, or kept = \"inverse\"",
+                "kept = \"factor\" needs a factor in f64, not that of method = \"{}\": write solver = {{ method \
+             = \"cholesky\" }}, or kept = \"inverse\"",
                 method.name
             );
             return wrong("surface_compliance", message);
@@ -234,11 +234,11 @@ mod tests {
             ),
             (
                 "surface_compliance = { nodes = \"surface\", kept = { error = 1.0 } }".to_owned(),
-                "body.a.surface_compliance: kept = { error = 1e0 } is not between 1e-6 and 1e-2",
+                "body.a.surface_compliance: kept = { error = 1e0 } must lie between 1e-6 and 1e-2",
             ),
             (
                 "surface_compliance = { nodes = \"surface\", kept = \"factor\" }\nsolver = { method = \"pcg\" }".to_owned(),
-                "body.a.surface_compliance: kept = \"factor\" needs one in f64, which solver = { method = \"pcg\" } does not",
+                "body.a.surface_compliance: kept = \"factor\" needs a factor in f64, not that of method = \"pcg\"",
             ),
             (
                 "surface_compliance = { nodes = \"surface\", kept = \"half\" }".to_owned(),

@@ -137,9 +137,8 @@ impl Body {
         }
         let (least, most) = (TOLERANCE.start(), TOLERANCE.end());
         let message = format!(
-            "tolerance {tolerance} must lie between {least:e} and {most:e}, max_iterations {max_iterations} be above 0; above \
-             {most:e} forces and displacements would be wrong by more than is seen in the residual, and little time is saved: \
-             leave it out for 1e-10"
+            "tolerance {tolerance} must lie between {least:e} and {most:e}, max_iterations {max_iterations} \
+             be above 0. Leave them out for 1e-10"
         );
         wrong(".solver", message)
     }

@@ -80,8 +80,8 @@ impl DirectionField {
         let Some(&(least, nearest)) = near.first().filter(|(least, _)| least.sqrt() <= self.reach) else {
             let &[x, y, z] = place.as_ref();
             return Err(format!(
-                "{}: no vector within {:.3e} m of the place ({x:.4e}, {y:.4e}, {z:.4e}) of the pattern's faces, a tenth of the \
-                 body: give vectors all over them",
+                "{}: no vector within {:.3e} m, a tenth of the body, of ({x:.4e}, {y:.4e}, {z:.4e}) on the \
+             pattern's faces. Give vectors all over them",
                 self.path.display(),
                 self.reach
             ));

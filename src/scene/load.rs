@@ -109,13 +109,14 @@ impl Scene {
             None if surface_files::is_surface_file(&file) => {
                 let mut surface = surface_files::load(&file).map_err(failed)?.surface;
                 scale.apply(&mut surface.vertices);
-                let message = format!(
-                    "{} is a surface without tetrahedra: add tetrahedralise = {{ cell = {} }} (m; here a thirtieth of \
-                     its longest extent), or solve it as it is by method = \"bem\"",
-                    file.display(),
-                    isosurface_stuffing::suggested_cell(&surface)
+                let cell = isosurface_stuffing::suggested_cell(&surface);
+                let mut loaded = isosurface_stuffing::load(&file, scale, cell).map_err(failed)?;
+                let notice = format!(
+                    "the surface is filled with cells of {cell} m, a thirtieth of its longest side; tetrahedralise = {{ cell = … }} \
+                     sets others"
                 );
-                Err(self.invalid(&format!("body.{name}.mesh"), message))
+                loaded.notices.insert(0, notice);
+                Ok(loaded)
             }
             None if body.element.order == 2 => {
                 mesh::load_quadratic(&file).map(|mesh| scale.applied(mesh)).map_err(failed)

@@ -181,8 +181,8 @@ impl KeptForm {
     pub(super) fn check(self) -> Result<(), String> {
         match self {
             KeptForm::Compressed(error) if !KeptForm::ERRORS.contains(&error) => Err(format!(
-                "kept = {{ error = {error:e} }} is not between {:e} and {:e}, parts of how far a pressed node yields: single \
-                 precision holds nothing finer (kept = \"inverse\" has all of it), and more would be seen",
+                "kept = {{ error = {error:e} }} must lie between {:e} and {:e} of the pressed node's \
+             displacement. For less write kept = \"inverse\"",
                 KeptForm::ERRORS.start(),
                 KeptForm::ERRORS.end()
             )),

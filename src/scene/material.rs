@@ -127,8 +127,8 @@ impl Material {
             return Err(("", format!("Young's modulus {} Pa must lie between 1e-12 and 1e24", plain(young))));
         }
         if poisson == 0.5 {
-            let message = "Poisson's ratio 0.5 is exactly incompressible: λ is infinite and the displacement method cannot \
-                           solve it; write 0.49 for rubber-like materials";
+            let message =
+                "Poisson's ratio 0.5 is incompressible, which displacements cannot solve: write 0.49";
             return Err(("", message.to_owned()));
         }
         if !(poisson > -1.0 && poisson < 0.5) {

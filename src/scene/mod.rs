@@ -182,14 +182,12 @@ impl Body {
     pub fn held_by(&self) -> Option<String> {
         let count = |grab: Grab| self.control.values().filter(|control| control.grab == grab).count();
         Some(match (count(Grab::Fixed), count(Grab::Dragger)) {
-            (0, 1) => "its only control element can be grabbed and nothing is fixed: the body follows the hand as a \
-                       whole, and is deformed by stretching that element alone; a second control element with grab = \
-                       \"fixed\" would hold it"
+            (0, 1) => "nothing is fixed: the body follows the hand as a whole. To hold it, add a control element with \
+             grab = \"fixed\""
                 .to_owned(),
             (0, many) => format!(
-                "nothing is fixed: all {many} control elements can be grabbed, and each stays where it is let go. To \
-                 move the body as a whole, move the scene (middle button); to hold it somewhere, give an element \
-                 grab = \"fixed\""
+                "nothing is fixed: all {many} control elements stay where they are let go. To hold the body, \
+             give one grab = \"fixed\""
             ),
             (_, 0) => "nothing can be grabbed: every control element is fixed; give one grab = \"dragger\"".to_owned(),
             _ => return None,

@@ -165,8 +165,8 @@ fn grown(mesh: &TetMesh, from: &Vector3<f64>, radius: f64) -> Result<Vec<u32>, S
     };
     if distance > radius {
         return Err(format!(
-            "grow: from is {} m away from the nearest surface node (tag {}, {}), more than the radius of {radius} m: \
-             move from to the surface, or enlarge the radius",
+            "grow: from is {} m from the nearest surface node (tag {}, {}), and the radius {radius} m. Move \
+             it there, or enlarge the radius",
             digits(distance),
             mesh.tags[start as usize],
             place(&mesh.nodes[start as usize])
@@ -279,9 +279,7 @@ mod tests {
 
         let off = Nodes::Geodesic { from: [0.0, 0.0, 0.5], radius: 0.09 };
         let error = off.select(&mesh).unwrap_err();
-        assert!(
-            error.contains("0.1000 m away from the nearest surface node (tag ") && error.contains("0.09 m")
-        );
+        assert!(error.contains("0.1000 m from the nearest surface node (tag ") && error.contains("0.09 m"));
         assert!(Nodes::Geodesic { from, radius: 0.0 }.check().unwrap_err().contains("radius 0 above 0"));
         assert!(Nodes::Geodesic { from: [f64::NAN; 3], radius: 1.0 }.check().is_err());
     }

@@ -16,8 +16,7 @@ pub const CHOLESKY: Method = Method {
     is_direct: true,
     keeps_factor: true,
     bounds_error: true,
-    remedy: "look for slivers and large contrasts of stiffness (`greenstage check`), for parts a thousand times as long \
-             as thick, and for a Poisson's ratio next to 0.5",
+    remedy: "look for slivers and large contrasts of stiffness (`greenstage check`)",
     factor_number: size_of::<f64>(),
     least_seconds: Some(|asked| asked.pattern.least_seconds::<f64>(asked.a, asked.job.columns)),
     analyse: |asked| Ok(Box::new(Direct { analysis: asked.pattern.analysis(asked.a, asked.progress)? })),

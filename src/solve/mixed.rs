@@ -23,8 +23,8 @@ pub const MIXED: Method = Method {
     is_direct: true,
     keeps_factor: false,
     bounds_error: true,
-    remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness (`greenstage \
-             check`), for parts a thousand times as long as thick, and for a Poisson's ratio next to 0.5",
+    remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness \
+             (`greenstage check`)",
     factor_number: size_of::<f32>(),
     least_seconds: Some(|asked| asked.pattern.least_seconds::<f32>(asked.a, asked.job.columns)),
     analyse: |asked| {
@@ -264,8 +264,8 @@ impl Factor for Mixed<'_> {
             return exact.inverse_block_from(first, nodes, take, progress);
         }
         progress.tell(
-            "With a factor in f32 the inverse at chosen nodes is iterated for, about ten times as long as with solver = \
-             { method = \"cholesky\" }, which takes twice the memory.",
+            "A factor in f32 takes ten times as long for the inverse as solver = { method = \"cholesky\" }, \
+             and half the memory.",
         );
         let column = |own: &[u32], b: &NodeFields, asked: &[u32]| {
             let b = spread(self.a.nodes(), own, b);

@@ -18,8 +18,8 @@ pub const PCG: Method = Method {
     is_direct: false,
     keeps_factor: false,
     bounds_error: false,
-    remedy: "lower solver.tolerance or write solver.method = \"cholesky\", and look for slivers, for thin parts and for \
-             large contrasts of stiffness (`greenstage check`)",
+    remedy: "write solver.method = \"cholesky\", and look for slivers and large contrasts of stiffness \
+             (`greenstage check`)",
     factor_number: 0,
     least_seconds: Some(|asked| expected(asked.a, asked.job.columns)),
     analyse: |asked| {

@@ -56,9 +56,9 @@ pub enum StageFault {
     )]
     Size { screen: String, width_m: f64, height_m: f64 },
     #[error(
-        "screen `{screen}` is no rectangle: its edges meet at {degrees:.2}° instead of 90°. Its lower edge is {:.3} m long, its \
-         left one {:.3} m, and upper_left is {:.1} mm off along the lower edge (up to {:.0} mm is straightened); if the other \
-         corners are right, upper_left {} would be right",
+        "screen `{screen}`: edges meet at {degrees:.2}°, not 90° (lower {:.3} m, left {:.3} m; \
+             upper_left {:.1} mm off, up to {:.0} mm is straightened). Measure again; upper_left {} would be \
+             right",
         sides_m[0], sides_m[1], off_m * 1e3, STRAIGHTENED_M * 1e3, place(upper_left)
     )]
     Skewed { screen: String, degrees: f64, off_m: f64, sides_m: [f64; 2], upper_left: Box<Point3<f64>> },
@@ -88,8 +88,8 @@ pub enum StageFault {
         remedy: Box<str>,
     },
     #[error(
-        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Where the viewer is right, the screen {what}: \
-         {remedy}. Where the screen is right, move the viewer before it: position = {}",
+        "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Either the screen {what}: \
+             {remedy}. Or move the viewer before it: position = {}",
         place(viewer),
         place(before)
     )]
@@ -114,9 +114,8 @@ pub enum StageFault {
         remedy: Box<str>,
     },
     #[error(
-        "{screens} face away from the viewer, the workspace and each other: the file is left-handed, with z away from the \
-         viewer, as Unity has it. Change the sign of z in all its points: corners, centres, targets, and the viewer's \
-         position = {}",
+        "{screens} face away from the viewer, the workspace and each other: the file is left-handed. \
+             Change the sign of z in all points; the viewer's position = {}",
         place(viewer)
     )]
     LeftHanded { screens: Box<str>, viewer: Box<Point3<f64>> },
@@ -232,13 +231,13 @@ pub enum TrackingFault {
     #[error("{what} has several of `rotation`, `rotation_degrees` and `axes`: keep one")]
     TwoRotations { what: String },
     #[error(
-        "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°, so they are no rotation: measure \
-         them again (up to 5° is straightened)"
+        "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°: measure again (up \
+             to 5° is straightened)"
     )]
     Skewed { what: String, first: char, second: char, degrees: f64 },
     #[error(
-        "{what}: the axes are left-handed. If the tracker's system really is, as Unity's, reverse the last one and add \
-         mirror = \"z\"; if not, one axis points the other way"
+        "{what}: the axes are left-handed. Turn one of them; for a left-handed tracker reverse the last \
+             and add mirror = \"z\""
     )]
     LeftHanded { what: String },
     #[error("{what}: the {axis} axis has no length: say where in the room it points")]
@@ -255,8 +254,8 @@ pub enum TrackingFault {
     #[error("{who}: {message}")]
     UnknownName { who: String, message: String },
     #[error(
-        "sensors `{first}` and `{second}` are both number {id} of tracker `{tracker}`: one of them has another number \
-         (`greenstage track` lists those that speak)"
+        "sensors `{first}` and `{second}` are both number {id} of tracker `{tracker}`: change one \
+             (`greenstage track` lists them)"
     )]
     SameSensor { first: String, second: String, tracker: String, id: i32 },
     #[error(

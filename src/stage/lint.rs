@@ -12,6 +12,7 @@ use super::stereo::Stereo;
 use super::viewer::Eye;
 use super::window::{Monitor, Window};
 use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::table::count;
 use nalgebra::Point3;
 
 /// Pixels that differ from squares by more than this are reported.
@@ -48,6 +49,11 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
             found.push(seam_lint(stage, joint));
         }
     }
+    let closed = found.iter().filter(|finding| finding.severity == Severity::Detail).count();
+    if closed > 0 {
+        let message = format!("{} of edges meet within {:.1} mm", count(closed, "pair"), 1e3 * CLOSED_M);
+        push(&mut found, Severity::Note, "seams", message);
+    }
     found.extend(overlaps.iter().map(|overlap| overlap_lint(stage, overlap)));
     let is_alone =
         |apart: &Apart| !overlaps.iter().any(|overlap| overlap.screens.contains(&apart.screens()[0]));
@@ -79,8 +85,8 @@ fn screen_lints(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     if (ratio - 1.0).abs() > PIXEL_RATIO {
         let [w, h] = screen.pixels;
         let message = format!(
-            "pixels are {:.3} × {:.3} mm ({ratio:.3} times as wide as high): {w} × {h} square ones on this width \
-             would be {:.4} m high; right where the projector really stretches them, else measure again",
+            "pixels are {ratio:.3} times as wide as high, {:.3} × {:.3} mm. Unless the projector stretches \
+             them, measure again ({w} × {h} square pixels on this width are {:.4} m high)",
             width_m * 1e3,
             height_m * 1e3,
             screen.width_m() * f64::from(h) / f64::from(w)
@@ -92,8 +98,8 @@ fn screen_lints(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     if (SKEW_M..=STRAIGHTENED_M).contains(&off_m) && off_m <= MAX_SKEW * screen.height_m() {
         let upright = screen.lower_left + screen.axes()[1] * screen.height_m();
         let message = format!(
-            "upper_left is {:.1} mm off a rectangle: the picture is drawn straight, on the lower edge, as if it were [{:.4}, \
-             {:.4}, {:.4}]; write that, or measure again",
+            "upper_left is {:.1} mm off a rectangle; the picture is drawn as if it were [{:.4}, {:.4}, \
+             {:.4}]. Write that, or measure again",
             off_m * 1e3,
             upright.x,
             upright.y,
@@ -108,8 +114,8 @@ fn screen_lints(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     let up_m = screen.axes()[1] * screen.height_m();
     if (90.0 + LEANS..135.0).contains(&tilt) {
         let message = format!(
-            "it {}: its upper edge is {:.0} mm nearer to the viewer than its lower one. If it really leans back, the z of both \
-             are exchanged, or write tilt_degrees = {:.1}",
+            "it {}: its upper edge is {:.0} mm nearer to the viewer. If it leans back, exchange the z of \
+             both edges, or write tilt_degrees = {:.1}",
             screen.posture(),
             up_m.xz().norm() * 1e3,
             180.0 - tilt
@@ -118,7 +124,7 @@ fn screen_lints(stage: &Stage, screen: &Screen, found: &mut Vec<Diagnostic>) {
     }
     if (-45.0..-LEANS).contains(&tilt) {
         let message = format!(
-            "it {}, which is {:.0} mm lower than its lower edge, at the viewer: is it tilted the other way?",
+            "it {}, {:.0} mm lower than its lower edge: is it tilted the other way?",
             screen.posture(),
             -up_m.y * 1e3
         );
@@ -154,7 +160,7 @@ fn seam_lint(stage: &Stage, seam: &Seam) -> Diagnostic {
         false => String::new(),
     };
     let (severity, what) = if worst_m <= CLOSED_M {
-        (Severity::Note, format!("meet within {:.1} mm", mm(worst_m)))
+        (Severity::Detail, format!("meet within {:.1} mm", mm(worst_m)))
     } else if seam.is_overlap {
         (Severity::Warning, format!("overlap by {:.1} mm{opens}", mm(worst_m)))
     } else {
@@ -168,17 +174,18 @@ fn seam_lint(stage: &Stage, seam: &Seam) -> Diagnostic {
 /// Words for the distances of the ends of the second edge from those of the first, mm.
 fn ends(along_mm: [f64; 2]) -> String {
     let place = |mm: f64| match mm {
-        0.0 => "level with the first".to_owned(),
         mm if mm > 0.0 => format!("{mm:.1} mm beyond the first"),
         mm => format!("{:.1} mm short of the first", -mm),
     };
     let [first, last] = along_mm;
     if (first + last).abs() < 0.05 {
-        return format!(", and the second is shifted by {:.1} mm along the first", first.abs());
+        return format!("; the second is shifted by {:.1} mm along the first", first.abs());
     }
     match (place(first), place(last)) {
-        (one, other) if one == other => format!(", and the second ends {one} at both ends"),
-        (one, other) => format!(", and the second ends {one} at one end, {other} at the other"),
+        (one, other) if one == other => format!("; the second ends {one} at both ends"),
+        (one, _) if last == 0.0 => format!("; the second ends {one} at one end"),
+        (_, other) if first == 0.0 => format!("; the second ends {other} at one end"),
+        (one, other) => format!("; the second ends {one} at one end, {other} at the other"),
     }
 }
 
@@ -186,8 +193,8 @@ fn ends(along_mm: [f64; 2]) -> String {
 fn apart_lint(stage: &Stage, apart: &Apart) -> Diagnostic {
     let names = apart.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
     let message = format!(
-        "it meets no other screen: the nearest edges, {}, are {:.0} mm apart. Right where it really stands alone, else measure \
-         both again",
+        "it meets no other screen: the nearest edges, {}, are {:.0} mm apart. Unless it stands alone, \
+             measure both again",
         apart.told(stage),
         apart.distance_m * 1e3
     );
@@ -199,15 +206,14 @@ fn overlap_lint(stage: &Stage, overlap: &Overlap) -> Diagnostic {
     let [a, b] = overlap.screens.map(|screen| stage.screens[screen].name.as_str());
     let entity = format!("seam.{a}-{b}");
     if overlap.is_same {
-        let remedy =
-            "measure again, or, where two projectors light one screen, give it once and a window for each";
+        let remedy = "measure again; for two projectors on one screen, give it once and a window for each";
         let message = format!("screens {a} and {b} have the same corners: {remedy}");
         return Diagnostic::new(Severity::Error, entity, message);
     }
     let [width_mm, height_mm] = overlap.size_m.map(|side| side * 1e3);
     let message = format!(
-        "screens {a} and {b} lie in one plane and overlap by {width_mm:.1} × {height_mm:.1} mm, which both show: right \
-         only where the projectors blend their edges, else measure again"
+        "screens {a} and {b} overlap by {width_mm:.1} × {height_mm:.1} mm in one plane. Unless the \
+             projectors blend their edges, measure again"
     );
     Diagnostic::new(Severity::Warning, entity, message)
 }
@@ -240,12 +246,11 @@ fn viewer(stage: &Stage, found: &mut Vec<Diagnostic>) {
     };
     if !stage.screens.iter().any(is_shown) {
         let place = format!("({:.3}, {:.3}, {:.3})", centre.x, centre.y, centre.z);
-        let message =
-            format!("{place} is on no screen as the viewer stands: bodies placed there may not be seen");
+        let message = format!("{place} is on no screen as the viewer stands: bodies there may not be seen");
         push(found, Severity::Warning, "workspace.centre", message);
     }
     if stage.tracking.head.is_none() {
-        let message = "no sensor: the head stays where the file has it, unless the keyboard moves it";
+        let message = "no sensor: the head stays where the file has it";
         push(found, Severity::Note, "viewer.head", message);
     }
 }

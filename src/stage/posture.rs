@@ -59,15 +59,14 @@ impl Screen {
         // Adding 0.0 prints -0.0 as 0.0.
         let tenth = |degrees: f64| (degrees * 10.0).round() / 10.0 + 0.0;
         format!(
-            "{:.3} × {:.3} m, tilt {:.1}° ({}), facing {:.1}°, from {:.3} to {:.3} m high, middle at {:.3} m",
+            "{:.3} × {:.3} m, {} (tilt {:.1}°), facing {:.1}°, {:.3} to {:.3} m high",
             self.width_m(),
             self.height_m(),
-            tenth(self.tilt_degrees()),
             self.posture(),
+            tenth(self.tilt_degrees()),
             tenth(self.facing_degrees()),
             low,
-            high,
-            (low + high) / 2.0
+            high
         )
     }
 }
@@ -111,7 +110,7 @@ mod tests {
         (wall.lower_left, wall.lower_right, wall.upper_left) = (upward + (across - corner), upward, across);
         assert_eq!(wall.posture(), "stands on its head");
         let told = table.measures();
-        assert!(told.starts_with("1.600 × 1.293 m, tilt -8.0°"), "{told}");
-        assert!(told.contains("from 0.720 to 0.900 m high, middle at 0.810 m"), "{told}");
+        assert!(told.starts_with("1.600 × 1.293 m, falls by 8.0°"), "{told}");
+        assert!(told.contains("0.720 to 0.900 m high"), "{told}");
     }
 }

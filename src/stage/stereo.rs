@@ -45,15 +45,13 @@ pub enum Stereo {
 const OTHER_WORDS: [(&[&str], &str); 2] = [
     (
         &["active", "quad_buffered", "quad", "quadbuffer", "shutter", "frame_sequential"],
-        "frame-sequential pictures by a quad-buffered window are not supported. A projector or display that drives shutter \
-         glasses itself takes both eyes in one picture: \"side_by_side_half\", \"top_bottom_half\" or \"frame_packing\", as its \
-         3D menu says",
+        "quad-buffered windows are not supported. A projector for shutter glasses takes \
+             \"side_by_side_half\", \"top_bottom_half\" or \"frame_packing\" (its 3D menu)",
     ),
     (
         &["passive", "polarised", "polarized", "polarisation", "3d", "stereo"],
-        "polarised glasses go with several kinds: two projectors on one screen with a window or tile each, \"left\" and \
-         \"right\"; one that takes both eyes, \"side_by_side_half\" or \"top_bottom_half\"; a flat panel with polarised rows, \
-         \"rows\"",
+        "polarised glasses: \"left\" and \"right\" in two windows (two projectors), \
+             \"side_by_side_half\" or \"top_bottom_half\" (one), \"rows\" (flat panel)",
     ),
 ];
 

@@ -179,12 +179,13 @@ fn unit(stage: &Stage, name: &str, room_from_body: &Isometry3<f64>, expected: Po
     let best = others.min_by(|a, b| off_m(a.0).total_cmp(&off_m(b.0)));
     match best.filter(|(unit, _)| off_m(*unit) < EXPECTED_M) {
         Some((unit, called)) => format!(
-            "if tracker `{tracker}` reports {called}, write scale = {unit} into its room_from_tracker (now {scale}): it would \
-             be {:.2} m from where it is expected",
+            "if tracker `{tracker}` reports {called}, write scale = {unit} into its room_from_tracker (now \
+             {scale}): then {:.2} m off",
             off_m(unit)
         ),
         None => format!(
-            "check scale, axes and position in room_from_tracker of tracker `{tracker}`, and how the sensor is mounted"
+            "check scale, axes and position in room_from_tracker of tracker `{tracker}`, and the sensor's \
+             mount"
         ),
     }
 }

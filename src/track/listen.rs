@@ -27,9 +27,8 @@ impl Listen {
         let at = local(port).or_else(|| address.parse().ok()).ok_or_else(|| {
             let address: String = address.chars().take(100).collect();
             format!(
-                "`{key}` of tracker `{tracker}` is \"{address}\": give the address to listen on, as \
-                 \"127.0.0.1:5000\" (packets from this machine), \"0.0.0.0:5000\" (from any network), or a port \
-                 alone (this machine)"
+                "`{key}` of tracker `{tracker}` is \"{address}\": write \"127.0.0.1:5000\" (this machine) or \
+             \"0.0.0.0:5000\" (any network)"
             )
         })?;
         let is_group = matches!(at, SocketAddr::V4(at) if at.ip().is_multicast());

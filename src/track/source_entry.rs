@@ -81,8 +81,8 @@ pub enum OpenError {
     )]
     Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
     #[error(
-        "tracker `{tracker}`: cannot join the multicast group {place}: {source}; give `interface`, the address that this \
-         machine has on the tracker's network"
+        "tracker `{tracker}`: cannot join the multicast group {place}: {source}. Give `interface`, this \
+             machine's address there"
     )]
     Join { tracker: String, place: Listen, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]

@@ -187,8 +187,8 @@ impl Choice<'_> {
             })
             .collect();
         Some(format!(
-            "{what}, and none was taken. The nearest is {}: {}. It has {} at worst, and costs {}. Raise {key} to what \
-             can be reached, or leave it out and name the setting: {}",
+            "{what}. The nearest is {}: {}. It has {} at worst, and costs {}. Raise {key}, or name the \
+             setting: {}",
             name(&self.row.setting),
             missed.join("; "),
             errors(self.row),

@@ -192,8 +192,7 @@ impl PlacedBody {
             self.range_left = true;
             let (body, degrees) = (&self.deformer.body, range.to_degrees());
             let warning = format!(
-                "body.{body}: control elements turn by more than {degrees:.0}° against each other; the accuracy \
-                 that the scene asks for was measured only up to there"
+                "body.{body}: turned by more than {degrees:.0}°; the accuracy was measured only up to there"
             );
             self.warnings.push(warning);
         }

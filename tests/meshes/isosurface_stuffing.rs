@@ -229,7 +229,7 @@ fn what_is_lost_is_told() {
     assert!(report.intersections.pairs > 0, "the needle passes through the plate's top");
     let mesh = tetrahedralise(&shape, &report, 0.15, &mut notices).unwrap();
     let all = notices.join("\n");
-    assert!(all.contains("passes through itself") && all.contains("features as fine as a cell"), "{all}");
+    assert!(all.contains("passes through itself") && all.contains("fine features are lost"), "{all}");
     assert!(!mesh.tets.is_empty());
 }
 

@@ -46,7 +46,7 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
         "screen `wall` is no rectangle: its edges meet at 87.76°",
         "window `window 2`: unknown screen \"floor\"",
         "100 % of its 1280 × 1024 pixels at (2000, 0) lie on no monitor",
-        "the second ends 20.0 mm short of the first at one end, level with the first at the other",
+        "the second ends 20.0 mm short of the first at one end",
         "warning: screen.table: no window shows it",
         "of the file: 0 is `DP-1`, 1920 × 1080 at (0, 0)",
         "4 errors, 3 warnings, 4 notes",

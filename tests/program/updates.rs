@@ -223,7 +223,7 @@ fn an_update_passes_the_check_of_a_fresh_solve() {
     let output = deform("1e20");
     let told = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("region 2 floats inside material that is 1.0e14 times softer"), "{told}");
+    assert!(told.contains("region 2 floats, 1.0e14 times stiffer than what is around it"), "{told}");
     // Where the update has too few digits and a fresh solve has enough, the body is solved anew.
     let output = deform("1e13");
     let told = text(&output.stderr);

@@ -23,9 +23,8 @@ pub fn refusal(model: &ModelEntry, has_compliance: bool) -> Option<String> {
     let name = model.name;
     (has_compliance && model.takes_points()).then(|| {
         format!(
-            "\"{name}\" has no surface_compliance: that adds up what single forces do at rest, and sums are answers of a linear body \
-             alone (the principle of superposition); the stiffness of \"{name}\" changes as the body bends. Leave it out \
-             (`greenstage deform` has forces at points without), or write model = \"rotation\""
+            "\"{name}\" has no surface_compliance: its stiffness changes as the body bends, and forces at \
+             rest do not add up. Leave it out, or write model = \"rotation\""
         )
     })
 }

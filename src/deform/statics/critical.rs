@@ -4,6 +4,7 @@
 //! control elements. Out: how far an element has turned there, and where and how the body gives way. The mode is seen from
 //! the turned material: φ̄ = Rᵀ φ, R being the rotation of F at each point of the elements, and φ the mean of their nodes.
 
+use crate::base::table::count;
 use crate::deform::pose::follow::FollowedTurn;
 use crate::deform::pose::screw::Way;
 use crate::fem::{StrainPoints, nearest_turn};
@@ -57,39 +58,33 @@ impl CriticalPose {
 
 impl fmt::Display for CriticalPose {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let how = match (self.is_critical(), self.snaps) {
+            (true, true) => "the body snaps out of its way",
+            (true, false) => "the body buckles",
+            (false, _) => "the solver ends",
+        };
+        write!(f, "{how} with {}", self.pose)
+    }
+}
+
+impl CriticalPose {
+    /// The least eigenvalue, where it comes to zero, and its mode.
+    pub fn details(&self) -> String {
         let ModeShape { along, axis, tag, place, spread } = &self.shape;
-        let how = if self.snaps { "the body snaps out of its way" } else { "the body buckles" };
-        if self.is_critical() {
-            write!(f, "there {how}, with {}; the ", self.pose)?;
-        } else {
-            write!(f, "there stand {}; the ", self.pose)?;
-        }
-        write!(
-            f,
-            "least eigenvalue of the tangent stiffness is {:.2} % of that at rest",
-            100.0 * self.least
-        )?;
-        if let Some((share, turn)) = self.zero_at {
-            write!(f, " and comes to zero at {:.1} % of the way", 100.0 * share)?;
-            if self.turn > 0.0 {
-                write!(f, ", at {:.1}°", turn.to_degrees())?;
-            }
-        }
-        match self.modes {
-            0 | 1 => {}
-            2 => write!(f, ", with that of one more mode")?,
-            modes => write!(f, ", with those of {} more modes", modes - 1)?,
-        }
-        write!(
-            f,
-            "; its mode moves {:.0} % of the body, {:.0} % across the axis ({:.2}, {:.2}, {:.2}) and {:.0} % along it, \
-             most at node {tag} at ({:.4}, {:.4}, {:.4}) m",
+        let zero = self.zero_at.map_or_else(String::new, |(share, turn)| {
+            let turn = if self.turn > 0.0 { format!(", {:.1}°", turn.to_degrees()) } else { String::new() };
+            format!(", zero at {:.1} % of the way{turn}", 100.0 * share)
+        });
+        format!(
+            "Least eigenvalue of the tangent stiffness: {:.2} % of that at rest{zero} ({}). Its mode moves {:.0} % of the body, \
+             {:.0} % across the axis ({:.2}, {:.2}, {:.2}), most at node {tag} at ({:.4}, {:.4}, {:.4}) m",
+            100.0 * self.least,
+            count(self.modes.max(1), "mode"),
             100.0 * spread,
             100.0 * (1.0 - along),
             axis.x,
             axis.y,
             axis.z,
-            100.0 * along,
             place.x,
             place.y,
             place.z

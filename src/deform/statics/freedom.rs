@@ -172,8 +172,8 @@ impl<'a> Search<'a> {
             let loose = svd.v_t.map(|v| v.row(stretches.imin()).iamax_full().1);
             let (e, k) = loose.and_then(|at| self.unknowns().nth(at)).unwrap_or_default();
             return Err(format!(
-                "nothing holds it there: without any force the control elements that are free can move, most of all the {} of the \
-                 scene in {}; take that out of its free directions, or hold another",
+                "nothing holds it there: the {} of the scene can move in {} without a force. Take that out of \
+             its free directions, or hold another",
                 ordinal(e + 1),
                 COMPONENTS[k]
             ));

@@ -119,10 +119,8 @@ pub enum StaticsError {
     #[error(transparent)]
     Solve(#[from] SolveError),
     #[error(
-        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}{}. The least det F is {:.3} (in the \
-         tetrahedron with nodes {tags:?}) and {} of {tets} tetrahedra are inverted. {}",
-        100.0 * share, explain(*why, critical), detail(critical), settled.least_det.0, settled.inverted.len(),
-        remedy(*why, critical, law, settled.least_det.0)
+        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}. {}",
+        100.0 * share, explain(*why, critical), remedy(*why, critical, law, settled.least_det.0)
     )]
     Stopped {
         /// The last state that was found.
@@ -139,19 +137,28 @@ pub enum StaticsError {
     },
 }
 
-fn explain(why: Setback, critical: &Option<Box<CriticalPose>>) -> &'static str {
-    if critical.as_ref().is_some_and(|critical| critical.is_critical()) {
-        return "the equilibrium loses its stability";
+fn explain(why: Setback, critical: &Option<Box<CriticalPose>>) -> String {
+    if let Some(critical) = critical {
+        return critical.to_string();
     }
     match why {
         Setback::Unstable => "the tangent stiffness is no longer positive definite",
         Setback::NoDescent => "no step lowers the energy any more",
         Setback::Slow => "Newton's iteration does not converge",
     }
+    .to_owned()
 }
 
-fn detail(critical: &Option<Box<CriticalPose>>) -> String {
-    critical.as_ref().map(|critical| format!("; {critical}")).unwrap_or_default()
+impl StaticsError {
+    /// How the body gives way: the least eigenvalue and its mode, the least det F, tetrahedra turned inside out.
+    pub fn details(&self) -> Option<String> {
+        let StaticsError::Stopped { settled, critical, tags, tets, .. } = self else { return None };
+        let (least, inverted) = (settled.least_det.0, settled.inverted.len());
+        let mode = critical.as_ref().map_or_else(String::new, |critical| format!("{}. ", critical.details()));
+        Some(format!(
+            "{mode}Least det F: {least:.3} (nodes {tags:?}); {inverted} of {tets} tetrahedra are inverted"
+        ))
+    }
 }
 
 /// Least det F below which a body gives way because it is pressed together.
@@ -160,8 +167,7 @@ const PRESSED: f64 = 0.8;
 fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
     match critical {
         Some(critical) if critical.is_critical() && least_det > PRESSED => {
-            "Nothing is pressed together much: the shape itself loses its stability. Turn or shear less, make the wall \
-             thicker, or lead the body round this pose through others, each `after` the one before"
+            "Turn or shear less, thicken the wall, or lead the body round this pose (`after`)"
         }
         None if why == Setback::Slow => {
             "Look for slivers and large contrasts of stiffness (`greenstage check`)"

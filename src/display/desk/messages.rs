@@ -178,8 +178,8 @@ pub fn try_compliance(scene: &Resolved) -> Result<(), Failure> {
     for ((name, body), model) in scene.body.iter().zip(scene.models()) {
         if load_refusal(model, body.surface_compliance.is_some()).is_some() {
             return Err(Failure::wrong(format!(
-                "{name} has points that can be pulled, which the model {} does not have: choose rotation or linear here, or take \
-                 surface_compliance out of the scene's file",
+                "{name}: the model {} has no points that can be pulled. Take rotation or linear, or remove \
+             surface_compliance from the scene",
                 model.name
             )));
         }
@@ -263,7 +263,7 @@ mod tests {
         scene.body["hose"].model = "rod".into();
         let told = refused(&try_compliance(&resolved(&scene)).unwrap_err(), Some(&scene));
         assert!(
-            told.starts_with("Not changed: hose has points") && told.contains("choose rotation"),
+            told.starts_with("Not changed: hose: the model rod") && told.contains("Take rotation"),
             "{told}"
         );
         let failure = Failure::wrong("cache/stylus.toml: body.hose.model: no such model");

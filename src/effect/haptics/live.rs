@@ -370,8 +370,8 @@ impl Link {
         if !self.told.slow && state.spacing_s * rate_hz > 2.0 {
             self.told.slow = true;
             notice!(
-                "warning: haptic {name}: it reports {:.0} times a second, the loop runs at {rate_hz} Hz: no more than {:.0} N/m can \
-                 be felt (`greenstage manual haptics`)",
+                "warning: haptic {name}: {:.0} reports a second for a loop at {rate_hz} Hz: at most {:.0} N/m \
+             can be felt (`greenstage manual haptics`)",
                 1.0 / state.spacing_s,
                 state.bearable
             );
@@ -379,8 +379,8 @@ impl Link {
         if state.age_s > self.told.age_s {
             self.told.age_s = 2.0 * state.age_s;
             notice!(
-                "warning: haptic {name}: a pose is up to {:.1} ms old when the force from it acts: no more than {:.0} N/m can be \
-                 felt (`greenstage manual haptics`)",
+                "warning: haptic {name}: poses are up to {:.1} ms old: at most {:.0} N/m can be felt \
+             (`greenstage manual haptics`)",
                 1e3 * state.age_s,
                 state.bearable
             );
@@ -388,8 +388,8 @@ impl Link {
         let Some(held) = held.filter(|_| !self.told.stiff && state.stiffer > 1.0) else { return };
         self.told.stiff = true;
         notice!(
-            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears with {damping} N·s/m of friction, a report \
-             every {:.1} ms and poses {:.1} ms old; in those directions it is felt that much softer (`greenstage manual haptics`)",
+            "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears ({damping} \
+             N·s/m, reports every {:.1} ms, {:.1} ms old), and is felt softer",
             world.bodies[self.bodies[held.body]].deformer.body,
             state.stiffer.ceil(),
             1e3 * state.spacing_s,

@@ -388,9 +388,7 @@ impl Peaks {
             return String::new();
         }
         let elsewhere = quantity(self.inside.von_mises, Quantity::VonMises.unit());
-        format!(
-            " at the edge of a control element, where it may grow with a finer mesh, and {elsewhere} elsewhere"
-        )
+        format!(" at the edge of a control element, {elsewhere} elsewhere")
     }
 
     /// The largest value against this limit, and the part of the surface in which the limit is passed.

@@ -29,9 +29,8 @@ pub fn refuse(scene: &Resolved, name: &str, columns: &[String]) -> Result<(), Fa
         return Ok(());
     }
     let message = format!(
-        "the model \"{}\" has no columns to write, for models of large strain are solved anew for every pose: write the surface of \
-         a pose (-o OUT.stl, .ply or .obj, with --poses and --pose), or model = \"linear\" into the scene, whose displacements \
-         are a sum",
+        "the model \"{}\" has no columns to write. Write the surface of a pose (-o OUT.stl, --poses, \
+             --pose), or take model = \"linear\"",
         body.model
     );
     Err(Failure::request(scene.invalid(&format!("body.{name}.model"), message)))

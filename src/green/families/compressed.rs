@@ -84,8 +84,8 @@ fn compute(
     let size = compressed.values.len() + compressed.bases.len() + HASH * blocks.len();
     let full = TileLayout { n, m: nodes.len() }.bytes() as f64;
     progress.tell(&format!(
-        "the compliance of the surface takes {}, 1/{:.0} of the {} that all its numbers take; a displacement is wrong by at \
-         most {:.1e} of that of the pressed node, as measured at {} of {n} nodes",
+        "compliance of the surface: {}, 1/{:.0} of the uncompressed {}; error at most {:.1e} of the \
+             pressed node's displacement, at {} of {n} nodes",
         bytes(size as f64),
         full / size as f64,
         bytes(full),

@@ -36,8 +36,8 @@ impl Tractions {
             outer.filter(|(_, face)| face.iter().all(is_chosen)).unzip();
         if faces.is_empty() {
             return Err(format!(
-                "no face of the surface has all its nodes among the {} that are selected, and a pattern acts on faces: select more \
-                 of the surface, or use surface_compliance for forces on single nodes",
+                "no face of the surface lies among the {} selected nodes, and a pattern acts on faces. Select \
+             more, or use surface_compliance",
                 chosen.len()
             ));
         }

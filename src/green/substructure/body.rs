@@ -53,19 +53,16 @@ pub struct SolvedBody {
 pub enum BodyError {
     #[error(transparent)]
     Assembly(#[from] AssemblyError),
-    #[error(
-        "model \"substructured\" is for linear tetrahedra: write element = \"tet4\"; {element} would join the parts by more \
-         than their interfaces, or needs strains at more points"
-    )]
+    #[error("model \"substructured\" needs linear tetrahedra, not {element}: write element = \"tet4\"")]
     Element { element: &'static str },
     #[error(
-        "part {part} of {parts} has {ends} ends, {coordinates} coordinates: {MOST_COORDINATES} are the most; ask for more parts, \
-         so that each has fewer"
+        "part {part} of {parts} has {ends} ends and {coordinates} coordinates, at most \
+             {MOST_COORDINATES}: ask for more parts"
     )]
     Ends { part: usize, parts: usize, ends: usize, coordinates: usize },
     #[error(
-        "part {part} of {parts} (tetrahedra with a corner at node {tag}) meets neither a control element nor an interface of \
-         three nodes off one line: ask for fewer parts"
+        "part {part} of {parts} (with node {tag}) meets no control element and no interface of three \
+             nodes off one line: ask for fewer parts"
     )]
     Loose { part: usize, parts: usize, tag: u64 },
     #[error("part {part} of {parts} (tetrahedra with a corner at node {tag}): {source}")]

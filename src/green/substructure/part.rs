@@ -72,8 +72,8 @@ pub enum PartError {
     #[error(transparent)]
     Solve(#[from] SolveError),
     #[error(
-        "the frames of its interfaces do not follow its far boundary (condition {condition:.1e}): an interface has too few \
-         nodes, or lies along a thin sheet; ask for fewer parts"
+        "the frames of its interfaces are ill-conditioned ({condition:.1e}), by too few nodes or a thin \
+             sheet: ask for fewer parts"
     )]
     Fit { condition: f64 },
 }

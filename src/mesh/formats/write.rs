@@ -110,8 +110,7 @@ pub fn advice(path: &Path, bytes: &[u8]) -> Option<String> {
 
 fn geometry(name: &dyn std::fmt::Display, mesh: &dyn std::fmt::Display) -> String {
     format!(
-        "is CAD geometry without a mesh; Gmsh meshes it: `gmsh -3 -clmax 5 -format msh41 {name} -o {mesh}` (5: the greatest \
-         edge in the file's unit, mostly mm), then `greenstage new {mesh} --unit mm`; or save it in FreeCAD as STL (File, \
-         Export), which a scene can fill"
+        "is CAD geometry without a mesh. Mesh it with `gmsh -3 -clmax 5 -format msh41 {name} -o {mesh}`, \
+             then `greenstage new {mesh} --unit mm`"
     )
 }

@@ -243,9 +243,8 @@ pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, Str
     for [outside, inside] in &votes {
         if f64::from(*outside.min(inside)) > MINORITY * f64::from(outside + inside) {
             return Err(format!(
-                "the surface overlaps itself at {place}: bodies that overlap, or a surface that passes \
-                 through itself by more than a cell. Join the bodies where they were made, or let a mesher that \
-                 repairs do both: `greenstage manual meshes` shows the command"
+                "the surface overlaps itself at {place} by more than a cell. Join the bodies where they were \
+             made, or repair it (`greenstage manual meshes`)"
             ));
         }
     }

@@ -114,8 +114,8 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
     }
     if !report.is_closed() {
         return Err(format!(
-            "the surface is not closed, so it has no inside: {}. Close it where it was made, or let a mesher that \
-             repairs do both: `greenstage manual meshes` shows the command",
+            "the surface is not closed: {}. Close it where it was made, or repair it (`greenstage manual \
+             meshes`)",
             report.faults().join("; ")
         ));
     }
@@ -241,8 +241,8 @@ fn told(
     }
     if let Some((distance, at, count)) = deviation(surface, mesh, &boundary, cell / 2.0) {
         notices.push(format!(
-            "{count} vertices of the surface are further than half a cell from the mesh, the furthest {} m at {}: \
-             features as fine as a cell are lost there",
+            "{count} vertices of the surface are off the mesh by over half a cell, at most {} m at {}: fine \
+             features are lost",
             digits(distance),
             place(&at)
         ));

@@ -58,9 +58,8 @@ pub(super) fn common_format(
                 format!("{device} cannot present sRGB pictures on it (it offers {offered:?})")
             } else {
                 format!(
-                    "{device} presents {before:?} on the windows before it, but {offered:?} on this one: are their \
-                     monitors driven by another card or in another depth of colour? Give all the same, or run a \
-                     process for each"
+                    "{device} presents {before:?} on the windows before, {offered:?} on this one. Give all monitors \
+             one colour depth, or run a process for each"
                 )
             };
             return Err((index, reason));
@@ -206,7 +205,7 @@ mod tests {
         assert_eq!(common(std::slice::from_ref(&two)), Ok(Bgra8UnormSrgb));
         assert_eq!(common(&[two.clone(), vec![Rgba8UnormSrgb]]), Ok(Rgba8UnormSrgb));
         let (window, reason) = common(&[two.clone(), two.clone(), vec![Bgra8Unorm]]).unwrap_err();
-        assert!(window == 2 && reason.contains("another card"), "{reason}");
+        assert!(window == 2 && reason.contains("one colour depth"), "{reason}");
         let (window, reason) = common(&[vec![Bgra8Unorm], two]).unwrap_err();
         assert!(window == 0 && reason.contains("cannot present sRGB"), "{reason}");
         assert_eq!(common(&[]).unwrap_err().0, 0);

@@ -58,17 +58,13 @@ pub fn choose(
         None if is_soft => (
             "neo_hookean",
             "static equilibrium at large strain, found anew for every pose".to_owned(),
-            "because a soft body stretches far: it is solved for every pose, and follows a hand with a delay"
-                .to_owned(),
+            "because a soft body stretches far; it is solved for every pose".to_owned(),
         ),
         None if asks_forces && can_reduce && is_large && is_incompressible => (
             "rotation",
             "for large rotations; \"reduced\", which is made for forces, needs element = \"tet10\" here"
                 .to_owned(),
-            format!(
-                "because {nodes} nodes are many for \"reduced\", which needs the element tet10 for a nearly incompressible \
-                 material; a larger --cell makes fewer"
-            ),
+            format!("because {nodes} nodes are many for \"reduced\" with tet10; a larger --cell makes fewer"),
         ),
         None if asks_forces && can_reduce => (
             "reduced",
@@ -83,7 +79,7 @@ pub fn choose(
         None => (
             "rotation",
             "for large rotations; \"reduced\" for forces, and to bend far".to_owned(),
-            "quick and good for shapes; for forces take \"reduced\" (`greenstage manual scene`)".to_owned(),
+            "quick and good for shapes; for forces \"reduced\"".to_owned(),
         ),
     };
     let element = match model {
@@ -121,8 +117,8 @@ pub fn choose(
     tell_effects(telling, key, &effects, asks_forces);
     if asks_forces && !is_soft && !effects.iter().any(|effect| effect == ERRORS) {
         telling.reason(format!(
-            "errors of the forces: not measured, because {ERRORS} would solve about {:.1} million unknowns, which takes many \
-             minutes; list it, or give a larger --cell",
+            "errors of the forces: not measured, as {ERRORS} would solve {:.1} million unknowns; list it, or \
+             take a larger --cell",
             better as f64 * 1e-6
         ));
     }

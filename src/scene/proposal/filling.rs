@@ -131,7 +131,7 @@ impl Trial<'_> {
         let walls = self.wall.map_or_else(String::new, thin);
         let nodes = about(self.nodes_for(finer));
         self.refused(format!(
-            "cells of {cell} m tear it: {tear}{walls}. Try --cell {finer:.1e}, which makes about {nodes} nodes"
+            "cells of {cell} m tear it: {tear}{walls}. Retry with --cell {finer:.1e} (about {nodes} nodes)"
         ))
     }
 
@@ -139,8 +139,8 @@ impl Trial<'_> {
     fn too_thin(&self, cell: f64) -> MeshError {
         let (nodes, most) = (about(self.nodes_for(cell)), about(MOST));
         self.refused(format!(
-            "its thinnest walls are {} m and need cells of {cell:.1e} m, about {nodes} nodes; more than {most} take minutes to \
-             solve. Make the walls thicker, or try a larger --cell where they do not matter",
+            "its thinnest walls ({} m) need cells of {cell:.1e} m and about {nodes} nodes, at most {most} \
+             are made. Thicken them, or give a larger --cell",
             digits(CELLS * cell)
         ))
     }

@@ -59,8 +59,8 @@ pub fn controls(
             let nodes = asked(mesh, name)?;
             if let Some((other, _)) = chosen.iter().find(|(_, other)| !are_apart(other, &nodes)) {
                 return Err(ProposalError::Wrong(format!(
-                    "the node groups \"{}\" and \"{name}\" have nodes in common, and a node can belong to one control \
-                     element only: choose others, or write the scene with box, sphere or grow",
+                    "the node groups \"{}\" and \"{name}\" share nodes: choose others, or write the scene with box, \
+             sphere or grow",
                     other.name
                 )));
             }

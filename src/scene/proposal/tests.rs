@@ -137,7 +137,7 @@ fn groups_are_taken_by_their_names_or_as_asked() {
     let wrong = told(Wishes { fixed: vec!["ymaxx".into()], ..Wishes::default() });
     assert!(wrong.contains("did you mean \"ymax\"?"), "{wrong}");
     let wrong = told(Wishes { fixed: vec!["ymax".into(), "xmax".into()], ..Wishes::default() });
-    assert!(wrong.contains("have nodes in common"), "{wrong}");
+    assert!(wrong.contains("share nodes"), "{wrong}");
     // One alone: the other is the end furthest from it.
     let one =
         proposed("part.msh", &mesh, &Wishes { fixed: vec!["xmax".into()], ..Wishes::default() }).unwrap();
@@ -323,7 +323,7 @@ fn a_sheet_that_needs_too_many_cells_is_refused_with_their_number() {
     let file = surface_in_millimetres("sheet", &sheet);
     let wishes = Wishes { unit: find_unit("mm").ok(), ..Wishes::default() };
     let told = propose(&file, &file.with_extension("toml"), &wishes).err().unwrap().to_string();
-    for part in ["walls are 5.000e-4 m", "cells of 2.5e-4 m", "about 128 million nodes"] {
+    for part in ["walls (5.000e-4 m)", "cells of 2.5e-4 m", "about 128 million nodes"] {
         assert!(told.contains(part), "{told}");
     }
     std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
@@ -373,4 +373,19 @@ fn a_large_nearly_incompressible_body_gets_a_model_and_an_element_that_suit_each
         let body = &proposal.scene.body["part"];
         assert_eq!((body.element.name, body.model.as_str()), expected);
     }
+}
+
+/// Such a scene was refused with the cell that it is filled with now.
+#[test]
+fn a_scene_with_a_surface_and_no_cell_fills_it_and_names_the_cell() {
+    let plate = block(&Block { size: [300.0, 200.0, 60.0], cells: [3, 2, 1] }).unwrap();
+    let file = surface_in_millimetres("plate", &plate);
+    let text = "[body.a]\nmesh = \"plate.stl\"\nunit = \"mm\"\nmaterial = \"steel\"\ncontrol.low = { nodes = { box = { \
+                min = [-1, -1, -1], max = [0.03, 1, 1] } }, grab = \"fixed\" }\n";
+    let scene = Scene::parse(text, &file.with_extension("toml")).unwrap();
+    let loaded = scene.load_mesh("a", &scene.body["a"]).unwrap();
+    assert!(loaded.notices[0].contains("filled with cells of 0.01 m"), "{:?}", loaded.notices);
+    let volume = volume(&loaded.mesh);
+    assert!((volume / 3.6e-3 - 1.0).abs() < 0.02, "{volume} m³");
+    std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
 }

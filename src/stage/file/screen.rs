@@ -200,8 +200,8 @@ pub fn odd_number(screen: &Screen) -> Option<StageFault> {
         if value.abs() < 1e3 { ("centimetres", value / 100.0) } else { ("millimetres", value / 1e3) };
     let (width_m, height_m) = (screen.width_m(), screen.height_m());
     let message = format!(
-        "{axis} of {corner} is {value} m, and all other coordinates are below {ROOM_M} m: {unit}? Then write {metres:.4}. \
-         As it is, the lower edge is {width_m:.3} m long, and the left one {height_m:.3} m"
+        "{axis} of {corner} is {value} m, all others are below {ROOM_M} m: {unit}? Then write \
+             {metres:.4}. Now the lower edge is {width_m:.3} m, the left {height_m:.3} m"
     );
     Some(StageFault::Screen { screen: screen.name.clone(), message })
 }

@@ -114,8 +114,8 @@ impl Surroundings<'_> {
         let turned = Point3::new(x, z, -y);
         if y < BELOW_M && z > 0.0 && is_before(&turned) {
             return format!(
-                "in this file y points up and z towards the viewer. Was the viewer measured with z up? Then write position = {}, \
-                 and turn all other points of that system likewise: (x, z, -y)",
+                "in this file y points up. If the viewer was measured with z up, write position = {}, and turn \
+             all other points likewise: (x, z, -y)",
                 place(&turned)
             );
         }
@@ -210,8 +210,8 @@ fn other_unit(screen: &Screen, behind_m: f64) -> Option<StageFault> {
         .map(|(unit, unit_m)| format!("in {unit} {:.3} × {:.3} m", width_m * unit_m, height_m * unit_m))
         .collect();
     let message = format!(
-        "it is {width_m:.3} × {height_m:.3} m, and the viewer stands {behind_m:.3} m behind it: is it in another unit? All \
-         numbers of the file are metres; it would be {}",
+        "it is {width_m:.3} × {height_m:.3} m, with the viewer {behind_m:.3} m behind it. Is it in \
+             another unit than metres? It would be {}",
         readings.join(", ")
     );
     (!readings.is_empty()).then(|| StageFault::Screen { screen: screen.name.clone(), message })

@@ -130,8 +130,8 @@ fn tile(screens: &[Screen], file: &TileFile, usual: Stereo) -> Result<Tile, Stri
     let stereo = stereo.unwrap_or(usual);
     if stereo == Stereo::Separate {
         return Err(format!(
-            "which eye sees `{name}` here? Give stereo = \"left\" in one and \"right\" in the other of two windows or \
-             tiles, or a kind of stereo that holds both"
+            "which eye sees `{name}`? Write stereo = \"left\" in one window or tile and \"right\" in the \
+             other, or a kind that holds both"
         ));
     }
     let crop @ [.., w, h] = crop.unwrap_or([0, 0, width, height]);

@@ -69,8 +69,8 @@ fn faces_away(stage: &Stage, screen: &Screen) -> Option<String> {
     let told = corners_told(&face_up(screen));
     is_below.then(|| {
         format!(
-            "it hangs face down, and the other screens, such as `{first}`, stand on its back: a table or a floor faces up, and \
-             its viewer stands above it. Write {told}"
+            "it hangs face down, and other screens, such as `{first}`, stand on its back. A table faces up: \
+             write {told}"
         )
     })
 }
@@ -122,8 +122,7 @@ pub fn turned(stage: &Stage, screen: &Screen) -> Option<(Severity, String)> {
     let severity = if is_mounted_so { Severity::Note } else { Severity::Warning };
     let told = corners_told(&right);
     let message = format!(
-        "{seen}. Named as the viewer sees them the corners are {told}. Right only where the display or projector itself is \
-         mounted so, and does not turn its picture back"
+        "{seen}. Unless the display is mounted so, write the corners as the viewer sees them: {told}"
     );
     Some((severity, message))
 }

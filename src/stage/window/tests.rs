@@ -187,7 +187,7 @@ fn windows_that_cannot_be_are_refused_with_the_reason() {
             "belong into its tiles",
         ),
         ("[[window]]\nscreen = \"wall\"\n".to_owned(), "which eye"),
-        ("[[window]]\nscreen = \"wall\"\nstereo = \"separate\"".to_owned(), "two windows"),
+        ("[[window]]\nscreen = \"wall\"\nstereo = \"separate\"".to_owned(), "in one window or tile"),
         (
             "[[window]]\nsize = [10, 10]\n[[window.tile]]\nscreen = \"wall\"\nstereo = \"left\"\n\
              rect = [0, 0, 11, 10]"

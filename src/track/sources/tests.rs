@@ -148,7 +148,7 @@ fn kinds_and_addresses_are_checked() {
             "dtrack = 5000",
             "tracker `art`: invalid type: integer `5000`, expected a string",
         ),
-        ("dtrack = \"5000\"", "dtrack = \"70000\"", "give the address to listen on"),
+        ("dtrack = \"5000\"", "dtrack = \"70000\"", "(this machine)"),
         (
             "dtrack = \"5000\"",
             "dtrack = \"5000\"\ninterface = \"10.0.0.5\"",

@@ -75,7 +75,7 @@ fn held_contrast() -> CaseRows {
         let (case, bound) = (format!("contrast {contrast:.0e}, stiff half held"), 3.0 / contrast + 1e-13);
         // Of a contrast of 1e14, S keeps one or two digits of the moment that turns the stiff half.
         let must = |measured| match contrast > 1e12 {
-            true => Must::warn("pulls are right, moments are not", measured, bound),
+            true => Must::warn("moments are uncertain", measured, bound),
             false => Must::solve(measured, bound),
         };
         let asked = stiffer(&half, contrast);

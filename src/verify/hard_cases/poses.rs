@@ -254,7 +254,11 @@ fn pressed_cubes() -> CaseRows {
     let scene = Scene::parse(&format!("{CUBE}{ENDS}"), Path::new("hard-cases.toml"))?;
     let cases = [
         (&STVK, 0.8, Must::solve("residual", 1e-10)),
-        (&STVK, 0.4, Must { outcome: Outcome::Refused, words: "least det F", ..Must::solve("", 0.0) }),
+        (
+            &STVK,
+            0.4,
+            Must { outcome: Outcome::Refused, words: "no equilibrium beyond", ..Must::solve("", 0.0) },
+        ),
         (&NEO_HOOKEAN, 0.4, Must::solve("residual", 1e-10)),
     ];
     cases.into_iter().map(|(law, height, must)| Ok(pressed(&scene, law, height, must))).collect()

@@ -28,7 +28,7 @@ pub(super) fn rows() -> CaseRows {
             18,
             "planar control elements",
             Must {
-                words: "planar: scaling along its normal moves nothing",
+                words: "planar: 9 of 12 fields are independent",
                 ..Must::solve("fields that vanish", 0.0)
             },
             &Asked::new(base()?),

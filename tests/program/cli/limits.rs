@@ -24,7 +24,7 @@ fn a_request_to_end_is_obeyed_whatever_is_computed() {
     let folder = block("cli-ended", 24);
     let (mut orderings, mut interrupted) = (0, 0);
     for kill in 0..10 {
-        let mut precompute = program(&folder, &["precompute", "scene.toml"]);
+        let mut precompute = program(&folder, &["precompute", "scene.toml", "--verbose"]);
         let mut child = precompute.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
         let mut told = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();

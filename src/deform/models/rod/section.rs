@@ -100,8 +100,8 @@ impl Section {
         let slenderness = length / radius;
         let Some(section) = stiffness_of_section.filter(|_| slenderness >= SLENDER) else {
             return Err(format!(
-                "between its control elements it is {length:.3e} m long and {slenderness:.1} radii of gyration, but a rod \
-                 needs {SLENDER} and a section that resists shear"
+                "it is {length:.3e} m long, {slenderness:.1} radii of gyration between its control elements; a \
+             rod needs {SLENDER}, and a section that resists shear"
             ));
         };
         let (offsets, stretching) = stretches(stiffness, &of_last, &compliance, chord);
