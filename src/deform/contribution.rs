@@ -3,10 +3,10 @@
 //! The shape is x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too. The energy is
 //! V(P) + V'(P) with the poses P of the control elements; effects supply V' and its derivatives.
 
-use super::deformer::Path;
 use super::loads::AppliedLoads;
 use super::memory::ModelMemory;
 use super::model::{BodyState, Response};
+use super::path::Path;
 use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, flat};
 use nalgebra::{SMatrix, SVector};

@@ -15,6 +15,7 @@ mod memory;
 mod mesh_errors;
 mod model;
 mod models;
+mod path;
 mod pose;
 pub mod pose_file;
 mod statics;
@@ -22,7 +23,7 @@ mod trial;
 mod turn;
 
 pub use contribution::{Contribution, DeformerState, ElementPotential, PoseCurvature, Topology};
-pub use deformer::{Deformer, Doubt, FrameTimes, Path};
+pub use deformer::{Deformer, FrameTimes};
 pub use errors_at::{ErrorsAt, percent};
 pub use expected::{ExpectedErrors, Hung, MovedErrors};
 pub use kernel::parts::move_parts;
@@ -43,6 +44,7 @@ pub use models::plate::ENTRY as PLATE;
 pub use models::reduced::Reduced;
 pub use models::rotation::{ENTRY as ROTATION, Rotation, mean_rotation};
 pub use models::{MODELS, find_model, make_model, model_of, volume_model_of};
+pub use path::{Doubt, Path};
 pub use pose::follow::{CATCH_UP, FollowedTurn, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use pose::frame::{
     ControlFrame, ControlPose, ControlPoses, FrameSlope, PoseSlope, Wrench, axial, unwrapped,

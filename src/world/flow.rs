@@ -10,7 +10,7 @@
 //! | `hit.right` | hit | `stylus.right`, `hands.previous`, every `place`, every `surface.previous`: the body as it was seen |
 //! | `hands` | hands | `tracker.time`, every `stylus` and `hit`, `hands.previous`, every `pose.previous` |
 //! | `body.B.control.C.pose` | control pose | `hands`, `pose.previous` |
-//! | `body.B.arrived` | number | set from outside, of a model that computes in the background: how often a state came |
+//! | `body.B.arrived` | number | set from outside: how often a state came from the background, or on the way home of a body that lost its path |
 //! | `taking`, `touches` | taking, touches | where a body has `surface_compliance`: what is set from outside; `taking`, `hands`, every `stylus`, `touches.previous` |
 //! | `body.B.loads` | loads | set from outside, of a body with loads |
 //! | `contributions` | contributions | where an effect acts on bodies: set by the effects, when the poses of the frame are known |

@@ -126,7 +126,7 @@ fn throw(body: &mut Tracked, random: &mut Random, frames: usize) {
             _ => {}
         }
         let mut left = ControlPose::REST;
-        if random.number() % 3 == 0 {
+        if random.number().is_multiple_of(3) {
             left = turned(random.axis() * (3.1 * random.part()), random.vector() * 0.3);
         }
         body.frame(&[left, pose]);
@@ -173,7 +173,7 @@ fn play(model: &'static ModelEntry, frames: usize, longest: usize) -> [usize; 2]
     let [mut body, mut gentle] = [(); 2].map(|()| Tracked::new(self::body(&file, model)));
     let [mut home, mut marked] = [0; 2];
     while body.frames < frames {
-        let only_wound = random.number() % 2 == 0;
+        let only_wound = random.number().is_multiple_of(2);
         if !only_wound {
             let count = 1 + random.number() as usize % longest;
             throw(&mut body, &mut random, count);

@@ -3,7 +3,7 @@
 //! The surface is read through functions alone: where the graphics device deforms it, the CPU keeps a few nodes up to date, and
 //! sums the others on request.
 
-mod path;
+mod home;
 mod state;
 mod surface;
 
@@ -18,6 +18,7 @@ use super::model::{
     ModelInput, Response, StateAge,
 };
 use super::models::make_model;
+use super::path::Path;
 use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, Wrench};
 use crate::base::columns::ColumnGroup;
@@ -25,7 +26,6 @@ use crate::base::creases::Creases;
 use crate::base::parts::{PartMotion, PartWeights};
 use crate::green::{AFFINE, GreenFile};
 use nalgebra::{Isometry3, Vector3};
-pub use path::{Doubt, Path};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
