@@ -129,7 +129,7 @@ fn names_from_files_do_not_steer_the_terminal() {
 
     let scene = SCENE.replace("[body.block", "[body.\"\\u001b[2Jbody\"");
     std::fs::write(folder.join("scene.toml"), &scene).unwrap();
-    let told = succeed(&folder, &["precompute", "scene.toml"]);
+    let told = succeed(&folder, &["precompute", "scene.toml", "--verbose"]);
     for said in [text(&told.stdout), text(&told.stderr)] {
         assert!(said.contains("\\u001b[2Jbody") && !said.contains('\u{1b}'), "{said}");
     }

@@ -188,7 +188,7 @@ fn without_stress_there_is_no_section_and_no_word_of_a_limit() {
         "{progress}"
     );
     let (told, _) = said(&plain, &["check", "tube.toml"]);
-    assert!(told.contains("list effects = [\"stress\"]"), "{told}");
+    assert!(told.contains("effects = [\"stress\"] shows"), "{told}");
 }
 
 /// A file that was made for other effects is never taken for the scene's own, in either direction.

@@ -43,7 +43,7 @@ fn all_that_is_wrong_with_a_stage_is_told_at_once() {
     let line = |needle: &str| 1 + text.lines().position(|line| line == needle).unwrap();
     for part in [
         &format!("error: bench.toml:{}: ipd is 0.09 m", line("[viewer]")),
-        "screen `wall` is no rectangle: its edges meet at 87.76°",
+        "screen `wall`: edges meet at 87.76°",
         "window `window 2`: unknown screen \"floor\"",
         "100 % of its 1280 × 1024 pixels at (2000, 0) lie on no monitor",
         "the second ends 20.0 mm short of the first at one end",

@@ -150,7 +150,7 @@ fn explain(why: Setback, critical: &Option<Box<CriticalPose>>) -> String {
 }
 
 impl StaticsError {
-    /// How the body gives way: the least eigenvalue and its mode, the least det F, tetrahedra turned inside out.
+    /// Figures of the end: the least eigenvalue and its mode, the least det F, tetrahedra turned inside out.
     pub fn details(&self) -> Option<String> {
         let StaticsError::Stopped { settled, critical, tags, tets, .. } = self else { return None };
         let (least, inverted) = (settled.least_det.0, settled.inverted.len());
