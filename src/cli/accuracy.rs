@@ -22,7 +22,7 @@ use std::time::Instant;
 /// Measure what accuracy costs in time: every parameter's errors and costs as a page, plots, CSV and JSON
 ///
 /// Computes the scene's body with every element, mesh refinement, solver tolerance, storage precision and deformation
-/// model, measures what each costs offline and in the frame, and compares all with nonlinear statics and a finer mesh,
+/// model, measures what each costs offline and in the frame, and compares all with nonlinear statics on a finer mesh,
 /// over the poses of the scene's script, of a pose file, or seeded random ones. Every model is also tried alone at bends and
 /// twists from 1° to 360°. OUTPUT/index.html explains the figures. The command first estimates how long it will take; after
 /// Ctrl-C, run it again and it continues where it stopped.
@@ -44,8 +44,8 @@ pub struct Args {
     /// Seed of random poses, which are then taken even if the scene has a script
     #[arg(long)]
     pub seed: Option<u64>,
-    /// A report within a minute: fewer poses and angles, no refinement, each offline time measured once; what does not fit is left
-    /// out and listed
+    /// A report in about a minute: the hardest pose and the scene's own setting, and of fewer poses and angles, without
+    /// refinement, what else fits; the rest is listed
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)

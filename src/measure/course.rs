@@ -33,6 +33,11 @@ impl Step {
     pub const TIMES: &str = "times of an evaluation";
     pub const EFFECTS: &str = "effects";
 
+    /// The name of the step that solves the finer equilibrium of pose number `index`.
+    pub fn finer(index: usize, pose: &str) -> String {
+        format!("finer equilibrium of pose {}, {pose}", index + 1)
+    }
+
     /// "tet10 h · cholesky", "tet4 h · reduced".
     pub fn solved(refine: u32, element: &Element, solver: Solver, model: Option<&str>) -> String {
         let what = model.map_or_else(|| solver.to_string(), str::to_owned);
@@ -56,6 +61,7 @@ pub enum StepKind {
     SolveForModel,
     SolveIteratively,
     Equilibria,
+    Finer,
     Trials,
     Errors,
     Other,

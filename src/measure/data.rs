@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Version of accuracy.json; the manual's chapter `errors` describes it.
-pub const SCHEMA: u32 = 5;
+pub const SCHEMA: u32 = 6;
 
 /// All that was measured of one body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,6 +30,13 @@ pub struct Report {
     pub references: Vec<String>,
     /// Names of the poses, in their order, and where they come from.
     pub poses: Vec<String>,
+    /// The poses that were compared with a finer equilibrium: of them are the errors of the rows. Without one, the rows have
+    /// no error of the mesh.
+    pub compared: Vec<String>,
+    /// Sentences about the other poses, each with the reason.
+    pub not_compared: Vec<String>,
+    /// The error of the finer equilibrium itself, where two of its meshes were solved: relative, of shape and of wrench.
+    pub doubt: Option<[f64; 2]>,
     pub pose_source: String,
     pub quick: bool,
     /// The setting that the scene itself asks for, with the storage and solver that it names.
@@ -138,7 +145,12 @@ impl Measurement {
     /// Whether its discretisation is the one that all others are compared with. Its own error is not known, so it is
     /// never chosen or recommended.
     pub fn is_reference(&self) -> bool {
-        self.error.discretisation.worst == 0.0
+        self.error.discretisation.is_some_and(|part| part.worst == 0.0)
+    }
+
+    /// Whether what its mesh adds was measured, against a finer equilibrium in at least one pose.
+    pub fn is_mesh_known(&self) -> bool {
+        self.error.discretisation.is_some()
     }
 
     /// Whether the solver can be trusted in all poses, not only in those that were measured: its own estimate of the
@@ -155,7 +167,7 @@ impl Measurement {
     }
 
     pub fn can_be_chosen(&self) -> bool {
-        self.is_trusted() && !self.is_reference() && self.is_storage_known()
+        self.is_trusted() && self.is_mesh_known() && !self.is_reference() && self.is_storage_known()
     }
 
     /// Error of the shape in the worst pose.
@@ -195,9 +207,10 @@ pub struct Cost {
 /// Relative L2 errors over the body's volume, unless said otherwise. As vector fields the parts sum to the total.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    pub discretisation: Spread,
-    /// The error in the energy norm.
-    pub energy: Spread,
+    /// `None` where no pose has a finer equilibrium: all that follows is then without the part of the mesh.
+    pub discretisation: Option<Spread>,
+    /// The discretisation error in the energy norm; `None` too for models that move the surface alone.
+    pub energy: Option<Spread>,
     pub solver: Spread,
     /// `None` for models whose displacements are more than a sum of stored columns.
     pub storage: Option<Spread>,
@@ -213,6 +226,9 @@ pub struct Errors {
     /// max(|f|, |m|/ℓ) with the body's extent ℓ, of torques that times ℓ.
     pub force: Option<Spread>,
     pub torque: Option<Spread>,
+    /// The parts that the mesh and the model have in it: the larger of force and torque of each.
+    pub mesh_held: Option<Spread>,
+    pub model_held: Option<Spread>,
     /// The larger of force and torque, each uncancelled in the same way.
     pub uncancelled_held: Option<Spread>,
 }
@@ -336,7 +352,7 @@ pub const MESH: Parameter = Parameter {
     name: "mesh and element",
     value: Setting::mesh,
     part: "discretisation",
-    error: |error| Some(error.discretisation),
+    error: |error| error.discretisation,
 };
 pub const SOLVER: Parameter = Parameter {
     name: "solver",

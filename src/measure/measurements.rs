@@ -50,15 +50,22 @@ pub fn measurements(
         let models = candidate.models.iter().copied().filter(is_measured).filter(is_known);
         let models: Vec<&'static ModelEntry> = models.collect();
         let is_wide = candidate.solver.method.is_direct && models.len() > 1;
-        // The reference is never chosen: where time is short, its other storages are the first to go.
+        // Where time is short, the other storages of the finest mesh are the first to go.
         let is_spared =
-            request.limit.is_some() && std::ptr::eq(&raw const candidates[references.finest], candidate);
+            request.limit.is_some() && candidates.iter().all(|c| c.fineness() <= candidate.fineness());
         let own = request.scene.body[request.body].storage;
         let mut storages = Storage::ALL.to_vec();
         if !storages.contains(&own) {
             storages.push(own);
         }
-        storages.retain(|&storage| storage == Storage::F32 || is_wide && (!is_spared || storage == own));
+        let is_of_scene = |model: &&ModelEntry| {
+            candidate.element == request.scene.body[request.body].element
+                && super::variants::is_of_scene(request, model, candidate.refine, candidate.element)
+        };
+        let is_own = |storage: Storage| storage == own && models.iter().any(|model| is_of_scene(model));
+        storages.retain(|&storage| {
+            storage == Storage::F32 || is_wide && (!is_spared || storage == own) || is_own(storage)
+        });
         let mut files = Files::default();
         let judged = course.step_as_json(&Step::errors(&candidate.name()), |_| {
             let rounded: Vec<Vec<Vec<f64>>> =

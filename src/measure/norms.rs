@@ -112,7 +112,7 @@ impl MeshLadder {
 
     /// A linear field's values at the mids too. Where an edge is curved, the mid lies beside its straight middle: the
     /// field goes on there by the mean of the gradients of the tetrahedra around, so that an affine one stays affine.
-    fn with_mids(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    pub fn with_mids(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         let mesh = &self.levels[level];
         let mut whole = field.to_vec();
         if field.len() == mesh.nodes.len() {
@@ -138,7 +138,7 @@ impl MeshLadder {
     }
 
     /// The field of Q_level at the nodes of the next.
-    fn climb(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    pub fn climb(&self, level: usize, field: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         let (coarse, fine) = (&self.levels[level], &self.levels[level + 1]);
         let mut raised = vec![Vector3::zeros(); fine.nodes.len()];
         for tet in 0..coarse.tets.len() {

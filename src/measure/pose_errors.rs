@@ -1,29 +1,31 @@
 //! The errors of a setting in a pose, part by part, as fields on the finest mesh and as wrenches.
 //!
-//! In: a candidate, a model, a pose with its equilibrium. Out: [`PoseErrors`] for each storage. What a mesh lacks on which a
-//! model is not made is carried on by other models ([`AtPose::carried`]).
+//! In: a candidate, a model, a pose with its equilibria. Out: [`PoseErrors`] for each storage. The whole is what the setting
+//! shows less the finer equilibrium; the part of the mesh is the same for every model ([`AtPose::mesh_part`]), and the model's is what
+//! is left.
 
 use super::data::{Errors, Measurement, Setting, Shapes, Spread};
 use super::fields::{
     ModelOutput, difference, displaced, evaluate_about, storage_error, stored, wrenches_about,
 };
-use super::norms::largest;
-use super::reference::{PoseReference, References};
+use super::finer::FinerReference;
+use super::norms::{largest, relative};
+use super::reference::{PoseReference, References, Size};
 use super::request::MeasureError;
-use super::variants::{Candidate, Meshes, moves_inside};
+use super::variants::{Candidate, Meshes};
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ModelEntry, Wrench, model_of};
+use crate::fem::{TET4, TET10};
 use crate::mesh::Surface;
 use crate::scene::Storage;
 use nalgebra::Vector3;
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::collections::BTreeMap;
 
 /// One setting's errors in one pose.
 #[derive(Clone, Copy, Default)]
 pub struct PoseErrors {
-    discretisation: f64,
-    energy: f64,
+    discretisation: Option<f64>,
+    energy: Option<f64>,
     solver: f64,
     storage: Option<f64>,
     model: f64,
@@ -32,6 +34,8 @@ pub struct PoseErrors {
     pub displacement_m: f64,
     force: f64,
     torque: f64,
+    mesh_held: Option<f64>,
+    model_held: f64,
     uncancelled_held: f64,
 }
 
@@ -57,8 +61,8 @@ impl Compared<'_> {
         rounded: &[Vec<Vec<f64>>],
     ) -> Result<Vec<Vec<PoseErrors>>, MeasureError> {
         let mut errors = vec![Vec::new(); rounded.len()];
-        for reference in &self.references.poses {
-            let solved = AtPose { of: self, reference, known: RefCell::default() };
+        for reference in self.references.judged() {
+            let solved = AtPose { of: self, reference };
             let fields = ErrorFields::new(&solved, model).ok_or_else(|| {
                 let mesh = Setting::mesh_name(self.candidate.element.name, self.candidate.refine);
                 let (name, pose) = (model.name, &reference.name);
@@ -67,7 +71,7 @@ impl Compared<'_> {
                 MeasureError::Model(format!("model {name} with {mesh}: {why}"))
             })?;
             for (errors, rounded) in errors.iter_mut().zip(rounded) {
-                errors.push(fields.with_storage(self, rounded));
+                errors.push(fields.with_storage(self, rounded, &reference.size));
             }
         }
         Ok(errors)
@@ -83,13 +87,15 @@ impl Compared<'_> {
         rounded: &[Vec<f64>],
         reference: &PoseReference,
     ) -> Option<(Vec<Vector3<f64>>, PoseErrors)> {
-        let at = AtPose { of: self, reference, known: RefCell::default() };
+        let at = AtPose { of: self, reference };
         let fields = ErrorFields::new(&at, model)?;
         let (mut total, _) = fields.total(self, rounded);
-        for (node, error) in &fields.on_surface {
-            total[*node] += error;
+        if let Some(nodes) = &fields.surface {
+            let mut all = vec![Vector3::zeros(); self.meshes.linear[0].nodes.len()];
+            nodes.iter().zip(&total).for_each(|(&node, error)| all[node as usize] = *error);
+            total = all;
         }
-        Some((total, fields.with_storage(self, rounded)))
+        Some((total, fields.with_storage(self, rounded, &reference.size)))
     }
 }
 
@@ -97,193 +103,175 @@ impl Compared<'_> {
 struct AtPose<'a> {
     of: &'a Compared<'a>,
     reference: &'a PoseReference,
-    /// Results that were evaluated already: the same candidate is often that which another is compared with.
-    known: RefCell<Vec<(&'a Candidate, &'static str, Rc<Raised>)>>,
 }
 
-impl<'a> AtPose<'a> {
-    /// A solution of a model raised to the finest mesh.
-    fn raised(&self, of: &'a Candidate, model: &'static ModelEntry) -> Option<Rc<Raised>> {
-        let is_own = |(known, name, _): &&(&Candidate, &str, Rc<Raised>)| {
-            std::ptr::eq(*known, of) && *name == model.name
-        };
-        if let Some((.., raised)) = self.known.borrow().iter().find(is_own) {
-            return Some(raised.clone());
-        }
+impl AtPose<'_> {
+    /// A model's displacements at the places where errors are compared, and its wrenches about the scene's origins.
+    fn placed(&self, of: &Candidate, model: &ModelEntry) -> Option<Placed> {
         let (poses, about) = (&self.reference.poses, &self.of.references.origins);
         let output = evaluate_about(model, &of.solution, poses, about)?;
-        let field = self.of.meshes.ladder.raise(of.refine as usize, &displaced(&of.solution, &output));
+        let field = match &output.surface {
+            Some(u) => {
+                let by_node: BTreeMap<u32, Vector3<f64>> =
+                    of.solution.surface.nodes.iter().copied().zip(u.iter().copied()).collect();
+                // The first nodes of a finer mesh are those of the scene's.
+                self.surface().iter().map(|node| by_node.get(node).copied()).collect::<Option<_>>()?
+            }
+            None => self.of.meshes.ladder.raise(of.refine as usize, &displaced(&of.solution, &output)),
+        };
         let held = wrenches_about(&of.solution, &output, poses, about)?;
-        let raised = Rc::new(Raised { output, field, held });
-        self.known.borrow_mut().push((of, model.name, raised.clone()));
-        Some(raised)
+        Some(Placed { output, field, held })
     }
 
-    /// The discretisation of a model: this mesh less the finest on which the model is made, and from there on
-    /// [`AtPose::carried`]. Of a model that does not move the inside, displacements are carried from this mesh on.
-    fn discretisation(&self, model: &'static ModelEntry, here: &Raised) -> Option<Difference> {
-        let best = self.finest_of(model)?;
-        let own = here.less(&*self.raised(best, model)?);
-        let more = self.carried(best)?;
-        if moves_inside(model) {
-            return Some(own.and(&more));
+    /// The part of the mesh, as a field on the finest mesh and as wrenches: nothing without a finer equilibrium, and of the mesh that
+    /// is the reference itself. Else what the most accurate model that is made here shows too much, less its own error, which is
+    /// that with tet4 on the scene's mesh.
+    fn mesh_part(&self, truth: &[Vector3<f64>], held: &[Wrench]) -> Option<(Vec<Vector3<f64>>, Vec<Wrench>)> {
+        let Compared { meshes, candidates, candidate, references } = *self.of;
+        let here = (candidate.refine, candidate.element);
+        let is_reference = |finer: &FinerReference| finer.doubt.is_none() && here == (0, &TET10);
+        if self.reference.finer.as_ref().map_or(true, is_reference) {
+            let nothing = Wrench { force: Vector3::zeros(), moment: Vector3::zeros() };
+            return Some((vec![Vector3::zeros(); truth.len()], vec![nothing; held.len()]));
         }
-        let field = self.carried(self.of.candidate)?.field;
-        Some(Difference { field, ..own.and(&more) })
-    }
-
-    /// The change by refinement from this mesh to the finest of all: by the most accurate model that is made on it and on a finer
-    /// one, and so on from there.
-    fn carried(&self, from: &'a Candidate) -> Option<Difference> {
-        let Compared { candidates, references, .. } = *self.of;
-        let finest = &candidates[references.finest];
-        if (from.refine, from.element) == (finest.refine, finest.element) {
-            let rest = self.raised(finest, finest.models[0])?;
-            return Some(rest.less(&rest));
-        }
+        let settled = meshes.ladder.raise(0, &self.reference.displacement);
         references.carriers().into_iter().find_map(|carrier| {
-            let best = self.finest_of(carrier).filter(|best| best.fineness() > from.fineness())?;
-            let here = candidates.iter().find(|c| c.is_of(from.refine, from.element, carrier))?;
-            let step = self.raised(here, carrier)?.less(&*self.raised(best, carrier)?);
-            Some(step.and(&self.carried(best)?))
+            let exact = candidates.iter().find(|c| c.is_of(candidate.refine, candidate.element, carrier))?;
+            let (here, base) =
+                (self.placed(exact, carrier)?, self.placed(references.base(candidates, carrier)?, carrier)?);
+            let own = difference(&base.field, &settled);
+            let field = difference(&difference(&here.field, truth), &own);
+            let own = less(&base.held, &self.reference.held);
+            Some((field, less(&less(&here.held, held), &own)))
         })
     }
 
-    /// The finest mesh on which the model has a state in this pose.
-    fn finest_of(&self, model: &'static ModelEntry) -> Option<&'a Candidate> {
-        let mut made: Vec<&Candidate> = self.of.candidates.iter().filter(|c| c.is_exact(model)).collect();
-        made.sort_by_key(|c| std::cmp::Reverse(c.fineness()));
-        made.into_iter().find(|c| self.raised(c, model).is_some())
+    /// The nodes of the surface of the scene's mesh.
+    fn surface(&self) -> &[u32] {
+        let own = self.of.candidates.iter().find(|c| c.refine == 0 && c.element == &TET4);
+        own.map_or(&[], |own| &own.solution.surface.nodes)
     }
 }
 
-/// A model's displacements on the finest mesh, and its wrenches.
-struct Raised {
+/// A model's displacements, and its wrenches.
+struct Placed {
     output: ModelOutput,
     field: Vec<Vector3<f64>>,
     held: Vec<Wrench>,
-}
-
-/// One solution less another, as a field and as wrenches.
-struct Difference {
-    field: Vec<Vector3<f64>>,
-    held: Vec<Wrench>,
-}
-
-impl Raised {
-    fn less(&self, other: &Raised) -> Difference {
-        let less =
-            |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
-        let held = self.held.iter().zip(&other.held).map(less).collect();
-        Difference { field: difference(&self.field, &other.field), held }
-    }
-}
-
-impl Difference {
-    fn and(&self, other: &Difference) -> Difference {
-        let and =
-            |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force + b.force, moment: a.moment + b.moment };
-        let held = self.held.iter().zip(&other.held).map(and).collect();
-        Difference { field: sum(&self.field, &other.field), held }
-    }
 }
 
 fn sum(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     a.iter().zip(b).map(|(a, b)| a + b).collect()
 }
 
-/// The parts of a setting's error in one pose except for storage, as fields on the finest mesh.
+fn less(a: &[Wrench], b: &[Wrench]) -> Vec<Wrench> {
+    let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
+    a.iter().zip(b).map(less).collect()
+}
+
+/// The parts of a setting's error in one pose except for storage: fields on the finest mesh or, of a model that moves the surface
+/// alone, at the surface nodes of the scene's mesh.
 struct ErrorFields {
-    here: Rc<Raised>,
+    here: Placed,
     /// Solver + discretisation + model.
     sum: Vec<Vector3<f64>>,
     pose: PoseErrors,
-    /// The part of the model and its largest displacement, m, where they are known on the surface alone and no part of `sum`.
-    surface: [f64; 2],
-    /// The model's part at the nodes of the scene's mesh.
-    on_surface: Vec<(usize, Vector3<f64>)>,
-    /// L2 norm of the equilibrium that they are relative to, m.
-    size: f64,
+    /// The field that errors are relative to: that of the equilibrium, m.
+    truth: Vec<Vector3<f64>>,
+    /// The nodes of the surface, for a model that moves it alone.
+    surface: Option<Vec<u32>>,
 }
 
 impl ErrorFields {
     fn new(at: &AtPose<'_>, model: &'static ModelEntry) -> Option<ErrorFields> {
-        let Compared { meshes, candidates, candidate, references, .. } = *at.of;
+        let Compared { meshes, candidates, candidate, references } = *at.of;
         let reference = at.reference;
         let exact = candidates.iter().find(|c| c.is_of(candidate.refine, candidate.element, model))?;
-        let base = references.base(candidates, model)?;
-        let (here, solved) = (at.raised(candidate, model)?, at.raised(exact, model)?);
-        let Difference { field: discretisation, held: coarse } = at.discretisation(model, &solved)?;
-        let at_base = at.raised(base, model)?;
-        let (solver, size) = (difference(&here.field, &solved.field), &reference.size);
-        let (mut surface, mut sum) = ([0.0; 2], sum(&solver, &discretisation));
-        let mut on_surface = Vec::new();
-        let model_part = match &at_base.output.surface {
-            Some(u) => {
-                surface = reference.surface_error(&base.solution, u).into();
-                let nodes = base.solution.surface.nodes.iter().map(|&node| node as usize);
-                on_surface = nodes.zip(u).map(|(n, u)| (n, u - reference.displacement[n])).collect();
-                surface[0]
-            }
-            None => {
-                let settled = meshes.ladder.raise(0, &reference.displacement);
-                let part = difference(&at_base.field, &settled);
-                sum.iter_mut().zip(&part).for_each(|(sum, part)| *sum += part);
-                references.norms.l2(&part) / size.displacement
-            }
+        let (here, solved) = (at.placed(candidate, model)?, at.placed(exact, model)?);
+        let surface = here.output.surface.as_ref().map(|_| at.surface().to_vec());
+        let at_places = |field: &[Vector3<f64>]| match &surface {
+            Some(nodes) => nodes.iter().map(|&node| field[node as usize]).collect(),
+            None => field.to_vec(),
+        };
+        let finer = reference.finer.as_ref().ok();
+        let (whole_truth, held) = match finer {
+            Some(finer) => (finer.field.clone(), &finer.held),
+            None => (meshes.ladder.raise(0, &reference.displacement), &reference.held),
+        };
+        let (mesh_field, mesh_held) = at.mesh_part(&whole_truth, held)?;
+        let (truth, mesh_part) = (at_places(&whole_truth), at_places(&mesh_field));
+        let model_part = difference(&difference(&solved.field, &truth), &mesh_part);
+        let model_held = less(&less(&solved.held, held), &mesh_held);
+        let solver = difference(&here.field, &solved.field);
+        let size = &reference.size;
+        let norm = |field: &[Vector3<f64>]| match &surface {
+            Some(_) => relative(field, &truth),
+            None => references.norms.l2(field) / size.displacement,
         };
         let turned_back: Vec<_> =
-            discretisation.iter().map(|e| here.output.motion.rotation.inverse() * e).collect();
-        // The control element with the largest error: the whole, and without cancellation.
+            mesh_field.iter().map(|e| here.output.motion.rotation.inverse() * e).collect();
+        let energy = finer.map(|_| references.norms.energy(&turned_back) / size.energy);
+        let solver_held = less(&here.held, &solved.held);
+        // The control element with the largest error: the whole, and without cancellation; then the parts of mesh and model.
         let off = |of: fn(&Wrench) -> Vector3<f64>| {
             let of = |e: usize| {
-                let parts = [
-                    of(&here.held[e]) - of(&solved.held[e]),
-                    of(&coarse[e]),
-                    of(&at_base.held[e]) - of(&reference.held[e]),
-                ];
+                let parts = [of(&solver_held[e]), of(&mesh_held[e]), of(&model_held[e])];
                 let whole = (parts[0] + parts[1] + parts[2]).norm();
-                [whole, uncancelled(whole, &parts.map(|part| part.norm()))]
+                let norms = parts.map(|part| part.norm());
+                [whole, uncancelled(whole, &norms), norms[1], norms[2]]
             };
-            (0..here.held.len()).map(of).fold([0.0_f64; 2], |most, off| [0, 1].map(|i| most[i].max(off[i])))
+            let larger = |a: [f64; 4], b: [f64; 4]| [0, 1, 2, 3].map(|i| a[i].max(b[i]));
+            (0..here.held.len()).map(of).fold([0.0; 4], larger)
         };
         let (force, torque) =
             (off(|w| w.force).map(|f| f / size.force), off(|w| w.moment).map(|m| m / size.torque));
-        let errors = PoseErrors {
-            discretisation: references.norms.l2(&discretisation) / size.displacement,
-            energy: references.norms.energy(&turned_back) / size.energy,
-            solver: references.norms.l2(&solver) / size.displacement,
-            model: model_part,
+        let larger = |i: usize| force[i].max(torque[i]);
+        let pose = PoseErrors {
+            discretisation: finer.map(|_| norm(&mesh_part)),
+            energy,
+            solver: norm(&solver),
+            model: norm(&model_part),
             force: force[0],
             torque: torque[0],
-            uncancelled_held: force[1].max(torque[1]),
+            mesh_held: finer.map(|_| larger(2)),
+            model_held: larger(3),
+            uncancelled_held: larger(1),
             ..PoseErrors::default()
         };
-        Some(ErrorFields { here, sum, pose: errors, surface, on_surface, size: size.displacement })
+        let sum = sum(&sum(&solver, &mesh_part), &model_part);
+        Some(ErrorFields { here, sum, pose, truth, surface })
     }
 
-    /// The whole error but for what is known on the surface alone, and the part of storage, as fields on the finest mesh.
+    /// The whole error, and the part of storage, as fields.
     fn total(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
         let Compared { meshes, candidate, .. } = of;
+        if self.surface.is_some() {
+            return (self.sum.clone(), vec![Vector3::zeros(); self.sum.len()]);
+        }
         let error = storage_error(&candidate.solution, rounded, &self.here.output);
         let turned: Vec<_> = error.iter().map(|e| self.here.output.motion.rotation * e).collect();
         let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
         (sum(&self.sum, &storage), storage)
     }
 
-    fn with_storage(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> PoseErrors {
+    fn with_storage(&self, of: &Compared<'_>, rounded: &[Vec<f64>], size: &Size) -> PoseErrors {
         let references = of.references;
+        let norm = |field: &[Vector3<f64>]| match &self.surface {
+            Some(_) => relative(field, &self.truth),
+            None => references.norms.l2(field) / size.displacement,
+        };
         let (total, storage) = self.total(of, rounded);
         // A part or a field of the model's own is stored too, which is not compared here.
-        let is_sum = self.here.output.own.is_none() && self.here.output.surface.is_none();
-        let storage = is_sum.then(|| references.norms.l2(&storage) / self.size);
-        let whole = references.norms.l2(&total) / self.size + self.surface[0];
+        let is_sum = self.here.output.own.is_none() && self.surface.is_none();
+        let storage = is_sum.then(|| norm(&storage));
+        let whole = norm(&total);
         let PoseErrors { discretisation, solver, model, .. } = self.pose;
+        let parts = [discretisation.unwrap_or(0.0), solver, storage.unwrap_or(0.0), model];
         PoseErrors {
             storage,
             total: whole,
-            uncancelled: uncancelled(whole, &[discretisation, solver, storage.unwrap_or(0.0), model]),
-            displacement_m: largest(&total) + self.surface[1],
+            uncancelled: uncancelled(whole, &parts),
+            displacement_m: largest(&total),
             ..self.pose
         }
     }
@@ -295,17 +283,23 @@ pub fn spread(poses: &[PoseErrors]) -> Errors {
         median: median(poses.iter().map(part)),
         worst: quantile(poses.iter().map(part), 1.0),
     };
+    let maybe = |part: fn(&PoseErrors) -> Option<f64>| {
+        let known = poses.iter().map(part).collect::<Option<Vec<f64>>>()?;
+        Some(Spread { median: median(known.iter().copied()), worst: quantile(known.iter().copied(), 1.0) })
+    };
     Errors {
-        discretisation: of(|p| p.discretisation),
-        energy: of(|p| p.energy),
+        discretisation: maybe(|p| p.discretisation),
+        energy: maybe(|p| p.energy),
         solver: of(|p| p.solver),
-        storage: poses.iter().all(|p| p.storage.is_some()).then(|| of(|p| p.storage.unwrap_or_default())),
+        storage: maybe(|p| p.storage),
         model: of(|p| p.model),
         total: of(|p| p.total),
         uncancelled: of(|p| p.uncancelled),
         displacement_m: of(|p| p.displacement_m),
         force: Some(of(|p| p.force)),
         torque: Some(of(|p| p.torque)),
+        mesh_held: maybe(|p| p.mesh_held),
+        model_held: Some(of(|p| p.model_held)),
         uncancelled_held: Some(of(|p| p.uncancelled_held)),
     }
 }
@@ -324,14 +318,15 @@ pub fn shapes(
         shown.iter().filter_map(|&i| Some((i, Drawn::new(candidates, &rows[i].setting)?))).collect();
     let judged = settings.iter().find(|(i, _)| rows[*i].setting == *own).or_else(|| settings.first())?;
     let mut worst: Option<(usize, f64)> = None;
-    for (p, pose) in references.poses.iter().enumerate() {
+    let poses: Vec<&PoseReference> = references.judged().collect();
+    for (p, pose) in poses.iter().enumerate() {
         let compared = Compared { meshes, candidates, candidate: judged.1.candidate, references };
         let (_, errors) = compared.field(judged.1.model, &judged.1.rounded, pose)?;
         if worst.is_none_or(|(_, most)| errors.displacement_m > most) {
             worst = Some((p, errors.displacement_m));
         }
     }
-    let pose = &references.poses[worst?.0];
+    let pose = poses[worst?.0];
     let mesh = &meshes.linear[0];
     let surface = Surface::from_mesh(mesh);
     let on_surface = |field: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
@@ -342,7 +337,8 @@ pub fn shapes(
         let (field, _) = compared.field(drawn.model, &drawn.rounded, pose)?;
         Some((*i, on_surface(&field)))
     });
-    let bent: Vec<Vector3<f64>> = mesh.nodes.iter().zip(&pose.displacement).map(|(x, u)| x + u).collect();
+    let settled = pose.finer.as_ref().map_or(&pose.displacement, |finer| &finer.field);
+    let bent: Vec<Vector3<f64>> = mesh.nodes.iter().zip(settled).map(|(x, u)| x + u).collect();
     Some(Shapes {
         pose: pose.name.clone(),
         errors: errors.collect(),

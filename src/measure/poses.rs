@@ -1,7 +1,8 @@
 //! Random poses from a seed, for a body that no script moves.
 
 use crate::deform::{ControlPose, ControlPoses, Screw, Way};
-use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
+use crate::fem::nearest_turn;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 /// Random numbers that are the same on every machine (SplitMix64: Steele, Lea and Flood, OOPSLA 2014); every seed gives
 /// its own sequence.
@@ -56,6 +57,29 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
             (format!("turned {:.0}°", angle.to_degrees()), poses.collect())
         })
         .collect()
+}
+
+/// The largest angle between the rotations of two control elements, rad.
+pub fn largest_turn(poses: &[ControlPose]) -> f64 {
+    let rotations: Vec<UnitQuaternion<f64>> = poses.iter().map(|pose| nearest_turn(&pose.matrix)).collect();
+    let pairs =
+        rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
+    pairs.fold(0.0, f64::max)
+}
+
+/// How far a pose bends and stretches a body of this extent, m: the largest angle between two control elements, rad, and their
+/// largest shift against each other as a part of the extent.
+fn hardness(poses: &[ControlPose], extent: f64) -> f64 {
+    let shifts = poses.iter().flat_map(|a| poses.iter().map(|b| (a.translation - b.translation).norm()));
+    largest_turn(poses) + shifts.fold(0.0, f64::max) / extent.max(f64::MIN_POSITIVE)
+}
+
+/// Indices of the poses of a body of this extent, m, the hardest one first.
+pub fn hardest_first(poses: &[(String, ControlPoses)], extent: f64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..poses.len()).collect();
+    let of = |pose: usize| hardness(&poses[pose].1, extent);
+    order.sort_by(|&a, &b| of(b).total_cmp(&of(a)));
+    order
 }
 
 /// The part of `v` across the direction of `chord`.

@@ -1,14 +1,15 @@
-//! References of the settings' errors: static equilibria at large strain, and the finest mesh.
+//! References of the settings' errors: static equilibria at large strain, on the scene's mesh and on a finer one.
 
 use super::course::{Course, Step};
 use super::data::ModelError;
 use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
+use super::finer::{Finer, FinerReference};
 use super::norms::{Norms, largest, relative};
+use super::poses::hardest_first;
 use super::request::{MeasureError, Request};
+use super::units;
 use super::variants::{Candidate, Meshes, moves_inside, of_affine_columns, online, solved, variant};
-use crate::deform::{
-    ControlPoses, EquilibriumResult, ModelEntry, Statics, StaticsError, Truth, Wrench, model_of,
-};
+use crate::deform::{ControlPoses, EquilibriumResult, ModelEntry, StaticsError, Truth, Wrench, model_of};
 use crate::fem::{TET4, TET10, nearest_turn, tet4};
 use crate::green;
 use crate::mesh::quality;
@@ -30,8 +31,6 @@ pub struct References<'a> {
     pub models_left_out: Vec<String>,
     /// The models that were measured in every pose.
     pub models_of_settings: Vec<&'static ModelEntry>,
-    /// Index of the candidate of the best discretisation.
-    pub finest: usize,
     /// tet4 on the scene's mesh with a material that does not lock ([`softened`]), where the scene's own would.
     soft: Vec<Candidate>,
 }
@@ -66,17 +65,25 @@ pub struct PoseReference {
     pub displacement: Vec<Vector3<f64>>,
     /// The wrench that holds each control element, about its moved origin.
     pub held: Vec<Wrench>,
-    /// The sizes that errors are relative to.
+    /// The sizes that errors are relative to: those of the finer equilibrium, where there is one.
     pub size: Size,
+    /// The finer equilibrium, or why there is none.
+    pub finer: Result<FinerReference, String>,
 }
 
 /// An equilibrium as it is kept.
 #[derive(Serialize, Deserialize)]
-struct EquilibriumOfPose {
-    displacement: Vec<[f64; 3]>,
+pub struct EquilibriumOfPose {
+    pub displacement: Vec<[f64; 3]>,
     /// Wrenches about where the origins rested.
-    wrenches: Vec<Wrench>,
-    energy: f64,
+    pub wrenches: Vec<Wrench>,
+    pub energy: f64,
+}
+
+impl EquilibriumOfPose {
+    pub fn field(&self) -> Vec<Vector3<f64>> {
+        self.displacement.iter().map(|u| Vector3::from(*u)).collect()
+    }
 }
 
 impl From<EquilibriumResult> for EquilibriumOfPose {
@@ -87,6 +94,7 @@ impl From<EquilibriumResult> for EquilibriumOfPose {
 }
 
 /// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
+#[derive(Clone, Copy, Debug)]
 pub struct Size {
     /// Norm of the displacement in L2, m.
     pub displacement: f64,
@@ -102,6 +110,22 @@ pub struct Size {
 /// Energies and forces smaller than this part of stiffness times displacement are rounding.
 const ROUNDING: f64 = 1e-8;
 
+impl Size {
+    /// Sizes of an equilibrium with this field on the finest mesh, its wrenches about the places of the control elements, and its
+    /// energy, J.
+    pub fn new(norms: &Norms<'_>, field: &[Vector3<f64>], held: &[Wrench], energy: f64) -> Size {
+        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
+        let displacement = norms.l2(field);
+        let (low, high) = quality::bounding_box(&norms.mesh.nodes);
+        let extent = (high - low).amax();
+        let stiffest = norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
+        let force =
+            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
+        let energy = energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement);
+        Size { displacement, energy, force, torque: force * extent }
+    }
+}
+
 impl<'a> References<'a> {
     pub fn new(
         request: &Request<'_>,
@@ -110,10 +134,8 @@ impl<'a> References<'a> {
         course: &Course<'_>,
     ) -> Result<References<'a>, MeasureError> {
         let is_ordinary = |c: &Candidate| of_affine_columns().all(|model| c.is_exact(model));
-        let ordinary = candidates.iter().enumerate().filter(|(_, c)| is_ordinary(c));
-        let finest = ordinary.clone().max_by_key(|(_, c)| c.fineness());
-        let own = ordinary.map(|(_, c)| c).find(|c| c.refine == 0 && c.element == &TET4);
-        let (Some((finest, _)), Some(own)) = (finest, own) else {
+        let own = candidates.iter().find(|c| is_ordinary(c) && c.refine == 0 && c.element == &TET4);
+        let Some(own) = own else {
             return Err(MeasureError::NoPose("the scene's own mesh is too large".into()));
         };
         let top = meshes.ladder.levels.len() as u32 - 1;
@@ -139,7 +161,6 @@ impl<'a> References<'a> {
             models_of_settings: Vec::new(),
             left_out: Vec::new(),
             models_left_out: Vec::new(),
-            finest,
             soft,
         };
         found.settle(request, meshes, candidates, course)?;
@@ -164,6 +185,8 @@ impl<'a> References<'a> {
         let scene = softened(&scene, request.body).unwrap_or(scene);
         let mut statics = Truth::SameMesh.statics(&scene, request.body, &Silent)?;
         let suited = self.suited(candidates);
+        let order = hardest_first(request.poses, meshes.extent());
+        let origins = self.origins.clone();
         let mut stateless = Vec::new();
         let all = course.step_as_json(Step::EQUILIBRIA, |progress| {
             let (started, mut count) = (Instant::now(), 0);
@@ -188,9 +211,22 @@ impl<'a> References<'a> {
                     Err(error) => Err(error.into()),
                 }
             };
-            request.poses.iter().map(of).collect::<Result<Vec<Result<_, String>>, MeasureError>>()
+            order.iter().map(|&pose| &request.poses[pose]).map(of).collect::<Result<Vec<Result<_, String>>, MeasureError>>()
         })?;
-        for ((name, poses), settled) in request.poses.iter().zip(all) {
+        let mut all: Vec<(usize, Result<EquilibriumOfPose, String>)> =
+            order.iter().copied().zip(all).collect();
+        let mut finer = Finer::new(request, meshes, &origins);
+        let mut references = Vec::new();
+        for (pose, settled) in &all {
+            if let Ok(settled) = settled {
+                references.push((*pose, finer.solve(&self.norms, *pose, &settled.field(), course)?));
+            }
+        }
+        all.sort_by_key(|(pose, _)| *pose);
+        references.sort_by_key(|(pose, _)| *pose);
+        let mut references = references.into_iter().map(|(_, finer)| finer);
+        for (pose, settled) in all {
+            let (name, poses) = &request.poses[pose];
             let settled = match settled {
                 Ok(settled) => settled,
                 Err(why) => {
@@ -198,7 +234,8 @@ impl<'a> References<'a> {
                     continue;
                 }
             };
-            let reference = self.reference(meshes, &statics, name, poses, settled);
+            let finer = references.next().unwrap_or_else(|| Err("it was not solved".into()));
+            let reference = self.reference(meshes, name, poses, settled, finer);
             for &model in &suited {
                 let Some(base) = self.base(candidates, model) else { continue };
                 match evaluate(model, &base.solution, poses) {
@@ -248,8 +285,9 @@ impl<'a> References<'a> {
             Some(u) => reference.surface_error(&base.solution, u),
             None => {
                 let error = difference(&displaced(&base.solution, output), &reference.displacement);
-                let error = meshes.ladder.raise(0, &error);
-                (self.norms.l2(&error) / reference.size.displacement, largest(&error))
+                let raised = |field: &[Vector3<f64>]| meshes.ladder.raise(0, field);
+                let (error, settled) = (raised(&error), raised(&reference.displacement));
+                (self.norms.l2(&error) / self.norms.l2(&settled).max(f64::MIN_POSITIVE), largest(&error))
             }
         };
         ModelError {
@@ -274,39 +312,23 @@ impl<'a> References<'a> {
     fn reference(
         &self,
         meshes: &Meshes,
-        statics: &Statics,
         name: &str,
         poses: &ControlPoses,
         settled: EquilibriumOfPose,
+        finer: Result<FinerReference, String>,
     ) -> PoseReference {
         let held: Vec<Wrench> =
             settled.wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect();
-        let settled_displacement: Vec<Vector3<f64>> =
-            settled.displacement.iter().map(|u| Vector3::from(*u)).collect();
-        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
-        let displacement = self.norms.l2(&meshes.ladder.raise(0, &settled_displacement));
-        let (low, high) = quality::bounding_box(&statics.mesh.nodes);
-        let extent = (high - low).amax();
-        let stiffest = self.norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
-        let force =
-            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
-        let size = Size {
-            displacement,
-            energy: settled.energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement),
-            force,
-            torque: force * extent,
+        let displacement = settled.field();
+        let size = match &finer {
+            Ok(finer) => finer.size,
+            Err(_) => Size::new(&self.norms, &meshes.ladder.raise(0, &displacement), &held, settled.energy),
         };
-        PoseReference {
-            name: name.to_owned(),
-            poses: poses.clone(),
-            displacement: settled_displacement,
-            held,
-            size,
-        }
+        PoseReference { name: name.to_owned(), poses: poses.clone(), displacement, held, size, finer }
     }
 
-    /// The models by which a discretisation is carried on to meshes on which another model is not made: those that move the
-    /// inside, by their worst error in the poses.
+    /// The models by which the part of a mesh is found, the most accurate first: those that move the inside, by their worst error in
+    /// the poses.
     pub fn carriers(&self) -> Vec<&'static ModelEntry> {
         let worst = |model: &ModelEntry| {
             let own = self.models.iter().filter(|error| error.model == model.name);
@@ -318,51 +340,76 @@ impl<'a> References<'a> {
         carriers
     }
 
+    /// The poses by which settings are judged: those with a finer equilibrium, or all where there is none.
+    pub fn judged(&self) -> impl Iterator<Item = &PoseReference> {
+        let is_any = self.poses.iter().any(|pose| pose.finer.is_ok());
+        self.poses.iter().filter(move |pose| pose.finer.is_ok() || !is_any)
+    }
+
+    /// Names of the poses with a finer equilibrium, and sentences about the others.
+    pub fn compared(&self) -> (Vec<String>, Vec<String>) {
+        let with = self.poses.iter().filter(|pose| pose.finer.is_ok());
+        let without = self.poses.iter().filter_map(PoseReference::not_compared);
+        let without = without.chain(self.left_out.iter().cloned());
+        (with.map(|pose| pose.name.clone()).collect(), without.collect())
+    }
+
+    /// The largest error of the finer equilibria themselves, where it is known of all.
+    pub fn doubt(&self) -> Option<[f64; 2]> {
+        let known = self.poses.iter().filter_map(|pose| pose.finer.as_ref().ok()).map(|finer| finer.doubt);
+        let all = known.collect::<Option<Vec<[f64; 2]>>>()?;
+        all.into_iter().reduce(|a, b| [0, 1].map(|i| a[i].max(b[i])))
+    }
+
     /// Sentences about the reference of each part of the error.
-    pub fn sentences(&self, candidates: &[Candidate]) -> Vec<String> {
-        let finest = &candidates[self.finest];
+    pub fn sentences(&self, meshes: &Meshes) -> Vec<String> {
+        let top = meshes.ladder.levels.len() - 1;
+        let mesh = match top {
+            0 => "on the scene's mesh".to_owned(),
+            n => format!("on the scene's mesh refined {n} times"),
+        };
+        let own = match self.doubt() {
+            Some([shape, wrench]) => format!(
+                "extrapolated from it and the mesh before it, which changes the shape by up to {} and the wrench by up to {}",
+                units::relative(shape),
+                units::relative(wrench)
+            ),
+            None => "whose own error was not measured, for it is the only mesh of its kind".into(),
+        };
+        let softened = match self.soft.is_empty() {
+            false => format!(
+                ", with Poisson's ratio {MOST_POISSON} and the same shear modulus where the scene's is larger: tet4 locks near \
+                 1/2"
+            ),
+            true => String::new(),
+        };
         let mut sentences = vec![
             format!(
-                "discretisation: {} on the scene's mesh refined {} times, {} nodes; what is as fine as that cannot be \
-                 told from it",
-                finest.element.name,
-                finest.refine,
-                finest.solution.mesh.nodes.len()
+                "total, force and torque: static equilibrium of a St. Venant-Kirchhoff body, Newton's method, tet10 {mesh}, {} \
+                 nodes, {own}",
+                self.norms.mesh.nodes.len()
             ),
+            format!(
+                "model: what is left; with tet4 on the scene's mesh against the same equilibrium on that mesh{softened}"
+            ),
+            "discretisation: with tet4 on the scene's mesh its equilibrium against the finer one; from there on what the mesh changes \
+             in the most accurate model that is made on both"
+                .into(),
             "solver: Cholesky in f64 on the same mesh".into(),
             "storage: the f64 columns of the same mesh".into(),
-            format!(
-                "model: static equilibrium of a St. Venant-Kirchhoff body, Newton's method, tet4 on the scene's mesh{}",
-                match self.soft.is_empty() {
-                    false => format!(
-                        ", with Poisson's ratio {MOST_POISSON} and the same shear modulus where the scene's is larger: \
-                         tet4 locks near 1/2"
-                    ),
-                    true => String::new(),
-                }
-            ),
-            "total, force and torque: that equilibrium, corrected by what the finest mesh changes in the linear theory"
-                .into(),
         ];
         let names = |of: &dyn Fn(&ModelEntry) -> bool| -> String {
             let own = self.models_of_settings.iter().filter(|model| of(model)).map(|model| model.name);
             own.collect::<Vec<_>>().join(", ")
         };
-        let coarser = names(&|model| !candidates[self.finest].is_exact(model));
-        if !coarser.is_empty() {
-            sentences.push(format!(
-                "discretisation of {coarser}: the finest mesh on which the model was made, and from there on what refinement \
-                 changes in the most accurate model of {}",
-                self.carriers().iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
-            ));
-        }
         let surface = names(&|model| !moves_inside(model));
         if !surface.is_empty() {
             sentences.push(format!(
-                "{surface}: displacements of the surface alone, which no part inside can cancel; the total is the sum of \
-                 the parts' norms"
+                "{surface}: displacements of the surface alone, at the nodes of the scene's mesh"
             ));
         }
+        let without = self.poses.iter().filter_map(PoseReference::not_compared);
+        sentences.extend(without.map(|why| format!("not measured against it: {why}")));
         sentences.extend(
             self.left_out.iter().chain(&self.models_left_out).map(|pose| format!("left out: {pose}")),
         );
@@ -371,6 +418,11 @@ impl<'a> References<'a> {
 }
 
 impl PoseReference {
+    /// Says why it has no finer equilibrium.
+    fn not_compared(&self) -> Option<String> {
+        self.finer.as_ref().err().map(|why| format!("{}: {why}", self.name))
+    }
+
     /// Errors of displacements `u` of the surface nodes: their root mean square over that of the equilibrium, and the largest, m.
     pub fn surface_error(&self, solution: &green::Solution, u: &[Vector3<f64>]) -> (f64, f64) {
         let settled: Vec<_> = solution.surface.nodes.iter().map(|&n| self.displacement[n as usize]).collect();

@@ -11,7 +11,7 @@ use super::resume;
 use crate::deform::{MODELS, ModelEntry};
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, AFFINE, CUBIC, Family, PERTURBATION, Requirements, STIFFNESS, Solution};
-use crate::mesh::{TetMesh, quadratic};
+use crate::mesh::{TetMesh, quadratic, quality};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{AUTO, Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
@@ -146,6 +146,12 @@ impl Meshes {
         Ok(meshes)
     }
 
+    /// The largest extent of the body, m.
+    pub fn extent(&self) -> f64 {
+        let (low, high) = quality::bounding_box(&self.linear[0].nodes);
+        (high - low).amax()
+    }
+
     /// The mesh that has the element's nodes, where it is affordable.
     pub fn mesh(&self, request: &Request<'_>, refine: u32, element: &Element) -> Option<&TetMesh> {
         let cost = self.unknowns(refine, element) * element.unknown_cost;
@@ -180,13 +186,12 @@ impl Meshes {
         // The series take as long again as the fields of `reduced`, from which they are made.
         let is_dear = |model: &ModelEntry| model.requirements.iter().any(|of| of.name == PERTURBATION.name);
         let is_affordable = |model: &ModelEntry, refine: u32, element: &Element| {
-            let is_own = (refine, element) == (0, &TET4);
-            let most = if is_own { limit } else { 0.25 * limit };
-            cost(refine, element) <= most && (is_own || !is_dear(model))
+            let is_base = (refine, element) == (0, &TET4);
+            let most = if is_base { limit } else { 0.25 * limit };
+            let fits =
+                cost(0, &TET4) <= limit && cost(refine, element) <= most && (is_base || !is_dear(model));
+            fits || is_of_scene(request, model, refine, element)
         };
-        if cost(0, &TET4) > limit {
-            return Vec::new();
-        }
         let models = online().filter(|model| !is_common(model));
         let all = models.flat_map(|model| self.all().map(move |(refine, element)| (model, refine, element)));
         all.filter(|(model, refine, element)| is_affordable(model, *refine, element)).collect()
@@ -203,10 +208,24 @@ pub fn variant(request: &Request<'_>, refine: u32, element: &'static Element, so
     scene
 }
 
-/// Conjugate gradients by tolerance, which are measured on the scene's own mesh and element.
-pub fn iterative() -> impl Iterator<Item = Solver> {
+/// Whether the scene's own setting needs the model there: on its mesh with its element, and with tet4, where models are compared
+/// with equilibria. That is measured whatever it costs.
+pub fn is_of_scene(request: &Request<'_>, model: &ModelEntry, refine: u32, element: &Element) -> bool {
+    let own = request.scene.body[request.body].element;
+    refine == 0 && (element == own || element == &TET4) && model == request.scene.bodies[request.body].model
+}
+
+/// Conjugate gradients by tolerance, which are measured on the scene's own mesh and element; the scene's own are among them.
+pub fn iterative(request: &Request<'_>) -> Vec<Solver> {
     let methods = SOLVERS.iter().copied().filter(|method| !method.is_direct && **method != AUTO);
-    methods.flat_map(|method| TOLERANCES.map(|tolerance| Solver { method, tolerance, ..Solver::default() }))
+    let of = |method| TOLERANCES.map(|tolerance| Solver { method, tolerance, ..Solver::default() });
+    let mut all: Vec<Solver> = methods.flat_map(of).collect();
+    let Solver { method, tolerance, .. } = request.scene.body[request.body].solver;
+    let own = Solver { method, tolerance, ..Solver::default() };
+    if !method.is_direct && *method != AUTO && !all.contains(&own) {
+        all.push(own);
+    }
+    all
 }
 
 /// The models that every candidate is measured with.
@@ -233,7 +252,7 @@ pub fn solve(
     }
     solve_for_models(request, meshes, left_out, course, &mut candidates)?;
     let own = request.scene.body[request.body].element;
-    for solver in iterative().filter(|_| meshes.mesh(request, 0, own).is_some()) {
+    for solver in iterative(request).into_iter().filter(|_| meshes.mesh(request, 0, own).is_some()) {
         // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
         match candidate(request, 0, own, solver, &common(), course) {
             Ok(candidate) => candidates.extend(candidate),
@@ -255,7 +274,8 @@ fn solve_for_models(
 ) -> Result<(), MeasureError> {
     let (limit, own) = (request.limits.largest_of_models, meshes.unknowns(0, &TET4) * TET4.unknown_cost);
     if own > limit {
-        left_out.extend(online().filter(|model| !is_common(model)).map(|model| {
+        let is_dropped = |model: &&ModelEntry| !is_common(model) && !is_of_scene(request, model, 0, &TET4);
+        left_out.extend(online().filter(is_dropped).map(|model| {
             format!(
                 "model {}: {own:.0} unknowns are more than the {limit:.0} for which a model with columns of its own is \
                  measured; raise {}",

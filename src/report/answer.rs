@@ -189,14 +189,53 @@ pub fn headline(report: &Report) -> Vec<String> {
             report.own, row.setting
         ));
     }
-    said.push(verdict(row));
+    said.push(verdict(row, report));
+    said.extend(not_measured(report));
     said.push(remedy(rows, i));
     said.extend(report.timing.warning());
     said
 }
 
-/// "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: do not trust the force."
-fn verdict(row: &Measurement) -> String {
+/// Number of poses that are named one by one.
+const NAMED: usize = 4;
+
+/// "4.00 s and 6.00 s", or "8 poses, 2.00 s to 9.00 s": those that were compared with a finer equilibrium.
+fn named(poses: &[String]) -> String {
+    match poses {
+        [first, .., last] if poses.len() > NAMED => format!("{} poses, from {first} to {last}", poses.len()),
+        [one] => format!("the pose {one}"),
+        [first @ .., last] => format!("the poses {} and {last}", first.join(", ")),
+        [] => "no pose".into(),
+    }
+}
+
+/// The poses for which nothing is claimed, and how far the reference itself is known.
+fn not_measured(report: &Report) -> Vec<String> {
+    let mut said = Vec::new();
+    if !report.not_compared.is_empty() && !report.compared.is_empty() {
+        let first = &report.not_compared[..report.not_compared.len().min(NAMED)];
+        let more = match report.not_compared.len() - first.len() {
+            0 => String::new(),
+            n => format!("; and {n} more"),
+        };
+        said.push(format!("Not measured: {}{more}.", first.join("; ")));
+    }
+    if !report.compared.is_empty() {
+        said.push(match report.doubt {
+            Some([shape, held]) => format!(
+                "The finer equilibrium is itself known to {} in shape, and to {} in force and torque.",
+                relative(shape),
+                relative(held)
+            ),
+            None => "How far the finer equilibrium is itself from the truth was not measured.".into(),
+        });
+    }
+    said
+}
+
+/// "For 43 µs an evaluation, in the poses 4 s and 6 s, the shape is within 2.3 %, and force and torque within 264 %: do not trust
+/// the force."
+fn verdict(row: &Measurement, report: &Report) -> String {
     let time = seconds(row.cost.frame_p50_s);
     let shape = relative(row.shape());
     if !row.is_trusted() {
@@ -206,17 +245,26 @@ fn verdict(row: &Measurement) -> String {
             row.setting.solver
         );
     }
+    if !row.is_mesh_known() {
+        let held = row.held().map_or_else(|| "not measured".into(), relative);
+        let why = report.not_compared.first().map_or_else(String::new, |why| format!(" ({why})"));
+        return format!(
+            "For {time} an evaluation: what the mesh adds to the error was not measured in any pose{why}. The model alone has \
+             {shape} in shape, and {held} in force and torque."
+        );
+    }
+    let poses = named(&report.compared);
     // The finest mesh is compared with itself: the rest of its error is known, that of its mesh is not.
     let (within, and) =
         if row.is_reference() { ("wrong by at least", "by at least") } else { ("within", "within") };
     let Some(held) = row.held() else {
         let verdict = match Trust::from_error(row.shape()) {
-            Trust::Good => "the shape can be trusted",
+            Trust::Good => "there the shape can be trusted",
             Trust::Rough => "the shape is a rough guide",
             Trust::Bad => "do not trust the shape",
         };
         return format!(
-            "For {time} an evaluation the shape is {within} {shape}: {verdict}. Its forces were not measured."
+            "For {time} an evaluation, in {poses}, the shape is {within} {shape}: {verdict}. Its forces were not measured."
         );
     };
     let verdict = if row.is_reference() && Trust::from_error(row.worst()) == Trust::Good {
@@ -225,7 +273,7 @@ fn verdict(row: &Measurement) -> String {
         both(Trust::from_error(row.shape()), Trust::from_error(held))
     };
     format!(
-        "For {time} an evaluation the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
+        "For {time} an evaluation, in {poses}, the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
         relative(held)
     )
 }
@@ -233,7 +281,7 @@ fn verdict(row: &Measurement) -> String {
 fn both(shape: Trust, force: Trust) -> &'static str {
     use Trust::{Bad, Good, Rough};
     match (shape, force) {
-        (Good, Good) => "both can be trusted",
+        (Good, Good) => "there both can be trusted",
         (Good, Rough) => "trust the shape, and take the force as a rough guide",
         (Good, Bad) => "trust the shape, do not trust the force",
         (Rough, Good) => "trust the force, and take the shape as a rough guide",
@@ -293,7 +341,7 @@ mod tests {
             forward_error: Some(1e-12),
             cost: Cost { frame_p50_s: 1e-6 * time_us, offline_s: 2.0, file_bytes: 1e6, ..Cost::default() },
             error: Errors {
-                discretisation: spread(1e-3),
+                discretisation: Some(spread(1e-3)),
                 uncancelled: spread(shape),
                 uncancelled_held: held.into().map(spread),
                 ..Errors::default()
@@ -302,9 +350,34 @@ mod tests {
         }
     }
 
+    /// Poses that no finer equilibrium was found for are named with the reason, and nothing is claimed of them.
+    #[test]
+    fn the_headline_names_the_poses_for_which_it_speaks() {
+        let rows = vec![row("rotation", 43.0, 0.01, 0.02)];
+        let own = rows[0].setting.clone();
+        let of = |compared: &[&str], not_compared: &[&str]| {
+            let [compared, not_compared] =
+                [compared, not_compared].map(|all| all.iter().map(|name| (*name).to_owned()).collect());
+            headline(&Report {
+                own: own.clone(),
+                rows: rows.clone(),
+                compared,
+                not_compared,
+                ..Report::default()
+            })
+            .join(" ")
+        };
+        let text = of(&["2 s", "4 s"], &["6 s: no equilibrium beyond 40 % of the way"]);
+        assert!(text.contains("in the poses 2 s and 4 s, the shape"), "{text}");
+        assert!(text.contains("Not measured: 6 s: no equilibrium beyond 40 % of the way."), "{text}");
+        assert!(text.contains("from the truth was not measured"), "{text}");
+        assert!(of(&["a", "b", "c", "d", "e"], &[]).contains("in 5 poses, from a to e, the shape"));
+    }
+
     fn said(rows: Vec<Measurement>) -> String {
         let own = row("rotation", 0.0, 0.0, 0.0).setting;
-        let mut report = Report { own, rows, ..Report::default() };
+        let compared = vec!["bent by 60°".into()];
+        let mut report = Report { own, rows, compared, doubt: Some([0.003, 0.01]), ..Report::default() };
         report.body = "tube".into();
         headline(&report).join(" ")
     }
@@ -314,13 +387,15 @@ mod tests {
         let reduced = || row("reduced", 900.0, 0.01, 0.02);
         assert_eq!(
             said(vec![row("rotation", 43.0, 0.023, 2.64), reduced()]),
-            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 264 %: trust the shape, do not trust \
-             the force. tet4 h · cholesky · f32 · reduced (900 µs an evaluation, 2 s offline) brings both within 5 %: shape to \
+            "For 43 µs an evaluation, in the pose bent by 60°, the shape is within 2.3 %, and force and torque within 264 %: trust \
+             the shape, do not trust the force. The finer equilibrium is itself known to 0.3 % in shape, and to 1 % in force and \
+             torque. tet4 h · cholesky · f32 · reduced (900 µs an evaluation, 2 s offline) brings both within 5 %: shape to \
              1 %, force and torque to 2 %."
         );
         assert_eq!(
             said(vec![row("rotation", 43.0, 0.023, 0.04), reduced()]),
-            "For 43 µs an evaluation the shape is within 2.3 %, and force and torque within 4 %: both can be trusted. Nothing \
+            "For 43 µs an evaluation, in the pose bent by 60°, the shape is within 2.3 %, and force and torque within 4 %: there \
+             both can be trusted. The finer equilibrium is itself known to 0.3 % in shape, and to 1 % in force and torque. Nothing \
              cheaper that was measured keeps both within 5 %."
         );
         let all = [0.01, 0.1, 1.0];
@@ -353,10 +428,16 @@ mod tests {
         assert!(text.contains("do not trust this setting") && text.contains("reduced (900 µs"), "{text}");
         // The finest mesh has no discretisation error that is known.
         let mut finest = row("rotation", 43.0, 0.01, 0.02);
-        finest.error.discretisation = Spread::default();
+        finest.error.discretisation = Some(Spread::default());
         let text = said(vec![finest, row("reduced", 900.0, 0.01, 0.02)]);
         assert!(text.contains("wrong by at least 1 %") && !text.contains("within 1 %"), "{text}");
         assert_eq!(said(Vec::new()), "");
+        // No pose has a finer equilibrium.
+        let mut alone = row("rotation", 43.0, 0.01, 0.02);
+        alone.error.discretisation = None;
+        let text = said(vec![alone]);
+        assert!(text.contains("what the mesh adds to the error was not measured"), "{text}");
+        assert!(!text.contains("can be trusted") && !text.contains("within"), "{text}");
     }
 
     #[test]

@@ -178,9 +178,9 @@ impl From<ReportError> for Failure {
 /// Every number of a row by its name, in the order of the columns; `None` where it was not measured.
 fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
     let error = &row.error;
-    let errors: [(&str, &str, Option<Spread>); 11] = [
-        ("discretisation", "relative", Some(error.discretisation)),
-        ("energy", "relative", Some(error.energy)),
+    let errors: [(&str, &str, Option<Spread>); 13] = [
+        ("discretisation", "relative", error.discretisation),
+        ("energy", "relative", error.energy),
         ("solver", "relative", Some(error.solver)),
         ("storage", "relative", error.storage),
         ("model", "relative", Some(error.model)),
@@ -189,6 +189,8 @@ fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
         ("displacement", "m", Some(error.displacement_m)),
         ("force", "relative", error.force),
         ("torque", "relative", error.torque),
+        ("mesh_held", "relative", error.mesh_held),
+        ("model_held", "relative", error.model_held),
         ("uncancelled_held", "relative", error.uncancelled_held),
     ];
     let plain = COLUMNS.iter().map(|column| (column.name.to_owned(), (column.of)(row)));

@@ -58,7 +58,7 @@ fn answer(report: &Report) -> String {
     let left_out: String = report.left_out.iter().map(|text| paragraph(text)).collect();
     let lead = format!(
         "The body {} was computed with {} settings of mesh, element, solver, storage and model. Each was timed, and compared with \
-         static equilibrium on a finer mesh.",
+         static equilibrium at large strain on a finer mesh, in the same poses.",
         report.body,
         report.rows.len()
     );

@@ -127,12 +127,15 @@ pub fn outside(rows: &[&Measurement], front: &[usize], point: impl Fn(&Measureme
     let count = |is: fn(&Measurement) -> bool| under.iter().filter(|row| is(row)).count();
     let causes = [
         (count(Measurement::is_reference), "on the finest mesh, whose own error is not known"),
+        (count(|row| !row.is_mesh_known()), "on a mesh whose error was not measured"),
         (
-            count(|row| !row.is_reference() && !row.is_trusted()),
+            count(|row| row.is_mesh_known() && !row.is_reference() && !row.is_trusted()),
             "with a solver whose own estimate of its error is too large",
         ),
         (
-            count(|row| !row.is_reference() && row.is_trusted() && !row.is_storage_known()),
+            count(|row| {
+                row.is_mesh_known() && !row.is_reference() && row.is_trusted() && !row.is_storage_known()
+            }),
             "with a coarser storage whose error was not measured",
         ),
         (count(Measurement::can_be_chosen), "less than 2 % better than a step"),

@@ -1,7 +1,9 @@
 //! The tables of a report: in HTML for its page, as text for a terminal, as Markdown for a README. A row is a list of named cells;
 //! every cell of the page is escaped here.
 
-use super::answer::{GOALS, Shown, Trust, cheapest_with, ladder, most_accurate, recommendations, shown};
+use super::answer::{
+    GOALS, Shown, Trust, cheapest_with, headline, ladder, most_accurate, recommendations, shown,
+};
 use super::canvas::escape;
 use super::pareto::{self, COLUMNS, COST_METRICS, CostMetric, FILE, OFFLINE, ONLINE};
 use super::plots::common::distinct;
@@ -71,12 +73,21 @@ pub fn compared(report: &Report) -> String {
             spread.map_or_else(|| number("–"), |spread| judged(relative(spread.worst), spread.worst))
         };
         let shape = format!("{} ({})", relative(error.uncancelled.worst), metres(error.displacement_m.worst));
+        let both = |shape: Option<Spread>, held: Option<Spread>| {
+            let of = |spread: Option<Spread>| spread.map_or("not measured".into(), |s| relative(s.worst));
+            number(match (shape, held) {
+                (None, None) => "not measured".into(),
+                (shape, held) => format!("{}, {}", of(shape), of(held)),
+            })
+        };
         vec![
             ("setting", bold(word(capital(role)), true)),
             ("", word(setting.to_string())),
             ("one evaluation", number(seconds(cost.frame_p50_s))),
             ("shape", judged(shape, error.uncancelled.worst)),
             ("force and torque", maybe(error.uncancelled_held)),
+            ("the mesh alone: shape, force and torque", both(error.discretisation, error.mesh_held)),
+            ("the model alone", both(Some(error.model), error.model_held)),
             ("offline", number(seconds(cost.offline_s))),
             ("file", number(bytes(cost.file_bytes))),
         ]
@@ -214,13 +225,15 @@ pub fn errors(rows: &[Measurement]) -> String {
         line.extend([
             ("total error", both(error.uncancelled)),
             ("as measured", both(error.total)),
-            ("energy norm", if row.is_reference() { number("reference") } else { both(error.energy) }),
+            ("energy norm", if row.is_reference() { number("reference") } else { maybe(error.energy) }),
             (
                 "displacement",
                 number(format!("{} / {}", metres(displacement.median), metres(displacement.worst))),
             ),
             ("force", maybe(error.force)),
             ("torque", maybe(error.torque)),
+            ("of them the mesh", maybe(error.mesh_held)),
+            ("of them the model", maybe(error.model_held)),
         ]);
         line
     };
@@ -349,7 +362,7 @@ pub fn capital(text: &str) -> String {
 /// The angles in the table of models, degrees.
 const TURNS: [f64; 4] = [10.0, 30.0, 90.0, 180.0];
 
-/// The settings that are worth their online time, from cheap to accurate, and the recommendations in sentences.
+/// The answer in words, the settings that are worth their online time, from cheap to accurate, and the recommendations in sentences.
 pub fn summary(report: &Report) -> String {
     let settings = efficient_settings(&report.rows);
     let motions = trial_lines(report, &|degrees| TURNS.contains(&degrees), &errors_of);
@@ -359,12 +372,12 @@ pub fn summary(report: &Report) -> String {
         let lead = "Models alone, where one control element moves: error of shape · of force and torque";
         format!("\n{lead}:\n{}", text(&motions))
     };
-    let busy = report.timing.warning().map_or_else(String::new, |warning| format!("{warning}\n\n"));
     format!(
-        "{busy}{} of {} settings, each the fastest for its error (relative L2, median of {} poses):\n{}\n{}\n{models}",
+        "{}\n{} of {} settings, each the fastest for its error (relative L2, median of {} poses):\n{}\n{}\n{models}",
+        plain(headline(report).join("\n")),
         settings.len(),
         report.rows.len(),
-        report.poses.len(),
+        report.compared.len(),
         text(&settings),
         plain(recommendations(report).join("\n")),
     )

@@ -22,6 +22,8 @@ use nalgebra::Matrix3;
 pub const LAST_STEP: f64 = 1e-9;
 const MAX_ITERATIONS: usize = 25;
 const MAX_MIXED: usize = 10;
+/// Least part of the resting body's stiffness that is added to a tangent that is not positive definite.
+const LEAST_SHIFT: f64 = 1e-3;
 /// A load step that needs no more factorizations lets the next one be twice as long.
 const EASY: usize = 6;
 const SHORTEST_STEP: f64 = 1.0 / 4096.0;
@@ -180,6 +182,28 @@ impl Newton<'_> {
         }
     }
 
+    /// The stable equilibrium next to `guess`, whose controlled nodes stand where they are held, under the loads at the end of the way;
+    /// `None` where Newton's iteration finds none from there.
+    pub fn settle_near(&self, guess: NodeFields) -> Result<Option<Equilibrium>, SolveError> {
+        let mut counts = Counts::default();
+        let Some(solver) = self.solver else { return Ok(Some(self.judge(guess, 1.0, counts))) };
+        let loads = self.loads.map(|loads| (loads.forces)(1.0));
+        let forced = (largest(&guess), loads.as_ref());
+        if self.body.is_nearly_incompressible() {
+            match self.iterate_mixed(solver, &guess, guess.clone(), forced, &mut counts) {
+                Ok(u) => return Ok(Some(self.judge(u, 1.0, counts))),
+                Err(IterationEnd::Setback(_)) => {}
+                Err(IterationEnd::Solve(error)) => return Err(error),
+            }
+        }
+        let rest = self.body.tangent(&self.body.gradients(&NodeFields::zeros(guess.nodes, 1)));
+        match self.iterate_from(solver, guess, forced, &mut counts, Some(rest.diagonal)) {
+            Ok(u) => Ok(Some(self.judge(u, 1.0, counts))),
+            Err(IterationEnd::Setback(_)) => Ok(None),
+            Err(IterationEnd::Solve(error)) => Err(error),
+        }
+    }
+
     /// The stability of the equilibrium `u` at `share` of the path, compared with that at rest and an earlier one of `trail`.
     fn stability(
         &self,
@@ -294,8 +318,21 @@ impl Newton<'_> {
         &self,
         solver: &dyn LinearSolver,
         u: NodeFields,
+        forced: (f64, Option<&NodeFields>),
+        counts: &mut Counts,
+    ) -> Result<NodeFields, IterationEnd> {
+        self.iterate_from(solver, u, forced, counts, None)
+    }
+
+    /// [`Newton::iterate`], where `measure`, the diagonal of the resting body's stiffness, is added to tangents that are not positive
+    /// definite on the way; that of the result is.
+    fn iterate_from(
+        &self,
+        solver: &dyn LinearSolver,
+        u: NodeFields,
         (size, loads): (f64, Option<&NodeFields>),
         counts: &mut Counts,
+        measure: Option<Vec<Matrix3<f64>>>,
     ) -> Result<NodeFields, IterationEnd> {
         counts.moves.clear();
         let settler = self.settler(loads);
@@ -311,11 +348,14 @@ impl Newton<'_> {
             tried: None,
             downhill,
             d,
+            measure,
+            shift: 0.0,
             error: None,
         };
         let found = minimise(&mut search, MAX_ITERATIONS, &mut 0);
         match search.error {
             Some(error) => Err(IterationEnd::Solve(error)),
+            None if search.shift > 0.0 => Err(IterationEnd::Setback(Setback::Unstable)),
             None => found.map(|_| search.now.u).map_err(IterationEnd::Setback),
         }
     }
@@ -360,6 +400,9 @@ struct FreeNodes<'a> {
     tried: Option<State>,
     downhill: NodeFields,
     d: NodeFields,
+    /// The measure that is added to the tangent, and the part of it that the last one needed.
+    measure: Option<Vec<Matrix3<f64>>>,
+    shift: f64,
     error: Option<SolveError>,
 }
 
@@ -376,10 +419,16 @@ impl Energy for FreeNodes<'_> {
     }
 
     fn factorise(&mut self, shift: f64) -> bool {
-        if shift > 0.0 {
-            return false;
+        let mut k = self.newton.body.tangent(&self.now.gradients);
+        match &self.measure {
+            None if shift > 0.0 => return false,
+            Some(measure) if shift > 0.0 => {
+                let part = LEAST_SHIFT * shift;
+                k.diagonal.iter_mut().zip(measure).for_each(|(own, more)| *own += more * part);
+            }
+            _ => {}
         }
-        let k = self.newton.body.tangent(&self.now.gradients);
+        self.shift = shift;
         match self.newton.solve(self.solver, &k, &self.downhill, self.counts) {
             Ok(d) => self.d = d,
             Err(IterationEnd::Solve(error)) => self.error = Some(error),

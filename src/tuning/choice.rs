@@ -241,7 +241,7 @@ mod tests {
             forward_error: Some(1e-12),
             cost: Cost { frame_p50_s: 1e-6 * time_us, file_bytes: 1e6, ..Cost::default() },
             error: Errors {
-                discretisation: spread,
+                discretisation: Some(spread),
                 storage: Some(Spread::default()),
                 total: spread,
                 uncancelled: spread,

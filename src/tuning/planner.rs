@@ -7,15 +7,15 @@ use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::progress::Bars;
-use crate::deform::{ControlPose, ControlPoses};
-use crate::fem::{find_element, nearest_turn};
+use crate::deform::ControlPoses;
+use crate::fem::find_element;
 use crate::green::{self, GreenError, GreenFile};
+use crate::measure::poses::largest_turn;
 use crate::measure::{
     FOLDER, Limits, Measurement, Request, SCHEMA, Setting, online, remove, settings, verify,
 };
 use crate::prepare::{self, Resolved};
 use crate::scene::{AccuracyTarget, Body, Scene, SceneError, Storage};
-use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -264,7 +264,7 @@ fn measure(
     let machine = machine::description();
     measured.timing.warning().iter().for_each(|warning| notice!("body.{name}: {warning}"));
     measured.models_left_out.iter().for_each(|model| notice!("body.{name}: left out: {model}"));
-    let (rows, left_out, models) = (measured.rows, measured.left_out, models());
+    let (rows, left_out, models) = (measured.rows, measured.not_compared, models());
     Ok(MeasuredTable { key, machine, range, rows, models, left_out, verified: Vec::new() })
 }
 
@@ -293,14 +293,6 @@ fn green_file(scene: &Scene) -> Result<Option<GreenFile>, Failure> {
         Err(GreenError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
         file => Ok(Some(file?)),
     }
-}
-
-/// The largest angle between the rotations of two control elements, rad.
-fn largest_turn(poses: &[ControlPose]) -> f64 {
-    let rotations: Vec<UnitQuaternion<f64>> = poses.iter().map(|pose| nearest_turn(&pose.matrix)).collect();
-    let pairs =
-        rotations.iter().enumerate().flat_map(|(i, a)| rotations[..i].iter().map(move |b| a.angle_to(b)));
-    pairs.fold(0.0, f64::max)
 }
 
 /// Sets the parameters of a body; errors name an element or a storage that is not known.

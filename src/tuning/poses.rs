@@ -4,7 +4,8 @@ use crate::base::failure::Failure;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
 use crate::green::{self, GreenFile};
-use crate::measure::poses::random;
+use crate::measure::poses::{hardest_first, random};
+use crate::mesh::TetMesh;
 use crate::mesh::quality::bounding_box;
 use crate::prepare::{self, Resolved};
 use crate::scene::Scene;
@@ -21,7 +22,7 @@ const ANGLES: [f64; 8] = [2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0];
 const QUICK_ANGLES: [f64; 3] = [10.0, 30.0, 60.0];
 /// Distance by which random poses move across in addition to turning, as a part of the body's size.
 const PLAY: f64 = 0.02;
-/// Pictures of the script that are taken as poses.
+/// Pictures of the script that are taken as poses, and how many of them are kept where time is short.
 const SCRIPT_POSES: usize = 12;
 const QUICK_SCRIPT_POSES: usize = 4;
 const SEED: u64 = 1;
@@ -34,7 +35,7 @@ pub fn scripted_or_random(
     quick: bool,
 ) -> Result<NamedPoses, Failure> {
     if let (None, Some(script)) = (seed, open::script(scene, None)?) {
-        let count = if quick { QUICK_SCRIPT_POSES } else { SCRIPT_POSES };
+        let count = SCRIPT_POSES;
         let folder = tempfile::tempdir().map_err(Failure::work)?;
         let path = folder.path().join("script.green");
         green::write(&path, &prepare::precompute(scene, true)?)?;
@@ -54,8 +55,15 @@ pub fn scripted_or_random(
                 taken.push((format!("{time_s:.2} s"), poses));
             }
         }
+        if quick {
+            keep_hardest(&mut taken, extent(&green::prepare(scene, name)?.mesh));
+        }
         if !taken.is_empty() {
-            return Ok((taken, format!("{count} moments of the scene's script, those at rest left out")));
+            let which = if quick { ", of which the hardest is kept, and some others" } else { "" };
+            return Ok((
+                taken,
+                format!("{count} moments of the scene's script, those at rest left out{which}"),
+            ));
         }
     }
     let seed = seed.unwrap_or(SEED);
@@ -63,7 +71,6 @@ pub fn scripted_or_random(
     (plain.body[name].element, plain.body[name].solver) = (&TET4, Solver::default());
     let prepared = green::prepare(&plain, name)?;
     let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();
-    let (low, high) = bounding_box(&prepared.mesh.nodes);
     let degrees: &[f64] = if quick { &QUICK_ANGLES } else { &ANGLES };
     let angles: Vec<f64> = degrees.iter().map(|angle| angle.to_radians()).collect();
     let source = format!(
@@ -71,5 +78,43 @@ pub fn scripted_or_random(
          of constant curvature and twist, and move across by up to {:.0} % of the body's size",
         100.0 * PLAY
     );
-    Ok((random(&origins, &angles, PLAY * (high - low).amax(), seed), source))
+    Ok((random(&origins, &angles, PLAY * extent(&prepared.mesh), seed), source))
+}
+
+fn extent(mesh: &TetMesh) -> f64 {
+    let (low, high) = bounding_box(&mesh.nodes);
+    (high - low).amax()
+}
+
+/// Keeps, of the poses of a body of this extent, m, the hardest one and others that lie evenly between it and the easiest, in their
+/// order.
+fn keep_hardest(poses: &mut Vec<(String, ControlPoses)>, extent: f64) {
+    let order = hardest_first(poses, extent);
+    if order.len() <= QUICK_SCRIPT_POSES {
+        return;
+    }
+    let kept: Vec<usize> =
+        (0..QUICK_SCRIPT_POSES).map(|k| order[k * order.len() / QUICK_SCRIPT_POSES]).collect();
+    let mut place = 0..;
+    poses.retain(|_| place.next().is_some_and(|i: usize| kept.contains(&i)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Rotation3, Vector3};
+
+    /// A script that goes there and back: --quick took four moments by the clock, and the farthest was between two of them.
+    #[test]
+    fn the_hardest_moment_is_kept() {
+        let turned = |degrees: f64| {
+            let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians()).matrix();
+            (format!("{degrees}°"), vec![ControlPose::REST, ControlPose { matrix, ..ControlPose::REST }])
+        };
+        let mut poses: Vec<_> =
+            [5.0, 10.0, 20.0, 50.0, 90.0, 70.0, 40.0, 30.0, 1.0].map(turned).into_iter().collect();
+        keep_hardest(&mut poses, 1.0);
+        let names: Vec<&str> = poses.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["10°", "50°", "90°", "30°"]);
+    }
 }

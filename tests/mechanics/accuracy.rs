@@ -8,10 +8,10 @@ use greenstage::effect::Resolved;
 use greenstage::fem::{Element, Lame, STVK, TET4, TET10};
 use greenstage::green::{self, AFFINE, Requirements, STIFFNESS};
 use greenstage::measure::poses::random;
-use greenstage::measure::{Limits, Measurement, MeshLadder, Norms, Report, Request, TimeLimit};
+use greenstage::measure::{Limits, Measurement, MeshLadder, Norms, Report, Request, Spread, TimeLimit};
 use greenstage::mesh::quadratic::straight;
 use greenstage::report::measure;
-use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Scene};
+use greenstage::scene::{Accuracy, AccuracyTarget, Budget, Generate, Scene};
 use greenstage::solve::Silent;
 use greenstage::tuning::{choose, miss, time};
 use nalgebra::{Rotation3, Vector3};
@@ -111,7 +111,7 @@ fn the_parts_of_the_error_add_up() {
         for row in &report.rows {
             let e = &row.error;
             let storage = e.storage.map_or(0.0, |part| part.worst);
-            let parts = [e.discretisation.worst, e.solver.worst, storage, e.model.worst];
+            let parts = [e.discretisation.unwrap().worst, e.solver.worst, storage, e.model.worst];
             let (sum, largest) = (parts.iter().sum::<f64>(), parts.iter().copied().fold(0.0, f64::max));
             let total = e.total.worst;
             let square = parts.iter().map(|part| part * part).sum::<f64>();
@@ -150,9 +150,10 @@ fn each_part_belongs_to_its_own_parameter() {
     }
     // Discretisation: finer meshes and better elements are nearer to the finest.
     let of = |refine, element| {
-        row(&report, refine, element, "cholesky", "f32", "linear").error.discretisation.worst
+        row(&report, refine, element, "cholesky", "f32", "linear").error.discretisation.unwrap().worst
     };
-    assert!(of(1, "tet4") < 0.6 * of(0, "tet4") && of(0, "tet10") < of(0, "tet4") && of(1, "tet10") == 0.0);
+    let of_all = [of(0, "tet4"), of(1, "tet4"), of(0, "tet10"), of(1, "tet10")];
+    assert!(of_all[1] < 0.6 * of_all[0] && of_all[2..].iter().all(|of| *of < 0.4 * of_all[0]), "{of_all:?}");
     // Model: the one that takes the mean rotation out is better at large angles.
     let rotation = row(&report, 0, "tet4", "cholesky", "f32", "rotation");
     assert!(rotation.error.model.worst < 0.7 * base.error.model.worst);
@@ -165,48 +166,144 @@ fn about_the_place(wrench: Wrench, pose: &ControlPose) -> Wrench {
     Wrench { moment: wrench.moment - pose.translation.cross(&wrench.force), ..wrench }
 }
 
-/// Energy, force and torque of the finest setting and of tet4, found again without the report: by the strain energies of
-/// the linear theory (on a straight body tet4's fields are some of tet10's, and |e|² is the difference of the energies),
-/// and by the forces of the equilibrium.
-#[test]
-fn errors_of_energy_and_force_are_against_the_equilibrium() {
-    let (_, scene) = &bodies()[0];
-    let name = "held";
-    let report = report_of(name, scene, &poses(scene, &[0.4]), 0);
-    let poses = &poses(scene, &[0.4])[0].1;
-    let solved = |element: &'static Element| {
-        let mut scene = Scene::clone(scene);
-        scene.body["b"].element = element;
-        let solution = green::solve(&scene, "b", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
-        let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
-        let mut slopes = vec![PoseSlope::default(); poses.len()];
-        let energy = model.respond(poses, &mut slopes).unwrap().energy;
-        let wrenches = slopes
-            .iter()
-            .zip(poses)
-            .map(|(slope, pose)| about_the_place(Wrench::from_slope(slope, pose), pose));
-        (wrenches.collect::<Vec<_>>(), energy)
+/// Static equilibrium of the body `b` with an element, found on its way from rest.
+struct Settled {
+    statics: Statics,
+    displacement: Vec<Vector3<f64>>,
+    held: Vec<Wrench>,
+    energy: f64,
+}
+
+fn settled(scene: &Scene, element: &'static Element, refine: u32, poses: &ControlPoses) -> Settled {
+    let mut scene = scene.clone();
+    (scene.body["b"].element, scene.body["b"].refine) = (element, refine);
+    let mut statics = Statics::new(&scene, "b", &STVK, &Silent).unwrap();
+    let found = statics.solve(poses, &Silent).unwrap();
+    let held = found.wrenches.iter().zip(poses).map(|(w, pose)| about_the_place(*w, pose)).collect();
+    Settled { statics, displacement: found.displacement, held, energy: found.energy }
+}
+
+/// The largest difference of force, and of torque over the length, as a part of the largest of `held`.
+fn apart(a: &[Wrench], held: &[Wrench], length: f64) -> [f64; 2] {
+    let size = held.iter().map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
+    let most = |of: fn(&Wrench) -> Vector3<f64>| {
+        a.iter().zip(held).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max)
     };
-    let (coarse, fine) = (solved(&TET4), solved(&TET10));
-    let settled = Statics::new(scene, "b", &STVK, &Silent).unwrap().solve(poses, &Silent).unwrap();
-    let linear = |element: &str| &row(&report, 0, element, "cholesky", "f32", "linear").error;
+    [most(|w| w.force) / size, most(|w| w.moment) / (length * size)]
+}
 
-    let energy = ((coarse.1 - fine.1) / settled.energy).sqrt();
-    assert!((linear("tet4").energy.worst / energy - 1.0).abs() < 1e-6, "{energy}");
-
-    let held: Vec<Wrench> =
-        settled.wrenches.iter().zip(poses).map(|(w, pose)| about_the_place(*w, pose)).collect();
-    let apart = |of: fn(&Wrench) -> Vector3<f64>, other: &[Wrench]| {
-        other.iter().zip(&held).map(|(a, b)| (of(a) - of(b)).norm()).fold(0.0, f64::max)
+/// Shape, energy, force and torque of tet4, found again without the report: the equilibria of tet4 and of tet10 on their own ways
+/// from rest, and the wrench of the linear theory against that of tet10.
+#[test]
+fn errors_are_against_the_finer_equilibrium() {
+    let (_, scene) = &bodies()[0];
+    let named = poses(scene, &[0.4]);
+    let report = report_of("held", scene, &named, 0);
+    let poses = &named[0].1;
+    let solution = green::solve(scene, "b", &Requirements::new(&[STIFFNESS]), &Silent).unwrap();
+    let (mut model, _) = model_of(find_model("linear").unwrap(), &solution).unwrap();
+    let mut slopes = vec![PoseSlope::default(); poses.len()];
+    model.respond(poses, &mut slopes).unwrap();
+    let linear: Vec<Wrench> = slopes
+        .iter()
+        .zip(poses)
+        .map(|(slope, pose)| about_the_place(Wrench::from_slope(slope, pose), pose))
+        .collect();
+    let (coarse, fine) = (settled(scene, &TET4, 0, poses), settled(scene, &TET10, 0, poses));
+    for (a, b) in coarse.statics.controls.iter().zip(&fine.statics.controls) {
+        assert!((a.origin - b.origin).norm() < 1e-12, "the same pose means the same motion");
+    }
+    let row = |element: &str| &row(&report, 0, element, "cholesky", "f32", "linear").error;
+    let is = |found: Option<Spread>, known: f64, what: &str| {
+        let found = found.unwrap().worst;
+        assert!((found / known - 1.0).abs() < 1e-6, "{what}: {found}, known {known}");
     };
     // The bar is 0.3 m long.
-    let size = held.iter().map(|w| w.force.norm().max(w.moment.norm() / 0.3)).fold(0.0, f64::max);
-    // The reference's own error is that of the model, with tet4 on the scene's mesh.
-    let force = apart(|w| w.force, &coarse.0) / size;
-    let torque = apart(|w| w.moment, &coarse.0) / (0.3 * size);
+    let [force, torque] = apart(&linear, &fine.held, 0.3);
     assert!(force > 0.01 && torque > 0.01, "{force} {torque}");
-    let found = [linear("tet10").force.unwrap().worst, linear("tet10").torque.unwrap().worst];
-    assert!((found[0] / force - 1.0).abs() < 1e-9 && (found[1] / torque - 1.0).abs() < 1e-9, "{found:?}");
+    is(row("tet4").force, force, "force");
+    is(row("tet4").torque, torque, "torque");
+    let [force, torque] = apart(&coarse.held, &fine.held, 0.3);
+    is(row("tet4").mesh_held, force.max(torque), "the mesh's part of it");
+    let ladder = MeshLadder::new(vec![coarse.statics.mesh], &straight);
+    assert_eq!(ladder.top().nodes, fine.statics.mesh.nodes);
+    let lame = vec![Lame::from_young_poisson(1.0e6, 0.3); ladder.top().tets.len()];
+    let norms = Norms::new(ladder.top(), TET10.assemble(ladder.top(), &lame).unwrap());
+    let raised = ladder.raise(0, &coarse.displacement);
+    let error: Vec<_> = raised.iter().zip(&fine.displacement).map(|(a, b)| a - b).collect();
+    is(row("tet4").discretisation, norms.l2(&error) / norms.l2(&fine.displacement), "shape");
+    is(row("tet4").energy, norms.energy(&error) / fine.energy.sqrt(), "energy");
+    assert_eq!(row("tet10").discretisation.unwrap().worst, 0.0, "it is the reference");
+    assert!(report.doubt.is_none() && report.compared.len() == 1 && report.not_compared.is_empty());
+}
+
+/// A thin tube bent by 60°: linear theory found 0.6 % for its mesh of tet4, where equilibrium with tet10 differs by several per
+/// cent in shape and some tens in force. The printed error of the mesh is that of equilibria that are solved here on their own ways
+/// from rest, on the same mesh and on the mesh refined once, to within what the report says of its reference.
+#[test]
+fn the_error_of_a_thin_tubes_mesh_is_that_of_its_equilibrium() {
+    let tube = "generate = { tube = { inner_radius = 0.04, outer_radius = 0.05, length = 0.3, radial = 1, around = 10, along = 8, \
+                control_length = 0.0 } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
+    let scene = held(tube, "left", "right");
+    let Some(Generate::Tube(round)) = &scene.body["b"].generate else { panic!() };
+    let prepared = green::prepare(&scene, "b").unwrap();
+    let origins: Vec<_> = prepared.controls.iter().map(|control| control.origin).collect();
+    let moved = Moved::new(&origins, 1).unwrap();
+    let bend = |degrees: f64| (format!("bent by {degrees}°"), moved.poses(Motion::Bend(degrees)));
+    let named = [10.0, 60.0].map(bend);
+    let bent = &named[1].1;
+    let coarse = settled(&scene, &TET4, 0, bent);
+    for refine in [0, 1] {
+        let fine = settled(&scene, &TET10, refine, bent);
+        let linear = |times: u32| {
+            let mut scene = Scene::clone(&scene);
+            scene.body["b"].refine = times;
+            green::prepare(&scene, "b").unwrap().mesh
+        };
+        let ladder = MeshLadder::new((0..=refine).map(linear).collect(), &|a, b| round.curve(a, b));
+        let lame = vec![Lame::from_young_poisson(1.0e6, 0.3); ladder.top().tets.len()];
+        let norms = Norms::new(ladder.top(), TET10.assemble(ladder.top(), &lame).unwrap());
+        let raised = ladder.raise(0, &coarse.displacement);
+        let off: Vec<_> = raised.iter().zip(&fine.displacement).map(|(a, b)| a - b).collect();
+        let known = norms.l2(&off) / norms.l2(&fine.displacement);
+        let force = apart(&coarse.held, &fine.held, 0.3).into_iter().fold(0.0, f64::max);
+        let report = report_of(&format!("thin-{refine}"), &scene, &named, refine);
+        assert_eq!(report.compared.len(), 2, "{:?}", report.not_compared);
+        let error = &row(&report, 0, "tet4", "cholesky", "f32", "rotation").error;
+        let (shape, mesh) = (error.discretisation.unwrap().worst, error.mesh_held.unwrap().worst);
+        let [of_shape, of_force] = report.doubt.unwrap_or([0.0; 2]);
+        println!(
+            "refined {refine}: shape {shape:.4}, known {known:.4}; force {mesh:.4}, known {force:.4}; reference to \
+             {of_shape:.4}, {of_force:.4}"
+        );
+        assert!((shape - known).abs() < 1e-6 * known + 3.0 * of_shape * (1.0 + known), "{shape} {known}");
+        assert!((mesh - force).abs() < 1e-6 * force + 3.0 * of_force * (1.0 + force), "{mesh} {force}");
+        assert!(shape > 0.02 && mesh > 0.1, "{shape} {mesh}");
+        let said = greenstage::report::headline(&report).join(" ");
+        assert!(said.contains("in the poses bent by 10° and bent by 60°, the shape is within "), "{said}");
+        let itself = if refine == 0 { "from the truth was not measured" } else { "is itself known to " };
+        assert!(said.contains(itself) && !said.contains("can be trusted"), "{said}");
+    }
+}
+
+/// --quick with no time at all: the hardest pose and the scene's own setting are measured all the same, with its storage and a model
+/// that has families of its own; the easier poses are not among those for which the headline speaks.
+#[test]
+fn quick_keeps_the_hardest_pose_and_the_scenes_own_setting() {
+    let keys = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [6, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }\n\
+                model = \"reduced\"\nstorage = \"f16\"";
+    let scene = held(keys, "xmin", "xmax");
+    let (folder, poses) = (folder("accuracy-quick"), poses(&scene, &[0.2, 1.0, 0.5]));
+    let request = Request {
+        limit: Some(TimeLimit { from: Instant::now(), seconds: 0.0 }),
+        requirements_of: &|scene| Requirements::new(scene.bodies["b"].model.requirements),
+        ..request(&scene, &poses, &folder, 0)
+    };
+    let report = measure(&request, &Silent).unwrap();
+    assert_eq!(report.compared, ["turned 57°"]);
+    assert!(report.rows.iter().any(|row| row.setting == report.own), "{} is not among the rows", report.own);
+    let said = greenstage::report::headline(&report).join(" ");
+    assert!(said.contains("in the pose turned 57°, the shape") && said.contains("Not measured: "), "{said}");
 }
 
 /// Twice as far apart as the model `rotation` is defined: no setting's worst is over fewer poses than another's.
@@ -392,12 +489,7 @@ fn a_limit_of_time_leaves_out_what_does_not_fit() {
     assert!(all.left_out.is_empty());
     let solved =
         |report: &Report, element: &str| report.rows.iter().any(|row| row.setting.element == element);
-    assert!(
-        solved(&none, "tet4")
-            && solved(&none, "tet10")
-            && !solved(&none, "tet4_anp")
-            && solved(&all, "tet4_anp")
-    );
+    assert!(solved(&none, "tet4") && !solved(&none, "tet4_anp") && solved(&all, "tet4_anp"));
     // What was measured is the same.
     let of = |report| row(report, 0, "tet4", "cholesky", "f32", "rotation").error.clone();
     assert_eq!(of(&none), of(&all));
@@ -530,11 +622,10 @@ fn what_goes_on_from_a_lost_equilibrium_is_not_solved() {
     assert_eq!(whys[1..], on_the_way);
 }
 
-/// The discretisation error of a model that is made on the scene's mesh alone is carried on by the most accurate model that is
-/// made on finer ones: that of `substructured` with tet4 is as large as that of `reduced`, and its force is off by more than 5 %,
-/// which a model compared on its own mesh alone would not show.
+/// The part of the mesh is the body's, whichever model shows it: that of `substructured`, which is made on the scene's mesh alone, is
+/// the error of the equilibrium, and its force is off by more than 5 %, which a model compared on its own mesh alone would not show.
 #[test]
-fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
+fn the_part_of_the_mesh_is_the_same_for_every_model() {
     let bar = "generate = { block = { size = [0.6, 0.1, 0.1], cells = [8, 1, 1] } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
     let scene = held(bar, "xmin", "xmax");
     let (folder, poses) = (folder("accuracy-carried"), poses(&scene, &[0.8]));
@@ -544,9 +635,12 @@ fn a_discretisation_is_carried_on_by_the_most_accurate_model() {
     };
     let report = measure(&request, &Silent).unwrap();
     let of = |model: &str| &row(&report, 0, "tet4", "cholesky", "f32", model).error;
-    let [own, carried] = ["reduced", "substructured"].map(|model| of(model).discretisation.worst);
-    assert_eq!(own, carried);
-    assert_eq!(row(&report, 0, "tet10", "cholesky", "f32", "reduced").error.discretisation.worst, 0.0);
+    let [own, other] = ["reduced", "rotation"].map(|model| of(model).discretisation.unwrap().worst);
+    assert!((own / other - 1.0).abs() < 1e-9, "{own} {other}");
+    let parts = ["reduced", "substructured", "rotation"].map(|model| of(model).mesh_held.unwrap().worst);
+    assert!(parts.iter().all(|part| (part / parts[0] - 1.0).abs() < 1e-9), "{parts:?}");
+    let reference = row(&report, 0, "tet10", "cholesky", "f32", "reduced");
+    assert_eq!(reference.error.discretisation.unwrap().worst, 0.0);
     // A coarse beam of tet4 is too stiff.
     assert!(of("reduced").force.unwrap().worst > 0.05 && of("substructured").force.unwrap().worst > 0.05);
 }

@@ -319,6 +319,47 @@ impl Statics {
         }
     }
 
+    /// Holds the body in `poses` next to the displacements `guess` of all nodes, those of a coarser mesh of the same body: a
+    /// few iterations where the way from rest takes many. Goes that way where the guess leads to no equilibrium, or to one that
+    /// is turned inside out. `progress` is advanced by 1000 in all.
+    pub fn solve_near(
+        &mut self,
+        guess: &[Vector3<f64>],
+        poses: &ControlPoses,
+        progress: &dyn Progress,
+    ) -> Result<EquilibriumResult, StaticsError> {
+        let (shift, held) = unshifted(poses);
+        let ways: Vec<Way> =
+            held.iter().map(|pose| Way::between(Screw::default(), Screw::from_pose(pose))).collect();
+        let rest = self.at_rest();
+        let turns = Ways { controls: &self.controls, ways: &ways, before: &rest.turns, steps: 1 }.turns(1.0);
+        let forces = self.forces(&held, &turns);
+        let data = guess.iter().flat_map(|u| <[f64; 3]>::from(u - shift)).collect();
+        let mut start = NodeFields { nodes: guess.len(), columns: 1, data };
+        for (control, pose) in self.controls.iter().zip(&held) {
+            self.prescribe(control, pose, &mut start);
+        }
+        let at_the_end = |_: f64| forces.clone();
+        let is_loaded = self.stretch != 1.0 || forces.data.iter().any(|force| *force != 0.0);
+        let newton = Newton {
+            body: &self.body,
+            partition: &self.partition,
+            solver: self.solver.as_deref(),
+            loads: is_loaded.then_some(Loads { forces: &at_the_end, stretch_before: self.stretch }),
+        };
+        if let Some(equilibrium) = newton.settle_near(start)? {
+            let settled = self.settled(&equilibrium, &forces, &shift);
+            if settled.inverted.is_empty() {
+                self.last = None;
+                self.held =
+                    Some(HeldBody { poses: held, turns, u: equilibrium.u, forces, stretch: self.stretch });
+                progress.advance(1000);
+                return Ok(settled);
+            }
+        }
+        self.solve(poses, progress)
+    }
+
     /// The last pose that was solved, for others to go on from; none after one without an equilibrium.
     pub fn held(&self) -> Option<&HeldBody> {
         self.held.as_ref()

@@ -79,7 +79,9 @@ pub fn fastest_on_each_mesh(rows: &[Measurement]) -> Vec<&Measurement> {
                 move |row: &&Measurement| (&row.setting.element, row.setting.refine) == (element, refine);
             rows.iter().filter(is_here).filter(|row| row.is_trusted())
         };
-        let exact = |row: &&Measurement| row.error.solver.median <= 0.01 * row.error.discretisation.median;
+        let exact = |row: &&Measurement| {
+            row.error.discretisation.is_some_and(|mesh| row.error.solver.median <= 0.01 * mesh.median)
+        };
         let offline = |row: &Measurement| (OFFLINE.of)(&row.cost);
         here()
             .filter(exact)

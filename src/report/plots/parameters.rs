@@ -19,13 +19,13 @@ pub const MESH: PlotEntry = PlotEntry {
 };
 
 fn place(row: &Measurement) -> [f64; 2] {
-    [(OFFLINE.of)(&row.cost), row.error.discretisation.median]
+    [(OFFLINE.of)(&row.cost), row.error.discretisation.map_or(f64::INFINITY, |part| part.median)]
 }
 
 /// The reference has no error that is known, and so no place in the plot.
 fn drawn(report: &Report) -> Vec<&Measurement> {
     let mut chosen = fastest_on_each_mesh(&report.rows);
-    chosen.retain(|row| !row.is_reference());
+    chosen.retain(|row| row.is_mesh_known() && !row.is_reference());
     chosen
 }
 
@@ -41,7 +41,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
         Point {
             x,
             y,
-            worst: Some(row.error.discretisation.worst),
+            worst: row.error.discretisation.map(|part| part.worst),
             series,
             line: Some(series),
             strong: front.contains(&i),
@@ -54,7 +54,7 @@ fn picture(report: &Report) -> Result<Picture, String> {
     };
     let plot = Plot {
         title: "What the mesh and the element cost, and what they bring",
-        note: "h/2: the scene's mesh refined once. The finest mesh is the reference, and not drawn.".into(),
+        note: "h/2: the scene's mesh refined once. A mesh that is the reference itself is not drawn.".into(),
         x: Scale::cost(&OFFLINE),
         y: Scale::ratio("discretisation error, relative L2 (median of the poses)"),
         series: elements.iter().map(|element| (*element).clone()).collect(),
@@ -66,14 +66,15 @@ fn picture(report: &Report) -> Result<Picture, String> {
 }
 
 fn caption(report: &Report) -> String {
-    let chosen = fastest_on_each_mesh(&report.rows);
+    let mut chosen = fastest_on_each_mesh(&report.rows);
+    chosen.retain(|row| row.is_mesh_known());
     let sentence = |element: &String| {
         let of: Vec<&&Measurement> = chosen.iter().filter(|row| row.setting.element == *element).collect();
         let end = |row: &Measurement| {
             let time = seconds(row.cost.offline_s);
             match row.is_reference() {
                 true => format!("the reference ({time})"),
-                false => format!("{} in {time}", relative(row.error.discretisation.median)),
+                false => format!("{} in {time}", relative(place(row)[1])),
             }
         };
         match of[..] {
