@@ -346,6 +346,7 @@ impl Statics {
             partition: &self.partition,
             solver: self.solver.as_deref(),
             loads: is_loaded.then_some(Loads { forces: &at_the_end, stretch_before: self.stretch }),
+            last_step: LAST_STEP,
         };
         if let Some(equilibrium) = newton.settle_near(start)? {
             let settled = self.settled(&equilibrium, &forces, &shift);
