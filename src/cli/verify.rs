@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         && name == "forces"
         && !scenes.is_empty()
     {
-        return print_study(args, name, &|told| forces_of_scenes(scenes, told));
+        return print_study(args, name, |told| forces_of_scenes(scenes, told));
     }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         marks::try_between(path, study.map_or("verify", |(name, _)| name))?;
     }
     if let Some((name, make)) = study {
-        return print_study(args, name, make);
+        return print_study(args, name, *make);
     }
     let effort = match (args.fine, args.coarse) {
         (true, _) => Effort::Fine,
@@ -97,7 +97,7 @@ fn verdict(json: bool, said: &str) -> Result<(), Failure> {
 fn print_study(
     args: &Args,
     name: &str,
-    make: &dyn Fn(&mut dyn FnMut(String)) -> Result<Study, Failure>,
+    make: impl FnOnce(&mut dyn FnMut(String)) -> Result<Study, Failure>,
 ) -> Result<(), Failure> {
     let Study { tables, json, verdict: judged } = make(&mut |left_out| notice!("note: {left_out}"))?;
     let headed = |heading: &str, table: String| {
