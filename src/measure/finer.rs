@@ -1,26 +1,84 @@
 //! The finer equilibrium of a pose, against which whole errors are measured.
 //!
 //! In: a pose with its equilibrium on the scene's mesh. Out: static equilibrium of a St. Venant–Kirchhoff body with tet10 on the
-//! finest mesh of the ladder ([`Truth::Finer`]), started from the coarser one. Where the ladder has two meshes, both are solved and
+//! finest mesh of the ladder ([`Truth::Finer`]), started from the coarser one, or led along arcs where that leads nowhere. Where the ladder has two meshes, both are solved and
 //! extrapolated: the error of quadratic elements is taken to fall by the order 1.5 with their size, because stresses are
 //! singular at the edges of held parts, so that u = u₂ + (u₂ - u₁)/(2^1.5 - 1), and what is added is the reference's own error.
 
 use super::course::{Course, Step};
 use super::fields::difference;
 use super::norms::Norms;
-use super::poses::about_origins;
-use super::reference::{EquilibriumOfPose, Size};
+use super::poses::{about_origins, largest_turn};
 use super::request::{MeasureError, Request};
 use super::variants::{Meshes, variant};
-use crate::deform::{ControlPoses, Statics, StaticsError, Truth, Wrench};
-use crate::fem::TET4;
+use crate::deform::{
+    ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError, Truth, Wrench, se3,
+};
+use crate::fem::{TET4, nearest_turn};
+use crate::mesh::quality;
 use crate::solve::{Progress, Silent, Solver};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The order in which the error of quadratic elements falls with their size.
 const ORDER: f64 = 1.5;
 /// Largest part that the last halving may change for an extrapolation to be worth anything.
 const MOST: f64 = 0.25;
+
+/// An equilibrium as it is kept.
+#[derive(Serialize, Deserialize)]
+pub struct EquilibriumOfPose {
+    pub displacement: Vec<[f64; 3]>,
+    /// Wrenches about where the origins rested.
+    pub wrenches: Vec<Wrench>,
+    pub energy: f64,
+}
+
+impl EquilibriumOfPose {
+    pub fn field(&self) -> Vec<Vector3<f64>> {
+        self.displacement.iter().map(|u| Vector3::from(*u)).collect()
+    }
+}
+
+impl From<EquilibriumResult> for EquilibriumOfPose {
+    fn from(found: EquilibriumResult) -> EquilibriumOfPose {
+        let displacement = found.displacement.iter().map(|u| (*u).into()).collect();
+        EquilibriumOfPose { displacement, wrenches: found.wrenches, energy: found.energy }
+    }
+}
+
+/// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    /// Norm of the displacement in L2, m.
+    pub displacement: f64,
+    /// Square root of the strain energy, J^½.
+    pub energy: f64,
+    /// Largest force on a control element, N, or its torque divided by the body's extent where that is larger: a pose
+    /// that only bends has hardly any force.
+    pub force: f64,
+    /// `force` times the extent, N m.
+    pub torque: f64,
+}
+
+/// Energies and forces smaller than this part of stiffness times displacement are rounding.
+const ROUNDING: f64 = 1e-8;
+
+impl Size {
+    /// Sizes of an equilibrium with this field on the finest mesh, its wrenches about the places of the control elements, and its
+    /// energy, J.
+    pub fn new(norms: &Norms<'_>, field: &[Vector3<f64>], held: &[Wrench], energy: f64) -> Size {
+        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
+        let displacement = norms.l2(field);
+        let (low, high) = quality::bounding_box(&norms.mesh.nodes);
+        let extent = (high - low).amax();
+        let stiffest = norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
+        let force =
+            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
+        let energy = energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement);
+        Size { displacement, energy, force, torque: force * extent }
+    }
+}
 
 /// The finer equilibrium of a pose.
 pub struct FinerReference {
@@ -40,12 +98,14 @@ pub struct Finer<'a> {
     /// Origins of the control elements on the scene's mesh.
     about: &'a [Vector3<f64>],
     statics: Vec<Option<Statics>>,
+    /// Whether a pose was solved: the first is solved however little time is left.
+    is_any: bool,
 }
 
 impl<'a> Finer<'a> {
     pub fn new(request: &'a Request<'a>, meshes: &'a Meshes, about: &'a [Vector3<f64>]) -> Finer<'a> {
         let statics = meshes.ladder.levels.iter().map(|_| None).collect();
-        Finer { request, meshes, about, statics }
+        Finer { request, meshes, about, statics, is_any: false }
     }
 
     /// The finer equilibrium of pose number `pose`, next to displacements of the nodes of the scene's mesh; the inner error says why there is
@@ -59,7 +119,7 @@ impl<'a> Finer<'a> {
     ) -> Result<Result<FinerReference, String>, MeasureError> {
         let (name, poses) = &self.request.poses[pose];
         let key = Step::finer(pose, name);
-        if !course.affords(&key) {
+        if std::mem::replace(&mut self.is_any, true) && !course.affords(&key) {
             return Ok(Err("--quick left no time for its finer equilibrium".into()));
         }
         let top = self.statics.len() - 1;
@@ -107,7 +167,11 @@ impl<'a> Finer<'a> {
         let origins: Vec<Vector3<f64>> = statics.controls.iter().map(|control| control.origin).collect();
         let guess = self.meshes.ladder.with_mids(level, guess);
         let own = about_origins(poses, self.about, &origins);
-        Ok(match statics.solve_near(&guess, &own, progress) {
+        let found = match statics.solve_near(&guess, &own)? {
+            Some(settled) => Ok(settled),
+            None => along_arcs(statics, &origins, &own, progress),
+        };
+        Ok(match found {
             Ok(settled) if !settled.inverted.is_empty() => Err(format!(
                 "{} of {} tetrahedra with tet10 turn inside out",
                 settled.inverted.len(),
@@ -157,5 +221,76 @@ impl<'a> Finer<'a> {
             ));
         }
         Ok(FinerReference { field, held, size, doubt: Some(changed.map(|changed| part * changed)) })
+    }
+}
+
+/// Largest turn between two poses on the way along arcs, rad.
+const ARC: f64 = std::f64::consts::PI / 12.0;
+
+/// Leads a body to poses about `origins` along arcs: every control element goes as the end of a rod of constant curvature and twist
+/// from the first one does, which keeps the body's length, where a screw about one axis would press it together on the way.
+fn along_arcs(
+    statics: &mut Statics,
+    origins: &[Vector3<f64>],
+    poses: &ControlPoses,
+    progress: &dyn Progress,
+) -> Result<EquilibriumResult, StaticsError> {
+    let steps = (largest_turn(poses) / ARC).ceil().max(1.0) as usize;
+    for step in 1..steps {
+        statics.solve(&on_arcs(origins, poses, step as f64 / steps as f64), progress)?;
+    }
+    statics.solve(poses, progress)
+}
+
+/// The poses at a share of the way along arcs. Against the first control element, another with the turn ω and its origin at w + t has
+/// v = V(ω)⁻¹ (w + t), V the integral of the turn along the rod; at share s it has sω and V(sω) (w + s (v - w)).
+fn on_arcs(origins: &[Vector3<f64>], poses: &ControlPoses, share: f64) -> ControlPoses {
+    let turns: Vec<_> = poses.iter().map(|pose| nearest_turn(&pose.matrix)).collect();
+    let Some((base, base_turn)) = poses.first().zip(turns.first()) else { return Vec::new() };
+    let start = UnitQuaternion::from_scaled_axis(base_turn.scaled_axis() * share);
+    let place = |e: usize| {
+        let way = origins[e] - origins[0];
+        let turn = (base_turn.inverse() * turns[e]).scaled_axis();
+        let moved = base_turn.inverse() * (way + poses[e].translation - base.translation);
+        let along = way + (se3::inverse_slide_matrix(&turn) * moved - way) * share;
+        let end = start * (se3::slide_matrix(&(turn * share)) * along);
+        // What stretches the control element itself goes straight.
+        let stretch = turns[e].inverse().to_rotation_matrix().matrix() * poses[e].matrix;
+        let stretch = Matrix3::identity() + (stretch - Matrix3::identity()) * share;
+        let turned = (start * UnitQuaternion::from_scaled_axis(turn * share)).to_rotation_matrix();
+        ControlPose { translation: base.translation * share + end - way, matrix: turned.matrix() * stretch }
+    };
+    (0..poses.len()).map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deform::{Motion, Moved};
+
+    /// The way to an arc leads over arcs, and ends where it should, wherever the first control element goes.
+    #[test]
+    fn the_way_to_a_bend_is_a_bend() {
+        let origins = [Vector3::new(0.1, 0.2, 0.3), Vector3::new(1.1, 0.5, 0.3)];
+        let moved = Moved::new(&origins, 1).unwrap();
+        let bent = moved.poses(Motion::Bend(60.0));
+        for (share, known) in [(0.25, moved.poses(Motion::Bend(15.0))), (1.0, bent.clone())] {
+            for (own, known) in on_arcs(&origins, &bent, share).iter().zip(&known) {
+                let off =
+                    (own.translation - known.translation).amax().max((own.matrix - known.matrix).amax());
+                assert!(off < 1e-12, "{share}: {own:?} {known:?}");
+            }
+        }
+        let turned = |pose: &ControlPose, origin: &Vector3<f64>| {
+            let turn = *nalgebra::Rotation3::new(Vector3::new(0.4, -0.7, 0.2)).matrix();
+            let place = turn * (origin + pose.translation) - origin;
+            ControlPose { translation: place, matrix: turn * pose.matrix }
+        };
+        let whole: ControlPoses =
+            bent.iter().zip(&origins).map(|(pose, origin)| turned(pose, origin)).collect();
+        for (own, known) in on_arcs(&origins, &whole, 1.0).iter().zip(&whole) {
+            assert!((own.translation - known.translation).amax() < 1e-12);
+            assert!((own.matrix - known.matrix).amax() < 1e-12);
+        }
     }
 }

@@ -62,7 +62,7 @@ pub fn measurements(
             candidate.element == request.scene.body[request.body].element
                 && super::variants::is_of_scene(request, model, candidate.refine, candidate.element)
         };
-        let is_own = |storage: Storage| storage == own && models.iter().any(&is_of_scene);
+        let is_own = |storage: Storage| storage == own && models.iter().any(is_of_scene);
         storages.retain(|&storage| {
             storage == Storage::F32 || is_wide && (!is_spared || storage == own) || is_own(storage)
         });

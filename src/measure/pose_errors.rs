@@ -8,9 +8,9 @@ use super::data::{Errors, Measurement, Setting, Shapes, Spread};
 use super::fields::{
     ModelOutput, difference, displaced, evaluate_about, storage_error, stored, wrenches_about,
 };
-use super::finer::FinerReference;
+use super::finer::{FinerReference, Size};
 use super::norms::{largest, relative};
-use super::reference::{PoseReference, References, Size};
+use super::reference::{PoseReference, References};
 use super::request::MeasureError;
 use super::variants::{Candidate, Meshes};
 use crate::base::statistics::{median, quantile};

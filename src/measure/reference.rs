@@ -3,20 +3,18 @@
 use super::course::{Course, Step};
 use super::data::ModelError;
 use super::fields::{ModelOutput, difference, displaced, evaluate, evaluate_about, origins};
-use super::finer::{Finer, FinerReference};
+use super::finer::{EquilibriumOfPose, Finer, FinerReference, Size};
 use super::norms::{Norms, largest, relative};
 use super::poses::hardest_first;
 use super::request::{MeasureError, Request};
 use super::units;
 use super::variants::{Candidate, Meshes, moves_inside, of_affine_columns, online, solved, variant};
-use crate::deform::{ControlPoses, EquilibriumResult, ModelEntry, StaticsError, Truth, Wrench, model_of};
+use crate::deform::{ControlPoses, ModelEntry, StaticsError, Truth, Wrench, model_of};
 use crate::fem::{TET4, TET10, nearest_turn, tet4};
 use crate::green;
-use crate::mesh::quality;
 use crate::scene::Scene;
 use crate::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 pub struct References<'a> {
@@ -69,61 +67,6 @@ pub struct PoseReference {
     pub size: Size,
     /// The finer equilibrium, or why there is none.
     pub finer: Result<FinerReference, String>,
-}
-
-/// An equilibrium as it is kept.
-#[derive(Serialize, Deserialize)]
-pub struct EquilibriumOfPose {
-    pub displacement: Vec<[f64; 3]>,
-    /// Wrenches about where the origins rested.
-    pub wrenches: Vec<Wrench>,
-    pub energy: f64,
-}
-
-impl EquilibriumOfPose {
-    pub fn field(&self) -> Vec<Vector3<f64>> {
-        self.displacement.iter().map(|u| Vector3::from(*u)).collect()
-    }
-}
-
-impl From<EquilibriumResult> for EquilibriumOfPose {
-    fn from(found: EquilibriumResult) -> EquilibriumOfPose {
-        let displacement = found.displacement.iter().map(|u| (*u).into()).collect();
-        EquilibriumOfPose { displacement, wrenches: found.wrenches, energy: found.energy }
-    }
-}
-
-/// Sizes of an equilibrium. In a pose that strains nothing, energy and forces are what rounding leaves of them.
-#[derive(Clone, Copy, Debug)]
-pub struct Size {
-    /// Norm of the displacement in L2, m.
-    pub displacement: f64,
-    /// Square root of the strain energy, J^½.
-    pub energy: f64,
-    /// Largest force on a control element, N, or its torque divided by the body's extent where that is larger: a pose
-    /// that only bends has hardly any force.
-    pub force: f64,
-    /// `force` times the extent, N m.
-    pub torque: f64,
-}
-
-/// Energies and forces smaller than this part of stiffness times displacement are rounding.
-const ROUNDING: f64 = 1e-8;
-
-impl Size {
-    /// Sizes of an equilibrium with this field on the finest mesh, its wrenches about the places of the control elements, and its
-    /// energy, J.
-    pub fn new(norms: &Norms<'_>, field: &[Vector3<f64>], held: &[Wrench], energy: f64) -> Size {
-        let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
-        let displacement = norms.l2(field);
-        let (low, high) = quality::bounding_box(&norms.mesh.nodes);
-        let extent = (high - low).amax();
-        let stiffest = norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
-        let force =
-            most(|w| w.force).max(most(|w| w.moment) / extent).max(ROUNDING * stiffest * displacement);
-        let energy = energy.max(0.0).sqrt().max(ROUNDING * stiffest.sqrt() * displacement);
-        Size { displacement, energy, force, torque: force * extent }
-    }
 }
 
 impl<'a> References<'a> {

@@ -190,7 +190,7 @@ pub fn headline(report: &Report) -> Vec<String> {
         ));
     }
     said.push(verdict(row, report));
-    said.extend(not_measured(report));
+    said.extend(not_measured(report, row.held().is_some()));
     said.push(remedy(rows, i));
     said.extend(report.timing.warning());
     said
@@ -210,7 +210,7 @@ fn named(poses: &[String]) -> String {
 }
 
 /// The poses for which nothing is claimed, and how far the reference itself is known.
-fn not_measured(report: &Report) -> Vec<String> {
+fn not_measured(report: &Report, has_forces: bool) -> Vec<String> {
     let mut said = Vec::new();
     if !report.not_compared.is_empty() && !report.compared.is_empty() {
         let first = &report.not_compared[..report.not_compared.len().min(NAMED)];
@@ -222,6 +222,9 @@ fn not_measured(report: &Report) -> Vec<String> {
     }
     if !report.compared.is_empty() {
         said.push(match report.doubt {
+            Some([shape, _]) if !has_forces => {
+                format!("The shape of the finer equilibrium is itself known to {}.", relative(shape))
+            }
             Some([shape, held]) => format!(
                 "The finer equilibrium is itself known to {} in shape, and to {} in force and torque.",
                 relative(shape),
@@ -421,7 +424,10 @@ mod tests {
             text.starts_with("The scene's own setting (tet4 h · cholesky · f32 · rotation) was not measured"),
             "{text}"
         );
-        assert!(text.contains("do not trust either. tet4 h · cholesky · f32 · reduced"), "{text}");
+        assert!(
+            text.contains("do not trust either. ") && text.contains(". tet4 h · cholesky · f32 · reduced ("),
+            "{text}"
+        );
         // A solver that its own estimate does not trust.
         let loose = Measurement { forward_error: Some(4.0), ..row("rotation", 43.0, 0.01, 0.01) };
         let text = said(vec![loose, row("reduced", 900.0, 0.01, 0.02)]);

@@ -320,14 +320,13 @@ impl Statics {
     }
 
     /// Holds the body in `poses` next to the displacements `guess` of all nodes, those of a coarser mesh of the same body: a
-    /// few iterations where the way from rest takes many. Goes that way where the guess leads to no equilibrium, or to one that
-    /// is turned inside out. `progress` is advanced by 1000 in all.
+    /// few iterations where the way from rest takes many. `None` where that leads to no equilibrium, or to one that is turned
+    /// inside out.
     pub fn solve_near(
         &mut self,
         guess: &[Vector3<f64>],
         poses: &ControlPoses,
-        progress: &dyn Progress,
-    ) -> Result<EquilibriumResult, StaticsError> {
+    ) -> Result<Option<EquilibriumResult>, StaticsError> {
         let (shift, held) = unshifted(poses);
         let ways: Vec<Way> =
             held.iter().map(|pose| Way::between(Screw::default(), Screw::from_pose(pose))).collect();
@@ -348,17 +347,14 @@ impl Statics {
             loads: is_loaded.then_some(Loads { forces: &at_the_end, stretch_before: self.stretch }),
             last_step: LAST_STEP,
         };
-        if let Some(equilibrium) = newton.settle_near(start)? {
-            let settled = self.settled(&equilibrium, &forces, &shift);
-            if settled.inverted.is_empty() {
-                self.last = None;
-                self.held =
-                    Some(HeldBody { poses: held, turns, u: equilibrium.u, forces, stretch: self.stretch });
-                progress.advance(1000);
-                return Ok(settled);
-            }
+        let Some(equilibrium) = newton.settle_near(start)? else { return Ok(None) };
+        let settled = self.settled(&equilibrium, &forces, &shift);
+        if !settled.inverted.is_empty() {
+            return Ok(None);
         }
-        self.solve(poses, progress)
+        self.last = None;
+        self.held = Some(HeldBody { poses: held, turns, u: equilibrium.u, forces, stretch: self.stretch });
+        Ok(Some(settled))
     }
 
     /// The last pose that was solved, for others to go on from; none after one without an equilibrium.
