@@ -410,8 +410,8 @@ fn inspect_prints_the_graph_of_a_scene_without_solving_it() {
     let row = |name: &str| rows.iter().find(|row| row[0] == name).unwrap().as_slice();
     assert_eq!(row("stylus.right"), ["stylus.right", "stylus", "set from outside"]);
     assert_eq!(row("body.tube.surface"), ["body.tube.surface", "surface", "= sum(body.tube.coefficients)"]);
-    let poses = ["left", "right"].map(|control| format!("body.tube.control.{control}.pose"));
-    assert_eq!(row("body.tube.coefficients")[2], format!("= coefficients({})", poses.join(", ")));
+    let from = ["control.left.pose", "control.right.pose", "arrived"].map(|own| format!("body.tube.{own}"));
+    assert_eq!(row("body.tube.coefficients")[2], format!("= coefficients({})", from.join(", ")));
     let (status, dot, _) = inspect(&["configs/scenes/tube.toml", "--graph", "dot"]);
     assert_eq!(status, Some(0));
     assert!(dot.starts_with("digraph fields {\n") && dot.ends_with("}\n"));
