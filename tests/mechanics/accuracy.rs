@@ -339,7 +339,7 @@ fn a_body_too_large_to_measure_is_refused_with_the_key_to_raise() {
         ..request(scene, &poses, Path::new("."), 0)
     };
     let said = measure(&request, &Silent).unwrap_err().to_string();
-    assert!(said.contains("raise body.b.accuracy.largest"), "{said}");
+    assert!(said.contains("Raise body.b.accuracy.largest"), "{said}");
 }
 
 /// tet4 locks near ν = 1/2, and the equilibrium that models are compared with is one of tet4: at 0.49 the error of
