@@ -12,7 +12,7 @@
 //!                  + (model - equilibrium here)        model
 //! ```
 //!
-//! u* is the nonlinear equilibrium with tet10 on the finest mesh, in the same pose ([`finer`]): the whole error is measured against
+//! u* is the nonlinear equilibrium with tet10 on the finest mesh, in the same pose (`finer`): the whole error is measured against
 //! it, and nothing of it comes from linear theory. A pose without such an equilibrium is named with the reason, and no error is
 //! told for it. The equilibrium here is known with tet4 on the scene's mesh; on other meshes it is taken to differ from that as the
 //! most accurate model does that is made on both. In addition, each model alone is tried at rotations from 1° to 360° ([`trials`]).
