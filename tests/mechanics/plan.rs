@@ -87,8 +87,8 @@ fn a_demand_that_nothing_meets_ends_with_1_and_names_the_nearest_setting() {
 fn a_body_too_large_to_measure_names_its_own_key() {
     let folder = folder("plan-large");
     for (demand, key) in [
-        ("accuracy = { displacement = 0.5, largest = 30 }", "raise body.bar.accuracy.largest"),
-        ("budget = { file_mb = 5.0, largest = 30 }", "raise body.bar.budget.largest"),
+        ("accuracy = { displacement = 0.5, largest = 30 }", "Raise body.bar.accuracy.largest"),
+        ("budget = { file_mb = 5.0, largest = 30 }", "Raise body.bar.budget.largest"),
     ] {
         let (output, said) = precompute(&folder, demand, &[]);
         assert_eq!(output.status.code(), Some(1), "{said}");
