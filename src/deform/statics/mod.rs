@@ -57,7 +57,7 @@ const MOST_STEPS: usize = 256;
 pub struct Statics {
     pub mesh: TetMesh,
     pub controls: Vec<ControlElement>,
-    /// Warnings and notes of the check before it.
+    /// What the check before it found and is shown.
     pub notices: Vec<String>,
     body: Hyperelastic,
     element: &'static Element,
@@ -217,7 +217,7 @@ impl Statics {
             loads,
             acting: StaticForces::default(),
             stretch: 1.0,
-            notices: findings.into_iter().map(|finding| finding.to_string()).collect(),
+            notices: findings.iter().filter(|finding| finding.is_shown()).map(|f| f.to_string()).collect(),
             size: (high - low).norm(),
             solver: None,
             last: None,
