@@ -324,7 +324,8 @@ fn each_model_of_a_scene_costs_what_it_needs_and_no_more() {
     let place = folder("statics-deform");
     std::fs::write(place.join("two.toml"), TWO).unwrap();
     std::fs::write(place.join("poses.toml"), POSES).unwrap();
-    let output = greenstage(&place, &["deform", "two.toml", "--poses", "poses.toml", "-o", "out", "--verbose"]);
+    let output =
+        greenstage(&place, &["deform", "two.toml", "--poses", "poses.toml", "-o", "out", "--verbose"]);
     let (out, progress) =
         (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert!(out.contains("hard  load steps  factorizations  residual  least det F"), "{out}");
