@@ -6,7 +6,7 @@
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
 //! of a cube that stands along the way between them, pressed, and turned and shifted at once in random directions. A state in which
-//! a tetrahedron is inside out is no equilibrium. Where the end of a path has none, that at three quarters of it is taken, and that
+//! a tetrahedron is inside out is no equilibrium. Twists go on to 330°. Where the end of a path has none, that at three quarters of it is taken, and that
 //! at a quarter where the half has none.
 
 use super::super::control::FIELDS;
@@ -32,6 +32,9 @@ const PRESSED: [[f64; 3]; 4] = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.
 const RANDOM: usize = 12;
 /// Shares of a path at which equilibria are sought, and that which is tried in place of one that has none.
 const STEPS: [[f64; 2]; 2] = [[0.5, 0.25], [1.0, 0.75]];
+/// Those of a twist, which goes on to 330°: the last turn but a little that a mean frame has.
+const TWIST_STEPS: [[f64; 2]; 6] =
+    [[0.5, 0.25], [1.0, 0.75], [1.75, 1.5], [2.5, 2.25], [3.1, 2.8], [3.67, 3.4]];
 /// Newton's iteration ends after a step below this part of the largest displacement: of fields for a basis no more is asked.
 const LAST_STEP: f64 = 3e-3;
 /// Unknowns up to which a body is solved so often, with about 300 factorisations.
@@ -74,11 +77,11 @@ pub fn equilibria(
     };
     let paths = directions(solution);
     let (mut fields, mut whole) = (Vec::new(), 0);
-    progress.begin("equilibria at large turns", (STEPS.len() * paths.len()) as u64);
-    for path in &paths {
+    progress.begin("equilibria at large turns", paths.len() as u64);
+    for (path, steps) in &paths {
         let (mut u, mut from) = (NodeFields::zeros(solution.mesh.nodes.len(), 1), 0.0);
-        for step in STEPS {
-            for share in step {
+        for step in *steps {
+            for &share in step {
                 let goal = |_: f64, u: &mut NodeFields| hold(solution, path, share, u);
                 let found = if share > from { newton.step_to(&u, &goal).map_err(failed)? } else { None };
                 let upright = |h: &Matrix3<f64>| (Matrix3::identity() + h).determinant() > 0.0;
@@ -91,17 +94,17 @@ pub fn equilibria(
                 (u, from) = (found.u, share);
                 break;
             }
-            progress.advance(1);
         }
-        whole += usize::from(from == 1.0);
+        progress.advance(1);
+        whole += usize::from(from >= 1.0);
     }
     progress.end();
     let fields: Vec<&NodeFields> = fields.iter().collect();
     Ok((!fields.is_empty()).then(|| Equilibria { fields: beside(&fields), paths: [paths.len(), whole] }))
 }
 
-/// The paths: half of each motion to either element.
-fn directions(solution: &Solution) -> Vec<Path> {
+/// The paths with their steps: half of each motion to either element.
+fn directions(solution: &Solution) -> Vec<(Path, &'static [[f64; 2]])> {
     let way = solution.controls[1].origin - solution.controls[0].origin;
     let axis = way.try_normalize(0.0).unwrap_or_else(Vector3::x);
     let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
@@ -112,6 +115,7 @@ fn directions(solution: &Solution) -> Vec<Path> {
         [-0.5, 0.5].map(|half| (shift * half, turn * (half * TURN))).to_vec()
     };
     let signs = [1.0, -1.0];
+    // The first two are twists.
     let axes = (0..3).flat_map(|axis| signs.map(|sign| Vector3::ith(axis, sign)));
     let diagonals =
         signs.iter().flat_map(|i| signs.iter().flat_map(move |j| signs.map(|k| Vector3::new(*i, *j, k))));
@@ -123,7 +127,8 @@ fn directions(solution: &Solution) -> Vec<Path> {
         let turn = Vector3::from_fn(|_, _| draw()).try_normalize(1e-3).unwrap_or_else(Vector3::x);
         path([0.025 + 0.075 * draw(), 0.1 * draw(), 0.1 * draw()], along(turn.into()))
     });
-    turned.chain(pressed).chain(moved).collect()
+    let of_path = |(number, path)| (path, if number < 2 { &TWIST_STEPS[..] } else { &STEPS[..] });
+    turned.chain(pressed).chain(moved).enumerate().map(of_path).collect()
 }
 
 /// Writes the displacements of the controlled nodes at a share of the path.

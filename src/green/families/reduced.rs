@@ -78,7 +78,7 @@ const MOST_ELEMENTS: usize = 4;
 fn most_fields(control_elements: usize) -> usize {
     match control_elements {
         0 | 1 => 0,
-        2 => 45,
+        2 => 48,
         3 => 24,
         _ => 20,
     }
