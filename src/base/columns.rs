@@ -53,7 +53,7 @@ impl Storage {
         match self {
             Storage::Within(error) if !Storage::ERRORS.contains(&error) => Err(format!(
                 "error = {error:e} must lie between {:e} and {:e} of each field's largest displacement. For less \
-             write storage = \"f32\"",
+                 write storage = \"f32\"",
                 Storage::ERRORS.start(),
                 Storage::ERRORS.end()
             )),

@@ -205,7 +205,7 @@ fn limit(limits: &str, name: &str) -> Option<f64> {
 pub enum ThreadsError {
     #[error(
         "{variable} asks for {asked} threads; this machine has {processors} processors, at most {most} \
-             threads are taken. Leave it unset, or write {processors}"
+         threads are taken. Leave it unset, or write {processors}"
     )]
     TooMany { variable: &'static str, asked: usize, processors: usize, most: usize },
     #[error(

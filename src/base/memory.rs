@@ -88,7 +88,7 @@ fn conclude() {
     let _ = writeln!(
         rest,
         "error: out of memory: {:.1} MB more could not be had. Coarsen the mesh, or write solver = {{ \
-             method = \"pcg\" }} in the scene",
+         method = \"pcg\" }} in the scene",
         bytes as f64 / 1e6
     );
     let unused = rest.len();

@@ -64,7 +64,7 @@ pub enum Error {
     Flat { triangle: usize, place: String },
     #[error(
         "{source}; about {fits} nodes would fit. Take a coarser surface, or fill the body with \
-             tetrahedra (leave method out)"
+         tetrahedra (leave method out)"
     )]
     Memory { source: TooLarge, fits: usize },
     #[error(transparent)]

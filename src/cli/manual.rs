@@ -53,7 +53,7 @@ fn contents() -> String {
     };
     format!(
         "{}\n{}\n`greenstage manual CHAPTER` prints one; `manual WORD` searches all, `manual CHAPTER \
-             WORD` one.\n",
+         WORD` one.\n",
         part("guide", GUIDE),
         part("reference", REFERENCE)
     )

@@ -78,7 +78,7 @@ impl Resolved {
             Some(law) => {
                 let message = format!(
                     "\"{}\" is static equilibrium itself, and has no accuracy to measure: write model = \"rotation\" \
-             or \"linear\"",
+                     or \"linear\"",
                     law.name
                 );
                 Err(wrong(scene, name, "model", message))

@@ -242,7 +242,7 @@ fn far(result: &PoseResult, size: f64) -> Vec<String> {
             let (way, whole) = (quantity(pose.translation.norm(), "m"), quantity(size, "m"));
             lines.push(format!(
                 "warning: {name} is moved by {way}, {times:.0} times the body's size of {whole}. Poses are in \
-             metres: were millimetres meant?"
+                 metres: were millimetres meant?"
             ));
         }
     }
@@ -270,7 +270,7 @@ fn stress(result: &PoseResult) -> Vec<String> {
             let elsewhere = reached.inside.limit.map_or(0.0, |(part, _)| part);
             lines.push(format!(
                 "above the limit only at edges of control elements, whose peaks grow with a finer mesh; \
-             elsewhere {} of the limit",
+                 elsewhere {} of the limit",
                 percent(elsewhere)
             ));
         }

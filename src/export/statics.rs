@@ -160,7 +160,7 @@ fn inverted(statics: &Statics, found: &EquilibriumResult) -> String {
     let named: Vec<String> = found.inverted.iter().take(5).map(tags).collect();
     format!(
         "{} of {} tetrahedra are turned inside out (least det F {:.3}; nodes {}{}): no real body does \
-             this. Turn or press less, or refine there",
+         this. Turn or press less, or refine there",
         found.inverted.len(),
         mesh.tets.len(),
         found.least_det.0,

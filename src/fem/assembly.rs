@@ -11,17 +11,17 @@ use std::cmp::Ordering;
 pub enum AssemblyError {
     #[error(
         "tetrahedron {index} (nodes with tags {tags:?}) has volume {volume:.3e} m³, relative volume \
-             {relative:.1e}: remove it or move a node"
+         {relative:.1e}: remove it or move a node"
     )]
     Degenerate { index: usize, tags: [u64; 4], volume: f64, relative: f64 },
     #[error(
         "{element} is of order {needed}, the mesh of order {order}: quadratic elements need nodes \
-             between the corners"
+         between the corners"
     )]
     Order { element: &'static str, needed: u32, order: u32 },
     #[error(
         "the strain energy of {element} on this mesh is no quartic, as \"reduced\" and \"perturbation\" \
-             need. Write element = \"tet10\" with straight edges, or model = \"rotation\""
+         need. Write element = \"tet10\" with straight edges, or model = \"rotation\""
     )]
     NoQuartic { element: &'static str },
 }

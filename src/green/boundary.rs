@@ -50,7 +50,7 @@ pub fn solve(
     let coarse = bem::relative(&(&solved.traction_work - &solved.work), &solved.work);
     let message = format!(
         "boundary elements: the tractions' work differs by {:.1} % from the energy. Large triangles make \
-             the body too stiff: solve again with refine = 1, and compare the forces",
+         the body too stiff: solve again with refine = 1, and compare the forces",
         100.0 * coarse
     );
     notices.push(Diagnostic::new(Severity::Note, &entity, message));

@@ -33,7 +33,7 @@ impl Bytes {
             let gigabytes = length as f64 * 1e-9;
             let reason = format!(
                 "its {length} bytes ({gigabytes:.2} GB) do not fit into memory ({error}). Write storage = \
-             \"int16\", or take a coarser mesh"
+                 \"int16\", or take a coarser mesh"
             );
             Error::new(ErrorKind::OutOfMemory, reason)
         };

@@ -63,7 +63,7 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
             let shared = control.nodes.iter().filter(|n| other.nodes.binary_search(n).is_ok()).count();
             let message = format!(
                 "overlaps control {}: {shared} nodes belong to both (the first has tag {}). Make the selections \
-             disjoint",
+                 disjoint",
                 other.name, mesh.tags[node as usize]
             );
             let entity = format!("{entity}.control.{}", control.name);
@@ -81,7 +81,7 @@ pub fn walls(entity: &str, mesh: &TetMesh) -> Option<Diagnostic> {
     let [thin, long] = [thickness, edge].map(digits);
     let message = format!(
         "walls {thin} m thick with edges of {long} m bend about {:.1} times too stiffly (under {:.0} % \
-             of the surface). Write longest_edge = {thin}, or fill the body (no method) with tet10",
+         of the surface). Write longest_edge = {thin}, or fill the body (no method) with tet10",
         1.0 + (edge / thickness).powi(2) / 18.0,
         100.0 * share,
     );

@@ -30,14 +30,14 @@ pub enum GreenError {
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error(
         "body.{body}.updates: the columns of the effect {effect} hold only for the body as precomputed. \
-             Leave out the effect or updates"
+         Leave out the effect or updates"
     )]
     Updates { body: String, effect: &'static str },
     #[error("{body}: {source}; coarsen the mesh, or give the program more memory")]
     Memory { body: String, source: TooLarge },
     #[error(
         "{body}: the compressed compliance errs by {found:.1e}, above kept = {{ error = {asked:e} }}. \
-             Write a larger error, or kept = \"inverse\""
+         Write a larger error, or kept = \"inverse\""
     )]
     Compression { body: String, asked: f64, found: f64 },
     #[error("{}: {source}", path.display())]
@@ -50,7 +50,7 @@ pub enum GreenError {
     Damaged { path: PathBuf, reason: String },
     #[error(
         "{}: is stale: made for fingerprint {found}, the scene now has {expected}. Run `greenstage \
-             precompute` on the scene",
+         precompute` on the scene",
         path.display()
     )]
     Stale { path: PathBuf, found: String, expected: String },

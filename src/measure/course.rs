@@ -278,7 +278,7 @@ impl<'a> Course<'a> {
         (count > 0).then(|| {
             format!(
                 "{count} of {} steps are of a stopped run (load {least:.1} to {most:.1} then, {:.1} now). Their \
-             offline times are of that run.",
+                 offline times are of that run.",
                 self.steps.len(),
                 load()
             )

@@ -80,7 +80,7 @@ impl Timing {
         is_busy.then(|| {
             format!(
                 "The machine was busy: times varied by {}, and {:.1} programs shared {} processors. Do not use \
-             these times; errors and sizes hold.",
+                 these times; errors and sizes hold.",
                 super::units::times(self.scatter.max(1.0)),
                 self.load,
                 self.processors

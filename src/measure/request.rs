@@ -90,7 +90,7 @@ pub enum MeasureError {
     Smooth(#[from] ProblemError),
     #[error(
         "the reference (tet10) has {nodes} nodes, and 3 unknowns each, above {largest:.0}. Raise {key} \
-             (10 GB for a million), or coarsen the mesh"
+         (10 GB for a million), or coarsen the mesh"
     )]
     TooLarge { nodes: usize, largest: f64, key: String },
     #[error(

@@ -178,7 +178,7 @@ fn tetrahedra(raw: &RawMesh, corners: &[u32]) -> Result<(Vec<[u32; 4]>, Vec<RawE
             0 => "the file holds no elements".to_owned(),
             n => format!(
                 "none of the file's {n} elements is a tetrahedron: mesh the volume (gmsh -3), and put it into a \
-             physical group if there are any"
+                 physical group if there are any"
             ),
         };
         return Err(FormatFault::whole(reason));
@@ -225,7 +225,7 @@ fn mid_nodes(raw: &RawMesh, corners: &[u32]) -> Result<HashMap<[u32; 2], u32>, F
         if element.kind != ElementShape::TETRAHEDRON_10 {
             let reason = format!(
                 "tetrahedron {} has {} nodes, others have 10: make them alike (gmsh: SetOrder 2), or write \
-             element = \"tet4\"",
+                 element = \"tet4\"",
                 element.tag, element.kind.nodes
             );
             return refuse(element.at, reason);

@@ -77,7 +77,7 @@ pub fn implausible(longest: f64, largest: f64) -> Option<String> {
     });
     Some(format!(
         "its longest side is {} m: {guess}. With a wrong unit forces are wrong (`greenstage manual \
-             meshes`)",
+         meshes`)",
         digits(longest)
     ))
 }

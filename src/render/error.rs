@@ -7,7 +7,7 @@ use crate::base::failure::Failure;
 pub enum RenderError {
     #[error(
         "no graphics device: no adapter by Vulkan or OpenGL ({0}). Install a driver, or a software one \
-             (Debian: apt install mesa-vulkan-drivers)"
+         (Debian: apt install mesa-vulkan-drivers)"
     )]
     NoAdapter(String),
     #[error("the graphics device {adapter} refused to open: {reason}")]

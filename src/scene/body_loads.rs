@@ -158,7 +158,7 @@ fn check(body: &Body) -> Result<(), (String, String)> {
         if asked.kept == KeptForm::Factor && !method.keeps_factor {
             let message = format!(
                 "kept = \"factor\" needs a factor in f64, not that of method = \"{}\": write solver = {{ method \
-             = \"cholesky\" }}, or kept = \"inverse\"",
+                 = \"cholesky\" }}, or kept = \"inverse\"",
                 method.name
             );
             return wrong("surface_compliance", message);

@@ -81,7 +81,7 @@ impl DirectionField {
             let &[x, y, z] = place.as_ref();
             return Err(format!(
                 "{}: no vector within {:.3e} m, a tenth of the body, of ({x:.4e}, {y:.4e}, {z:.4e}) on the \
-             pattern's faces. Give vectors all over them",
+                 pattern's faces. Give vectors all over them",
                 self.path.display(),
                 self.reach
             ));

@@ -182,7 +182,7 @@ impl KeptForm {
         match self {
             KeptForm::Compressed(error) if !KeptForm::ERRORS.contains(&error) => Err(format!(
                 "kept = {{ error = {error:e} }} must lie between {:e} and {:e} of the pressed node's \
-             displacement. For less write kept = \"inverse\"",
+                 displacement. For less write kept = \"inverse\"",
                 KeptForm::ERRORS.start(),
                 KeptForm::ERRORS.end()
             )),

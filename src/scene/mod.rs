@@ -187,7 +187,7 @@ impl Body {
                 .to_owned(),
             (0, many) => format!(
                 "nothing is fixed: all {many} control elements stay where they are let go. To hold the body, \
-             give one grab = \"fixed\""
+                 give one grab = \"fixed\""
             ),
             (_, 0) => "nothing can be grabbed: every control element is fixed; give one grab = \"dragger\"".to_owned(),
             _ => return None,

@@ -12,7 +12,7 @@ pub enum SolveError {
     Ordering { nodes: usize, reason: String },
     #[error(
         "the stiffness matrix of {unknowns} unknowns is not positive definite (pivot {pivot}): hold \
-             every part by a control element"
+         every part by a control element"
     )]
     NotPositiveDefinite { unknowns: usize, pivot: usize },
     #[error("{0}; coarsen the mesh, or write solver = {{ method = \"pcg\" }}")]
@@ -23,25 +23,25 @@ pub enum SolveError {
     Memory(#[from] TooLarge),
     #[error(
         "column {column}: relative residual {residual:.1e} is above {limit:.1e} after {iterations} \
-             iterations. Write solver.method = \"cholesky\", or look for slivers and large contrasts of \
-             stiffness (`greenstage check`)"
+         iterations. Write solver.method = \"cholesky\", or look for slivers and large contrasts of \
+         stiffness (`greenstage check`)"
     )]
     Residual { column: usize, residual: f64, limit: f64, iterations: usize },
     #[error(
         "column {column}: relative residual {residual:.1e} after {iterations} iterations; {limit:.1e} \
-             would take about {expected:.0e}. Write solver.method = \"auto\", or look for slivers and large \
-             contrasts of stiffness (`greenstage check`)"
+         would take about {expected:.0e}. Write solver.method = \"auto\", or look for slivers and large \
+         contrasts of stiffness (`greenstage check`)"
     )]
     Slow { column: usize, residual: f64, limit: f64, iterations: usize, expected: f64 },
     #[error(
         "column {column}: relative residual {residual:.1e} and backward error {backward:.1e} after \
-             refinement: the factor is wrong; look for slivers and large contrasts of stiffness (`greenstage \
-             check`)"
+         refinement: the factor is wrong; look for slivers and large contrasts of stiffness (`greenstage \
+         check`)"
     )]
     Factor { column: usize, residual: f64, backward: f64 },
     #[error(
         "\"{0}\" leaves no factor to keep: write solver = {{ method = \"cholesky\" }}, or leave kept = \
-             \"factor\" out"
+         \"factor\" out"
     )]
     NoFactor(&'static str),
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]

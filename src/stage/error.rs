@@ -57,8 +57,8 @@ pub enum StageFault {
     Size { screen: String, width_m: f64, height_m: f64 },
     #[error(
         "screen `{screen}`: edges meet at {degrees:.2}°, not 90° (lower {:.3} m, left {:.3} m; \
-             upper_left {:.1} mm off, up to {:.0} mm is straightened). Measure again; upper_left {} would be \
-             right",
+         upper_left {:.1} mm off, up to {:.0} mm is straightened). Measure again; upper_left {} would be \
+         right",
         sides_m[0], sides_m[1], off_m * 1e3, STRAIGHTENED_M * 1e3, place(upper_left)
     )]
     Skewed { screen: String, degrees: f64, off_m: f64, sides_m: [f64; 2], upper_left: Box<Point3<f64>> },
@@ -89,7 +89,7 @@ pub enum StageFault {
     },
     #[error(
         "the viewer, at {}, stands {distance_m:.3} m behind screen `{screen}`. Either the screen {what}: \
-             {remedy}. Or move the viewer before it: position = {}",
+         {remedy}. Or move the viewer before it: position = {}",
         place(viewer),
         place(before)
     )]
@@ -115,7 +115,7 @@ pub enum StageFault {
     },
     #[error(
         "{screens} face away from the viewer, the workspace and each other: the file is left-handed. \
-             Change the sign of z in all points; the viewer's position = {}",
+         Change the sign of z in all points; the viewer's position = {}",
         place(viewer)
     )]
     LeftHanded { screens: Box<str>, viewer: Box<Point3<f64>> },
@@ -232,12 +232,12 @@ pub enum TrackingFault {
     TwoRotations { what: String },
     #[error(
         "{what}: the axes {first} and {second} meet at {degrees:.1}° instead of 90°: measure again (up \
-             to 5° is straightened)"
+         to 5° is straightened)"
     )]
     Skewed { what: String, first: char, second: char, degrees: f64 },
     #[error(
         "{what}: the axes are left-handed. Turn one of them; for a left-handed tracker reverse the last \
-             and add mirror = \"z\""
+         and add mirror = \"z\""
     )]
     LeftHanded { what: String },
     #[error("{what}: the {axis} axis has no length: say where in the room it points")]
@@ -255,7 +255,7 @@ pub enum TrackingFault {
     UnknownName { who: String, message: String },
     #[error(
         "sensors `{first}` and `{second}` are both number {id} of tracker `{tracker}`: change one \
-             (`greenstage track` lists them)"
+         (`greenstage track` lists them)"
     )]
     SameSensor { first: String, second: String, tracker: String, id: i32 },
     #[error(

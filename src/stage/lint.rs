@@ -194,7 +194,7 @@ fn apart_lint(stage: &Stage, apart: &Apart) -> Diagnostic {
     let names = apart.edges.map(|(screen, _)| stage.screens[screen].name.as_str());
     let message = format!(
         "it meets no other screen: the nearest edges, {}, are {:.0} mm apart. Unless it stands alone, \
-             measure both again",
+         measure both again",
         apart.told(stage),
         apart.distance_m * 1e3
     );
@@ -213,7 +213,7 @@ fn overlap_lint(stage: &Stage, overlap: &Overlap) -> Diagnostic {
     let [width_mm, height_mm] = overlap.size_m.map(|side| side * 1e3);
     let message = format!(
         "screens {a} and {b} overlap by {width_mm:.1} × {height_mm:.1} mm in one plane. Unless the \
-             projectors blend their edges, measure again"
+         projectors blend their edges, measure again"
     );
     Diagnostic::new(Severity::Warning, entity, message)
 }

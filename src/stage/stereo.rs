@@ -46,12 +46,12 @@ const OTHER_WORDS: [(&[&str], &str); 2] = [
     (
         &["active", "quad_buffered", "quad", "quadbuffer", "shutter", "frame_sequential"],
         "quad-buffered windows are not supported. A projector for shutter glasses takes \
-             \"side_by_side_half\", \"top_bottom_half\" or \"frame_packing\" (its 3D menu)",
+         \"side_by_side_half\", \"top_bottom_half\" or \"frame_packing\" (its 3D menu)",
     ),
     (
         &["passive", "polarised", "polarized", "polarisation", "3d", "stereo"],
         "polarised glasses: \"left\" and \"right\" in two windows (two projectors), \
-             \"side_by_side_half\" or \"top_bottom_half\" (one), \"rows\" (flat panel)",
+         \"side_by_side_half\" or \"top_bottom_half\" (one), \"rows\" (flat panel)",
     ),
 ];
 

@@ -28,7 +28,7 @@ impl Listen {
             let address: String = address.chars().take(100).collect();
             format!(
                 "`{key}` of tracker `{tracker}` is \"{address}\": write \"127.0.0.1:5000\" (this machine) or \
-             \"0.0.0.0:5000\" (any network)"
+                 \"0.0.0.0:5000\" (any network)"
             )
         })?;
         let is_group = matches!(at, SocketAddr::V4(at) if at.ip().is_multicast());

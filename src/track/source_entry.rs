@@ -82,7 +82,7 @@ pub enum OpenError {
     Listen { tracker: String, at: std::net::SocketAddr, source: std::io::Error },
     #[error(
         "tracker `{tracker}`: cannot join the multicast group {place}: {source}. Give `interface`, this \
-             machine's address there"
+         machine's address there"
     )]
     Join { tracker: String, place: Listen, source: std::io::Error },
     #[error("tracker `{tracker}`: cannot start its thread: {source}")]

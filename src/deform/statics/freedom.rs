@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
             let (e, k) = loose.and_then(|at| self.unknowns().nth(at)).unwrap_or_default();
             return Err(format!(
                 "nothing holds it there: the {} of the scene can move in {} without a force. Take that out of \
-             its free directions, or hold another",
+                 its free directions, or hold another",
                 ordinal(e + 1),
                 COMPONENTS[k]
             ));

@@ -179,7 +179,7 @@ pub fn try_compliance(scene: &Resolved) -> Result<(), Failure> {
         if load_refusal(model, body.surface_compliance.is_some()).is_some() {
             return Err(Failure::wrong(format!(
                 "{name}: the model {} has no points that can be pulled. Take rotation or linear, or remove \
-             surface_compliance from the scene",
+                 surface_compliance from the scene",
                 model.name
             )));
         }

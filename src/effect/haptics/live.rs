@@ -371,7 +371,7 @@ impl Link {
             self.told.slow = true;
             notice!(
                 "warning: haptic {name}: {:.0} reports a second for a loop at {rate_hz} Hz: at most {:.0} N/m \
-             can be felt (`greenstage manual haptics`)",
+                 can be felt (`greenstage manual haptics`)",
                 1.0 / state.spacing_s,
                 state.bearable
             );
@@ -380,7 +380,7 @@ impl Link {
             self.told.age_s = 2.0 * state.age_s;
             notice!(
                 "warning: haptic {name}: poses are up to {:.1} ms old: at most {:.0} N/m can be felt \
-             (`greenstage manual haptics`)",
+                 (`greenstage manual haptics`)",
                 1e3 * state.age_s,
                 state.bearable
             );

@@ -30,7 +30,7 @@ pub fn refuse(scene: &Resolved, name: &str, columns: &[String]) -> Result<(), Fa
     }
     let message = format!(
         "the model \"{}\" has no columns to write. Write the surface of a pose (-o OUT.stl, --poses, \
-             --pose), or take model = \"linear\"",
+         --pose), or take model = \"linear\"",
         body.model
     );
     Err(Failure::request(scene.invalid(&format!("body.{name}.model"), message)))

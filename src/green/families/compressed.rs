@@ -85,7 +85,7 @@ fn compute(
     let full = TileLayout { n, m: nodes.len() }.bytes() as f64;
     progress.tell(&format!(
         "compliance of the surface: {}, 1/{:.0} of the uncompressed {}; error at most {:.1e} of the \
-             pressed node's displacement, at {} of {n} nodes",
+         pressed node's displacement, at {} of {n} nodes",
         bytes(size as f64),
         full / size as f64,
         bytes(full),

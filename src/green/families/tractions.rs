@@ -37,7 +37,7 @@ impl Tractions {
         if faces.is_empty() {
             return Err(format!(
                 "no face of the surface lies among the {} selected nodes, and a pattern acts on faces. Select \
-             more, or use surface_compliance",
+                 more, or use surface_compliance",
                 chosen.len()
             ));
         }

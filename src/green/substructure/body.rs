@@ -57,12 +57,12 @@ pub enum BodyError {
     Element { element: &'static str },
     #[error(
         "part {part} of {parts} has {ends} ends and {coordinates} coordinates, at most \
-             {MOST_COORDINATES}: ask for more parts"
+         {MOST_COORDINATES}: ask for more parts"
     )]
     Ends { part: usize, parts: usize, ends: usize, coordinates: usize },
     #[error(
         "part {part} of {parts} (with node {tag}) meets no control element and no interface of three \
-             nodes off one line: ask for fewer parts"
+         nodes off one line: ask for fewer parts"
     )]
     Loose { part: usize, parts: usize, tag: u64 },
     #[error("part {part} of {parts} (tetrahedra with a corner at node {tag}): {source}")]

@@ -73,7 +73,7 @@ pub enum PartError {
     Solve(#[from] SolveError),
     #[error(
         "the frames of its interfaces are ill-conditioned ({condition:.1e}), by too few nodes or a thin \
-             sheet: ask for fewer parts"
+         sheet: ask for fewer parts"
     )]
     Fit { condition: f64 },
 }

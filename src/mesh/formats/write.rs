@@ -111,6 +111,6 @@ pub fn advice(path: &Path, bytes: &[u8]) -> Option<String> {
 fn geometry(name: &dyn std::fmt::Display, mesh: &dyn std::fmt::Display) -> String {
     format!(
         "is CAD geometry without a mesh. Mesh it with `gmsh -3 -clmax 5 -format msh41 {name} -o {mesh}`, \
-             then `greenstage new {mesh} --unit mm`"
+         then `greenstage new {mesh} --unit mm`"
     )
 }

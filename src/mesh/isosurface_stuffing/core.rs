@@ -244,7 +244,7 @@ pub fn agree(lattice: &Lattice, depth: &mut [f64]) -> Result<Option<String>, Str
         if f64::from(*outside.min(inside)) > MINORITY * f64::from(outside + inside) {
             return Err(format!(
                 "the surface overlaps itself at {place} by more than a cell. Join the bodies where they were \
-             made, or repair it (`greenstage manual meshes`)"
+                 made, or repair it (`greenstage manual meshes`)"
             ));
         }
     }

@@ -59,7 +59,7 @@ pub(super) fn common_format(
             } else {
                 format!(
                     "{device} presents {before:?} on the windows before, {offered:?} on this one. Give all monitors \
-             one colour depth, or run a process for each"
+                     one colour depth, or run a process for each"
                 )
             };
             return Err((index, reason));

@@ -60,7 +60,7 @@ pub fn controls(
             if let Some((other, _)) = chosen.iter().find(|(_, other)| !are_apart(other, &nodes)) {
                 return Err(ProposalError::Wrong(format!(
                     "the node groups \"{}\" and \"{name}\" share nodes: choose others, or write the scene with box, \
-             sphere or grow",
+                     sphere or grow",
                     other.name
                 )));
             }

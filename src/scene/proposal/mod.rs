@@ -178,7 +178,7 @@ fn size(
             if let Some(wall) = wall.filter(|wall| *wall < 1.5 * cell) {
                 telling.warnings.push(format!(
                     "the thinnest walls ({} m) are too thin for cells of {cell} m. Retry with --cell {:.1e} (about \
-             {} nodes)",
+                     {} nodes)",
                     digits(wall),
                     wall / 2.0,
                     filling::about(nodes as f64 * (2.0 * cell / wall).powi(3))

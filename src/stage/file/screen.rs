@@ -201,7 +201,7 @@ pub fn odd_number(screen: &Screen) -> Option<StageFault> {
     let (width_m, height_m) = (screen.width_m(), screen.height_m());
     let message = format!(
         "{axis} of {corner} is {value} m, all others are below {ROOM_M} m: {unit}? Then write \
-             {metres:.4}. Now the lower edge is {width_m:.3} m, the left {height_m:.3} m"
+         {metres:.4}. Now the lower edge is {width_m:.3} m, the left {height_m:.3} m"
     );
     Some(StageFault::Screen { screen: screen.name.clone(), message })
 }

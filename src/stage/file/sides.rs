@@ -115,7 +115,7 @@ impl Surroundings<'_> {
         if y < BELOW_M && z > 0.0 && is_before(&turned) {
             return format!(
                 "in this file y points up. If the viewer was measured with z up, write position = {}, and turn \
-             all other points likewise: (x, z, -y)",
+                 all other points likewise: (x, z, -y)",
                 place(&turned)
             );
         }
@@ -211,7 +211,7 @@ fn other_unit(screen: &Screen, behind_m: f64) -> Option<StageFault> {
         .collect();
     let message = format!(
         "it is {width_m:.3} × {height_m:.3} m, with the viewer {behind_m:.3} m behind it. Is it in \
-             another unit than metres? It would be {}",
+         another unit than metres? It would be {}",
         readings.join(", ")
     );
     (!readings.is_empty()).then(|| StageFault::Screen { screen: screen.name.clone(), message })

@@ -84,7 +84,7 @@ impl Plate {
         if off.is_nan() || off > UNFIT {
             return Err(unsuited(format!(
                 "its shell errs by {:.0} % in small motions (at most {:.0} %): hold it at its edges, or write \
-             element = \"tet10\"",
+                 element = \"tet10\"",
                 100.0 * off,
                 100.0 * UNFIT
             )));

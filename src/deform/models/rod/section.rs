@@ -101,7 +101,7 @@ impl Section {
         let Some(section) = stiffness_of_section.filter(|_| slenderness >= SLENDER) else {
             return Err(format!(
                 "it is {length:.3e} m long, {slenderness:.1} radii of gyration between its control elements; a \
-             rod needs {SLENDER}, and a section that resists shear"
+                 rod needs {SLENDER}, and a section that resists shear"
             ));
         };
         let (offsets, stretching) = stretches(stiffness, &of_last, &compliance, chord);
