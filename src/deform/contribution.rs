@@ -6,7 +6,7 @@
 use super::loads::AppliedLoads;
 use super::memory::ModelMemory;
 use super::model::{BodyState, Response};
-use super::path::Path;
+use super::path::BodyPath;
 use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, flat};
 use nalgebra::{SMatrix, SVector};
@@ -126,7 +126,7 @@ impl ElementPotential {
 pub struct DeformerState {
     pub poses: ControlPoses,
     pub turns: Vec<FollowedTurn>,
-    pub path: Path,
+    pub path: BodyPath,
     pub loads: AppliedLoads,
     pub loads_changed: bool,
     pub contribution: Contribution,

@@ -44,7 +44,7 @@ pub use models::plate::ENTRY as PLATE;
 pub use models::reduced::Reduced;
 pub use models::rotation::{ENTRY as ROTATION, Rotation, mean_rotation};
 pub use models::{MODELS, find_model, make_model, model_of, volume_model_of};
-pub use path::{Doubt, Path};
+pub use path::{BodyPath, Doubt};
 pub use pose::follow::{CATCH_UP, FollowedTurn, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use pose::frame::{
     ControlFrame, ControlPose, ControlPoses, FrameSlope, PoseSlope, Wrench, axial, unwrapped,

@@ -27,11 +27,11 @@ const SHIFT: f64 = 0.25;
 /// The path of one body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Path {
+pub struct BodyPath {
     pub(super) is_lost: bool,
     /// Jumps by turns of an unknown direction since the path was lost.
     pub(super) jumps: u32,
-    /// Where the hands hold still, and the frames since they do.
+    /// Poses at which the hands hold still, and the frames since they do.
     pub(super) still: ControlPoses,
     pub(super) frames: u32,
     /// Parts of the way from rest that were gone, and the model's memory there.
@@ -70,7 +70,7 @@ impl Doubt {
     }
 }
 
-impl Path {
+impl BodyPath {
     /// Takes the step of a frame from the poses `last` to those of now.
     pub(super) fn follow(&mut self, last: &[ControlPose], now: &[ControlPose], size: f64) {
         for (last, now) in last.iter().zip(now) {

@@ -23,7 +23,7 @@ use std::time::Instant;
 pub enum Motion {
     /// Bend along a circular arc that keeps its length, °.
     Bend(f64),
-    /// The same about the direction that is perpendicular to both axis and across, °.
+    /// Bend along such an arc in the other plane, about the direction perpendicular to axis and across, °.
     BendAside(f64),
     /// Twist about the axis, °.
     Twist(f64),

@@ -1,9 +1,10 @@
 //! The finer equilibrium of a pose, against which whole errors are measured.
 //!
 //! In: a pose with its equilibrium on the scene's mesh. Out: static equilibrium of a St. Venant–Kirchhoff body with tet10 on the
-//! finest mesh of the ladder ([`Truth::Finer`]), started from the coarser one, or led along arcs where that leads nowhere. Where the ladder has two meshes, both are solved and
-//! extrapolated: the error of quadratic elements is taken to fall by the order 1.5 with their size, because stresses are
-//! singular at the edges of held parts, so that u = u₂ + (u₂ - u₁)/(2^1.5 - 1), and what is added is the reference's own error.
+//! finest mesh of the ladder ([`Truth::Finer`]), started from the coarser one, or led along arcs where that leads nowhere. Where
+//! the ladder has two meshes, both are solved and extrapolated: the error of quadratic elements is taken to fall by the order 1.5
+//! with their size, because stresses are singular at the edges of held parts, so that u = u₂ + (u₂ - u₁)/(2^1.5 - 1), and what is
+//! added is the reference's own error.
 
 use super::course::{Course, Step};
 use super::fields::difference;
@@ -98,7 +99,7 @@ pub struct Finer<'a> {
     /// Origins of the control elements on the scene's mesh.
     about: &'a [Vector3<f64>],
     statics: Vec<Option<Statics>>,
-    /// Whether a pose was solved: the first is solved however little time is left.
+    /// Whether a pose has such an equilibrium: until one has, they are solved however little time is left.
     is_any: bool,
 }
 
@@ -119,7 +120,7 @@ impl<'a> Finer<'a> {
     ) -> Result<Result<FinerReference, String>, MeasureError> {
         let (name, poses) = &self.request.poses[pose];
         let key = Step::finer(pose, name);
-        if std::mem::replace(&mut self.is_any, true) && !course.affords(&key) {
+        if self.is_any && !course.affords(&key) {
             return Ok(Err("--quick left no time for its finer equilibrium".into()));
         }
         let top = self.statics.len() - 1;
@@ -142,7 +143,9 @@ impl<'a> Finer<'a> {
             }
             Ok(Ok(found))
         })?;
-        Ok(found.and_then(|found| self.reference(norms, &found)))
+        let found = found.and_then(|found| self.reference(norms, &found));
+        self.is_any |= found.is_ok();
+        Ok(found)
     }
 
     fn at(

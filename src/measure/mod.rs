@@ -54,6 +54,7 @@ pub use verified::{Verified, verify};
 use crate::base::machine;
 use crate::deform::{ControlPoses, LINEAR};
 use crate::fem::{ELEMENTS, Element, TET4, TET10};
+use crate::green::{REDUCED, Requirements};
 use crate::mesh::TetMesh;
 use crate::solve::{Progress, Solver};
 use course::{Course, Step, StepKind};
@@ -293,7 +294,9 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
         solved.push((step(key, StepKind::Solve, seconds, is_needed), judged));
     }
     for (model, refine, element) in meshes.for_models(request) {
-        let seconds = OF_MODELS * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
+        let of_model =
+            if Requirements::new(model.requirements).has(REDUCED) { OF_REDUCED } else { OF_MODELS };
+        let seconds = of_model * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
         let key = Step::solved(refine, element, Solver::default(), Some(model.name));
         let is_own = is_of_scene(request, model, refine, element);
         solved.push((
@@ -359,3 +362,5 @@ const FINER: f64 = 2.0;
 
 /// Time of a solve with a model's own column families over that of one without.
 const OF_MODELS: f64 = 30.0;
+/// The same of models whose fields come from equilibria of the body.
+const OF_REDUCED: f64 = 90.0;

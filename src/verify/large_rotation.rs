@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// A body with at least two control elements, one of which is moved against the others.
 pub struct TriedBody {
-    /// Its name in the tables.
+    /// Name in the tables.
     pub title: String,
     pub scene: Scene,
     pub body: String,

@@ -302,7 +302,7 @@ fn forces(told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
     forces_of(&large_rotation::own_bodies()?, told)
 }
 
-/// The same of the bodies of scenes.
+/// Forces, energies and shapes of the models on the bodies of scenes.
 pub fn forces_of_scenes(scenes: &[String], told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
     let mut bodies = Vec::new();
     for path in scenes {

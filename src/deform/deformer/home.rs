@@ -1,8 +1,8 @@
-//! The way home of a body whose [`Path`] was lost, a part of it a frame.
+//! The way home of a body whose [`BodyPath`] was lost, a part of it a frame.
 
 use super::Deformer;
 use crate::deform::model::StateAge;
-use crate::deform::path::{Doubt, PARTS, Path};
+use crate::deform::path::{BodyPath, Doubt, PARTS};
 use crate::deform::pose::follow::FollowedTurn;
 use crate::deform::pose::frame::{ControlPose, same_side};
 use crate::deform::pose::screw::from_rest;
@@ -76,7 +76,7 @@ impl Deformer {
             Some(false) => self.path.is_vain = true,
             Some(true) => {
                 self.turns = turns.into_iter().map(FollowedTurn::new).collect();
-                self.path = Path { still: std::mem::take(&mut self.path.still), ..Path::default() };
+                self.path = BodyPath { still: std::mem::take(&mut self.path.still), ..BodyPath::default() };
                 self.homecomings += 1;
             }
         }
@@ -88,7 +88,9 @@ impl Deformer {
         let kept = self.model.memory();
         match self.path.there.take() {
             Some(there) => self.model.set_memory(&there).ok()?,
-            None => self.leave_for_rest(&vec![turns[0]; turns.len()]),
+            None => {
+                self.leave_for_rest(&turns.first().map_or_else(Vec::new, |first| vec![*first; turns.len()]))
+            }
         }
         self.path.parts += 1;
         let is_end = self.path.parts >= PARTS;

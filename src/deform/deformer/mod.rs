@@ -18,7 +18,7 @@ use super::model::{
     ModelInput, Response, StateAge,
 };
 use super::models::make_model;
-use super::path::Path;
+use super::path::BodyPath;
 use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, PoseSlope, Wrench};
 use crate::base::columns::ColumnGroup;
@@ -45,13 +45,13 @@ pub struct Deformer {
     /// Mesh coordinates of the origin about which all of the following stands, m.
     pub centre: Vector3<f64>,
     pub poses: ControlPoses,
-    /// Those before the last evaluation.
+    /// Poses before the last evaluation.
     last: ControlPoses,
     /// Turn of every control element on the way to its pose.
     turns: Vec<FollowedTurn>,
     /// Whether the model keeps anything from frame to frame; and the path.
     has_path: bool,
-    path: Path,
+    path: BodyPath,
     /// Counts how often the body left the state in which it was for the equilibrium from rest.
     pub homecomings: u64,
     /// The model's state for the poses.
@@ -159,7 +159,7 @@ impl Deformer {
             times: FrameTimes::default(),
             version: 0,
             has_path: model.memory() != ModelMemory::default(),
-            path: Path::default(),
+            path: BodyPath::default(),
             homecomings: 0,
             model,
             entry,
@@ -361,7 +361,7 @@ impl Deformer {
     /// The next poses stand alone: a model that follows turns forgets those it saw.
     pub fn forget(&mut self) {
         self.model.forget();
-        self.path = Path::default();
+        self.path = BodyPath::default();
         self.turns.fill(FollowedTurn::REST);
         self.evaluated = false;
     }

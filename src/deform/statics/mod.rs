@@ -57,7 +57,7 @@ const MOST_STEPS: usize = 256;
 pub struct Statics {
     pub mesh: TetMesh,
     pub controls: Vec<ControlElement>,
-    /// What the check before it found and is shown.
+    /// Findings of the check before it that are shown.
     pub notices: Vec<String>,
     body: Hyperelastic,
     element: &'static Element,

@@ -16,7 +16,7 @@ pub struct Grasp {
     pub poses: Vec<ControlPose>,
     /// The turns that led to these poses.
     pub turns: Vec<UnitQuaternion<f64>>,
-    /// How often the body has come home: another state may stand behind these poses then.
+    /// Count of the body's ways home: another state may stand behind these poses after one.
     pub homecomings: u64,
     /// Energy that other effects add to that of the held element.
     pub added: Option<ElementPotential>,

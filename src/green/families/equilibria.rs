@@ -65,8 +65,13 @@ pub fn equilibria(
     let body = Hyperelastic::new(solution.element, &STVK, &solution.mesh, assembled.lame).map_err(unfit)?;
     let a = assembled.partition.a(assembled.k);
     let solver = assembled.body.solver.analyse(&a, progress).map_err(failed)?;
-    solver.fits(&a, 1).map_err(failed)?;
-    machine::plan(solver.memory(&a, 1));
+    let paths = directions(solution);
+    let most: usize = paths.iter().map(|(_, steps)| steps.len()).sum();
+    // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of the tangent: K and A.
+    let need =
+        4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64 + 24.0 * assembled.k.scalar_entries() as f64;
+    machine::expect("the equilibria of the model \"reduced\"", need + solver.memory(&a, 1))
+        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
     let newton = Newton {
         body: &body,
@@ -75,7 +80,6 @@ pub fn equilibria(
         loads: None,
         last_step: LAST_STEP,
     };
-    let paths = directions(solution);
     let (mut fields, mut whole) = (Vec::new(), 0);
     progress.begin("equilibria at large turns", paths.len() as u64);
     for (path, steps) in &paths {

@@ -76,22 +76,23 @@ const MOST_ELEMENTS: usize = 4;
 
 /// Fields Φ of a body of so many control elements: what the time of a force tick allows.
 fn most_fields(control_elements: usize) -> usize {
+    if control_elements == 2 { 48 } else { series_fields(control_elements) }
+}
+
+/// Fields Φ from series about rest alone.
+fn series_fields(control_elements: usize) -> usize {
     match control_elements {
         0 | 1 => 0,
-        2 => 48,
+        2 => 33,
         3 => 24,
         _ => 20,
     }
 }
 
-/// Part of the energy of an equilibrium that the fields of two elements may miss: forces are then off by some per cent at 90°, and
-/// by less before.
-const MISSED: f64 = 1e-5;
-/// Fields of second order of two elements: one for each pair of the coordinates of their relative motion.
-const SECOND_ORDER: usize = 21;
-
-/// The part of them that is of second order.
+/// The part of these that is of second order: of two elements 21, one for each pair of the coordinates of their relative motion.
 const SECOND_ORDER_PART: f64 = 0.65;
+/// Part of the energy of an equilibrium that the fields may miss.
+const MISSED: f64 = 1e-5;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
 fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
@@ -113,10 +114,11 @@ fn compute(
     let forces = column_forces(assembled, &solution.mesh)?;
     machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-    let basis = match equilibria(assembled, solution, progress)? {
-        Some(equilibria) => enriched(assembled, solution, &points, &equilibria, progress)?,
-        None => basis(assembled, solution, &points, progress)?,
-    };
+    let equilibria = equilibria(assembled, solution, progress)?;
+    let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
+    if let Some(equilibria) = equilibria {
+        basis = enriched(assembled, solution, &basis, &equilibria);
+    }
     let basis = match forces.len() {
         0 => basis,
         _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
@@ -156,14 +158,16 @@ fn memory(nodes: usize, elements: usize, loads: usize) -> f64 {
     series.max(at_nodes(2 * fields + 3 * lift) + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs)
 }
 
-/// Φ over all nodes, orthonormal in the energy of small displacements.
+/// Φ from the series about rest over all nodes, orthonormal in the energy of small displacements: the fields of second order, and of
+/// third where these are asked for.
 fn basis(
     assembled: &Assembled<'_>,
     solution: &Solution,
     points: &RestPoints,
+    with_third: bool,
     progress: &dyn Progress,
 ) -> Result<NodeFields, GreenError> {
-    let most = most_fields(solution.controls.len());
+    let most = series_fields(solution.controls.len());
     let paths = paths(solution, PATHS);
     if most == 0 || paths.is_empty() || assembled.partition.free.is_empty() {
         return Ok(NodeFields::zeros(points.nodes, 0));
@@ -174,6 +178,9 @@ fn basis(
     let second = bend(assembled, points, std::slice::from_ref(&first), progress)?;
     let main = principal(assembled.k, &second, of_second_order);
     progress.end();
+    if !with_third {
+        return Ok(main);
+    }
     progress.begin("fields of third order", 0);
     let mut whole = lifted_order(solution, &paths, 2);
     add(&mut whole, 1.0, &second);
@@ -188,23 +195,17 @@ fn basis(
     Ok(beside(&[&main, &rest]))
 }
 
-/// Φ of two elements: the fields of second order, then those that `equilibria` have beside them, until each misses less than
-/// [`MISSED`] of its energy.
+/// The fields of `main`, then those that `equilibria` have beside them, until each misses less than [`MISSED`] of its energy or there
+/// are no more than the time of a tick allows.
 fn enriched(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
-    points: &RestPoints,
+    main: &NodeFields,
     equilibria: &Equilibria,
-    progress: &dyn Progress,
-) -> Result<NodeFields, GreenError> {
+) -> NodeFields {
     let k = assembled.k;
-    progress.begin("fields of second order", 0);
-    let first = lifted_order(solution, &paths(solution, PATHS), 1);
-    let second = bend(assembled, points, std::slice::from_ref(&first), progress)?;
-    let main = principal(k, &second, SECOND_ORDER);
-    progress.end();
-    let left = without(k, &equilibria.fields, &main);
-    let found = principal(k, &left, most_fields(2) - main.columns);
+    let left = without(k, &equilibria.fields, main);
+    let found = principal(k, &left, most_fields(solution.controls.len()) - main.columns);
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;
@@ -212,7 +213,7 @@ fn enriched(
         missed -= shares.row(count).map(|share| share * share).transpose();
         count += 1;
     }
-    let basis = beside(&[&main, &split_columns(&found, count).0]);
+    let basis = beside(&[main, &split_columns(&found, count).0]);
     let [paths, whole] = equilibria.paths;
     let mut message = format!(
         "{} fields miss at most {:.1e} of the energy of {} equilibria, bent, twisted and pressed",
@@ -224,7 +225,7 @@ fn enriched(
         message += &format!("; {} of {paths} ways there have none at 90° or at their end", paths - whole);
     }
     solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
-    Ok(basis)
+    basis
 }
 
 /// Φ with what loads do: at rest, and in second order beside motions.

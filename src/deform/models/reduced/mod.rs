@@ -31,7 +31,7 @@ pub use quartic::Quartic;
 
 pub const ENTRY: ModelEntry = ModelEntry {
     name: "reduced",
-    summary: "method 2b as a basis: fields of the body's own equilibria; forces within 2 % to 90° of bend and twist with two control elements",
+    summary: "method 2b as a basis: fields of the body's own equilibria; forces within 3 % to 90° of bend and twist with two control elements",
     requirements: &[AFFINE, REDUCED],
     frame: Frame::MeanMotion,
     energy: Some(&[]),

@@ -153,7 +153,9 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
             let energy = settled.energy;
             let off = Deviation::new(&of(wrenches.collect(), energy), &of(held, energy), moved.length);
             let (force, torque) = (off.force.unwrap(), off.torque.unwrap());
-            assert!(force.max(torque) < 0.05, "{}: force {force}, torque {torque}", motion.name());
+            // Measured: 0.0244, 0.0214, and 0.0004 at most.
+            let most = if matches!(motion, Motion::Shift(_) | Motion::Mixed(..)) { 0.03 } else { 0.002 };
+            assert!(force.max(torque) < most, "{}: force {force}, torque {torque}", motion.name());
         }
     }
 }
