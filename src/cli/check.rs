@@ -6,7 +6,7 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, Statics};
+use crate::deform::{ExpectedErrors, Statics, find_model};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::green::{self, Forecast, GreenError, Prepared};
 use crate::mesh::Surface;
@@ -174,7 +174,13 @@ fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
 /// The forecast of the time and memory that precomputing the body takes.
 fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
     let entity = format!("body.{name}");
-    let forecast = Forecast::new(&prepared.mesh, prepared.controls.len());
+    let mut forecast = Forecast::new(&prepared.mesh, prepared.controls.len());
+    let (nodes, elements) = (prepared.mesh.nodes.len(), prepared.controls.len());
+    let is_reduced = find_model(&body.model).is_ok_and(|model| model.is_reduced());
+    if is_reduced && green::has_equilibria(&body.solver, elements, 3 * nodes) {
+        let points = body.element.points(&prepared.mesh, &prepared.lame).map_or(0, |points| points.count());
+        forecast = forecast.with_equilibria(nodes, points);
+    }
     let mut findings = Vec::new();
     if let Some(asked) = &body.surface_compliance {
         let held = prepared.controls.iter().flat_map(|control| control.nodes.iter().copied());

@@ -4,8 +4,8 @@ use super::loads::applied::SharedLoads;
 use super::memory::ModelMemory;
 use super::pose::frame::{ControlPose, PoseSlope};
 use crate::base::parts::PartWeights;
-use crate::fem::{FreeFace, Lame, Law, STVK, hooke_at_free_face};
-use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED, Requirements};
+use crate::fem::{FreeFace, Lame, Law, NEO_HOOKEAN, STVK, hooke_at_free_face};
+use crate::green::{AFFINE, CUBIC, Family, Fits, LoadMeta, REDUCED, REDUCED_NEO_HOOKEAN, Requirements};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
 use std::cmp::Ordering;
 use std::fmt;
@@ -129,8 +129,7 @@ impl ModelEntry {
     /// Whether the columns of control elements are summed as in the theory of small strain, in a frame that may turn along; a
     /// model without these columns computes its shape in another way.
     pub fn is_of_small_strain(&self) -> bool {
-        let has_columns = self.requirements.iter().any(|family| family.name == AFFINE.name);
-        self.law().is_none() && has_columns && !self.is_quartic()
+        self.law().is_none() && self.needs(AFFINE) && !self.is_reduced()
     }
 
     /// Column families that it and its strain energy need.
@@ -146,6 +145,11 @@ impl ModelEntry {
         }
     }
 
+    /// The law whose equilibrium at large strain its errors are measured against.
+    pub fn large_strain_law(&self) -> &'static Law {
+        self.law().unwrap_or(if self.needs(REDUCED_NEO_HOOKEAN) { &NEO_HOOKEAN } else { &STVK })
+    }
+
     /// Whether it uses the matrices of the poses linearly, without extracting rotations.
     pub fn is_linear(&self) -> bool {
         self.frame == Frame::Rest
@@ -153,8 +157,7 @@ impl ModelEntry {
 
     /// Whether its forces near rest are those of the stiffness matrix: sums of columns in one frame.
     pub fn is_exact_near_rest(&self) -> bool {
-        let has = |wanted: Family| self.requirements.iter().any(|family| family.name == wanted.name);
-        self.law().is_none() && has(AFFINE) && !has(CUBIC)
+        self.law().is_none() && self.needs(AFFINE) && !self.needs(CUBIC)
     }
 
     /// Whether it takes forces at points of the surface without columns of a compliance.
@@ -162,17 +165,21 @@ impl ModelEntry {
         matches!(self.loads, Bearing::Forces(_))
     }
 
-    fn is_quartic(&self) -> bool {
-        self.requirements.iter().any(|family| family.name == REDUCED.name)
+    fn needs(&self, wanted: Family) -> bool {
+        self.requirements.iter().any(|family| family.name == wanted.name)
     }
 
-    /// The law for stresses in a free face: that of a background model; St. Venant–Kirchhoff's if the energy is quartic;
-    /// otherwise Hooke's, in the frame that turns along.
+    /// Whether its energy is that of a law at large strain, in a few fields.
+    pub fn is_reduced(&self) -> bool {
+        self.needs(REDUCED) || self.needs(REDUCED_NEO_HOOKEAN)
+    }
+
+    /// The law for stresses in a free face: that at large strain of a background model or in a few fields; otherwise Hooke's, in the
+    /// frame that turns along.
     pub fn free_face(&self) -> fn([f64; 2], Lame) -> FreeFace {
         match self.kind {
-            Kind::Background(law) => law.free_face,
-            Kind::Online(_) if self.is_quartic() => STVK.free_face,
-            Kind::Online(_) => hooke_at_free_face,
+            Kind::Online(_) if !self.is_reduced() => hooke_at_free_face,
+            _ => self.large_strain_law().free_face,
         }
     }
 }

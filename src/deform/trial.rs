@@ -5,6 +5,7 @@
 
 use super::deformer::Deformer;
 use super::model::ModelEntry;
+use super::models::find_model;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
@@ -155,7 +156,7 @@ pub struct Trial {
 
 /// Solves the motions one after the other; a bend or twist goes on from the one before where it is of the same kind, so that
 /// turns add up; where that one has no equilibrium, neither is it solved. `told` is called for motions without an equilibrium,
-/// and for those that turn tetrahedra inside out. `progress` is advanced by 1000 for each motion.
+/// and for those that turn tetrahedra inside out, which have an equilibrium only where the law resists that. `progress` is advanced by 1000 for each motion.
 pub fn trials(
     statics: &mut Statics,
     moved: &Moved,
@@ -179,11 +180,17 @@ pub fn trials(
             None => statics.solve(&poses, progress),
         };
         match solved {
-            Ok(settled) if !settled.inverted.is_empty() => {
+            Ok(settled) if !settled.inverted.is_empty() && !statics.law().resists_inversion => {
                 lost = Some(motion);
                 told(motion, format!("{} tetrahedra turn inside out", settled.inverted.len()));
             }
             Ok(settled) => {
+                if !settled.inverted.is_empty() {
+                    told(
+                        motion,
+                        format!("in equilibrium {} tetrahedra are inside out", settled.inverted.len()),
+                    );
+                }
                 last = statics.held().cloned().map(|held| (motion, held));
                 found.push(Trial { moved: moved.clone(), motion, poses, settled });
             }
@@ -199,7 +206,7 @@ pub fn trials(
     Ok(found)
 }
 
-/// The equilibrium that errors are measured against, at large strain under St. Venant–Kirchhoff's law. Another reference is another
+/// The equilibrium that errors are measured against, at large strain under the law of the body's model. Another reference is another
 /// variant: all comparisons solve it here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Truth {
@@ -224,7 +231,9 @@ impl Truth {
             body.refine += u32::from(body.element.order > 1);
             body.element = &TET10;
         }
-        Statics::new(&scene, name, &STVK, progress)
+        // An unknown model is refused where the body is prepared.
+        let law = find_model(&body.model).map_or(&STVK, ModelEntry::large_strain_law);
+        Statics::new(&scene, name, law, progress)
     }
 }
 

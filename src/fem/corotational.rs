@@ -21,6 +21,7 @@ pub const COROTATIONAL: Law = Law {
     title: "corotational",
     summary: "method 1b, found in the background: corotational statics, Hooke's law in every element's own frame",
     remedy: "Press, turn or shear less, or refine where it folds",
+    resists_inversion: true,
     energy,
     stress,
     tangent,

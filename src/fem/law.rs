@@ -19,6 +19,8 @@ pub struct Law {
     pub summary: &'static str,
     /// Advice where a body of this material has no equilibrium.
     pub remedy: &'static str,
+    /// Whether energy grows where a tetrahedron turns inside out, so that such a state can be an equilibrium.
+    pub resists_inversion: bool,
     /// ψ, J/m³; 0 at rest.
     pub energy: fn(&Matrix3<f64>, Lame) -> f64,
     /// First Piola–Kirchhoff stress P = ∂ψ/∂F, Pa; at rest 0, and for small H that of Hooke's law.

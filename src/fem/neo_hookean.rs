@@ -10,6 +10,7 @@
 
 use super::lame::Lame;
 use super::law::{Law, Tangent};
+use super::stvk::STVK;
 use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {
@@ -17,6 +18,7 @@ pub const NEO_HOOKEAN: Law = Law {
     title: "neo-Hookean",
     summary: "method 1a, found in the background: neo-Hookean statics, which bear compression",
     remedy: "Press, turn or shear less, or refine where it folds",
+    resists_inversion: true,
     energy,
     stress,
     tangent,
@@ -25,6 +27,21 @@ pub const NEO_HOOKEAN: Law = Law {
     dilatation_curvature: volume_curvature,
     free_face: super::free_face::neo_hookean,
 };
+
+/// Energy density beyond that of [`STVK`], of third order in the strain; J/m³.
+pub fn energy_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> f64 {
+    energy(h, lame) - (STVK.energy)(h, lame)
+}
+
+/// Its first derivative, Pa.
+pub fn stress_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
+    stress(h, lame) - (STVK.stress)(h, lame)
+}
+
+/// Its second derivative, Pa.
+pub fn tangent_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Tangent {
+    tangent(h, lame) - (STVK.tangent)(h, lame)
+}
 
 /// cof M = det(M) M⁻ᵀ.
 fn cofactor(m: &Matrix3<f64>) -> Matrix3<f64> {

@@ -18,6 +18,7 @@ pub const STVK: Law = Law {
     summary: "method 1a, found in the background: St. Venant–Kirchhoff statics, right for large rotations and small strain",
     remedy: "This law gives way under compression, a bar at 58 % of its length: press less, or take model = \
              \"neo_hookean\"",
+    resists_inversion: false,
     energy,
     stress,
     tangent,

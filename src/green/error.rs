@@ -29,6 +29,11 @@ pub enum GreenError {
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error(
+        "{body}: model \"{model}\" is made from equilibria of the body, for which it may have {most} unknowns and a direct \
+         solver; this body has {unknowns} unknowns. Write model = \"reduced\", or method = \"cholesky\" and a coarser mesh"
+    )]
+    NoEquilibria { body: String, model: &'static str, unknowns: usize, most: usize },
+    #[error(
         "body.{body}.updates: the columns of the effect {effect} hold only for the body as precomputed. \
          Leave out the effect or updates"
     )]
@@ -61,9 +66,10 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
-            GreenError::Assembly { .. } | GreenError::ControlCount { .. } | GreenError::Updates { .. } => {
-                true
-            }
+            GreenError::Assembly { .. }
+            | GreenError::ControlCount { .. }
+            | GreenError::NoEquilibria { .. }
+            | GreenError::Updates { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),
             GreenError::Solve { .. } | GreenError::Memory { .. } | GreenError::Compression { .. } => false,

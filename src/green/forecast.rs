@@ -38,13 +38,21 @@ const SURFACE_COLUMN: f64 = 1.5e-10;
 const KEPT: [f64; 2] = [0.6, 0.85];
 /// Bytes of a node of a compressed compliance at an error of 1e-3, and what each further decade adds: of a tube of 3,240 nodes.
 const COMPRESSED_NODE: [f64; 2] = [1900.0, 1200.0];
+/// Factorizations of the tangent for the equilibria of a basis, and seconds on one thread of a tangent and of the quartic over the
+/// points of integration: of a tube of 10,080 nodes.
+const TANGENTS: f64 = 350.0;
+const TANGENT_POINT: f64 = 7e-7;
+const QUARTIC_POINT: f64 = 4e-4;
+/// Bytes of a node for the fields of all equilibria.
+const EQUILIBRIA_NODE: f64 = 4.0 * 24.0 * 140.0;
 /// Memory of the compliance while it is made over its bytes.
 const WHILE_MADE: f64 = 3.0;
 /// Bytes of a tetrahedron and of an unknown's row of K while the body is prepared.
 const TETRAHEDRON: f64 = 200.0;
 const ROW: f64 = 40.0 * 12.0;
-/// Number of unknowns below which no forecast is shown.
+/// Number of unknowns and seconds below which no forecast is shown.
 const SMALL: f64 = 30_000.0;
+const SHORT: f64 = 20.0;
 
 /// The cost of a body's Cholesky factor, at least and at most.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -79,6 +87,18 @@ impl Forecast {
             seconds: [thin / SPREAD, compact * SPREAD],
             iterative_memory: base,
         }
+    }
+
+    /// The forecast with the equilibria from which a basis is made, of an element with so many points of integration.
+    pub fn with_equilibria(mut self, nodes: usize, points: usize) -> Forecast {
+        let (points, threads) = (points as f64, rayon::current_num_threads() as f64);
+        let [thin, compact] = self.factor_entries.map(|entries| {
+            let tangent = SECONDS * entries.powf(1.5) + TANGENT_POINT * points;
+            (TANGENTS * tangent + QUARTIC_POINT * points) / threads
+        });
+        self.seconds = [self.seconds[0] + thin / SPREAD, self.seconds[1] + compact * SPREAD];
+        self.memory = self.memory.map(|bytes| bytes + EQUILIBRIA_NODE * nodes as f64);
+        self
     }
 
     /// Refused where the body's method surely needs more memory than this machine has, with what would fit.
@@ -143,7 +163,7 @@ impl Forecast {
     pub fn told(&self) -> Option<String> {
         let [least, most] = self.memory.map(bytes);
         let [soon, late] = self.seconds.map(duration);
-        (self.unknowns > SMALL).then(|| {
+        (self.unknowns > SMALL || self.seconds[1] > SHORT).then(|| {
             format!(
                 "{:.3e} unknowns: precomputing takes about {} and {least} to {most} of memory ({} threads)",
                 self.unknowns,
@@ -216,6 +236,20 @@ mod tests {
             let [thin, compact] = forecast.factor_entries;
             assert!(thin <= entries && entries <= compact, "{cells:?}: {entries} in {thin}..{compact}");
             assert_eq!(forecast.told().is_some(), forecast.unknowns > SMALL);
+        }
+    }
+
+    /// Seconds of `greenstage precompute` with `reduced` on two threads: a tube of 10,080 nodes and 48,000 tetrahedra, and a hook of
+    /// 22,700 nodes and 14,000 quadratic tetrahedra of four points.
+    #[test]
+    fn equilibria_that_were_measured_lie_in_the_forecast() {
+        let threads = rayon::current_num_threads() as f64;
+        for (cells, points, seconds) in [([140, 23, 2], 48_000, 37.0), ([58, 25, 14], 56_000, 150.0)] {
+            let mesh = block(&Block { size: cells.map(f64::from), cells }).unwrap();
+            let forecast = Forecast::new(&mesh, 2).with_equilibria(mesh.nodes.len(), points);
+            let [soon, late] = forecast.seconds.map(|seconds| seconds * threads / 2.0);
+            assert!(soon <= seconds && seconds <= late, "{cells:?}: {seconds} in {soon}..{late}");
+            assert!(forecast.told().is_some());
         }
     }
 

@@ -54,7 +54,6 @@ pub use verified::{Verified, verify};
 use crate::base::machine;
 use crate::deform::{ControlPoses, LINEAR};
 use crate::fem::{ELEMENTS, Element, TET4, TET10};
-use crate::green::{REDUCED, Requirements};
 use crate::mesh::TetMesh;
 use crate::solve::{Progress, Solver};
 use course::{Course, Step, StepKind};
@@ -294,8 +293,7 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
         solved.push((step(key, StepKind::Solve, seconds, is_needed), judged));
     }
     for (model, refine, element) in meshes.for_models(request) {
-        let of_model =
-            if Requirements::new(model.requirements).has(REDUCED) { OF_REDUCED } else { OF_MODELS };
+        let of_model = if model.is_reduced() { OF_REDUCED } else { OF_MODELS };
         let seconds = of_model * repeats * direct(unknowns(refine, element) * element.unknown_cost.sqrt());
         let key = Step::solved(refine, element, Solver::default(), Some(model.name));
         let is_own = is_of_scene(request, model, refine, element);

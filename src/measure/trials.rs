@@ -8,7 +8,7 @@ use super::course::{Course, Step};
 use super::data::{ModelTrial, ModelTrials, TrialMotion};
 use super::reference::{MOST_POISSON, References, softened};
 use super::request::{MeasureError, Request};
-use super::variants::{Candidate, online, variant};
+use super::variants::{Candidate, is_measured, online, variant};
 use crate::deform::{
     Deformer, MODELS, ModelEntry, Motion, Moved, Statics, StaticsError, Trial, Truth, in_session, trials,
 };
@@ -71,7 +71,7 @@ fn tried(
     }
     found.about = about(request, &scene, &statics, &moved);
     let held = equilibria(request, &mut statics, &moved, &mut found.about, progress)?;
-    for model in online() {
+    for model in online().filter(|model| is_measured(request, model)) {
         let of = |c: &&Candidate| c.is_of(0, element, model);
         let solved =
             if element == &TET4 { references.base(candidates, model) } else { candidates.iter().find(of) };

@@ -32,6 +32,13 @@ pub fn online() -> impl Iterator<Item = &'static ModelEntry> {
     MODELS.iter().filter(|model| model.law().is_none())
 }
 
+/// Whether the model is measured beside that of the scene: one that has the energy of a law at large strain only where it is the same
+/// law, for a law's equilibrium is no reference for another.
+pub fn is_measured(request: &Request<'_>, model: &ModelEntry) -> bool {
+    let law = request.scene.bodies[request.body].model.large_strain_law();
+    !model.is_reduced() || model.large_strain_law().name == law.name
+}
+
 /// Whether the model is made from what every candidate has.
 pub fn is_common(model: &ModelEntry) -> bool {
     let made = Requirements::new(COMMON);
@@ -192,7 +199,7 @@ impl Meshes {
                 cost(0, &TET4) <= limit && cost(refine, element) <= most && (is_base || !is_dear(model));
             fits || is_of_scene(request, model, refine, element)
         };
-        let models = online().filter(|model| !is_common(model));
+        let models = online().filter(|model| !is_common(model) && is_measured(request, model));
         let all = models.flat_map(|model| self.all().map(move |(refine, element)| (model, refine, element)));
         all.filter(|(model, refine, element)| is_affordable(model, *refine, element)).collect()
     }
@@ -274,7 +281,9 @@ fn solve_for_models(
 ) -> Result<(), MeasureError> {
     let (limit, own) = (request.limits.largest_of_models, meshes.unknowns(0, &TET4) * TET4.unknown_cost);
     if own > limit {
-        let is_dropped = |model: &&ModelEntry| !is_common(model) && !is_of_scene(request, model, 0, &TET4);
+        let is_dropped = |model: &&ModelEntry| {
+            !is_common(model) && is_measured(request, model) && !is_of_scene(request, model, 0, &TET4)
+        };
         left_out.extend(online().filter(is_dropped).map(|model| {
             format!(
                 "model {}: {own:.0} unknowns are more than the {limit:.0} for which a model with columns of its own is \

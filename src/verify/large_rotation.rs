@@ -1,12 +1,13 @@
 //! Forces and shapes of every model of the .green file at large rotations, against static equilibrium.
 //!
 //! In: a hollow tube, a slender beam and a thin plate, held at both ends and moved from 1° to 180°. Out: [`HeldPose`]s with the wrench of the
-//! St. Venant–Kirchhoff equilibrium on the same mesh, and for each model how far its wrench, energy and shape are from it,
+//! equilibrium on the same mesh under the law that a model stands for, and for each model how far its wrench, energy and shape are from it,
 //! and the time of a frame. A model is judged as a session uses it: from a .green file, in single precision.
 
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{Deviation, Motion, Moved, Trial, Truth, in_session, trials};
+use crate::deform::{Deviation, ModelEntry, Motion, Moved, Trial, Truth, in_session, trials};
+use crate::fem::{LAWS, STVK};
 use crate::green;
 use crate::measure::online;
 use crate::scene::{Grab, Scene};
@@ -14,6 +15,7 @@ use serde::Serialize;
 use std::path::Path;
 
 /// A body with at least two control elements, one of which is moved against the others.
+#[derive(Clone)]
 pub struct TriedBody {
     /// Name in the tables.
     pub title: String,
@@ -119,42 +121,67 @@ pub fn bodies_of(scene: &Scene) -> Vec<TriedBody> {
     scene.body.keys().map(named).collect()
 }
 
-/// All poses of all bodies for all models that have forces, body by body; `told` is called with the reason why one is left out.
+/// All poses of all bodies for all models that have forces, body by body and law by law; `told` is called with the reason why one is
+/// left out.
 pub fn run(bodies: &[TriedBody], told: &mut dyn FnMut(String)) -> Result<Vec<HeldPose>, Failure> {
     let mut rows = Vec::new();
-    for TriedBody { title, scene, body, motions } in bodies {
-        let mut statics = Truth::SameMesh.statics(scene, body, &Silent).map_err(Failure::work)?;
-        let origins: Vec<_> = statics.controls.iter().map(|control| control.origin).collect();
-        let is_free = |e: &usize| {
-            let control = scene.body[body].control.get(&statics.controls[*e].name);
-            control.is_some_and(|control| control.grab == Grab::Dragger)
-        };
-        let Some(moved) = (0..origins.len()).filter(is_free).find_map(|e| Moved::new(&origins, e)) else {
-            told(format!("{title}: no control element can be moved against others"));
-            continue;
-        };
-        let mut left_out = |motion: Motion, why: String| told(format!("{title} {}: {why}", motion.name()));
-        let held = trials(&mut statics, &moved, motions, &Silent, &mut left_out).map_err(Failure::work)?;
-        let first = rows.len();
-        rows.extend(held.iter().map(|trial| row(title, trial)));
-        for model in online().filter(|model| model.energy.is_some()) {
-            let mut scene = scene.clone();
-            scene.body[body].model = model.name.to_owned();
-            let made = green::precompute(&scene, body, &model.with_energy(), &Silent);
-            let deformer = made.and_then(|made| in_session(&made, model));
-            let mut deformer = match deformer.map_err(|error| error.to_string()).and_then(|made| made) {
-                Ok(deformer) => deformer,
-                Err(why) => {
-                    told(format!("{title} {}: {why}", model.name));
-                    continue;
-                }
-            };
-            let nodes = Trial::surface_nodes(&statics, &deformer);
-            for (row, trial) in rows[first..].iter_mut().zip(&held) {
-                let deviation = trial.deviation(&mut deformer, &nodes);
-                let frame_s = trial.frame_time(&mut deformer);
-                row.models.push(ModelAtPose { model: model.name, deviation, frame_s });
+    let models: Vec<_> = online().filter(|model| model.energy.is_some()).collect();
+    for body in bodies {
+        for law in LAWS {
+            let like: Vec<_> =
+                models.iter().copied().filter(|model| model.large_strain_law().name == law.name).collect();
+            if let Some(first) = like.first() {
+                let title = if law.name == STVK.name {
+                    body.title.clone()
+                } else {
+                    format!("{}, {}", body.title, law.title)
+                };
+                let mut scene = body.scene.clone();
+                scene.body[&body.body].model = first.name.to_owned();
+                rows.extend(rows_of(&TriedBody { title, scene, ..body.clone() }, &like, told)?);
             }
+        }
+    }
+    Ok(rows)
+}
+
+/// The poses of a body for models of the law of its own model.
+fn rows_of(
+    tried: &TriedBody,
+    models: &[&'static ModelEntry],
+    told: &mut dyn FnMut(String),
+) -> Result<Vec<HeldPose>, Failure> {
+    let TriedBody { title, scene, body, motions } = tried;
+    let mut statics = Truth::SameMesh.statics(scene, body, &Silent).map_err(Failure::work)?;
+    let origins: Vec<_> = statics.controls.iter().map(|control| control.origin).collect();
+    let is_free = |e: &usize| {
+        let control = scene.body[body].control.get(&statics.controls[*e].name);
+        control.is_some_and(|control| control.grab == Grab::Dragger)
+    };
+    let Some(moved) = (0..origins.len()).filter(is_free).find_map(|e| Moved::new(&origins, e)) else {
+        told(format!("{title}: no control element can be moved against others"));
+        return Ok(Vec::new());
+    };
+    let mut left_out = |motion: Motion, why: String| told(format!("{title} {}: {why}", motion.name()));
+    let held = trials(&mut statics, &moved, motions, &Silent, &mut left_out).map_err(Failure::work)?;
+    let mut rows: Vec<HeldPose> = held.iter().map(|trial| row(title, trial)).collect();
+    for model in models {
+        let mut scene = scene.clone();
+        scene.body[body].model = model.name.to_owned();
+        let made = green::precompute(&scene, body, &model.with_energy(), &Silent);
+        let deformer = made.and_then(|made| in_session(&made, model));
+        let mut deformer = match deformer.map_err(|error| error.to_string()).and_then(|made| made) {
+            Ok(deformer) => deformer,
+            Err(why) => {
+                told(format!("{title} {}: {why}", model.name));
+                continue;
+            }
+        };
+        let nodes = Trial::surface_nodes(&statics, &deformer);
+        for (row, trial) in rows.iter_mut().zip(&held) {
+            let deviation = trial.deviation(&mut deformer, &nodes);
+            let frame_s = trial.frame_time(&mut deformer);
+            row.models.push(ModelAtPose { model: model.name, deviation, frame_s });
         }
     }
     Ok(rows)

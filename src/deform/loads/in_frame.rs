@@ -204,6 +204,11 @@ fn place_in_z(surface: &ColumnsAt, node: u32, lift: &Lift, fields: usize, centre
 }
 
 impl LoadedPotential {
+    /// s.
+    pub fn size(&self) -> f64 {
+        self.share.recip()
+    }
+
     /// V and its slopes against the first of z become those with loads; how large the numbers are that make it up.
     pub fn add(&mut self, value: f64, z: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         let mut total = self.share * value;

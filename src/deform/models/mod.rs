@@ -28,6 +28,7 @@ const ONLINE: &[ModelEntry] = &[
     rotation::ENTRY,
     perturbation::ENTRY,
     reduced::ENTRY,
+    reduced::NEO_HOOKEAN_ENTRY,
     substructured::ENTRY,
     rod::ENTRY,
     plate::ENTRY,

@@ -236,6 +236,10 @@ impl Statics {
         Ok(statics)
     }
 
+    pub fn law(&self) -> &'static Law {
+        self.body.law
+    }
+
     /// Sets the loads that act on the body; without a call none does.
     pub fn apply(&mut self, acting: &StaticForces) -> Result<(), StaticsError> {
         let stretch = self.loads.stretch(acting);

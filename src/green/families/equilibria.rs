@@ -1,13 +1,12 @@
 //! Equilibria of a body whose two control elements are turned far against each other: what a basis of few fields must hold.
 //!
-//! In: an assembled body with its affine fields u_k. Out: for each equilibrium that was found under the St. Venant–Kirchhoff
-//! law, w = u - Σ c_k u_k seen from the middle between the elements, so that w = 0 on them, over √(2 V): ½ wᵀKw is then a part of
-//! that equilibrium's energy V.
+//! In: an assembled body with its affine fields u_k, and a law. Out: for each equilibrium that was found, w = u - Σ c_k u_k seen
+//! from the middle between the elements, so that w = 0 on them, over √(2 V): ½ wᵀKw is then a part of that equilibrium's energy V.
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
-//! of a cube that stands along the way between them, pressed, and turned and shifted at once in random directions. A state in which
-//! a tetrahedron is inside out is no equilibrium. Twists go on to 330°. Where the end of a path has none, that at three quarters of it is taken, and that
-//! at a quarter where the half has none.
+//! of a cube that stands along the way between them, pressed, and turned and shifted at once in random directions. Twists go on to
+//! 330°. A step that fails is halved. Under St. Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no
+//! equilibrium, for nothing resists that; the neo-Hookean law resists it.
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
@@ -17,8 +16,8 @@ use super::dense_fields::{add, beside, combined};
 use super::screw_paths::{Path, screw_motion};
 use crate::base::machine;
 use crate::base::random::Random;
-use crate::fem::{Hyperelastic, NodeFields, STVK};
-use crate::solve::{Newton, Progress};
+use crate::fem::{Hyperelastic, Law, NodeFields};
+use crate::solve::{Newton, Progress, Solver};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -30,43 +29,52 @@ const PRESSED: [[f64; 3]; 4] = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.
 /// Paths in random directions, the same in every run, with random shifts: along the way between a twentieth less and a tenth more of
 /// it, across it by up to a tenth.
 const RANDOM: usize = 12;
-/// Shares of a path at which equilibria are sought, and that which is tried in place of one that has none.
-const STEPS: [[f64; 2]; 2] = [[0.5, 0.25], [1.0, 0.75]];
+/// Shares of a path at which equilibria are sought.
+const STEPS: [f64; 2] = [0.5, 1.0];
 /// Those of a twist, which goes on to 330°: the last turn but a little that a mean frame has.
-const TWIST_STEPS: [[f64; 2]; 6] =
-    [[0.5, 0.25], [1.0, 0.75], [1.75, 1.5], [2.5, 2.25], [3.1, 2.8], [3.67, 3.4]];
+const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
+/// The least step is this part of the way between two of them.
+const LEAST_STEP: f64 = 0.25;
 /// Newton's iteration ends after a step below this part of the largest displacement: of fields for a basis no more is asked.
 const LAST_STEP: f64 = 3e-3;
 /// Unknowns up to which a body is solved so often, with about 300 factorisations.
-const MOST_UNKNOWNS: usize = 100_000;
+pub const MOST_UNKNOWNS: usize = 100_000;
 
 /// What was found.
 pub struct Equilibria {
     /// A column for each equilibrium.
     pub fields: NodeFields,
+    /// c of each, column by column, and V.
+    pub coefficients: DMatrix<f64>,
+    pub energies: Vec<f64>,
     /// Paths, and how many of them have an equilibrium at their end.
     pub paths: [usize; 2],
 }
 
-/// The equilibria of a body with two control elements; `None` for others, where nothing is free, and where there are more than
-/// [`MOST_UNKNOWNS`] or they are not solved for directly.
+/// Whether a body of so many control elements and unknowns is solved for them: of two, where something is free, up to
+/// [`MOST_UNKNOWNS`] that are solved for directly.
+pub fn has_equilibria(solver: &Solver, control_elements: usize, unknowns: usize) -> bool {
+    control_elements == 2 && (1..=MOST_UNKNOWNS).contains(&unknowns) && solver.method.is_direct
+}
+
+/// The equilibria of a body; `None` where [`has_equilibria`] says no.
 pub fn equilibria(
+    law: &'static Law,
     assembled: &Assembled<'_>,
     solution: &Solution,
     progress: &dyn Progress,
 ) -> Result<Option<Equilibria>, GreenError> {
     let unknowns = 3 * assembled.partition.free.len();
-    let is_direct = assembled.body.solver.method.is_direct;
-    if solution.controls.len() != 2 || unknowns == 0 || unknowns > MOST_UNKNOWNS || !is_direct {
+    if !has_equilibria(&assembled.body.solver, solution.controls.len(), unknowns) {
         return Ok(None);
     }
     let failed = |source| GreenError::Solve { body: assembled.place.to_owned(), source };
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
-    let body = Hyperelastic::new(solution.element, &STVK, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let body = Hyperelastic::new(solution.element, law, &solution.mesh, assembled.lame).map_err(unfit)?;
     let a = assembled.partition.a(assembled.k);
     let solver = assembled.body.solver.analyse(&a, progress).map_err(failed)?;
     let paths = directions(solution);
-    let most: usize = paths.iter().map(|(_, steps)| steps.len()).sum();
+    let most = 2 * paths.iter().map(|(_, steps)| steps.len()).sum::<usize>();
     // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of the tangent: K and A.
     let need =
         4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64 + 24.0 * assembled.k.scalar_entries() as f64;
@@ -80,35 +88,56 @@ pub fn equilibria(
         loads: None,
         last_step: LAST_STEP,
     };
-    let (mut fields, mut whole) = (Vec::new(), 0);
+    let (mut fields, mut coefficients, mut energies, mut whole) = (Vec::new(), Vec::new(), Vec::new(), 0);
     progress.begin("equilibria at large turns", paths.len() as u64);
     for (path, steps) in &paths {
-        let (mut u, mut from) = (NodeFields::zeros(solution.mesh.nodes.len(), 1), 0.0);
-        for step in *steps {
-            for &share in step {
-                let goal = |_: f64, u: &mut NodeFields| hold(solution, path, share, u);
-                let found = if share > from { newton.step_to(&u, &goal).map_err(failed)? } else { None };
+        let (mut u, mut from, mut before) = (NodeFields::zeros(solution.mesh.nodes.len(), 1), 0.0, 0.0);
+        'path: for &goal in *steps {
+            let mut step = goal - before;
+            let least = LEAST_STEP * step;
+            while from < goal {
+                let share = goal.min(from + step);
+                let held = |_: f64, u: &mut NodeFields| hold(solution, path, share, u);
+                let found = newton.step_to(&u, &held).map_err(failed)?;
                 let upright = |h: &Matrix3<f64>| (Matrix3::identity() + h).determinant() > 0.0;
-                let Some(found) = found.filter(|found| found.gradients.iter().all(upright)) else { continue };
+                let found =
+                    found.filter(|found| law.resists_inversion || found.gradients.iter().all(upright));
+                let Some(found) = found else {
+                    step *= 0.5;
+                    if step < least {
+                        break 'path;
+                    }
+                    continue;
+                };
+                let c = seen(solution, path, share);
                 let mut own = found.u.clone();
-                add(&mut own, -1.0, &combined(&solution.fields, &coefficients(solution, path, share)));
+                add(&mut own, -1.0, &combined(&solution.fields, &c));
                 let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
                 own.data.iter_mut().for_each(|value| *value /= size);
                 fields.push(own);
+                coefficients.push(c);
+                energies.push(found.energy);
                 (u, from) = (found.u, share);
-                break;
             }
+            before = goal;
         }
         progress.advance(1);
         whole += usize::from(from >= 1.0);
     }
     progress.end();
     let fields: Vec<&NodeFields> = fields.iter().collect();
-    Ok((!fields.is_empty()).then(|| Equilibria { fields: beside(&fields), paths: [paths.len(), whole] }))
+    Ok((!fields.is_empty()).then(|| Equilibria {
+        fields: beside(&fields),
+        coefficients: DMatrix::from_fn(coefficients[0].nrows(), energies.len(), |row, at| {
+            coefficients[at][row]
+        }),
+        energies,
+        paths: [paths.len(), whole],
+    }))
 }
 
 /// The paths with their steps: half of each motion to either element.
-fn directions(solution: &Solution) -> Vec<(Path, &'static [[f64; 2]])> {
+fn directions(solution: &Solution) -> Vec<(Path, &'static [f64])> {
     let way = solution.controls[1].origin - solution.controls[0].origin;
     let axis = way.try_normalize(0.0).unwrap_or_else(Vector3::x);
     let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
@@ -148,7 +177,7 @@ fn hold(solution: &Solution, path: &Path, share: f64, u: &mut NodeFields) {
 }
 
 /// c at a share of the path.
-fn coefficients(solution: &Solution, path: &Path, share: f64) -> DMatrix<f64> {
+fn seen(solution: &Solution, path: &Path, share: f64) -> DMatrix<f64> {
     let mut c = DMatrix::zeros(FIELDS * solution.controls.len(), 1);
     for e in 0..solution.controls.len() {
         let (translation, matrix) = motion(solution, path, share, e);

@@ -4,6 +4,7 @@ mod affine;
 mod columns;
 mod compliance;
 mod compressed;
+mod cubature;
 mod cubic;
 mod dense_fields;
 mod equilibria;
@@ -28,13 +29,16 @@ pub(super) use affine::{column_names as names_of_fields, tensors_of as affine_te
 pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
 pub use cubic::CUBIC;
+pub use equilibria::has_equilibria;
 pub use kept_factor::KEPT_FACTOR;
 pub use load_forces::{LOAD_FORCES, LoadForces};
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
 pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
-pub use reduced::{FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS, WARMTH};
+pub use reduced::{
+    CUBATURE, FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS, REDUCED_NEO_HOOKEAN, WARMTH,
+};
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;
 pub use tractions::Tractions;
@@ -53,6 +57,7 @@ pub const FAMILIES: &[FamilyEntry] = &[
     stiffness::ENTRY,
     cubic::ENTRY,
     reduced::ENTRY,
+    reduced::NEO_HOOKEAN_ENTRY,
     perturbation::ENTRY,
     substructures::ENTRY,
     volume::ENTRY,

@@ -8,6 +8,9 @@
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
 //! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each. Main parts are those of the energy norm.
 //!
+//! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic
+//! `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`](super::cubature)).
+//!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
 //!
@@ -26,23 +29,28 @@ use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
-use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
-use super::equilibria::{Equilibria, equilibria};
+use super::cubature::{self, MOST_POINTS, States};
+use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
+use super::equilibria::{Equilibria, MOST_UNKNOWNS, equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
 use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
-use crate::fem::{NodeFields, QuarticShape, RestPoints, StiffnessMatrix};
+use crate::base::random::Random;
+use crate::fem::{Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix};
 use crate::scene::Body;
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
 
 pub const REDUCED: Family = Family { name: "reduced", from: &[AFFINE] };
+pub const REDUCED_NEO_HOOKEAN: Family = Family { name: "reduced_neo_hookean", from: &[AFFINE] };
 
 /// Table of the energy's coefficients.
 pub const QUARTIC: &str = "reduced/quartic";
+/// Points of the neo-Hookean law.
+pub const CUBATURE: &str = "reduced/cubature";
 /// The work of loads, 3 (1 + 3 n) × K for n numbers z; and T, n × n, of a body that may be warm.
 pub const REDUCED_LOADS: &str = "reduced/loads";
 pub const WARMTH: &str = "reduced/warmth";
@@ -57,18 +65,50 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: REDUCED,
     holds: "fields into which the body bends, and the strain energy as a quartic in all fields",
     suits: Some(suits),
-    compute: Some(compute),
+    compute: Some(|assembled, solution, progress| compute(&STVK, assembled, solution, progress)),
     solves: true,
     write,
     check,
     groups,
-    fixed_bytes: |control_elements| {
-        let variables = 1 + Lift::new(control_elements).len() + most_fields(control_elements);
-        8 * QuarticShape { variables }.len()
-    },
+    fixed_bytes: |control_elements| 8 * QuarticShape { variables: most_variables(control_elements) }.len(),
     is_derived: false,
     column_names: None,
 };
+
+pub(super) const NEO_HOOKEAN_ENTRY: FamilyEntry = FamilyEntry {
+    family: REDUCED_NEO_HOOKEAN,
+    suits: Some(|place, _, prepared| match prepared.controls.len() {
+        2 => Ok(()),
+        count => {
+            let (body, model) = (place.to_owned(), REDUCED_NEO_HOOKEAN.name);
+            Err(GreenError::ControlCount { body, model, count, allowed: "2" })
+        }
+    }),
+    holds: "fields into which the body bends, and the strain energy in all fields: a quartic, and a sum over a few points",
+    compute: Some(|assembled, solution, progress| compute(&NEO_HOOKEAN, assembled, solution, progress)),
+    check: |file, name, body| {
+        check(file, name, body)?;
+        let points = format!("{name}/{CUBATURE}");
+        let count = file.tensors.get(&points).and_then(|(_, shape, _)| shape.first().copied()).unwrap_or(0);
+        if count > MOST_POINTS {
+            return Err(format!(
+                "tensor {points} has {count} points, more than the {MOST_POINTS} of any body"
+            ));
+        }
+        let variables = 1 + Lift::new(body.controls.len()).len() + fields_in(file, name);
+        table::check(file, name, CUBATURE, [cubature::rows(variables), count]).map(|_| ())
+    },
+    fixed_bytes: |control_elements| {
+        let points = MOST_POINTS * cubature::rows(most_variables(control_elements));
+        (ENTRY.fixed_bytes)(control_elements) + 8 * points
+    },
+    ..ENTRY
+};
+
+/// Numbers z of a body of so many control elements.
+fn most_variables(control_elements: usize) -> usize {
+    1 + Lift::new(control_elements).len() + most_fields(control_elements)
+}
 
 /// Control elements that a body may have: the coefficients grow with the fourth power of their number. At four there are
 /// about 0.9 million, read in about 1 ms.
@@ -93,6 +133,12 @@ fn series_fields(control_elements: usize) -> usize {
 const SECOND_ORDER_PART: f64 = 0.65;
 /// Part of the energy of an equilibrium that the fields may miss.
 const MISSED: f64 = 1e-5;
+/// Change of each coordinate of an equilibrium at random, ± half of this, in parts of the root of twice its energy: a hundredth of that
+/// energy in all.
+const CHANGED: f64 = 0.05;
+/// A field whose energy is a smaller part of that of the stiffest one of its size turns the body as a whole; its slope counts as that of
+/// the softest affine field.
+const RIGID: f64 = 1e-8;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
 fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
@@ -104,6 +150,7 @@ fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
 }
 
 fn compute(
+    law: &'static Law,
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     progress: &dyn Progress,
@@ -114,10 +161,15 @@ fn compute(
     let forces = column_forces(assembled, &solution.mesh)?;
     machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
-    let equilibria = equilibria(assembled, solution, progress)?;
+    let equilibria = equilibria(law, assembled, solution, progress)?;
+    let unknowns = 3 * assembled.partition.free.len();
+    if law.name != STVK.name && equilibria.is_none() && unknowns > 0 {
+        let (body, model) = (assembled.place.to_owned(), REDUCED_NEO_HOOKEAN.name);
+        return Err(GreenError::NoEquilibria { body, model, unknowns, most: MOST_UNKNOWNS });
+    }
     let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
-    if let Some(equilibria) = equilibria {
-        basis = enriched(assembled, solution, &basis, &equilibria);
+    if let Some(equilibria) = &equilibria {
+        basis = enriched(assembled, solution, &basis, equilibria);
     }
     let basis = match forces.len() {
         0 => basis,
@@ -132,6 +184,29 @@ fn compute(
     let all = beside(&[&first, &basis, &others]);
     let coefficients = points.quartic(&all, &|units| progress.advance(units));
     progress.end();
+    if law.name != STVK.name {
+        let count = 2 * equilibria.as_ref().map_or(0, |found| found.energies.len());
+        machine::expect(
+            "the points of the neo-Hookean law",
+            cubature::memory(points.count(), all.columns, count),
+        )
+        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
+        let states = states(assembled, &lift, &basis, &all, equilibria.as_ref());
+        let chosen = cubature::cubature(&points, &all, &states, progress);
+        let message = format!(
+            "{} points miss {:.1e} of the {} forces beyond small strain in {} states",
+            chosen.table.ncols(),
+            chosen.missed,
+            law.title,
+            states.energies.len()
+        );
+        solution.notices.push(Diagnostic::new(
+            Severity::Note,
+            format!("body.{}.model", assembled.name),
+            message,
+        ));
+        solution.tables.insert(CUBATURE, chosen.table);
+    }
     if !forces.is_empty() {
         solution.loads = assembled.body.loads().iter().map(LoadMeta::new).collect();
         let turnings =
@@ -145,6 +220,43 @@ fn compute(
     let fields = DMatrix::from_row_slice(3 * basis.nodes, basis.columns, &basis.data);
     solution.tables.insert(FIELDS_TABLE, fields);
     Ok(())
+}
+
+/// The equilibria as sums of all fields, and each once more with the Φ changed at random: what the points must serve.
+fn states(
+    assembled: &Assembled<'_>,
+    lift: &Lift,
+    basis: &NodeFields,
+    all: &NodeFields,
+    equilibria: Option<&Equilibria>,
+) -> States {
+    let energies = products(assembled.k, all, all).diagonal();
+    let sizes = rows(all).row_iter().map(|field| field.norm_squared()).collect::<Vec<f64>>();
+    let stiffest = energies.iter().zip(&sizes).map(|(energy, size)| energy / size).fold(0.0, f64::max);
+    let is_rigid = |k: usize| energies[k] <= RIGID * stiffest * sizes[k];
+    let softest =
+        (0..all.columns).filter(|k| !is_rigid(*k)).map(|k| energies[k]).fold(f64::INFINITY, f64::min);
+    let scale = |k: usize| if is_rigid(k) { softest } else { energies[k] }.sqrt().recip();
+    let scales: Vec<f64> = (0..all.columns).map(scale).collect();
+    let Some(equilibria) = equilibria else {
+        return States { z: DMatrix::zeros(all.columns, 0), energies: Vec::new(), scales };
+    };
+    let y = lift.columns.tr_mul(&equilibria.coefficients);
+    let q = products(assembled.k, basis, &equilibria.fields);
+    let mut random = Random::default();
+    let count = equilibria.energies.len();
+    let z = DMatrix::from_fn(all.columns, 2 * count, |row, column| {
+        let at = column % count;
+        match row.checked_sub(lift.rigid) {
+            None => y[(row, at)],
+            Some(k) if k >= basis.columns => y[(row - basis.columns, at)],
+            Some(k) => {
+                let changed = if column < count { 0.0 } else { CHANGED * random.draw() };
+                (q[(k, at)] + changed) * (2.0 * equilibria.energies[at]).sqrt()
+            }
+        }
+    });
+    States { z, energies: [equilibria.energies.as_slice(); 2].concat(), scales }
 }
 
 /// Bytes beside the body: of the orders on all paths while the next one is solved for, or of the quartic, whose products of pairs
@@ -327,7 +439,7 @@ fn warmth(points: &RestPoints, fields: &NodeFields) -> DMatrix<f64> {
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let mut tensors = table::write(body, QUARTIC);
-    for name in [REDUCED_LOADS, WARMTH] {
+    for name in [CUBATURE, REDUCED_LOADS, WARMTH] {
         tensors.extend(table::write(body, name));
     }
     if !body.solution.loads.is_empty() {
@@ -343,9 +455,15 @@ fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
 /// No file has more columns; their quartic would be 100 million numbers.
 const MOST_FIELDS: usize = 128;
 
+/// Fields Φ of a body.
+fn fields_in(file: &GreenFile, name: &str) -> usize {
+    let basis = format!("{name}/{}", names().basis);
+    file.tensors.get(&basis).and_then(|(_, shape, _)| shape.first().copied()).unwrap_or(0)
+}
+
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     let basis = format!("{name}/{}", names().basis);
-    let fields = file.tensors.get(&basis).and_then(|(_, shape, _)| shape.first().copied()).unwrap_or(0);
+    let fields = fields_in(file, name);
     if fields > MOST_FIELDS {
         return Err(format!("tensor {basis} has {fields} columns, more than the {MOST_FIELDS} of any body"));
     }

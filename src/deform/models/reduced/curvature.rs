@@ -19,7 +19,8 @@ const PARTS: usize = 4;
 pub struct Curvature {
     /// ∂²V/∂z² against the first `active` of z, row by row.
     pub second: Vec<f64>,
-    z: Vec<f64>,
+    /// The z of these derivatives.
+    pub z: Vec<f64>,
     active: usize,
     products: Vec<Lane>,
     /// X; W of a team; U of all c, one after the other.

@@ -1,10 +1,11 @@
-//! The q at which a quartic V(1, y, q) is least for given y.
+//! The q at which a quartic V(1, y, q), with what a [`Cubature`] adds to it, is least for given y.
 //!
 //! In: y. Out: q with ∂V/∂q = 0, by Newton's method from the last q, predicted along the tangent dq/dy. The factored second
 //! derivatives are kept while they serve, so that most steps cost one evaluation of the slopes; the tangent is mended by
 //! what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened until V falls (Nocedal and
 //! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
 
+use super::cubature::Cubature;
 use super::curvature::Curvature;
 use super::quartic::Quartic;
 use crate::deform::loads::LoadedPotential;
@@ -12,6 +13,7 @@ use crate::deform::memory::Unknowns;
 use crate::fem::QuarticShape;
 use crate::solve::envelope::Envelope;
 use crate::solve::minimise::{Energy, Step, minimise};
+use nalgebra::DMatrix;
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
@@ -39,6 +41,7 @@ const NOTHING: f64 = 1e-9;
 /// The quartic with where it was last in equilibrium.
 pub struct ReducedBody {
     quartic: Quartic,
+    cubature: Cubature,
     /// An energy that counts as none, J.
     nothing: f64,
     /// z = (1, coordinates y of undeformed elements, q, the other y).
@@ -72,8 +75,15 @@ pub struct ReducedBody {
 }
 
 impl ReducedBody {
-    /// The body of a quartic's coefficients; `None` where they are not those of that number of coordinates.
-    pub fn new(rigid: usize, others: usize, fields: usize, coefficients: &[f64]) -> Option<ReducedBody> {
+    /// The body of a quartic's coefficients, and of the table of the points beside it; `None` where they are not those of that number of
+    /// coordinates.
+    pub fn new(
+        rigid: usize,
+        others: usize,
+        fields: usize,
+        coefficients: &[f64],
+        points: Option<&DMatrix<f64>>,
+    ) -> Option<ReducedBody> {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
         z[0] = 1.0;
@@ -84,6 +94,7 @@ impl ReducedBody {
         Some(ReducedBody {
             nothing: NOTHING * NOTHING * stiffest,
             quartic: Quartic::new(n, coefficients)?,
+            cubature: Cubature::new(n, points)?,
             rigid,
             fields,
             before: z.clone(),
@@ -109,7 +120,7 @@ impl ReducedBody {
 
     /// Whether the last equilibrium left little time for slopes near it.
     pub fn was_long(&self) -> bool {
-        self.work > USUAL_WORK[usize::from(!self.curvature.is_made())]
+        self.work > USUAL_WORK[usize::from(!self.is_prepared())]
     }
 
     /// q, as it was last found.
@@ -143,7 +154,7 @@ impl ReducedBody {
 
     /// Takes back what [`ReducedBody::keep`] added.
     pub fn take_back(&mut self, unknowns: &mut Unknowns<'_>) {
-        self.curvature.forget();
+        self.forget_beside();
         unknowns.fill(&mut self.z);
         unknowns.fill(&mut self.slopes);
         self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
@@ -155,7 +166,7 @@ impl ReducedBody {
 
     /// Makes the next search begin at q = 0.
     pub fn forget(&mut self) {
-        self.curvature.forget();
+        self.forget_beside();
         self.change.fill(0.0);
         self.z[1..].fill(0.0);
         self.active = 0;
@@ -198,6 +209,7 @@ impl ReducedBody {
         if let Some(burden) = burden {
             burden.add_beyond(&self.z, active, &mut self.slopes[active..]);
         }
+        self.cubature.add_beyond(active, &mut self.slopes[active..]);
         found
     }
 
@@ -205,15 +217,16 @@ impl ReducedBody {
     /// left to do. The search for equilibria goes on with these second derivatives too, which are newer than its own.
     pub fn prepare_beside(&mut self, anew: bool) -> bool {
         if anew {
-            self.curvature.forget();
+            self.forget_beside();
         }
-        if self.curvature.is_made() {
+        if self.is_prepared() {
             return true;
         }
         self.has_beside = false;
-        if !self.curvature.prepare(&self.quartic, &self.z) {
+        if !self.curvature.prepare(&self.quartic, &self.z) || !self.cubature.prepare(&self.curvature.z) {
             return false;
         }
+        self.cubature.add_prepared(self.z.len(), &mut self.curvature.second);
         let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
         let second = &self.curvature.second;
         for i in 0..fields {
@@ -230,6 +243,15 @@ impl ReducedBody {
             self.missed.fill(0.0);
         }
         true
+    }
+
+    fn is_prepared(&self) -> bool {
+        self.curvature.is_made() && self.cubature.is_prepared()
+    }
+
+    fn forget_beside(&mut self) {
+        self.curvature.forget();
+        self.cubature.forget();
     }
 
     /// Finds the slopes by y a little beside that which was settled last, to first order of the way there: q follows y along
@@ -384,16 +406,24 @@ struct Search<'a, 'b> {
 }
 
 impl Search<'_, '_> {
+    /// Size of the stress-free body, in parts of that at rest.
+    fn size(&self) -> f64 {
+        self.burden.as_ref().map_or(1.0, |burden| burden.size())
+    }
+
     /// Finds the slopes at z, or where a step is tried, and V with what loads make of it.
     fn slopes(&mut self, is_tried: bool) -> (f64, f64) {
-        let ReducedBody { quartic, slopes, z, trial, work, .. } = &mut *self.body;
+        let size = self.size();
+        let ReducedBody { quartic, cubature, slopes, z, trial, work, .. } = &mut *self.body;
         let (z, slopes) = (if is_tried { trial } else { z }, &mut slopes[..self.active]);
         *work += 1;
         let value = quartic.slopes(z, self.active, slopes);
-        match &mut self.burden {
+        let (value, magnitude) = match &mut self.burden {
             None => (value, value.abs()),
             Some(burden) => burden.add(value, z, slopes),
-        }
+        };
+        let beyond = cubature.add(z, size, slopes);
+        (value + beyond, magnitude + beyond.abs())
     }
 }
 
@@ -419,6 +449,7 @@ impl Energy for Search<'_, '_> {
 
     /// Makes the tangent dq/dy as well.
     fn factorise(&mut self, shift: f64) -> bool {
+        let size = self.size();
         let body = &mut *self.body;
         let (n, q, fields) = (self.active, 1 + body.rigid, body.fields);
         if shift == 0.0 {
@@ -429,6 +460,7 @@ impl Energy for Search<'_, '_> {
             if let Some(burden) = &self.burden {
                 burden.add_second(n, &mut body.second.second);
             }
+            body.cubature.add_second(&body.z, n, size, &mut body.second.second);
             body.cross[..fields * n].copy_from_slice(&body.second.second[q * n..(q + fields) * n]);
         }
         let own = |i: usize| &body.cross[i * n + q..][..fields];
@@ -498,7 +530,7 @@ mod tests {
         ] {
             coefficients[shape.at(term)] = value;
         }
-        let mut body = ReducedBody::new(2, 0, 1, &coefficients).unwrap();
+        let mut body = ReducedBody::new(2, 0, 1, &coefficients, None).unwrap();
         for k in 0..40 {
             let y = 0.3 + 1e-3 * f64::from(k);
             for still in 0..4 {

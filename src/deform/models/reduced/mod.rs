@@ -3,13 +3,15 @@
 //!
 //! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`Posed`]), and the tables of the
 //! family `reduced`. Out: x = m (X + Σ c_k u_k + Φ q - ō) with ∂V/∂q = 0 for V(y, q), y = Lᵀ c, the exact energy of St.
-//! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements.
+//! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements. With the
+//! tables of `reduced_neo_hookean` V is that of the neo-Hookean law, as a [`cubature`] sums it.
 //! Forces are the derivative of V by the poses, that of m included; q has no part in it. Loads and forces at points are forces on
 //! (y, q) and m ([`FrameForces`]), and what they do at rest is among the fields Φ.
 //!
 //! With m from [`MeanFrame`] and L from [`Lift`], a pose enters V
 //! through c, and through m, which moves with all of them; both parts of the derivative are taken.
 
+mod cubature;
 mod curvature;
 mod equilibrium;
 mod quartic;
@@ -23,7 +25,7 @@ use crate::deform::pose::frame::{ControlFrame, ControlPose, FrameSlope, PoseSlop
 use crate::deform::pose::se3::{MeanFrame, halves, inverse_left_jacobian, inverse_right_jacobian};
 use crate::fem::QuarticShape;
 use crate::field::numbers::Numbers;
-use crate::green::{AFFINE, FIELDS, Lift, QUARTIC, REDUCED};
+use crate::green::{AFFINE, CUBATURE, FIELDS, Lift, QUARTIC, REDUCED, REDUCED_NEO_HOOKEAN};
 pub use curvature::Curvature;
 use equilibrium::ReducedBody;
 use nalgebra::{DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -40,6 +42,13 @@ pub const ENTRY: ModelEntry = ModelEntry {
     kind: Kind::Online(|input: &ModelInput<'_>| Ok(Box::new(Reduced::new(input)?))),
     loads: Bearing::Forces(&[]),
     fits: None,
+};
+
+pub const NEO_HOOKEAN_ENTRY: ModelEntry = ModelEntry {
+    name: "reduced_neo_hookean",
+    summary: "reduced, under the neo-Hookean law: compact bodies too have an equilibrium at 90° of bend and twist",
+    requirements: &[AFFINE, REDUCED_NEO_HOOKEAN],
+    ..ENTRY
 };
 
 pub struct Reduced {
@@ -70,11 +79,14 @@ impl Reduced {
         let (coefficients, fields) = quartic_table(input)?;
         let elements = input.controls.len();
         let lift = Lift::new(elements);
-        let body = ReducedBody::new(lift.rigid, lift.len() - lift.rigid, fields, &coefficients);
+        let (rigid, points) = (lift.rigid, (input.table)(CUBATURE));
+        let body = ReducedBody::new(rigid, lift.len() - rigid, fields, &coefficients, points.as_ref());
         Ok(Reduced {
             loads: FrameForces::from_input(input, fields)?,
             posed: Posed::new(input.controls),
-            body: body.ok_or_else(|| format!("the table {QUARTIC} does not suit the control elements"))?,
+            body: body.ok_or_else(|| {
+                format!("the tables {QUARTIC} and {CUBATURE} do not suit the control elements")
+            })?,
             poses: Vec::with_capacity(elements),
             energy: 0.0,
             slopes: vec![PoseSlope::default(); elements],

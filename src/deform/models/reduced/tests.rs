@@ -6,7 +6,7 @@ use crate::deform::{
     model_of,
 };
 use crate::fem::STVK;
-use crate::green::{self, AFFINE, CUBIC, GreenFile, PERTURBATION, REDUCED, Requirements, STIFFNESS};
+use crate::green::{self, AFFINE, GreenFile, REDUCED, REDUCED_NEO_HOOKEAN, Requirements};
 use crate::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
@@ -23,10 +23,17 @@ pub fn bar(sides: &str) -> Scene {
 
 pub const RIGHT: &str = "control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 
+/// The models in a few fields, of either law.
+const MODELS: [&str; 2] = ["reduced", "reduced_neo_hookean"];
+
 fn made(scene: &Scene) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f64>) {
-    let requirements = Requirements::new(&[AFFINE, REDUCED]);
-    let solution = green::solve(scene, "bar", &requirements, &Silent).unwrap();
-    let (model, centre) = model_of(find_model("reduced").unwrap(), &solution).unwrap();
+    made_as(scene, "reduced")
+}
+
+fn made_as(scene: &Scene, name: &str) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f64>) {
+    let model = find_model(name).unwrap();
+    let solution = green::solve(scene, "bar", &Requirements::new(model.requirements), &Silent).unwrap();
+    let (model, centre) = model_of(model, &solution).unwrap();
     (model, solution, centre)
 }
 
@@ -57,10 +64,8 @@ fn motion() -> Isometry3<f64> {
 /// 90° in the models' own fields, to which stretches of control elements belong. The state stays.
 #[test]
 fn slopes_beside_are_those_to_first_order() {
-    let families = [AFFINE, REDUCED, PERTURBATION, STIFFNESS, CUBIC];
-    let solution = green::solve(&bar(RIGHT), "bar", &Requirements::new(&families), &Silent).unwrap();
-    for name in ["reduced", "perturbation"] {
-        let (mut model, _) = model_of(find_model(name).unwrap(), &solution).unwrap();
+    for name in ["reduced", "reduced_neo_hookean", "perturbation"] {
+        let (mut model, ..) = made_as(&bar(RIGHT), name);
         let at = poses([0.1, 0.3, -0.2], [0.2, -0.9, 0.3], &motion());
         let moved = |by: f64| {
             let mut moved = at.clone();
@@ -73,7 +78,7 @@ fn slopes_beside_are_those_to_first_order() {
         let mut off = |by: f64| {
             model.respond(&at, own).unwrap();
             assert!(!model.prepare_beside(true), "{name}: a tick has time for a part");
-            assert!((0..9).any(|_| model.prepare_beside(false)), "{name}: nine parts are not enough");
+            assert!((0..12).any(|_| model.prepare_beside(false)), "{name}: twelve parts are not enough");
             let answer = model.respond_beside(&moved(by), beside).unwrap();
             model.respond(&at, found).unwrap();
             assert!(off_by(own, found) < 1e-9 * size(own), "{name}: {}", off_by(own, found));
@@ -115,13 +120,22 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
     };
     let slender =
         [(Motion::Shift([-0.07, 0.0]), 4.0), (Motion::Mixed(50.0, 0.08), 0.0), (Motion::Twist(80.0), 0.0)];
-    let compact = [Motion::Bend(50.0), Motion::BendAside(40.0), Motion::Twist(80.0), Motion::Skew(50.0)]
-        .map(|m| (m, 0.0));
-    for (scene, motions) in
-        [(body([10.0, 1.0, 1.0], [20, 2, 2]), &slender[..]), (body([2.0, 1.0, 1.0], [8, 4, 4]), &compact[..])]
-    {
-        let (mut model, solution, _) = made(&scene);
-        let mut statics = Statics::new(&scene, "bar", &STVK, &Silent).unwrap();
+    let level = |motion| (motion, 0.0);
+    let compact =
+        [Motion::Bend(50.0), Motion::BendAside(40.0), Motion::Twist(80.0), Motion::Skew(50.0)].map(level);
+    // Where St. Venant–Kirchhoff's law has no equilibrium.
+    let further =
+        [Motion::Bend(1.0), Motion::Twist(1.0), Motion::Bend(88.0), Motion::Twist(88.0), Motion::Skew(80.0)]
+            .map(level);
+    let (bar, block) = (body([10.0, 1.0, 1.0], [20, 2, 2]), body([2.0, 1.0, 1.0], [8, 4, 4]));
+    for (name, scene, motions) in [
+        ("reduced", &bar, &slender[..]),
+        ("reduced", &block, &compact),
+        ("reduced_neo_hookean", &block, &further),
+    ] {
+        let (mut model, solution, _) = made_as(scene, name);
+        let law = find_model(name).unwrap().large_strain_law();
+        let mut statics = Statics::new(scene, "bar", law, &Silent).unwrap();
         let origins: Vec<_> = solution.controls.iter().map(|control| control.origin).collect();
         let moved = Moved::new(&origins, 1).unwrap();
         for (motion, tilt) in motions {
@@ -139,7 +153,6 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
                 assert!(model.respond(&on_the_way, &mut slopes).unwrap().is_defined, "{}", motion.name());
             }
             let settled = statics.solve(&poses, &Silent).unwrap();
-            assert!(settled.inverted.is_empty(), "{}", motion.name());
             let held = settled.balance(&poses);
             let wrenches = slopes.iter().zip(&poses).map(|(slope, pose)| Wrench {
                 force: slope.translation,
@@ -154,8 +167,13 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
             let off = Deviation::new(&of(wrenches.collect(), energy), &of(held, energy), moved.length);
             let (force, torque) = (off.force.unwrap(), off.torque.unwrap());
             // Measured: 0.0244, 0.0214, and 0.0004 at most.
-            let most = if matches!(motion, Motion::Shift(_) | Motion::Mixed(..)) { 0.03 } else { 0.002 };
-            assert!(force.max(torque) < most, "{}: force {force}, torque {torque}", motion.name());
+            let most = match motion {
+                Motion::Shift(_) | Motion::Mixed(..) => 0.03,
+                Motion::Bend(1.0) | Motion::Twist(1.0) => 0.001,
+                _ if name == "reduced" => 0.002,
+                _ => 0.02,
+            };
+            assert!(force.max(torque) < most, "{name} {}: force {force}, torque {torque}", motion.name());
         }
     }
 }
@@ -204,9 +222,10 @@ fn forces_and_shape_are_those_of_the_mesh() {
 /// All twelve numbers of both elements, bent, moved and stretched, against central differences of V.
 #[test]
 fn slopes_are_derivatives_of_the_energy() {
-    let (mut model, _, _) = made(&bar(RIGHT));
     let stretch = Matrix3::new(1.05, 0.02, -0.01, 0.02, 0.97, 0.03, -0.01, 0.03, 1.02);
-    for stretch in [Matrix3::identity(), stretch] {
+    for (name, stretch) in MODELS.into_iter().flat_map(|name| [(name, Matrix3::identity()), (name, stretch)])
+    {
+        let (mut model, ..) = made_as(&bar(RIGHT), name);
         let mut poses = poses([0.2, -0.1, 0.3], [0.5, -0.9, 0.4], &motion());
         poses[1].matrix *= stretch;
         let mut slopes = [PoseSlope::default(); 2];
@@ -220,7 +239,6 @@ fn slopes_are_derivatives_of_the_energy() {
 /// of third order in them, and nothing else is left.
 #[test]
 fn a_closed_path_makes_no_energy() {
-    let (mut model, _, _) = made(&bar(RIGHT));
     let at = |share: f64| {
         let angle = std::f64::consts::TAU * share;
         let turn = [0.5 * angle.sin(), 0.9 * (1.0 - angle.cos()), 0.3 * (2.0 * angle).sin()];
@@ -245,9 +263,12 @@ fn a_closed_path_makes_no_energy() {
         }
         sum.abs() / most
     };
-    let coarse = work(250, model.as_mut());
-    let fine = work(1000, model.as_mut());
-    assert!(fine < 2e-5 && fine < 0.1 * coarse.max(1e-6), "{coarse:e} {fine:e}");
+    for name in MODELS {
+        let (mut model, ..) = made_as(&bar(RIGHT), name);
+        let coarse = work(250, model.as_mut());
+        let fine = work(1000, model.as_mut());
+        assert!(fine < 2e-5 && fine < 0.1 * coarse.max(1e-6), "{name}: {coarse:e} {fine:e}");
+    }
 }
 
 #[test]
@@ -308,6 +329,10 @@ fn it_says_where_it_is_not_defined() {
     let requirements = Requirements::new(&[AFFINE, REDUCED]);
     let refused = green::solve(&bar(&many), "bar", &requirements, &Silent).err().unwrap().to_string();
     assert!(refused.contains("has 5 control elements") && refused.contains("rotation"), "{refused}");
+    // Its points are chosen from equilibria, which only two control elements have.
+    let requirements = Requirements::new(&[AFFINE, REDUCED_NEO_HOOKEAN]);
+    let refused = green::solve(&bar(""), "bar", &requirements, &Silent).err().unwrap().to_string();
+    assert!(refused.contains("has 1 control elements") && refused.contains("takes 2"), "{refused}");
 }
 
 /// The .green file gives, in every storage, the same state and the same forces as the solution, and the surface is where its
@@ -315,16 +340,22 @@ fn it_says_where_it_is_not_defined() {
 #[test]
 fn the_file_holds_what_the_model_needs() {
     let folder = tempfile::tempdir().unwrap();
-    for (sides, storage) in [(RIGHT, "f32"), (RIGHT, "f16"), (RIGHT, "int16"), ("", "f32")] {
+    for (name, sides, storage) in [
+        ("reduced", RIGHT, "f32"),
+        ("reduced", RIGHT, "f16"),
+        ("reduced", RIGHT, "int16"),
+        ("reduced", "", "f32"),
+        ("reduced_neo_hookean", RIGHT, "f32"),
+    ] {
         let mut scene = bar(sides);
         scene.body["bar"].storage = serde_json::from_value(storage.into()).unwrap();
-        let (mut model, solution, centre) = made(&scene);
-        let requirements = Requirements::new(&[AFFINE, REDUCED]);
-        let body = green::precompute(&scene, "bar", &requirements, &Silent).unwrap();
-        let path = folder.path().join(format!("{}-{storage}.green", sides.len()));
+        let (mut model, solution, centre) = made_as(&scene, name);
+        let entry = find_model(name).unwrap();
+        let body = green::precompute(&scene, "bar", &Requirements::new(entry.requirements), &Silent).unwrap();
+        let path = folder.path().join(format!("{name}-{}-{storage}.green", sides.len()));
         green::write(&path, &[body]).unwrap();
         let file = std::sync::Arc::new(GreenFile::open(&path).unwrap());
-        let mut deformer = Deformer::new(file, "bar", find_model("reduced").unwrap()).unwrap();
+        let mut deformer = Deformer::new(file, "bar", entry).unwrap();
         let mut poses = poses([0.2, -0.1, 0.3], [0.5, -0.9, 0.4], &motion());
         poses.truncate(solution.controls.len());
         let state = model.state(&poses);
