@@ -76,7 +76,11 @@ impl Deformer {
             Some(false) => self.path.is_vain = true,
             Some(true) => {
                 self.turns = turns.into_iter().map(FollowedTurn::new).collect();
-                self.path = BodyPath { still: std::mem::take(&mut self.path.still), ..BodyPath::default() };
+                // The way from rest leads to a state inside out: no other is looked for.
+                let is_inverted = self.model.is_inverted();
+                let still = std::mem::take(&mut self.path.still);
+                self.path =
+                    BodyPath { still, is_lost: is_inverted, is_vain: is_inverted, ..BodyPath::default() };
                 self.homecomings += 1;
             }
         }

@@ -148,7 +148,7 @@ fn candidates(sizes: &[f64]) -> Vec<usize> {
 
 /// The columns with their weights x ≥ 0 for which the columns' sum comes nearest to `wanted`, and the part of it that they miss.
 fn least_squares(columns: &DMatrix<f64>, wanted: &DVector<f64>) -> (Vec<(usize, f64)>, f64) {
-    let (gram, right) = (columns.tr_mul(columns), columns.tr_mul(wanted));
+    let (gram, right) = (gram(columns), columns.tr_mul(wanted));
     let whole = wanted.norm_squared();
     let mut chosen: Vec<usize> = Vec::new();
     let mut x: Vec<f64> = Vec::new();
@@ -175,6 +175,18 @@ fn least_squares(columns: &DMatrix<f64>, wanted: &DVector<f64>) -> (Vec<(usize, 
         }
     }
     (chosen.into_iter().zip(x).collect(), missed)
+}
+
+/// The products of all columns, panel by panel.
+fn gram(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let count = columns.ncols();
+    let mut gram = DMatrix::zeros(count, count);
+    gram.as_mut_slice().par_chunks_mut((BLOCK * count).max(1)).enumerate().for_each(|(panel, products)| {
+        let width = products.len() / count;
+        let own = columns.tr_mul(&columns.columns(panel * BLOCK, width));
+        products.copy_from_slice(own.as_slice());
+    });
+    gram
 }
 
 /// The weights of the chosen columns; those that come out negative are given up.

@@ -134,6 +134,15 @@ impl Cubature {
         }
     }
 
+    /// Whether the body is inside out at a point; those at which it is strained most are among them.
+    pub fn is_inverted(&self, z: &[f64]) -> bool {
+        self.gradients.chunks_exact(ENTRIES * self.width).any(|rows| {
+            let entry = |row: &[f64]| row.iter().zip(z).map(|(h, z)| h * z).sum::<f64>();
+            let h = Matrix3::from_iterator(rows.chunks_exact(self.width).map(entry));
+            (h + Matrix3::identity()).determinant() <= 0.0
+        })
+    }
+
     pub fn is_prepared(&self) -> bool {
         self.points.is_empty() || self.second.done == Some(self.points.len())
     }
@@ -291,6 +300,14 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_point_that_is_pressed_flat_is_inside_out() {
+        let flat =
+            DMatrix::from_column_slice(12, 1, &[1.0, 2.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let cubature = Cubature::new(2, Some(&flat)).unwrap();
+        assert!(cubature.is_inverted(&[1.0, -1.01]) && !cubature.is_inverted(&[1.0, -0.99]));
     }
 
     /// What is made in parts is what is made at once.

@@ -128,6 +128,11 @@ impl ReducedBody {
         &self.z[1 + self.rigid..][..self.fields]
     }
 
+    /// Whether it is inside out where the points are at which its law is summed.
+    pub fn is_inverted(&self) -> bool {
+        self.cubature.is_inverted(&self.z)
+    }
+
     /// Index of the k-th y in z.
     fn place(&self, k: usize) -> usize {
         if k < self.rigid { 1 + k } else { 1 + self.fields + k }

@@ -165,6 +165,10 @@ impl DeformationModel for Reduced {
         found
     }
 
+    fn is_inverted(&self) -> bool {
+        self.body.is_inverted()
+    }
+
     fn was_long(&self) -> bool {
         self.body.was_long()
     }

@@ -32,7 +32,7 @@ fn made(scene: &Scene) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f
 
 fn made_as(scene: &Scene, name: &str) -> (Box<dyn DeformationModel>, green::Solution, Vector3<f64>) {
     let model = find_model(name).unwrap();
-    let solution = green::solve(scene, "bar", &Requirements::new(model.requirements), &Silent).unwrap();
+    let solution = green::solve(scene, "bar", &model.with_energy(), &Silent).unwrap();
     let (model, centre) = model_of(model, &solution).unwrap();
     (model, solution, centre)
 }
