@@ -6,7 +6,7 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, Statics, find_model};
+use crate::deform::{ExpectedErrors, ModelEntry, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::green::{self, Forecast, GreenError, Prepared};
 use crate::mesh::Surface;
@@ -148,7 +148,7 @@ fn of_body<'a>(
     {
         findings.push(Diagnostic::new(Severity::Error, format!("{entity}.model"), refused.to_string()));
     }
-    findings.extend(forecast(name, body, &prepared));
+    findings.extend(forecast(name, body, resolved.map(|resolved| resolved.model), &prepared));
     // A mesh that is refused tells nothing of the shape that is meant.
     let is_refused = prepared.findings.iter().any(|finding| finding.severity == Severity::Error);
     let fits = resolved.and_then(|resolved| resolved.model.fits);
@@ -172,12 +172,11 @@ fn is_solved_anew(scene: &Scene, name: &str, resolved: &ResolvedBody) -> bool {
 }
 
 /// The forecast of the time and memory that precomputing the body takes.
-fn forecast(name: &str, body: &Body, prepared: &Prepared) -> Vec<Diagnostic> {
+fn forecast(name: &str, body: &Body, model: Option<&ModelEntry>, prepared: &Prepared) -> Vec<Diagnostic> {
     let entity = format!("body.{name}");
     let mut forecast = Forecast::new(&prepared.mesh, prepared.controls.len());
     let (nodes, elements) = (prepared.mesh.nodes.len(), prepared.controls.len());
-    let is_reduced = find_model(&body.model).is_ok_and(|model| model.is_reduced());
-    if is_reduced && green::has_equilibria(&body.solver, elements, 3 * nodes) {
+    if model.is_some_and(ModelEntry::is_reduced) && green::has_equilibria(&body.solver, elements, 3 * nodes) {
         let points = body.element.points(&prepared.mesh, &prepared.lame).map_or(0, |points| points.count());
         forecast = forecast.with_equilibria(nodes, points);
     }

@@ -5,12 +5,12 @@
 
 use super::deformer::Deformer;
 use super::model::ModelEntry;
-use super::models::find_model;
+use super::models::large_strain_law_of;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
-use crate::fem::{STVK, TET10};
+use crate::fem::TET10;
 use crate::green::{self, GreenError, GreenFile, Precomputed};
 use crate::scene::Scene;
 use crate::solve::{Progress, Solver};
@@ -231,8 +231,7 @@ impl Truth {
             body.refine += u32::from(body.element.order > 1);
             body.element = &TET10;
         }
-        // An unknown model is refused where the body is prepared.
-        let law = find_model(&body.model).map_or(&STVK, ModelEntry::large_strain_law);
+        let law = large_strain_law_of(&body.model);
         Statics::new(&scene, name, law, progress)
     }
 }

@@ -29,8 +29,8 @@ pub enum GreenError {
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error(
-        "{body}: model \"{model}\" is made from equilibria of the body, for which it may have {most} unknowns and a direct \
-         solver; this body has {unknowns} unknowns. Write model = \"reduced\", or method = \"cholesky\" and a coarser mesh"
+        "{body}: model \"{model}\" is made from equilibria at large turns, and none was found with {unknowns} unknowns. It takes a \
+         direct solver and {most} unknowns at most; write model = \"reduced\", or method = \"cholesky\" and a coarser mesh"
     )]
     NoEquilibria { body: String, model: &'static str, unknowns: usize, most: usize },
     #[error(

@@ -214,7 +214,7 @@ fn play(model: &'static ModelEntry, frames: usize, longest: usize) -> [usize; 2]
 
 fn frames_of(model: &ModelEntry) -> [usize; 2] {
     match (model.name, model.kind) {
-        ("plate" | "reduced", _) | (_, Kind::Background(_)) => [400, 12],
+        ("plate" | "reduced" | "reduced_neo_hookean", _) | (_, Kind::Background(_)) => [400, 12],
         _ => [3000, 60],
     }
 }

@@ -310,6 +310,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("src/verify/studies.rs", "haptics", "the mark of its table in the manual"),
     ("src/green/families/perturbation.rs", "perturbation", "a family of columns"),
     ("src/green/families/reduced.rs", "reduced", "a family of columns"),
+    ("src/green/families/reduced.rs", "reduced_neo_hookean", "a family of columns"),
     ("src/export/basis/gltf.rs", "rotation", "a key of glTF"),
     ("src/report/files.rs", "rotation", "a column of a table: an angle"),
     ("src/stage/file/mount.rs", "rotation", "a key of a stage: an angle"),

@@ -15,7 +15,7 @@ mod substructured;
 use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
 use super::statics;
 use super::statics::equilibria;
-use crate::fem::LAWS;
+use crate::fem::{LAWS, Law, STVK};
 use crate::green::{AFFINE, Solution};
 use crate::mesh::quality;
 use nalgebra::{DMatrix, Vector3};
@@ -51,6 +51,12 @@ pub fn find_model(name: &str) -> Result<&'static ModelEntry, String> {
         .iter()
         .find(|entry| entry.name == name)
         .ok_or_else(|| crate::config::unknown_name("model", name, MODELS.iter().map(|entry| entry.name)))
+}
+
+/// The law whose equilibrium at large strain the errors of the model called `name` are measured against; St. Venant–Kirchhoff's where
+/// no model is called so, which is refused where the body is prepared.
+pub fn large_strain_law_of(name: &str) -> &'static Law {
+    find_model(name).map_or(&STVK, ModelEntry::large_strain_law)
 }
 
 /// The model of a body that asks for none.

@@ -31,7 +31,7 @@ use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
 use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
-use super::equilibria::{Equilibria, MOST_UNKNOWNS, equilibria};
+use super::equilibria::{Equilibria, MOST_UNKNOWNS, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
@@ -77,13 +77,7 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 
 pub(super) const NEO_HOOKEAN_ENTRY: FamilyEntry = FamilyEntry {
     family: REDUCED_NEO_HOOKEAN,
-    suits: Some(|place, _, prepared| match prepared.controls.len() {
-        2 => Ok(()),
-        count => {
-            let (body, model) = (place.to_owned(), REDUCED_NEO_HOOKEAN.name);
-            Err(GreenError::ControlCount { body, model, count, allowed: "2" })
-        }
-    }),
+    suits: Some(suits_neo_hookean),
     holds: "fields into which the body bends, and the strain energy in all fields: a quartic, and a sum over a few points",
     compute: Some(|assembled, solution, progress| compute(&NEO_HOOKEAN, assembled, solution, progress)),
     check: |file, name, body| {
@@ -147,6 +141,24 @@ fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
         return Ok(());
     }
     Err(GreenError::ControlCount { body: place.to_owned(), model: "reduced", count, allowed: "1 to 4" })
+}
+
+/// Its points are chosen from equilibria.
+fn suits_neo_hookean(place: &str, body: &Body, prepared: &Prepared) -> Result<(), GreenError> {
+    let model = REDUCED_NEO_HOOKEAN.name;
+    let count = prepared.controls.len();
+    if count != 2 {
+        return Err(GreenError::ControlCount { body: place.to_owned(), model, count, allowed: "2" });
+    }
+    let mut held: Vec<u32> =
+        prepared.controls.iter().flat_map(|control| control.nodes.iter().copied()).collect();
+    held.sort_unstable();
+    held.dedup();
+    let unknowns = 3 * (prepared.mesh.nodes.len() - held.len());
+    if unknowns == 0 || has_equilibria(&body.solver, count, unknowns) {
+        return Ok(());
+    }
+    Err(GreenError::NoEquilibria { body: place.to_owned(), model, unknowns, most: MOST_UNKNOWNS })
 }
 
 fn compute(

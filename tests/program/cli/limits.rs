@@ -176,6 +176,7 @@ fn memory_is_planned_as_it_is_used() {
         (20, solver("pcg")),
         // 211 MB were used where 134 MB were planned: for the body alone, without the fields that its model takes.
         (8, model("reduced")),
+        (8, model("reduced_neo_hookean")),
         (10, model("perturbation")),
     ] {
         let folder = folder("cli-planned");
