@@ -1,21 +1,22 @@
 //! A few points of a body, with weights, at which the neo-Hookean law's energy beyond a quartic is summed.
 //!
 //! In: all points of integration, fields h_k over all nodes, and states z of u = Σ z_k h_k. Out: the table that the model reads, a
-//! column for each chosen point: w, λ, μ, and the entries of all H_k, entry by entry. The weights w ≥ 0 are those for which
+//! column for each chosen point: w, λ, μ, D, and the entries of all H_k, entry by entry. The weights w ≥ 0 are those for which
 //!
 //! ```text
 //! g_k(z) = Σ_points vol ∂d/∂F : H_k ≈ Σ_chosen w ∂d/∂F : H_k      d = ψ_NH - ψ_SVK
 //! ```
 //!
-//! differ least over all states and k, each state in parts of its energy and each k in parts of its stiffness. Points are taken one
-//! after the other, as the non-negative least squares of C. Lawson and R. Hanson (Solving Least Squares Problems, 1974, chapter 23)
-//! take columns, until the rest is below [`MISSED`] or there are [`MOST_POINTS`] (S. An, T. Kim, D. James, ACM Transactions on
-//! Graphics 27(5), 2008, 165; C. Farhat et al., International Journal for Numerical Methods in Engineering 98, 2014, 625-662).
+//! The sums of both sides differ least over all states and k, each state in parts of its energy and each k in parts of its stiffness. D
+//! is how far below 0 the energy d is at the point in any of the states, and a little more ([`DEEPER`]). Points are taken one after the
+//! other, as the non-negative least squares of C. Lawson and R. Hanson (Solving Least Squares Problems, 1974, chapter 23) take columns,
+//! until the rest is below [`MISSED`] or there are [`MOST_POINTS`] (S. An, T. Kim, D. James, ACM Transactions on Graphics 27(5), 2008,
+//! 165; C. Farhat et al., International Journal for Numerical Methods in Engineering 98, 2014, 625-662).
 
 use crate::base::random::Random;
-use crate::fem::{NodeFields, RestPoint, RestPoints, stress_beyond_stvk};
+use crate::fem::{NodeFields, RestPoint, RestPoints, energy_beyond_stvk, stress_beyond_stvk};
 use crate::solve::Progress;
-use nalgebra::{DMatrix, DMatrixView, DVector, Matrix3};
+use nalgebra::{DMatrix, DMatrixView, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 
 /// Points that are chosen at most: what the time of a force tick allows.
@@ -27,7 +28,10 @@ const CANDIDATES: usize = 1600;
 /// Points whose g are computed between two sums.
 const BLOCK: usize = 64;
 /// Numbers of a point before those of its gradients.
-const HEAD: usize = 3;
+const HEAD: usize = 4;
+/// D in parts of the depth that was met, and in parts of μ at least.
+const DEEPER: f64 = 1.25;
+const LEAST_DEPTH: f64 = 1e-3;
 
 /// States that the chosen points must serve.
 pub struct States {
@@ -79,7 +83,8 @@ pub fn cubature(
     for (mut column, (candidate, weight)) in table.column_iter_mut().zip(chosen) {
         let point = points.at(candidates[candidate]);
         point.gradients_of(fields, &mut h);
-        let head = [weight * point.volume, point.lame.lambda, point.lame.mu];
+        let depth = (DEEPER * depth(&point, &h, states)).max(LEAST_DEPTH * point.lame.mu);
+        let head = [weight * point.volume, point.lame.lambda, point.lame.mu, depth];
         let entries = (0..9).flat_map(|entry| h.iter().map(move |h| h[entry]));
         column.iter_mut().zip(head.into_iter().chain(entries)).for_each(|(to, value)| *to = value);
     }
@@ -128,6 +133,14 @@ fn share(point: &RestPoint<'_>, fields: &NodeFields, states: &States) -> DMatrix
         row *= *scale;
     }
     share
+}
+
+/// How far below 0 the energy is at a point in any state, J/m³.
+fn depth(point: &RestPoint<'_>, h: &[Matrix3<f64>], states: &States) -> f64 {
+    let strained =
+        |z: DVectorView<'_, f64>| h.iter().zip(z.iter()).map(|(h, z)| h * *z).sum::<Matrix3<f64>>();
+    let energies = states.z.column_iter().map(|z| energy_beyond_stvk(&strained(z), point.lame));
+    -energies.fold(0.0, f64::min)
 }
 
 /// The points from which those of the table are chosen, in their order.

@@ -7,18 +7,26 @@
 //! ```
 //!
 //! (S. An, T. Kim, D. James, ACM Transactions on Graphics 27(5), 2008, 165, who sum the whole energy so.) d is of third order in
-//! the strain, so that small strains are as exact as the quartic. A body that warmth makes s times as large has s³ d(F/s). Allocates
+//! the strain, so that small strains are as exact as the quartic. Where a stretch is long d is below 0, with the fourth power of it, and
+//! a weight stands for many points: lest V' fall without limit, d goes on as φ(d) below what it was in any state that the weights serve,
+//! -D:
+//!
+//! ```text
+//! φ(d) = d for d ≥ -D      φ(d) = -2 D + D exp(1 + d/D) below
+//! ```
+//!
+//! A body that warmth makes s times as large has s³ d(F/s). Allocates
 //! nothing once it is made.
 
 use super::quartic::SIDE;
 use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::{Lame, Tangent, energy_beyond_stvk, stress_beyond_stvk, tangent_beyond_stvk};
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{Const, DMatrix, Matrix3};
 
 /// Entries of a gradient.
 const ENTRIES: usize = 9;
-/// Numbers of a point before those of its gradients: w, λ, μ.
-const HEAD: usize = 3;
+/// Numbers of a point before those of its gradients: w, λ, μ, D.
+const HEAD: usize = 4;
 /// Parts in which the second derivatives are summed.
 const PARTS: usize = 6;
 
@@ -28,6 +36,32 @@ struct Point {
     /// m³.
     weight: f64,
     lame: Lame,
+    /// D, J/m³.
+    depth: f64,
+}
+
+impl Point {
+    /// φ(d) with its first and second derivative.
+    #[inline(always)]
+    fn limited(&self, energy: f64) -> [f64; 3] {
+        if energy >= -self.depth {
+            return [energy, 1.0, 0.0];
+        }
+        let slope = (1.0 + energy / self.depth).exp();
+        [self.depth * (slope - 2.0), slope, slope / self.depth]
+    }
+
+    /// ∂²φ(d)/∂F².
+    #[inline(always)]
+    fn tangent(&self, h: &Matrix3<f64>) -> Tangent {
+        let [_, slope, curvature] = self.limited(energy_beyond_stvk(h, self.lame));
+        let tangent = tangent_beyond_stvk(h, self.lame) * slope;
+        if curvature == 0.0 {
+            return tangent;
+        }
+        let stress = stress_beyond_stvk(h, self.lame).reshape_generic(Const::<9>, Const::<1>);
+        tangent + stress * stress.transpose() * curvature
+    }
 }
 
 pub struct Cubature {
@@ -60,7 +94,8 @@ impl Cubature {
             if column.len() != HEAD + ENTRIES * (variables - 1) {
                 return None;
             }
-            points.push(Point { weight: column[0], lame: Lame { lambda: column[1], mu: column[2] } });
+            let lame = Lame { lambda: column[1], mu: column[2] };
+            points.push(Point { weight: column[0], lame, depth: column[3].max(f64::MIN_POSITIVE) });
             for row in column.as_slice()[HEAD..].chunks_exact((variables - 1).max(1)) {
                 // z_0 is the body at rest.
                 gradients.push(0.0);
@@ -210,10 +245,11 @@ impl Kernel for Sum<'_> {
     fn run<const FUSED: bool>(self) {
         let Cubature { points, gradients, width, stresses, z, .. } = self.cubature;
         let all = points.iter().zip(gradients.chunks_exact(ENTRIES * *width)).zip(stresses);
-        for ((Point { weight, lame }, rows), stress) in all {
+        for ((point, rows), stress) in all {
             let h = gradient::<FUSED>(rows, z, self.size);
-            *self.energy += weight * self.size.powi(3) * energy_beyond_stvk(&h, *lame);
-            *stress = stress_beyond_stvk(&h, *lame) * (weight * self.size.powi(2));
+            let [energy, slope, _] = point.limited(energy_beyond_stvk(&h, point.lame));
+            *self.energy += point.weight * self.size.powi(3) * energy;
+            *stress = stress_beyond_stvk(&h, point.lame) * (slope * point.weight * self.size.powi(2));
             for (row, stress) in rows.chunks_exact(*width).zip(stress.iter()) {
                 add_row::<FUSED>(*stress, row, self.slopes);
             }
@@ -234,10 +270,9 @@ impl Kernel for SumSecond<'_> {
         let Cubature { points, gradients, width, second, .. } = self.cubature;
         let Second { sums, z, products, .. } = second;
         for at in self.points {
-            let (Point { weight, lame }, rows) =
-                (points[at], &gradients[at * ENTRIES * *width..][..ENTRIES * *width]);
+            let (point, rows) = (points[at], &gradients[at * ENTRIES * *width..][..ENTRIES * *width]);
             let h = gradient::<FUSED>(rows, z, self.size);
-            let tangent: Tangent = tangent_beyond_stvk(&h, lame) * (weight * self.size);
+            let tangent = point.tangent(&h) * (point.weight * self.size);
             products.fill(0.0);
             for (row, product) in products.chunks_exact_mut(*width).enumerate() {
                 for (column, other) in rows.chunks_exact(*width).enumerate() {
@@ -263,6 +298,8 @@ mod tests {
             0 => 0.5 + point as f64,
             1 => 2.0,
             2 => 1.0,
+            // Every other one is met by φ.
+            3 => [1e-3, 1e3][point % 2],
             _ => 0.3 * (1.7 * row as f64 + 0.9 * point as f64).sin(),
         })
     }
@@ -304,8 +341,11 @@ mod tests {
 
     #[test]
     fn a_point_that_is_pressed_flat_is_inside_out() {
-        let flat =
-            DMatrix::from_column_slice(12, 1, &[1.0, 2.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let flat = DMatrix::from_column_slice(
+            13,
+            1,
+            &[1.0, 2.0, 1.0, 9.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        );
         let cubature = Cubature::new(2, Some(&flat)).unwrap();
         assert!(cubature.is_inverted(&[1.0, -1.01]) && !cubature.is_inverted(&[1.0, -0.99]));
     }
