@@ -22,6 +22,9 @@ use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 /// Largest error of forces and torques at small bends and twists, in parts of the larger of the two.
 const LARGEST: f64 = 0.2;
 
+/// Part of the largest wrench below which there is no resistance.
+const FREE: f64 = 1e-6;
+
 /// Makes the small bends and twists of a chain of parts exact; refuses parts that are too far from that.
 pub fn fit(
     body: &mut SolvedBody,
@@ -114,11 +117,16 @@ fn largest_error(exact: &DMatrix<f64>, found: &DMatrix<f64>, controls: &[Control
             (wrench.fixed_rows::<3>(0).into_owned(), wrench.fixed_rows::<3>(3) * length)
         };
         let size = |(torque, force): (Vector3<f64>, Vector3<f64>)| torque.norm().max(force.norm());
-        for turn in [axis, aside, axis.cross(&aside)] {
-            let of_exact = size(wrench(&block(exact), &turn));
-            let off = size(wrench(&(block(found) - block(exact)), &turn));
-            let error = off / of_exact;
-            largest = if error.is_nan() { error } else { largest.max(error) };
+        let off = block(found) - block(exact);
+        let turns = [axis, aside, axis.cross(&aside)];
+        let sizes = turns.map(|turn| [&block(exact), &off].map(|k| size(wrench(k, &turn))));
+        // What meets no resistance, as a line that turns about itself, has no error.
+        let least = FREE * sizes.iter().fold(0.0_f64, |most, [of_exact, _]| most.max(*of_exact));
+        for [of_exact, off] in sizes.into_iter().filter(|[of_exact, _]| *of_exact > least) {
+            if off.is_nan() {
+                return off;
+            }
+            largest = largest.max(off / of_exact);
         }
     }
     largest
