@@ -61,15 +61,15 @@ fn turned(axis: usize, degrees: f64, length: f64) -> Vec<ControlPose> {
     vec![ControlPose::REST, ControlPose { translation, matrix: *Rotation3::from_scaled_axis(turn).matrix() }]
 }
 
-/// A body of four materials was 7 % off at 1° by `substructured`, where linear theory is exact, and 45 % at 90°.
+/// A body of four materials was 7 % off at 1° by `substructured`, where linear theory is exact. What is left grows with the angle.
 #[test]
-fn parts_of_several_materials_are_exact_at_1_degree() {
+fn small_motions_of_parts_of_several_materials_are_those_of_equilibrium() {
     let scene = patched("materials", [0.6, 0.1, 0.1], [18, 3, 3], pieces);
     let model = find_model("substructured").unwrap();
     let made = green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap();
     let mut body = in_session(&made, model).unwrap().unwrap();
     let mut statics = Statics::new(&scene, "b", &STVK, &Silent).unwrap();
-    for (degrees, most) in [(0.1, 1e-3), (1.0, 5e-3), (30.0, 0.2)] {
+    for (degrees, most) in [(0.1, 1e-3), (1.0, 5e-3), (30.0, 0.12)] {
         for axis in 0..3 {
             let poses = turned(axis, degrees, 0.6);
             body.evaluate(&poses);
