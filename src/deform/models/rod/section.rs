@@ -14,7 +14,7 @@
 //! middle are. The middle is where a force causes least rotation (the centroid of 1/EI). L is the length between
 //! the control elements, or less where the compliance to transverse shear would be smaller than [`SHEAR`] times that to
 //! stretching: ends that cannot contract shorten a body of radius r by some tenths of r, and at 100 r between its ends
-//! that costs 1/EI more than all its shear. With κ G A between 0.2 and 0.4 E A, L is off by at most 18 r²/L² of itself
+//! that costs 1/EI more than all its shear. With κ G A between 0.2 and 0.4 E A, L is off by at most 24 r²/L² of itself
 //! (0.2 % at 100 r), which S makes good for small motions. That the body is a rod shows in L, and in its radius of gyration.
 //!
 //! To second order, a section that is bent or twisted is also stretched: fibres away from the axis are longer (with
@@ -42,9 +42,9 @@ pub type Stretch = SVector<f64, 9>;
 
 /// Least length of a body, in radii of gyration. A cube has 3.5, a solid round rod four for each diameter.
 pub const SLENDER: f64 = 8.0;
-/// Least compliance to transverse shear in that to stretching: E A/κ G A is 2.5 to 5 for solid and hollow sections with
-/// 0 ≤ ν < 1/2 (Cowper, J. Appl. Mech. 33, 1966), and 2 for ν = 0 without κ.
-const SHEAR: f64 = 2.0;
+/// Least compliance to transverse shear in that to stretching: E A/κ G A is 2.4 to 5 for solid and hollow sections with
+/// 0 ≤ ν < 1/2 (Cowper, J. Appl. Mech. 33, 1966), less what ends that cannot warp take of it on short bodies.
+const SHEAR: f64 = 1.0;
 /// The rod is shorter than the free body by so many radii at the most, and so much of its length: 0.1 to 0.3 radii were measured on
 /// uniform bars, 2.3 and 7 on bars of pieces whose moduli differ by 100.
 const SHORTER: [f64; 2] = [1.0, 0.02];
