@@ -6,12 +6,14 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{ExpectedErrors, ModelEntry, Statics};
+use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ROD, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
+use crate::fem::TET4_ANP;
 use crate::green::{self, Forecast, GreenError, Prepared};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
+use crate::scene::proposal::choice::of_two_ends;
 use crate::scene::survey::State;
 use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError};
 use crate::session::open;
@@ -47,7 +49,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let survey = Scene::survey(&args.scene)?;
     let mut findings: Vec<Diagnostic> = survey.faults.iter().map(SceneError::finding).collect();
-    let (mut effects, mut known) = (Vec::new(), Vec::new());
+    let (mut effects, mut known, mut models) = (Vec::new(), Vec::new(), Vec::new());
     if let Some(scene) = &survey.scene {
         let mut meshes = Vec::new();
         for ((name, body), state) in scene.body.iter().zip(&survey.states) {
@@ -58,7 +60,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let resolved = resolved.ok();
             match state {
                 State::Sound => {
-                    findings.extend(of_body(scene, name, resolved.as_ref(), &mut meshes)?);
+                    findings.extend(of_body(scene, name, resolved.as_ref(), &mut meshes, &mut models)?);
                     effects.extend(effects_of(name, body, resolved.as_ref()));
                     let errors = resolved.as_ref().map(|resolved| expected::known(scene, name, resolved));
                     known.push((name, errors.unwrap_or_else(|| Err("the body is refused".into()))));
@@ -92,7 +94,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         });
         print(&format!("{value:#}\n"))?;
     } else {
-        print(&format!("{}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
+        let models: String = models.concat();
+        print(&format!("{}{models}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }
@@ -111,6 +114,7 @@ fn of_body<'a>(
     name: &'a String,
     resolved: Option<&ResolvedBody>,
     meshes: &mut Vec<StandingBody<'a>>,
+    models: &mut Vec<String>,
 ) -> Result<Vec<Diagnostic>, Failure> {
     let (entity, body) = (format!("body.{name}"), &scene.body[name]);
     let mut findings = Vec::new();
@@ -138,6 +142,7 @@ fn of_body<'a>(
         }
         Err(other) => return Err(other.into()),
     };
+    models.extend(resolved.and_then(|resolved| reach(name, body, resolved.model, &prepared)));
     match green::acting(scene, name, &prepared.mesh, &prepared.controls) {
         Ok(found) => findings.extend(found),
         Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
@@ -281,6 +286,28 @@ fn effects_text(effects: &[Cost]) -> String {
         table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
     }
     if table.rows.len() > 1 { format!("\n{}", table.text()) } else { String::new() }
+}
+
+/// How far the model of a body holds that is bent at two ends, and the model that holds further where there is one.
+fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Option<String> {
+    // What holds further has no such element, and its nodes on the edges are seven to a corner.
+    let (factor, with) = if *body.element == TET4_ANP { (7, " with element = \"tet10\"") } else { (1, "") };
+    let is_of_two = prepared.controls.len() == 2;
+    let best = of_two_ends(&prepared.mesh, factor * prepared.mesh.nodes.len()).filter(|_| is_of_two);
+    let (best, reach) = best?;
+    if best == ROD.name && ROD.fits.is_some_and(|fits| fits(prepared).is_err()) {
+        return None;
+    }
+    let text = match model.loads {
+        _ if model.name == best => reach,
+        Bearing::Columns => {
+            let [good, fair] = model.turn_limits_deg;
+            let turn = format!("good where a piece of its surface turns by {good:.0}°, fair to {fair:.0}°");
+            format!("{turn}; {best}{with}: {reach}")
+        }
+        Bearing::Forces(_) => return None,
+    };
+    Some(format!("{name}: model {model}: {text}\n"))
 }
 
 /// The table of the errors that are known, and how the others can be.

@@ -40,9 +40,12 @@ pub use model::{
 };
 pub use models::helicoidal::{CubicForm, Helicoidal};
 pub use models::linear::ENTRY as LINEAR;
+pub use models::perturbation::ENTRY as PERTURBED;
 pub use models::plate::ENTRY as PLATE;
 pub use models::reduced::Reduced;
+pub use models::rod::ENTRY as ROD;
 pub use models::rotation::{ENTRY as ROTATION, Rotation, mean_rotation};
+pub use models::substructured::ENTRY as SUBSTRUCTURED;
 pub use models::{MODELS, find_model, make_model, model_of, volume_model_of};
 pub use path::{BodyPath, Doubt};
 pub use pose::follow::{CATCH_UP, FollowedTurn, JUMP, PoseFault, PoseLimiter, STRETCH};
@@ -55,4 +58,4 @@ pub use statics::critical::{CriticalPose, ModeShape};
 pub use statics::freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
 pub use trial::{Deviation, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
-pub use turn::{Reach, local_turn, reach};
+pub use turn::{Reach, local_turn, mean_strain, reach};

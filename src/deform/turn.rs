@@ -1,5 +1,5 @@
-//! Measures of a deformation: how far linear theory is strained, by the largest rotation in the part that it computes, and how
-//! far a body is deformed.
+//! Measures of a deformation: how far linear theory is strained, by the largest rotation in the part that it computes and by the
+//! mean of its strain, and how far a body is deformed.
 
 use super::deformer::Deformer;
 use super::pose::se3::slide_matrix;
@@ -22,6 +22,36 @@ pub fn local_turn(deformer: &Deformer, most: usize) -> f64 {
         gradient.iter().all(|x| x.is_finite()).then(|| nearest_turn(&gradient).angle())
     };
     triangles.iter().step_by(step).filter_map(turn).fold(0.0, f64::max)
+}
+
+/// The mean strain of the surface by u alone as linear theory has it, weighed by its own square, which is the strain energy per
+/// area but for a factor. Looks at `most` triangles at the most, spread over the surface.
+///
+/// With D the gradient of u in a triangle's plane, 2 E_ab = e_a·D_b + e_b·D_a, A its area and ε the larger of |E₁|, |E₂|,
+/// it is Σ A (E:E) ε / Σ A (E:E): ε itself of a bar that is pulled, 3/4 of the outermost fibre's of one that is bent.
+pub fn mean_strain(deformer: &Deformer, most: usize) -> f64 {
+    let triangles = deformer.triangles();
+    let step = triangles.len().div_ceil(most.max(1)).max(1);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for triangle in triangles.iter().step_by(step) {
+        let corner = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
+        let (a, b) = (corner[1] - corner[0], corner[2] - corner[0]);
+        let normal = a.cross(&b);
+        let Some(first) = a.try_normalize(0.0).filter(|_| normal.norm() > 0.0) else { continue };
+        let second = normal.normalize().cross(&first);
+        let [u, v, w] = triangle.map(|node| deformer.linear_part(node as usize));
+        let along = (v - u) / a.norm();
+        let across = (w - u - along * b.dot(&first)) / b.dot(&second);
+        let (x, y) = (first.dot(&along), second.dot(&across));
+        let shear = 0.5 * (first.dot(&across) + second.dot(&along));
+        let (mean, half) = (0.5 * (x + y), (0.5 * (x - y)).hypot(shear));
+        let weight = 0.5 * normal.norm() * (x * x + y * y + 2.0 * shear * shear);
+        if weight.is_finite() {
+            sum += weight * (mean.abs() + half);
+            weights += weight;
+        }
+    }
+    if weights > 0.0 { sum / weights } else { 0.0 }
 }
 
 /// [a b n]; None for a triangle without area.

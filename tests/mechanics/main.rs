@@ -8,6 +8,7 @@ mod common;
 mod compliance_file;
 mod conditioning;
 mod deform_models;
+mod faults;
 mod fem;
 mod forged_files;
 mod green_file;

@@ -5,12 +5,12 @@
 mod fixture;
 pub mod helicoidal;
 pub mod linear;
-mod perturbation;
+pub mod perturbation;
 pub mod plate;
 pub mod reduced;
-mod rod;
+pub mod rod;
 pub mod rotation;
-mod substructured;
+pub mod substructured;
 
 use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
 use super::statics;

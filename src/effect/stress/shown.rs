@@ -212,7 +212,9 @@ impl Shown {
         for shown in &self.bodies {
             let name = &shown.name;
             let text = match shown.now.limit.filter(|(part, _)| *part > 1.0) {
-                _ if shown.is_beyond => format!("{name}: bent too far for its model, values not reliable"),
+                _ if shown.is_beyond => {
+                    format!("{name}: deformed too far for its model, values not reliable")
+                }
                 Some((_, limit)) => format!("{name}: {}", shown.now.brief(limit)),
                 None => format!("{name}: at most {}", written_value(shown.largest(quantity), quantity)),
             };

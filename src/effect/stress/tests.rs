@@ -267,7 +267,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     assert!(large > 5.0 * small, "it grows: {small}, {large}");
     let beyond = pose(120.0, 0.0, &mut world, effect);
     assert_eq!(beyond.to, large);
-    let told = "b: bent too far for its model, values not reliable";
+    let told = "b: deformed too far for its model, values not reliable";
     assert!(beyond.lines[0].warns && beyond.lines[0].text == told, "{:?}", beyond.lines[0]);
     assert!(
         world.frame.bodies[0].colours.as_ref().unwrap().iter().any(|code| code[0] > 0),

@@ -11,12 +11,13 @@ use super::super::requirements::Family;
 use super::super::solution::Solution;
 use super::super::substructure::{self, Body, StoredParts, TABLES};
 use super::affine::AFFINE;
+use super::stiffness::STIFFNESS;
 use super::table;
 use crate::mesh::quality;
 use crate::scene;
 use crate::solve::Progress;
 
-pub const SUBSTRUCTURES: Family = Family { name: "substructures", from: &[AFFINE] };
+pub const SUBSTRUCTURES: Family = Family { name: "substructures", from: &[AFFINE, STIFFNESS] };
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     family: SUBSTRUCTURES,
@@ -51,7 +52,10 @@ fn compute(
     let cut = substructure::cut(mesh, controls, parts, &settings.solver, progress).map_err(unsolved)?;
     let lame = assembled.lame;
     let body = Body { element, mesh, surface, lame, controls, cut: &cut, solver: &settings.solver };
-    let solved = substructure::solve(&body, progress).map_err(failed)?;
+    let mut solved = substructure::solve(&body, progress).map_err(failed)?;
+    if let Some(stiffness) = solution.stiffness() {
+        substructure::fit(&mut solved, controls, stiffness).map_err(failed)?;
+    }
     let (low, high) = quality::bounding_box(&mesh.nodes);
     let tables = substructure::tables(&solved, &(low + (high - low) * 0.5));
     solution.tables.extend(tables);

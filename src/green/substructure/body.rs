@@ -65,6 +65,11 @@ pub enum BodyError {
          nodes off one line: ask for fewer parts"
     )]
     Loose { part: usize, parts: usize, tag: u64 },
+    #[error(
+        "in {parts} parts its forces at small bends and twists are off by {percent:.0} % of linear theory, above 20 %. Write \
+         model = \"reduced\""
+    )]
+    Linear { parts: usize, percent: f64 },
     #[error("part {part} of {parts} (tetrahedra with a corner at node {tag}): {source}")]
     Part { part: usize, parts: usize, tag: u64, source: PartError },
 }

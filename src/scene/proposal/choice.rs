@@ -18,14 +18,19 @@ pub struct Choice {
 
 /// Length over mean thickness from which a body is slender.
 const SLENDER: f64 = 6.0;
+/// Length in radii of gyration from which a body is a rod: that of a square bar of 25 : 1 is 87.
+const ROD: f64 = 85.0;
 /// Poisson's ratio above which linear tetrahedra are too stiff.
 const INCOMPRESSIBLE: f64 = 0.45;
 /// Young's modulus below which bodies are pulled by a large part of their size, as organs are, Pa.
 const SOFT: f64 = 1e5;
 /// Most corners of a mesh for elements of ten nodes, which take minutes beyond.
 const MOST_CORNERS: usize = 15_000;
-/// Most nodes for the model `reduced` where it was not asked for: it takes minutes beyond.
+/// Most nodes for the model `reduced` where it was not asked for: it takes minutes beyond. With up to [`WITH_EQUILIBRIA`]
+/// it has fields of equilibria, of which it takes [`REDUCED_S`] for a node to precompute.
 const MOST_REDUCED: usize = 60_000;
+const WITH_EQUILIBRIA: usize = 33_000;
+const REDUCED_S: f64 = 3e-3;
 /// Unknowns of a mesh with nodes on its edges, for each corner.
 const UNKNOWNS: usize = 21;
 /// Most unknowns of the better body that errors are measured by, which is solved in a minute or two.
@@ -35,6 +40,24 @@ const MOST_CONTROLS: usize = 4;
 /// Effects that answer how much force something takes; a model of equilibrium is measured against no other.
 pub const FORCES: [&str; 2] = ["haptics", "stress"];
 pub const ERRORS: &str = "expected_errors";
+
+/// The model that holds furthest for a body of two control elements at the ends of this mesh, `nodes` with those on its edges;
+/// how far it holds, and what it costs.
+pub fn of_two_ends(mesh: &TetMesh, nodes: usize) -> Option<(&'static str, String)> {
+    let slenderness = ends::slenderness(mesh);
+    let seconds = (REDUCED_S * nodes as f64).max(1.0);
+    if slenderness >= ROD {
+        let reach = "any angle and several turns, forces within 5 % where its walls keep their shape";
+        Some(("rod", format!("{reach}; the body is {slenderness:.0} radii of gyration long")))
+    } else if nodes <= WITH_EQUILIBRIA {
+        let reach = "forces within 3 % to 90° of bend and twist";
+        Some(("reduced", format!("{reach}; about {seconds:.0} s more to precompute")))
+    } else if nodes <= MOST_REDUCED {
+        Some(("reduced", "forces to about 60° of bend and twist, minutes to precompute".to_owned()))
+    } else {
+        None
+    }
+}
 
 /// Chooses for a body of so many control elements.
 pub fn choose(
@@ -53,13 +76,24 @@ pub fn choose(
     let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
     let length = ends::length(mesh);
     let slender = length / (volume / length).sqrt();
+    let takes_edges = is_incompressible || asks_forces && !is_large;
+    let of_reduced = if takes_edges { UNKNOWNS / 3 * nodes } else { nodes };
+    let of_two = (controls == 2).then(|| of_two_ends(mesh, of_reduced)).flatten();
+    // A rod needs its control elements at its ends, and an element that does not lock.
+    let at_ends = wishes.fixed.is_empty() && wishes.grab.is_empty();
+    let takes_rod = at_ends && !(is_large && is_incompressible);
+    let of_two = of_two.filter(|(model, _)| *model != "rod" || takes_rod);
+    let reach = of_two.as_ref().map_or(String::new(), |(_, reach)| reach.clone());
     let (model, comment, why) = match &wishes.model {
         Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
         None if is_soft => (
             "neo_hookean",
             "static equilibrium at large strain, found anew for every pose".to_owned(),
-            "because a soft body stretches far; it is solved for every pose".to_owned(),
+            "because a soft body stretches far: any strain; it is solved for every pose".to_owned(),
         ),
+        None if of_two.as_ref().is_some_and(|(model, _)| *model == "rod") => {
+            ("rod", "for slender bodies; \"reduced\" for others".to_owned(), reach)
+        }
         None if asks_forces && can_reduce && is_large && is_incompressible => (
             "rotation",
             "for large rotations; \"reduced\", which is made for forces, needs element = \"tet10\" here"
@@ -69,9 +103,12 @@ pub fn choose(
         None if asks_forces && can_reduce => (
             "reduced",
             "made for forces, and bends far; \"rotation\" is quicker to precompute".to_owned(),
-            "because you ask for forces".to_owned(),
+            if reach.is_empty() { "because you ask for forces".to_owned() } else { reach },
         ),
-        None if slender >= SLENDER && can_reduce && !is_incompressible && nodes <= MOST_REDUCED => (
+        None if of_two.is_some() => {
+            ("reduced", "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(), reach)
+        }
+        None if slender >= SLENDER && can_reduce && of_reduced <= MOST_REDUCED => (
             "reduced",
             "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(),
             format!("because the body is slender ({slender:.0} times as long as thick) and bends far"),
@@ -79,26 +116,18 @@ pub fn choose(
         None => (
             "rotation",
             "for large rotations; \"reduced\" for forces, and to bend far".to_owned(),
-            "quick and good for shapes; for forces \"reduced\"".to_owned(),
+            "quick; shapes to about 60° of bend, forces of compact bodies to 30°; further \"reduced\""
+                .to_owned(),
         ),
     };
-    let element = match model {
-        "substructured" => &TET4,
-        // Solved for every pose: tet10 would take minutes.
-        "neo_hookean" | "stvk" | "corotational" if !is_incompressible => &TET4,
-        "neo_hookean" | "stvk" | "corotational" => &TET4_ANP,
-        _ if asks_forces && !is_large => &TET10,
-        // Their energy is a quartic form, which that of tet4_anp is not.
-        "reduced" | "perturbation" if is_incompressible => &TET10,
-        _ if is_incompressible => &TET4_ANP,
-        _ => &TET4,
-    };
+    let element = element_of(model, is_incompressible, asks_forces, is_large);
     if element == &TET4_ANP {
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }
     if element == &TET10 {
+        let why = if asks_forces { "you ask for forces" } else { "linear ones are too stiff here" };
         telling.comment(&key("element"), "least error of forces for its nodes");
-        telling.reason("element: tet10, because you ask for forces".to_owned());
+        telling.reason(format!("element: tet10, because {why}"));
     }
     if !comment.is_empty() {
         telling.comment(&key("model"), &comment);
@@ -123,6 +152,23 @@ pub fn choose(
         ));
     }
     Choice { element, model: model.to_owned(), effects }
+}
+
+/// The element that suits a model.
+fn element_of(model: &str, is_incompressible: bool, asks_forces: bool, is_large: bool) -> &'static Element {
+    match model {
+        "substructured" => &TET4,
+        // Solved for every pose: tet10 would take minutes.
+        "neo_hookean" | "stvk" | "corotational" if !is_incompressible => &TET4,
+        "neo_hookean" | "stvk" | "corotational" => &TET4_ANP,
+        _ if asks_forces && !is_large => &TET10,
+        // Linear tetrahedra are too stiff in a slender rod's bend.
+        "rod" if !is_large => &TET10,
+        // Their energy is a quartic form, which that of tet4_anp is not.
+        "reduced" | "perturbation" if is_incompressible => &TET10,
+        _ if is_incompressible => &TET4_ANP,
+        _ => &TET4,
+    }
 }
 
 fn tell_effects(

@@ -1,15 +1,19 @@
-//! Cases 23 to 26 and 29: what a tracked hand may do, a cube pressed too far, and bodies far from their origin in single precision.
+//! Cases 23 to 29: what a tracked hand may do, a cube pressed too far, beams that are bent and twisted beyond what a series and
+//! frozen frames bear, and bodies far from their origin in single precision.
 
 use super::case::{Asked, CaseRow, CaseRows, ENDS, Must, Outcome, base, largest};
 use crate::base::columns::ColumnGroup;
 use crate::deform::{
-    CATCH_UP, ControlPose, ControlPoses, ControlRest, EquilibriumResult, JUMP, Kind, LINEAR, ModelEntry,
-    ModelInput, PoseFault, PoseLimiter, ROTATION, STRETCH, Statics, StaticsError, Superposition,
+    CATCH_UP, ControlPose, ControlPoses, ControlRest, Deformer, EquilibriumResult, JUMP, Kind, LINEAR,
+    ModelEntry, ModelInput, PERTURBED, PoseFault, PoseLimiter, ROTATION, STRETCH, SUBSTRUCTURED, Statics,
+    StaticsError, Superposition, in_session,
 };
 use crate::fem::{Law, NEO_HOOKEAN, STVK, nearest_turn};
-use crate::green::{FIELDS, Solution};
+use crate::green::{self, FIELDS, GreenError, Solution};
+use crate::mesh::Surface;
 use crate::scene::Scene;
 use crate::solve::Silent;
+use crate::world::out_of_range_of;
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use std::path::Path;
 
@@ -17,6 +21,8 @@ pub(super) fn rows() -> CaseRows {
     let mut rows = turns()?;
     rows.extend(guarded());
     rows.extend(pressed_cubes()?);
+    rows.extend(bent_beams()?);
+    rows.extend(twisted_beam()?);
     rows.extend(far_away()?);
     Ok(rows)
 }
@@ -241,6 +247,92 @@ fn far_away() -> CaseRows {
         rows.push(row(29, format!("{lengths:.0e} lengths from the origin"), must, None, error));
     }
     Ok(rows)
+}
+
+const BEAM: &str = r#"
+[body.b]
+generate = { block = { size = [0.1, 0.1, 1.0], cells = [2, 2, 20] } }
+material = { young = 1.0e6, poisson = 0.3 }
+"#;
+
+/// The beam of 10 : 1 by a model, as a session has it.
+fn beam(model: &'static ModelEntry) -> Result<Result<Deformer, String>, GreenError> {
+    let scene = Scene::parse(&format!("{BEAM}{ENDS}"), Path::new("hard-cases.toml"))?;
+    in_session(&green::precompute(&scene, "b", &model.with_energy(), &Silent)?, model)
+}
+
+/// A beam bent beyond the radius of its series, which by itself is 10⁵ lengths away at 180°.
+fn bent_beams() -> CaseRows {
+    let scene = Scene::parse(&format!("{BEAM}{ENDS}"), Path::new("hard-cases.toml"))?;
+    let (mut body, mut rows) = (beam(&PERTURBED)?, Vec::new());
+    for (degrees, must) in [
+        (60.0_f64, Must::solve("against equilibrium, in lengths", 0.015)),
+        (120.0, Must::warn("holds up to", "against equilibrium, in lengths", 0.06)),
+        (180.0, Must::warn("holds up to", "against equilibrium, in lengths", 0.12)),
+    ] {
+        let angle = degrees.to_radians();
+        let place = Vector3::new(0.0, -(1.0 - angle.cos()), angle.sin()) / angle;
+        let high = ControlPose {
+            translation: place - Vector3::z(),
+            matrix: *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix(),
+        };
+        let poses = vec![ControlPose::REST, high];
+        let case = format!("beam bent by {degrees:.0}°, {PERTURBED}");
+        let settle = || -> Result<(Vec<u32>, Vec<Vector3<f64>>), StaticsError> {
+            let mut statics = Statics::new(&scene, "b", &STVK, &Silent)?;
+            let settled = statics.solve(&poses, &Silent)?;
+            Ok((Surface::from_mesh(&statics.mesh).nodes, settled.displacement))
+        };
+        let (body, (nodes, settled)) = match (&mut body, settle()) {
+            (Ok(body), Ok(settled)) => (body, settled),
+            (body, settled) => {
+                let why = body.as_ref().err().cloned().or(settled.err().map(|error| error.to_string()));
+                rows.push(CaseRow { said: why.unwrap_or_default(), ..row(27, case, must, None, f64::NAN) });
+                continue;
+            }
+        };
+        body.evaluate(&poses);
+        let apart = nodes.iter().enumerate();
+        let apart = apart.map(|(i, &node)| (body.displacement(i) - settled[node as usize]).norm());
+        let mut found = row(27, case, must, None, largest(apart));
+        if let Some(said) = out_of_range_of(body) {
+            (found.outcome, found.said) = (Outcome::Warned, said);
+        }
+        rows.push(found);
+    }
+    Ok(rows)
+}
+
+/// A beam twisted by 340° in parts: with frames that are frozen in the gradient it buckled there in 345 iterations. One so
+/// slender is stable to 669° (Greenhill).
+fn twisted_beam() -> CaseRows {
+    const WORK: Must = Must::solve("work of the torque against the energy", 1e-6);
+    const AXIS: Must = Must::solve("centroid off the axis, in lengths", 1e-9);
+    let case = format!("beam twisted by 340°, {SUBSTRUCTURED}");
+    let mut body = match beam(&SUBSTRUCTURED)? {
+        Ok(body) => body,
+        Err(said) => return Ok(vec![CaseRow { said, ..row(28, case.as_str(), WORK, None, f64::NAN) }]),
+    };
+    // Simpson's rule over 34 steps.
+    let (mut work, mut energy, mut aside) = (0.0, f64::NAN, 0.0_f64);
+    for step in 0..=34 {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), f64::from(step) * STEP);
+        body.evaluate(&[ControlPose::REST, ControlPose { matrix: *turn.matrix(), ..ControlPose::REST }]);
+        let torque = body.wrenches().map_or(f64::NAN, |(wrenches, of_pose)| {
+            energy = of_pose;
+            wrenches[1].moment.z
+        });
+        let weight = if step % 34 == 0 { 1.0 } else { f64::from(2 + 2 * (step % 2)) };
+        work += weight * torque * STEP / 3.0;
+        let places = body.rest().iter().enumerate();
+        let place = |(i, x): (usize, &[f32; 3])| Vector3::from(*x).cast::<f64>() + body.displacement(i);
+        let middle = places.map(place).sum::<Vector3<f64>>() / body.node_count() as f64;
+        aside = aside.max(middle.xy().norm());
+    }
+    Ok(vec![
+        row(28, case.as_str(), WORK, None, (work / energy - 1.0).abs()),
+        row(28, case.as_str(), AXIS, None, aside),
+    ])
 }
 
 const CUBE: &str = r#"
