@@ -25,8 +25,8 @@ use std::path::PathBuf;
 /// OUT.forces.csv if the scene lists the effect haptics, and OUT.stress.csv if it lists stress, whose fields OUT.vtu then has too:
 /// either all files, complete, or none. Overwrites the files of an earlier `deform`, and nothing else.
 ///
-/// A body with a model of large strain (stvk, neo_hookean, corotational) is solved for every pose, over all nodes, with its forces.
-/// If a pose has no equilibrium, the angle and the mode at which it was lost are printed, the other poses are written, and the
+/// A body with a model of large strain (stvk, neo_hookean, corotational) is solved for every pose, over all nodes, with its forces;
+/// beyond a critical pose it goes on buckled, and a note reports where. If a pose has no equilibrium, the angle and the mode at which it was lost are printed, the other poses are written, and the
 /// status is 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {

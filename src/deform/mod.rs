@@ -56,6 +56,8 @@ pub use pose::screw::{Screw, Way};
 pub use pose::se3;
 pub use statics::critical::{CriticalPose, ModeShape};
 pub use statics::freedom::{COMPONENTS, Freedom, Search, Wrenches};
-pub use statics::{EquilibriumResult, HeldBody, Statics, StaticsError, legs};
+pub use statics::{
+    Branch, EquilibriumResult, HeldBody, LeastMode, Statics, StaticsError, TangentState, legs,
+};
 pub use trial::{Deviation, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
 pub use turn::{Reach, local_turn, mean_strain, reach};

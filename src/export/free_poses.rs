@@ -5,8 +5,8 @@ use super::result_set::{MissedPose, StressResult};
 use super::told::FirstYield;
 use crate::base::failure::Failure;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, ExpectedErrors, ModelEntry, Screw, Search, Statics, Way, Wrench,
-    Wrenches,
+    ControlPose, ControlPoses, Deformer, ExpectedErrors, Freedom, ModelEntry, Screw, Search, Statics, Way,
+    Wrench, Wrenches,
 };
 use crate::effect::stress::{Peaks, StressedBody};
 use crate::green::GreenFile;
@@ -225,26 +225,15 @@ pub(super) fn first_yield_of(
     if asked.after.is_some() {
         return None;
     }
-    let length = size(statics.mesh.nodes.iter().copied());
     let way = |share: f64| way(&asked.given, None, model.is_linear(), share);
-    let mut search =
-        (!asked.freedom.is_empty()).then(|| Search::new(&asked.freedom, length, model.is_linear(), &way));
     let (mut wrenches, mut at_edges) = (None, 0.0);
     let (share, control) = approach(NEAR[1], !asked.loads.is_none(), |share| {
-        let poses = match &mut search {
-            Some(search) => {
-                let mut of = |poses: &[ControlPose]| {
-                    let found = statics.solve(&poses.to_vec(), &Silent);
-                    Ok(found.map_err(|error| error.to_string())?.balance(poses))
-                };
-                search.at(share, &mut of).ok()?
-            }
-            None => way(share),
-        };
-        let found = statics.solve(&poses, &Silent).ok()?;
+        let part = |freedom: &Freedom| Freedom { load: freedom.load.map(|load| load * share), ..*freedom };
+        statics.push(&asked.freedom.iter().map(part).collect::<Vec<_>>());
+        let found = statics.solve(&way(share), &Silent).ok()?;
         let [inside, all] = parts(&found.displacement)?;
         (wrenches, at_edges) = (Some(found.wrenches), all);
-        Some((poses, inside))
+        Some((found.poses, inside))
     })?;
     Some(FirstYield { share, at_edges, control, wrenches, error: None })
 }

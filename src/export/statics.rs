@@ -1,17 +1,16 @@
 //! Bodies whose model is solved anew for every pose: the part of `greenstage deform` that needs no .green file.
 
 use super::asked::PoseRequest;
-use super::free_poses;
 use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::progress::Bars;
 use crate::base::table::{Table, seconds};
 use crate::deform::{
-    ControlPose, ControlPoses, EquilibriumResult, HeldBody, ModelEntry, Statics, StaticsError,
+    Branch, ControlPoses, CriticalPose, EquilibriumResult, HeldBody, Statics, StaticsError, percent,
 };
 use crate::fem::Law;
 use crate::prepare::Resolved;
-use crate::solve::{Progress, Silent};
+use crate::solve::Progress;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -45,8 +44,8 @@ pub fn solve(
     for notice in &statics.notices {
         notice!("{notice}");
     }
-    let mut table =
-        Table::new(&[name, "load steps", "factorizations", "residual", "least det F", "energy J", "time"]);
+    let columns = ["load steps", "factorizations", "residual", "least det F", "energy J", "branch"];
+    let mut table = Table::new(&[&[name], &columns[..], &["least eigenvalue", "time"]].concat());
     let (mut settled, mut control) = (Vec::new(), Vec::new());
     // Of the poses that others go on from.
     let mut held: BTreeMap<usize, HeldBody> = BTreeMap::new();
@@ -55,34 +54,20 @@ pub fn solve(
         let started = Instant::now();
         let place = pose.asked.place();
         apply(pose.asked, &mut statics)?;
-        let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before), &control[before]));
-        let model = scene.bodies[name].model;
-        let at = match found(
-            pose.asked,
-            before.and_then(|(_, held, at)| Some((held?, at))),
-            model,
-            &mut statics,
-        ) {
-            Ok(at) => at,
-            Err(why) => {
-                table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
-                control.push(pose.asked.control.clone());
-                settled.push(Err(format!("{place}: {why}")));
-                continue;
-            }
-        };
+        statics.push(&pose.asked.freedom);
+        let before = pose.after.map(|before| (poses[before].asked.pose, held.get(&before)));
+        let at = &pose.asked.given;
+        control.push(at.clone());
         let found = match before {
-            None => statics.solve(&at, &bars),
-            Some((before, Some(held), _)) => statics.solve_after(before, held, &at, &bars),
-            Some((before, None, _)) => {
-                control.push(at);
-                table.row(&[pose.asked.pose, "0", "0", "none", "", "", ""]);
+            None => statics.solve(at, &bars),
+            Some((before, Some(held))) => statics.solve_after(before, held, at, &bars),
+            Some((before, None)) => {
+                add_none(&mut table, pose.asked.pose);
                 let why = format!("it goes on from pose \"{before}\", which has no equilibrium");
                 settled.push(Err(format!("{place}: {why}")));
                 continue;
             }
         };
-        control.push(at);
         let took = seconds(started.elapsed().as_secs_f64());
         match found {
             Ok(found) => {
@@ -90,6 +75,9 @@ pub fn solve(
                 add_row(&mut table, pose.asked.pose, &found, [&figures[0], &figures[1]], &took);
                 if let Some(state) = statics.held().filter(|_| poses.iter().any(|of| of.after == Some(i))) {
                     held.insert(i, state.clone());
+                }
+                if !pose.asked.freedom.is_empty() {
+                    control[i].clone_from(&found.poses);
                 }
                 settled.push(Ok(found));
             }
@@ -101,6 +89,10 @@ pub fn solve(
                 let details = error.details().filter(|_| is_verbose()).map(|details| format!(". {details}"));
                 settled.push(Err(format!("{place}: {error}{}", details.unwrap_or_default())));
             }
+            Err(error @ StaticsError::Loose { .. }) => {
+                add_none(&mut table, pose.asked.pose);
+                settled.push(Err(format!("{place}: {error}")));
+            }
             Err(error) => {
                 return Err(match failure(error) {
                     Failure::Work(error) => Failure::Work(anyhow::anyhow!("{place}: {error}")),
@@ -110,9 +102,14 @@ pub fn solve(
         }
     }
     bars.end();
-    let found = poses.iter().zip(&settled).filter_map(|(pose, found)| Some((pose, found.as_ref().ok()?)));
-    for (pose, found) in found.filter(|(_, found)| !found.inverted.is_empty()) {
-        notice!("warning: {}: {}", pose.asked.place(), inverted(&statics, found));
+    for (pose, found) in poses.iter().zip(&settled) {
+        let Ok(found) = found else { continue };
+        if let Some(critical) = found.stability.passed.last() {
+            notice!("note: {}: {}", pose.asked.place(), beyond(found.stability.branch, critical));
+        }
+        if !found.inverted.is_empty() {
+            notice!("warning: {}: {}", pose.asked.place(), inverted(&statics, found));
+        }
     }
     Ok(Solved { statics, settled, control, table })
 }
@@ -124,34 +121,28 @@ pub fn apply(asked: &PoseRequest<'_>, statics: &mut Statics) -> Result<(), Failu
     statics.apply(&forces).map_err(failure)
 }
 
-/// The poses of the control elements, those that are free found by solving the body on the way; without effect on what is held.
-fn found(
-    asked: &PoseRequest<'_>,
-    before: Option<(&HeldBody, &ControlPoses)>,
-    model: &ModelEntry,
-    statics: &mut Statics,
-) -> Result<ControlPoses, String> {
-    if asked.freedom.is_empty() {
-        return Ok(asked.control.clone());
-    }
-    let length = free_poses::size(statics.mesh.nodes.iter().copied());
-    let start = before.map(|(held, _)| held.clone());
-    let mut wrenches = |poses: &[ControlPose]| {
-        let poses = poses.to_vec();
-        let found = match &start {
-            None => statics.solve(&poses, &Silent),
-            Some(held) => statics.solve_after("before", held, &poses, &Silent),
-        };
-        Ok(found.map_err(|error| error.to_string())?.balance(&poses))
-    };
-    free_poses::find(asked, before.map(|(_, at)| at), (model, length), &mut wrenches)
-}
-
 /// Adds the work of a pose; its residual, or the share of its way up to which there is an equilibrium, and its energy.
 fn add_row(table: &mut Table, pose: &str, at: &EquilibriumResult, figures: [&str; 2], took: &str) {
-    let least = format!("{:.3}", at.least_det.0);
+    let det = format!("{:.3}", at.least_det.0);
     let (steps, factorizations) = (at.counts.steps.to_string(), at.counts.factorizations.to_string());
-    table.row(&[pose, &steps, &factorizations, figures[0], &least, figures[1], took]);
+    let least = at.stability.least.as_ref().map_or_else(String::new, |(least, _)| percent(*least));
+    // A last state before the end of its way is no result.
+    let branch = if figures[1].is_empty() { "" } else { at.stability.branch.name() };
+    table.row(&[pose, &steps, &factorizations, figures[0], &det, figures[1], branch, &least, took]);
+}
+
+/// Adds a pose for which nothing was solved.
+fn add_none(table: &mut Table, pose: &str) {
+    table.row(&[pose, "0", "0", "none", "", "", "", "", ""]);
+}
+
+/// How the body came to the branch that is shown.
+fn beyond(branch: Branch, critical: &CriticalPose) -> String {
+    let other = match branch {
+        Branch::Snapped => "what is shown is the next stable state on its curve",
+        _ => "what is shown is one stable state beyond; it may buckle to the other side as well",
+    };
+    format!("{critical}; {other}")
 }
 
 fn inverted(statics: &Statics, found: &EquilibriumResult) -> String {

@@ -1,7 +1,10 @@
-//! faer's own sparse Cholesky factorization, in the order of METIS: the reference for [`CHOLESKY`].
+//! faer's own sparse Cholesky factorization, in the order of METIS: the reference for [`CHOLESKY`], and the factor of matrices that are
+//! not positive definite.
 //!
 //! In: A with one column for each unknown. Out: its supernodal factor, whose dense kernels take all threads, and solves of a
-//! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept.
+//! block of columns on each thread. The bits of the factor depend on the number of threads; no part of it can be kept. Beyond a
+//! critical state A = L D Lᵀ, without pivoting: as many pivots of D are negative as eigenvalues of A (Sylvester's law of inertia), and
+//! the residual of each solve is refined or refused as that of every other.
 
 use super::analysis::{nested_dissection, ordering_memory, seconds_of};
 use super::cholesky::CHOLESKY;
@@ -14,11 +17,12 @@ use crate::base::machine;
 use crate::base::progress::Progress;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
@@ -39,7 +43,7 @@ pub const FAER: Method = Method {
 };
 
 /// All matrices of one graph.
-struct Direct {
+pub(super) struct Direct {
     symbolic: SymbolicCholesky<usize>,
     /// The lower triangle of A, column after column.
     starts: Vec<usize>,
@@ -75,7 +79,7 @@ fn lower_values(a: &StiffnessMatrix) -> Vec<f64> {
 }
 
 impl Direct {
-    fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Direct, SolveError> {
+    pub(super) fn new(a: &StiffnessMatrix, progress: &dyn Progress) -> Result<Direct, SolveError> {
         let n = 3 * a.nodes();
         machine::expect("ordering the unknowns and finding the factor's pattern", ordering_memory(a))
             .map_err(SolveError::FactorMemory)?;
@@ -102,6 +106,32 @@ impl Direct {
 
     fn making(&self) -> StackReq {
         self.symbolic.factorize_numeric_llt_scratch::<f64>(parallel(), Default::default())
+    }
+
+    /// L D Lᵀ of a matrix that need not be positive definite; errors where a pivot is zero.
+    pub(super) fn factor_signed<'a>(&'a self, a: &'a StiffnessMatrix) -> Result<Supernodal<'a>, SolveError> {
+        self.fits(a, 1)?;
+        let started = Instant::now();
+        let n = 3 * a.nodes();
+        let pattern = SymbolicSparseColMatRef::new_checked(n, n, &self.starts, None, &self.rows);
+        let of_a = lower_values(a);
+        let mut values = vec![0.0; self.symbolic.len_val()];
+        let need = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(parallel(), Default::default());
+        let made = self.symbolic.factorize_numeric_ldlt(
+            &mut values,
+            SparseColMatRef::new(pattern, &of_a),
+            Side::Lower,
+            LdltRegularization::default(),
+            parallel(),
+            MemStack::new(&mut memory(need)?),
+            Default::default(),
+        );
+        made.map(drop).map_err(|error| {
+            let faer::linalg::cholesky::ldlt::factor::LdltError::ZeroPivot { index } = error;
+            SolveError::NotPositiveDefinite { unknowns: n, pivot: index }
+        })?;
+        let factor_s = started.elapsed().as_secs_f64();
+        Ok(Supernodal { a, of: self, values, is_signed: true, factor_s })
     }
 }
 
@@ -162,32 +192,61 @@ impl LinearSolver for Direct {
             let faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index } = error;
             SolveError::NotPositiveDefinite { unknowns: n, pivot: index }
         })?;
-        Ok(Box::new(Supernodal { a, of: self, values, factor_s: started.elapsed().as_secs_f64() }))
+        let factor_s = started.elapsed().as_secs_f64();
+        Ok(Box::new(Supernodal { a, of: self, values, is_signed: false, factor_s }))
     }
 }
 
 /// A with its factor.
-struct Supernodal<'a> {
+pub(super) struct Supernodal<'a> {
     a: &'a StiffnessMatrix,
     of: &'a Direct,
     values: Vec<f64>,
+    /// L D Lᵀ, with D on the diagonal, and not L Lᵀ.
+    is_signed: bool,
     factor_s: f64,
 }
 
 impl Supernodal<'_> {
+    /// Number of negative eigenvalues of A: of negative pivots.
+    pub(super) fn negative(&self) -> usize {
+        let SymbolicCholeskyRaw::Supernodal(supernodes) = self.of.symbolic.raw() else { return 0 };
+        let pivots = |s: usize| {
+            let own = supernodes.supernode_end()[s] - supernodes.supernode_begin()[s];
+            let rows = own + supernodes.supernode(s).pattern().len();
+            let first = supernodes.col_ptr_for_val()[s];
+            (0..own).filter(move |column| self.values[first + column * (rows + 1)] < 0.0).count()
+        };
+        (0..supernodes.n_supernodes()).map(pivots).sum()
+    }
+
     /// A⁻¹ b, a block of columns on each thread: faer's own parallel solve of many columns takes longer than one thread.
     fn substitute(&self, b: &NodeFields) -> Result<NodeFields, SolveError> {
         let (n, width) = (3 * b.nodes, block_width(b.columns));
-        let llt = LltRef::new(&self.of.symbolic, &self.values);
+        let symbolic = &self.of.symbolic;
         let blocks = (0..b.columns).into_par_iter().step_by(width).map(|first| {
             let columns = width.min(b.columns - first);
             let mut x: Vec<f64> = (first..first + columns)
                 .flat_map(|c| b.data.iter().skip(c).step_by(b.columns))
                 .copied()
                 .collect();
-            let mut scratch = memory(self.of.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq))?;
+            let mut scratch = memory(symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq))?;
             let block = MatMut::from_column_major_slice_mut(&mut x, n, columns);
-            llt.solve_in_place_with_conj(Conj::No, block, Par::Seq, MemStack::new(&mut scratch));
+            let stack = MemStack::new(&mut scratch);
+            match self.is_signed {
+                true => LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(
+                    Conj::No,
+                    block,
+                    Par::Seq,
+                    stack,
+                ),
+                false => LltRef::new(symbolic, &self.values).solve_in_place_with_conj(
+                    Conj::No,
+                    block,
+                    Par::Seq,
+                    stack,
+                ),
+            }
             Ok(x)
         });
         let all = blocks.collect::<Result<Vec<Vec<f64>>, SolveError>>()?.concat();

@@ -5,11 +5,13 @@
 //! in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them; all stand
 //! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`minimise`](minimise()) leads any energy to its
 //! least. [`Newton`] finds static equilibrium at large
-//! strain, with a factor for each of its iterations, and [`Stability`] describes how it is lost; [`Settler`] keeps a body in
-//! equilibrium that moves, with one factor for many steps.
+//! strain, with a factor for each of its iterations, and leads on beyond the critical states that [`Stability`] describes; [`Settler`]
+//! keeps a body in equilibrium that moves, with one factor for many steps.
 
 mod analysis;
+mod arc;
 mod auto;
+mod branch;
 mod cholesky;
 mod condition;
 mod conjugate_gradients;
@@ -27,6 +29,7 @@ mod multifrontal;
 mod multigrid;
 mod newton;
 mod pcg;
+mod pushed;
 mod refinement;
 mod residual;
 mod settle;
@@ -39,12 +42,15 @@ mod supernodes;
 
 pub use crate::base::progress::{Progress, Silent};
 pub use analysis::{Ordering, nested_dissection};
+pub use arc::ArcPoint;
 pub use auto::AUTO;
+pub use branch::{Followed, NewtonError, Passed};
 pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
 pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
 pub use minimise::{Minimum, Setback, minimise};
-pub use newton::{Counts, Equilibrium, LAST_STEP, Loads, Newton, NewtonError};
+pub use newton::{Counts, Equilibrium, LAST_STEP, Loads, Newton, Path, Point, WarmBody};
+pub use pushed::Pushed;
 pub use residual::residuals;
 pub use settle::{OldFactor, Settled, Settler, TOLERANCE, Unsettled};
 pub use solver::{

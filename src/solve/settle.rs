@@ -155,7 +155,7 @@ impl Settler<'_> {
     }
 
     /// f less the loads.
-    fn net_forces(&self, gradients: &[Matrix3<f64>]) -> NodeFields {
+    pub(super) fn net_forces(&self, gradients: &[Matrix3<f64>]) -> NodeFields {
         let forces = self.body.forces(gradients);
         match self.loads {
             Some(loads) => sum(&forces, -1.0, loads),

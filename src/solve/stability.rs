@@ -1,21 +1,20 @@
 //! Measures how near an equilibrium is to losing its stability: the least eigenvalues of its tangent stiffness.
 //!
-//! In: A at the free nodes, positive definite, and its factor. Out: the least eigenvalues λ of A φ = λ φ with their modes
-//! φ, by subspace iteration (Bathe, Finite Element Procedures, section 11.6): X ← A⁻¹ X, then the Ritz vectors of A on it.
+//! In: A, and its inverse applied to a block of columns. Out: the eigenvalues λ of A φ = λ φ that are nearest to zero with their
+//! modes φ, by subspace iteration (Bathe, Finite Element Procedures, section 11.6): X ← A⁻¹ X, then the Ritz vectors of A on it.
 //! Where an equilibrium becomes critical, λ falls to zero: linearly along the way where the body buckles to either side
 //! (a bifurcation), as a square root where it snaps (a limit point) (Wriggers, Nonlinear Finite Element Methods, section
 //! 7.1).
 
 use super::error::SolveError;
-use super::solver::Factor;
-use crate::base::progress::Silent;
-use crate::fem::{NodeFields, StiffnessMatrix};
+use crate::fem::NodeFields;
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Vectors that are iterated together, so that a mode that has a twin is found as fast as one that has none.
 const BLOCK: usize = 4;
-/// The iteration ends where the least eigenvalue changes by no more than this part.
-const TOLERANCE: f64 = 1e-8;
+/// Change of the least eigenvalue, as a part, at which it is found: beside a critical state, and of any equilibrium.
+pub(super) const EXACT: f64 = 1e-8;
+pub(super) const ROUGH: f64 = 1e-3;
 /// The iteration ends at the latest after this number of solves.
 const MOST: usize = 60;
 /// Eigenvalues up to this many times the least belong to one mode and its twins.
@@ -26,8 +25,12 @@ const TWIN: f64 = 1.2;
 pub struct Stability {
     /// The least eigenvalue of the tangent stiffness at the free nodes, in parts of that at rest.
     pub least: f64,
+    /// That eigenvalue at rest, N/m.
+    pub at_rest: f64,
     /// The share of the way at which it extrapolates to zero; `None` where it does not fall.
     pub zero_at: Option<f64>,
+    /// Whether it is the stiffness of the mode that is lost, and not the solver at its end.
+    pub is_critical: bool,
     /// The eigenvector of the least eigenvalue, of length 1, over all nodes.
     pub mode: NodeFields,
     /// Modes that lose their stiffness together, this one counted.
@@ -44,35 +47,38 @@ impl Stability {
     }
 }
 
-/// The least eigenvalues of A, N/m, ascending, and the mode of the first over A's nodes, of length 1.
+/// A matrix applied to a block of columns.
+type Multiply<'a> = &'a dyn Fn(&DMatrix<f64>) -> DMatrix<f64>;
+/// Its inverse applied to one.
+type Solve<'a> = &'a dyn Fn(&DMatrix<f64>) -> Result<DMatrix<f64>, SolveError>;
+
+/// The eigenvalues of a symmetric matrix with `rows` rows that are nearest to zero, ascending, and the mode of the first, of length 1. The
+/// iteration ends where the first changes by no more than the part `tolerance`.
 pub(super) fn least_modes(
-    a: &StiffnessMatrix,
-    factor: &dyn Factor,
-) -> Result<(Vec<f64>, NodeFields), SolveError> {
-    let (rows, columns) = (3 * a.nodes(), BLOCK.min(3 * a.nodes()));
-    let mut x = NodeFields { nodes: a.nodes(), columns, data: scattered(rows * columns) };
+    rows: usize,
+    tolerance: f64,
+    solve: Solve<'_>,
+    multiply: Multiply<'_>,
+) -> Result<(Vec<f64>, DMatrix<f64>), SolveError> {
+    let columns = BLOCK.min(rows);
+    let mut x = DMatrix::from_row_slice(rows, columns, &scattered(rows * columns));
     let mut least = f64::INFINITY;
     let mut values = Vec::new();
     for _ in 0..MOST {
-        let (y, _) = factor.solve(&x, &Silent)?;
-        let q = DMatrix::from_row_slice(rows, columns, &y.data).qr().q();
-        let orthonormal = NodeFields { data: q.transpose().as_slice().to_vec(), ..y };
-        let mut product = NodeFields::zeros(a.nodes(), columns);
-        a.multiply(&orthonormal, &mut product);
-        let small = q.transpose() * DMatrix::from_row_slice(rows, columns, &product.data);
+        let q = solve(&x)?.qr().q();
+        let small = q.transpose() * multiply(&q);
         let ritz = SymmetricEigen::new((&small + small.transpose()) * 0.5);
         let mut order: Vec<usize> = (0..columns).collect();
         order.sort_by(|&i, &j| ritz.eigenvalues[i].total_cmp(&ritz.eigenvalues[j]));
         values = order.iter().map(|&i| ritz.eigenvalues[i]).collect();
-        let vectors = q * DMatrix::from_fn(columns, columns, |i, j| ritz.eigenvectors[(i, order[j])]);
-        x.data = vectors.transpose().as_slice().to_vec();
-        if (least - values[0]).abs() <= TOLERANCE * values[0].abs() {
+        x = q * DMatrix::from_fn(columns, columns, |i, j| ritz.eigenvectors[(i, order[j])]);
+        if (least - values[0]).abs() <= tolerance * values[0].abs() {
             break;
         }
         least = values[0];
     }
-    let mode = x.data.iter().step_by(columns.max(1)).copied().collect();
-    Ok((values, NodeFields { nodes: a.nodes(), columns: 1, data: mode }))
+    let mode = if columns == 0 { DMatrix::zeros(rows, 1) } else { x.columns(0, 1).into_owned() };
+    Ok((values, mode))
 }
 
 /// Number of eigenvalues that fall together with the least.

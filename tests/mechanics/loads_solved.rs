@@ -140,3 +140,34 @@ fn warmth_is_no_stress_in_a_free_body_and_e_alpha_t_in_a_clamped_one() {
         assert!((von_mises / (1e6 * strain) - 1.0).abs() < 0.02, "{von_mises}");
     }
 }
+
+/// A clamped bar that is warmed or cooled by 5 % of its length at once is where ten small steps bring it.
+#[test]
+fn a_bar_warmed_at_once_is_where_small_steps_bring_it() {
+    for element in ["tet4", "tet10"] {
+        for e in [-0.05, 0.05] {
+            let solved = |steps: usize| {
+                let keys = "thermal = { expansion = 1e-4, difference = 50 }";
+                let mut statics = statics(keys, element, &["xmin", "xmax"]);
+                let rest = vec![ControlPose::REST; 2];
+                let mut found = None;
+                for step in 1..=steps {
+                    statics.apply(&acting(&[e * step as f64 / steps as f64])).unwrap();
+                    found = Some(match statics.held().cloned() {
+                        Some(before) => statics.solve_after("before", &before, &rest, &Silent).unwrap(),
+                        None => statics.solve(&rest, &Silent).unwrap(),
+                    });
+                }
+                found.unwrap()
+            };
+            let (once, steps) = (solved(1), solved(10));
+            println!("{element} {e}: {:?}, {} N", once.counts, once.wrenches[1].force.x);
+            let apart = once.displacement.iter().zip(&steps.displacement).map(|(a, b)| (a - b).norm());
+            assert!(apart.fold(0.0, f64::max) < 1e-8, "{element} {e}");
+            let force = once.wrenches[1].force.x;
+            assert!((force - steps.wrenches[1].force.x).abs() < 1e-6 * force.abs(), "{element} {e}: {force}");
+            // E e on 0.04 m², less what the Green strain has of second order.
+            assert!((force / (-1e6 * e * 0.04) - 1.0).abs() < 0.2, "{element} {e}: {force}");
+        }
+    }
+}

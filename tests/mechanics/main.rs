@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod background;
+mod branches;
 #[path = "../common/mod.rs"]
 mod common;
 mod compliance_file;

@@ -14,12 +14,11 @@ use crate::solve::Stability;
 use nalgebra::{Matrix3, Vector3};
 use std::fmt;
 
-/// A least eigenvalue below this part of that at rest is on its way to zero.
-const CRITICAL: f64 = 0.2;
-
 /// The pose in which a path through static equilibria ends, and the mode in which the body gives way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CriticalPose {
+    /// Share of the way at which it stands.
+    pub share: f64,
     /// Poses of the control elements there, in words.
     pub pose: String,
     /// The largest angle by which two control elements have turned against each other there, rad.
@@ -30,6 +29,8 @@ pub struct CriticalPose {
     pub zero_at: Option<(f64, f64)>,
     /// The path itself drives the mode; otherwise the body buckles to either side of it.
     pub snaps: bool,
+    /// Whether the stiffness of the mode is lost, and not the solver at its end.
+    pub is_critical: bool,
     /// Modes that lose their stiffness together.
     pub modes: usize,
     pub shape: ModeShape,
@@ -49,16 +50,9 @@ pub struct ModeShape {
     pub spread: f64,
 }
 
-impl CriticalPose {
-    /// Whether the stiffness of the mode is lost, and not the solver at its end.
-    pub fn is_critical(&self) -> bool {
-        self.least < CRITICAL && self.zero_at.is_some()
-    }
-}
-
 impl fmt::Display for CriticalPose {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let how = match (self.is_critical(), self.snaps) {
+        let how = match (self.is_critical, self.snaps) {
             (true, true) => "the body snaps out of its way",
             (true, false) => "the body buckles",
             (false, _) => "the solver ends",
@@ -136,8 +130,9 @@ impl Ways<'_> {
         let place = |e: usize| self.ways[e].pose(share).translation;
         let moved = |e: usize| (place(e) - place(0)).norm();
         let told = (1..self.ways.len()).max_by(|&a, &b| moved(a).total_cmp(&moved(b)));
+        let told = told.filter(|e| moved(*e) > 0.0);
         let told = told.map(|e| format!("{} moved by {:.4} m against {}", name(e), moved(e), name(0)));
-        (told.unwrap_or_else(|| "its only control element".into()), 0.0)
+        (told.unwrap_or_else(|| format!("{:.1} % of its loads", 100.0 * share)), 0.0)
     }
 
     /// The critical pose if the way ends at `share`.
@@ -151,11 +146,13 @@ impl Ways<'_> {
         let (pose, turn) = self.pose(share);
         let zero = |at: f64| (at, self.farthest(at).map_or(0.0, |(_, _, angle)| angle));
         CriticalPose {
+            share,
             pose,
             turn,
             least: stability.least,
             zero_at: stability.zero_at.map(zero),
             snaps: stability.snaps(),
+            is_critical: stability.is_critical,
             modes: stability.modes,
             shape: shape(&stability.mode.data, mesh, strained, axis(self.controls)),
         }

@@ -48,7 +48,7 @@ const LEAST_PART: f64 = 1.0 / 128.0;
 const LOOSE: f64 = 1e-9;
 
 /// "1st", "2nd", "3rd", "4th" …
-fn ordinal(n: usize) -> String {
+pub(super) fn ordinal(n: usize) -> String {
     let end = match (n % 10, n % 100) {
         (_, 11..=13) => "th",
         (1, _) => "st",

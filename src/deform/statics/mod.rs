@@ -10,6 +10,7 @@ pub mod critical;
 pub mod equilibria;
 pub mod freedom;
 mod held_volume;
+mod pushed;
 
 use super::loads::applied::StaticForces;
 use super::loads::lumped::NodalLoads;
@@ -18,17 +19,21 @@ use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::screw::{Screw, Way, part_of};
 use super::pose::se3::long_turn;
-use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition};
+use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition, nearest_turn};
 use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
-    Counts, Equilibrium, LAST_STEP, LinearSolver, Loads, Newton, NewtonError, Progress, Setback, SolveError,
-    Stability,
+    Counts, Equilibrium, Followed, LAST_STEP, LinearSolver, Loads, Newton, NewtonError, Passed, Path, Point,
+    Progress, Pushed, Setback, Silent, SolveError, Stability, WarmBody,
 };
 use critical::{CriticalPose, Ways};
+use freedom::{COMPONENTS, Freedom, ordinal};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use pushed::{PushedControls, prescribe};
+use std::cell::RefCell;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
@@ -52,6 +57,13 @@ const TURN: f64 = std::f64::consts::PI / 6.0;
 /// Largest stretch of a control element in one load step, and largest motion against another, in parts of the body's size.
 const STRETCH: f64 = 0.25;
 const MOST_STEPS: usize = 256;
+/// Ratio of the least to the largest stiffness below which nothing holds a free control element.
+const LOOSE: f64 = 1e-9;
+/// Times that loads which follow a free control element are turned after it, and the part of a force that counts as none.
+const MOST_TURNED: usize = 30;
+const SAME_FORCES: f64 = 1e-9;
+/// Steps in which the turn of a free control element is followed.
+const TURNED_STEPS: usize = 12;
 
 /// A body ready to be held in any pose.
 pub struct Statics {
@@ -59,18 +71,22 @@ pub struct Statics {
     pub controls: Vec<ControlElement>,
     /// Findings of the check before it that are shown.
     pub notices: Vec<String>,
-    body: Hyperelastic,
+    body: Arc<Hyperelastic>,
     element: &'static Element,
     lame: Vec<Lame>,
     loads: NodalLoads,
     acting: StaticForces,
+    /// What is free of each control element, and pushed; empty if nothing is.
+    freedom: Vec<Freedom>,
     /// Factor by which warmth lengthens the body where it is free.
     stretch: f64,
     size: f64,
     partition: Partition,
     solver: Option<Box<dyn LinearSolver>>,
+    /// The least eigenvalue of the tangent at rest, N/m, of what is free now.
+    at_rest: Option<f64>,
     /// The last pose that was solved from rest or from another such, each control element by its shorter turn.
-    last: Option<(Vec<Screw>, HeldBody)>,
+    last: Option<HeldBody>,
     /// The last pose that was solved.
     held: Option<HeldBody>,
 }
@@ -85,11 +101,60 @@ pub struct HeldBody {
     /// Forces on the nodes, N, and stretch by warmth, in this equilibrium.
     forces: NodeFields,
     stretch: f64,
+    /// The wrench on every control element, about its place.
+    wrenches: Vec<Wrench>,
+    branch: Branch,
+}
+
+/// The branch of an equilibrium.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branch {
+    /// Connected with the start by stable equilibria.
+    Stable,
+    /// Stable, reached around a limit point, through unstable states.
+    Snapped,
+    /// Stable, reached by leaving a critical state along its mode.
+    Buckled,
+    Unstable,
+}
+
+impl Branch {
+    pub fn name(self) -> &'static str {
+        match self {
+            Branch::Stable => "stable",
+            Branch::Snapped => "snapped",
+            Branch::Buckled => "buckled",
+            Branch::Unstable => "unstable",
+        }
+    }
+
+    /// The branch behind a critical state.
+    fn beyond(self, passed: &Passed) -> Branch {
+        if passed.is_left || self == Branch::Buckled { Branch::Buckled } else { Branch::Snapped }
+    }
+}
+
+/// An eigenvalue in parts of the least at rest, and its mode, displacements of all nodes.
+pub type LeastMode = (f64, Vec<Vector3<f64>>);
+
+/// The stability of a body's equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TangentState {
+    pub branch: Branch,
+    /// Number of negative eigenvalues of the tangent stiffness.
+    pub negative: usize,
+    /// Its least eigenvalue with the mode of length 1; `None` where nothing is free to move, and on a curve by arc length.
+    pub least: Option<LeastMode>,
+    /// The critical poses behind it.
+    pub passed: Vec<CriticalPose>,
 }
 
 /// A body held in a pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EquilibriumResult {
+    /// The poses of the control elements, those that were found too.
+    pub poses: ControlPoses,
+    pub stability: TangentState,
     /// Displacement of every node of the mesh, m.
     pub displacement: Vec<Vector3<f64>>,
     /// Wrench on every control element, about where its origin rested, with the lever arms of the deformed body.
@@ -118,6 +183,12 @@ pub enum StaticsError {
     Green(#[from] GreenError),
     #[error(transparent)]
     Solve(#[from] SolveError),
+    #[error(
+        "nothing holds it there: the {} of the scene can move in {component} without a force. Take that out of its free \
+         directions, or hold another",
+        ordinal(*element + 1)
+    )]
+    Loose { element: usize, component: &'static str },
     #[error(
         "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}. {}",
         100.0 * share, explain(*why, critical), remedy(*why, critical, law, settled.least_det.0)
@@ -166,13 +237,13 @@ const PRESSED: f64 = 0.8;
 
 fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
     match critical {
-        Some(critical) if critical.is_critical() && least_det > PRESSED => {
+        Some(critical) if critical.is_critical && least_det > PRESSED => {
             "Turn or shear less, thicken the wall, or lead the body round this pose (`after`)"
         }
         None if why == Setback::Slow => {
             "Look for slivers and large contrasts of stiffness (`greenstage check`)"
         }
-        Some(critical) if why == Setback::Slow && !critical.is_critical() => {
+        Some(critical) if why == Setback::Slow && !critical.is_critical => {
             "Look for slivers and large contrasts of stiffness (`greenstage check`)"
         }
         _ => law.remedy,
@@ -216,13 +287,15 @@ impl Statics {
             lame,
             loads,
             acting: StaticForces::default(),
+            freedom: Vec::new(),
             stretch: 1.0,
             notices: findings.iter().filter(|finding| finding.is_shown()).map(|f| f.to_string()).collect(),
             size: (high - low).norm(),
             solver: None,
+            at_rest: None,
             last: None,
             held: None,
-            body,
+            body: Arc::new(body),
             partition,
             controls,
             mesh,
@@ -247,11 +320,21 @@ impl Statics {
             let law = self.body.law;
             let warm = Hyperelastic::stretched(self.element, law, &self.mesh, &self.lame, stretch);
             let body = format!("warmed to {stretch} of its length");
-            self.body = warm.map_err(|source| GreenError::Assembly { body, source })?;
+            self.body = Arc::new(warm.map_err(|source| GreenError::Assembly { body, source })?);
             self.stretch = stretch;
         }
         self.acting.clone_from(acting);
         Ok(())
+    }
+
+    /// Sets which directions of each control element are free, and what pushes along them; without a call none is. Their poses are
+    /// found: shifts along free directions and turns about them come on top of those of a pose.
+    pub fn push(&mut self, freedom: &[Freedom]) {
+        let is_any = freedom.iter().any(Freedom::is_any);
+        let freedom = if is_any { freedom } else { &[] };
+        if self.freedom != freedom {
+            (self.freedom, self.at_rest) = (freedom.to_vec(), None);
+        }
     }
 
     /// Holds the body in `poses`, one for each control element in the scene's order.
@@ -265,20 +348,24 @@ impl Statics {
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
         let (shift, poses) = unshifted(poses);
-        let target: Vec<Screw> = poses.iter().map(Screw::from_pose).collect();
-        let ways = |from: &[Screw]| -> Vec<Way> {
-            from.iter().zip(&target).map(|(from, to)| Way::between(*from, *to)).collect()
+        let screws = |poses: &[ControlPose]| -> Vec<Screw> { poses.iter().map(Screw::from_pose).collect() };
+        let ways = |start: &HeldBody| -> (Vec<Way>, ControlPoses) {
+            let target = self.aim(&start.poses, &poses);
+            let both = screws(&start.poses).into_iter().zip(screws(&target));
+            (both.map(|(from, to)| Way::between(from, to)).collect(), target)
         };
-        let from_rest = ways(&vec![Screw::default(); poses.len()]);
-        let last = self.last.take().map(|(screws, held)| (ways(&screws), held));
-        let (from, ways, start) = match last {
-            Some((ways, held)) if load_steps(&ways, self.size) < load_steps(&from_rest, self.size) => {
-                ("the last pose", ways, held)
+        let rest = self.at_rest();
+        let (from_rest, target) = ways(&rest);
+        let last = self.last.clone().map(|held| (ways(&held), held));
+        let (from, (ways, target), start) = match last {
+            Some((own, held)) if load_steps(&own.0, self.size) < load_steps(&from_rest, self.size) => {
+                ("the last pose", own, held)
             }
-            _ => ("rest", from_rest, self.at_rest()),
+            _ => ("rest", (from_rest, target), rest),
         };
-        let settled = self.go(from, &ways, start, poses, shift, progress)?;
-        self.last = self.held.clone().map(|held| (target, held));
+        self.last = None;
+        let settled = self.go(from, &ways, start, target, shift, progress)?;
+        self.last = self.held.clone();
         Ok(settled)
     }
 
@@ -292,6 +379,7 @@ impl Statics {
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
         let (shift, poses) = unshifted(poses);
+        let poses = self.aim(&before.poses, &poses);
         let ways: Vec<Way> =
             before.poses.iter().zip(&poses).map(|(from, to)| Way::onwards(from, to)).collect();
         self.go(&format!("pose \"{name}\""), &ways, before.clone(), poses, shift, progress)
@@ -332,38 +420,73 @@ impl Statics {
         poses: &ControlPoses,
     ) -> Result<Option<EquilibriumResult>, StaticsError> {
         let (shift, held) = unshifted(poses);
+        let rest = self.at_rest();
         let ways: Vec<Way> =
             held.iter().map(|pose| Way::between(Screw::default(), Screw::from_pose(pose))).collect();
-        let rest = self.at_rest();
-        let turns = Ways { controls: &self.controls, ways: &ways, before: &rest.turns, steps: 1 }.turns(1.0);
-        let forces = self.forces(&held, &turns);
+        let way = self.way(&ways, &rest, &held);
         let data = guess.iter().flat_map(|u| <[f64; 3]>::from(u - shift)).collect();
         let mut start = NodeFields { nodes: guess.len(), columns: 1, data };
         for (control, pose) in self.controls.iter().zip(&held) {
-            self.prescribe(control, pose, &mut start);
+            prescribe(control, &self.mesh, pose, &mut start);
         }
-        let at_the_end = |_: f64| forces.clone();
-        let is_loaded = self.stretch != 1.0 || forces.data.iter().any(|force| *force != 0.0);
-        let newton = Newton {
-            body: &self.body,
-            partition: &self.partition,
-            solver: self.solver.as_deref(),
-            loads: is_loaded.then_some(Loads { forces: &at_the_end, stretch_before: self.stretch }),
-            last_step: LAST_STEP,
+        // The guess is as warm as the end of the way.
+        let near = way.lead(|newton, _, _| {
+            let loads = newton.loads.map(|loads| Loads { warm: None, pushed: None, ..loads });
+            let newton = Newton { loads, ..*newton };
+            let Some(found) = newton.settle_near(start)? else { return Ok(None) };
+            let point = Point { u: found.u.clone(), q: found.q.clone() };
+            Ok(Some((newton.least_mode(&point, 1.0)?, found)))
+        });
+        let Some((mode, found)) = near.map_err(|error: SolveError| StaticsError::from(error))? else {
+            return Ok(None);
         };
-        let Some(equilibrium) = newton.settle_near(start)? else { return Ok(None) };
-        let settled = self.settled(&equilibrium, &forces, &shift);
+        let turns = way.told.turns(1.0);
+        let mut settled = self.settled(&found, &way.forces_at(1.0), &shift, held.clone());
         if !settled.inverted.is_empty() {
             return Ok(None);
         }
+        let held = way.held(&found, held.clone(), turns, Branch::Stable);
+        settled.stability.least = self.least(mode)?;
         self.last = None;
-        self.held = Some(HeldBody { poses: held, turns, u: equilibrium.u, forces, stretch: self.stretch });
+        self.held = Some(held);
         Ok(Some(settled))
     }
 
     /// The last pose that was solved, for others to go on from; none after one without an equilibrium.
     pub fn held(&self) -> Option<&HeldBody> {
         self.held.as_ref()
+    }
+
+    /// Follows the curve of equilibria from rest towards `poses` and the loads, through limit points and stable and unstable states, by arc
+    /// length: at first by about the share `first` of the way, and by steps in which no node moves by more than `longest`, m. `visit` gets the share and the equilibrium, and returns whether to go
+    /// on; the state at share 1 is one of them, and the curve goes on beyond. Ends where no step leads on.
+    pub fn trace(
+        &mut self,
+        poses: &ControlPoses,
+        (first, longest): (f64, f64),
+        visit: &mut dyn FnMut(f64, &EquilibriumResult) -> bool,
+    ) -> Result<(), StaticsError> {
+        let (shift, poses) = unshifted(poses);
+        let rest = self.at_rest();
+        let target = self.aim(&rest.poses, &poses);
+        let ways: Vec<Way> =
+            target.iter().map(|pose| Way::between(Screw::default(), Screw::from_pose(pose))).collect();
+        let way = self.way(&ways, &rest, &target);
+        let traced: Result<(), SolveError> = way.lead(|newton, path, pushed| {
+            let point = Point { u: rest.u.clone(), q: vec![0.0; pushed.count()] };
+            let mut counts = Counts::default();
+            newton.trace((point, 0.0), (first, longest), path, &mut counts, &mut |at| {
+                let found = newton.judge(at.point.clone(), at.share, Counts::default())?;
+                let poses = pushed.moved(at.share, &found.q);
+                let mut settled = self.settled(&found, &way.forces_at(at.share), &(shift * at.share), poses);
+                settled.stability.negative = at.negative;
+                if at.negative > 0 {
+                    settled.stability.branch = Branch::Unstable;
+                }
+                Ok(visit(at.share, &settled))
+            })
+        });
+        Ok(traced?)
     }
 
     fn at_rest(&self) -> HeldBody {
@@ -373,7 +496,33 @@ impl Statics {
             u: NodeFields::zeros(self.mesh.nodes.len(), 1),
             forces: NodeFields::zeros(self.mesh.nodes.len(), 1),
             stretch: 1.0,
+            wrenches: vec![NO_WRENCH; self.controls.len()],
+            branch: Branch::Stable,
         }
+    }
+
+    /// The poses to go to from others: free shifts, and turns that are free altogether, stay as they are on the way.
+    fn aim(&self, from: &[ControlPose], to: &[ControlPose]) -> ControlPoses {
+        let aim = |(e, to): (usize, &ControlPose)| {
+            let (mut pose, Some(freedom)) = (*to, self.freedom.get(e)) else { return *to };
+            for k in (0..3).filter(|&k| freedom.free[k]) {
+                pose.translation[k] = from[e].translation[k];
+            }
+            if freedom.free[3..] == [true; 3] {
+                let turn = |pose: &ControlPose| nearest_turn(&pose.matrix).to_rotation_matrix();
+                pose.matrix = turn(&from[e]) * turn(to).inverse() * pose.matrix;
+            }
+            pose
+        };
+        to.iter().enumerate().map(aim).collect()
+    }
+
+    /// The way from `start` to `poses`.
+    fn way<'a>(&'a self, ways: &'a [Way], start: &'a HeldBody, poses: &'a ControlPoses) -> BodyWay<'a> {
+        let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
+        let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
+        let forces = self.forces(poses, &told.turns(1.0));
+        BodyWay { statics: self, start, poses, told, steps, forces }
     }
 
     /// Forces of the loads on the nodes in `poses`, which the control elements have reached by `turns`.
@@ -388,7 +537,36 @@ impl Statics {
         self.loads.forces(&self.acting, self.mesh.nodes.len(), &controls, poses, &turns)
     }
 
-    /// Goes `ways` from the equilibrium `start`, called `from`, to `poses`.
+    /// A least eigenvalue in parts of that at rest, with its mode.
+    fn least(&mut self, found: Option<(f64, NodeFields)>) -> Result<Option<LeastMode>, StaticsError> {
+        let Some((value, mode)) = found else { return Ok(None) };
+        let at_rest = match self.at_rest {
+            Some(at_rest) => at_rest,
+            None => {
+                let rest = self.at_rest();
+                let ways: Vec<Way> =
+                    rest.poses.iter().map(|_| Way::between(Screw::default(), Screw::default())).collect();
+                let found = self.way(&ways, &rest, &rest.poses).lead(|newton, _, pushed| {
+                    let mut u = rest.u.clone();
+                    // The natural shape of a warm body.
+                    for (u, x) in u.data.chunks_exact_mut(3).zip(&self.mesh.nodes) {
+                        u.copy_from_slice((x * (self.stretch - 1.0)).as_slice());
+                    }
+                    let nothing = |_: f64| NodeFields::zeros(u.nodes, 1);
+                    let loads = newton.loads.map(|loads| Loads { forces: &nothing, ..loads });
+                    let point = Point { u: u.clone(), q: vec![0.0; pushed.count()] };
+                    Newton { loads, ..*newton }.least_mode(&point, 1.0)
+                })?;
+                found.map_or(value, |(least, _)| least)
+            }
+        };
+        self.at_rest = Some(at_rest);
+        let mode = mode.data.chunks_exact(3).map(Vector3::from_column_slice).collect();
+        Ok(Some((value / at_rest, mode)))
+    }
+
+    /// Goes `ways` from the equilibrium `start`, called `from`, to `poses`. Loads that follow what is pushed are turned until they
+    /// fit where it is found.
     fn go(
         &mut self,
         from: &str,
@@ -399,65 +577,68 @@ impl Statics {
         progress: &dyn Progress,
     ) -> Result<EquilibriumResult, StaticsError> {
         self.held = None;
-        let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
-        let path = |share: f64, u: &mut NodeFields| {
-            for (e, control) in self.controls.iter().enumerate() {
-                let pose = if share == 1.0 { poses[e] } else { ways[e].pose(share) };
-                self.prescribe(control, &pose, u);
+        let (mut settled, mut held) = self.go_once(from, ways, &start, &poses, &shift, progress)?;
+        let mut turned = 0;
+        while !self.freedom.is_empty() && turned < MOST_TURNED {
+            let forces = self.forces(&held.poses, &held.turns);
+            let apart = forces.data.iter().zip(&held.forces.data).map(|(a, b)| (a - b).abs());
+            let largest = forces.data.iter().map(|force| force.abs()).fold(0.0, f64::max);
+            if apart.fold(0.0, f64::max) <= SAME_FORCES * largest {
+                break;
             }
-        };
-        let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
-        let turns = told.turns(1.0);
-        let forces = self.forces(&poses, &turns);
-        let on_the_way = |share: f64| {
-            let both = start.forces.data.iter().zip(&forces.data);
-            NodeFields { data: both.map(|(from, to)| from + share * (to - from)).collect(), ..forces }
-        };
-        let acts = |forces: &NodeFields| forces.data.iter().any(|force| *force != 0.0);
-        let is_loaded = acts(&start.forces) || acts(&forces) || [start.stretch, self.stretch] != [1.0; 2];
-        let newton = Newton {
-            body: &self.body,
-            partition: &self.partition,
-            solver: self.solver.as_deref(),
-            loads: is_loaded.then_some(Loads { forces: &on_the_way, stretch_before: start.stretch }),
-            last_step: LAST_STEP,
-        };
-        match newton.follow(start.u.clone(), steps, &path, progress) {
-            Ok(equilibrium) => {
-                let settled = self.settled(&equilibrium, &forces, &shift);
-                self.held = Some(HeldBody { poses, turns, u: equilibrium.u, forces, stretch: self.stretch });
-                Ok(settled)
-            }
-            Err(NewtonError::Solve(error)) => Err(error.into()),
-            Err(NewtonError::Stopped { at, share, why, stability }) => {
-                let settled = Box::new(self.settled(&at, &on_the_way(share), &(shift * share)));
-                let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
-                let tets = self.mesh.tets.len();
-                let tell = |found: Box<Stability>| {
-                    told.critical(share, &found, &self.mesh, (&self.body.points, &at.gradients))
-                };
-                let critical = stability.map(tell).map(Box::new);
-                let from = from.to_owned();
-                Err(StaticsError::Stopped {
-                    settled,
-                    share,
-                    from,
-                    why,
-                    critical,
-                    law: self.body.law,
-                    tags,
-                    tets,
-                })
-            }
+            let stays: Vec<Way> = held.poses.iter().map(|pose| Way::onwards(pose, pose)).collect();
+            let poses = held.poses.clone();
+            (settled, held) = self.go_once("the same pose", &stays, &held, &poses, &shift, &Silent)?;
+            turned += 1;
         }
+        self.held = Some(held);
+        Ok(settled)
     }
 
-    /// u = T + (M - I)(X - o) on the element's nodes.
-    fn prescribe(&self, control: &ControlElement, pose: &ControlPose, u: &mut NodeFields) {
-        let gradient = pose.matrix - Matrix3::identity();
-        for &node in &control.nodes {
-            let moved = pose.translation + gradient * (self.mesh.nodes[node as usize] - control.origin);
-            u.data[3 * node as usize..][..3].copy_from_slice(moved.as_slice());
+    fn go_once(
+        &mut self,
+        from: &str,
+        ways: &[Way],
+        start: &HeldBody,
+        poses: &ControlPoses,
+        shift: &Vector3<f64>,
+        progress: &dyn Progress,
+    ) -> Result<(EquilibriumResult, HeldBody), StaticsError> {
+        let way = self.way(ways, start, poses);
+        let followed = way.lead(|newton, path, pushed| {
+            let begin = Point { u: start.u.clone(), q: vec![0.0; pushed.count()] };
+            let loose = newton.loosest(&begin, 0.0)?.filter(|(_, stiffness)| *stiffness <= LOOSE);
+            if let Some((element, k)) = loose.and_then(|(motion, _)| pushed.unknowns().nth(motion)) {
+                return Ok(Err((element, COMPONENTS[k])));
+            }
+            let followed = newton.follow(start.u.clone(), way.steps, path, progress)?;
+            let at = &followed.equilibrium;
+            let mode = newton.least_mode(&Point { u: at.u.clone(), q: at.q.clone() }, 1.0)?;
+            Ok(Ok((pushed.moved(1.0, &at.q), way.turned(pushed, &at.q), mode, followed)))
+        });
+        match followed {
+            Ok(Ok((poses, turns, mode, Followed { equilibrium, passed }))) => {
+                let critical: Vec<CriticalPose> = passed.iter().map(|passed| way.critical(passed)).collect();
+                let branch = passed.iter().fold(start.branch, Branch::beyond);
+                let mut settled = self.settled(&equilibrium, &way.forces, shift, poses.clone());
+                let held = way.held(&equilibrium, poses, turns, branch);
+                settled.stability = TangentState { branch, negative: 0, least: None, passed: critical };
+                settled.stability.least = self.least(mode)?;
+                Ok((settled, held))
+            }
+            Ok(Err((element, component))) => Err(StaticsError::Loose { element, component }),
+            Err(NewtonError::Solve(error)) => Err(error.into()),
+            Err(NewtonError::Stopped { at, share, why, stability }) => {
+                let settled = self.settled(&at, &way.forces_at(share), &(shift * share), poses.clone());
+                let settled = Box::new(settled);
+                let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
+                let tell = |found: Box<Stability>| {
+                    way.told.critical(share, &found, &self.mesh, (&self.body.points, &at.gradients))
+                };
+                let critical = stability.map(tell).map(Box::new);
+                let (law, tets, from) = (self.body.law, self.mesh.tets.len(), from.to_owned());
+                Err(StaticsError::Stopped { settled, share, from, why, critical, law, tags, tets })
+            }
         }
     }
 
@@ -467,6 +648,7 @@ impl Statics {
         equilibrium: &Equilibrium,
         forces: &NodeFields,
         shift: &Vector3<f64>,
+        poses: ControlPoses,
     ) -> EquilibriumResult {
         let at = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
         let displacement: Vec<_> = (0..self.mesh.nodes.len()).map(|node| at(&equilibrium.u, node)).collect();
@@ -487,7 +669,11 @@ impl Statics {
         let points = &self.body.points;
         let least = (0..dets.len()).min_by(|&a, &b| dets[a].total_cmp(&dets[b]));
         let is_inverted = |tet: &usize| points.points_of(*tet).any(|point| dets[point] <= 0.0);
+        let place = |pose: ControlPose| ControlPose { translation: pose.translation + shift, ..pose };
+        let stability = TangentState { branch: Branch::Stable, negative: 0, least: None, passed: Vec::new() };
         EquilibriumResult {
+            poses: poses.into_iter().map(place).collect(),
+            stability,
             wrenches: self.controls.iter().map(wrench).collect(),
             energy: equilibrium.energy - work,
             least_det: least.map_or((1.0, 0), |point| (dets[point], points.element_of(point))),
@@ -496,6 +682,130 @@ impl Statics {
             counts: equilibrium.counts.clone(),
             displacement: displacement.into_iter().map(|u| u + shift).collect(),
         }
+    }
+}
+
+const NO_WRENCH: Wrench = Wrench { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
+
+/// The way of a body from one equilibrium to a pose under loads.
+struct BodyWay<'a> {
+    statics: &'a Statics,
+    start: &'a HeldBody,
+    poses: &'a ControlPoses,
+    told: Ways<'a>,
+    steps: usize,
+    /// Forces on the nodes at its end, N.
+    forces: NodeFields,
+}
+
+impl BodyWay<'_> {
+    /// Forces on the nodes at a share of the way.
+    fn forces_at(&self, share: f64) -> NodeFields {
+        let both = self.start.forces.data.iter().zip(&self.forces.data);
+        NodeFields { data: both.map(|(from, to)| from + share * (to - from)).collect(), ..self.forces }
+    }
+
+    /// Runs `then` with the problem of this way, its path and what is pushed.
+    fn lead<T>(&self, then: impl FnOnce(&Newton<'_>, &Path<'_>, &PushedControls<'_>) -> T) -> T {
+        let Statics { controls, mesh, body, partition, solver, freedom, stretch, .. } = self.statics;
+        let poses = |share: f64| -> ControlPoses {
+            if share == 1.0 {
+                self.poses.clone()
+            } else {
+                self.told.ways.iter().map(|way| way.pose(share)).collect()
+            }
+        };
+        let path = |share: f64, u: &mut NodeFields| {
+            for (control, pose) in controls.iter().zip(poses(share)) {
+                prescribe(control, mesh, &pose, u);
+            }
+        };
+        let start = &self.start.wrenches;
+        let pushed = PushedControls { controls, mesh, freedom, poses: &poses, start };
+        let forces = |share: f64| self.forces_at(share);
+        // The bodies at the beginning and at the end of a step.
+        let made: RefCell<Vec<(f64, Arc<Hyperelastic>)>> = RefCell::new(Vec::new());
+        let warm = |share: f64| -> Result<Arc<Hyperelastic>, SolveError> {
+            let now = self.start.stretch + share * (stretch - self.start.stretch);
+            if now == *stretch {
+                return Ok(body.clone());
+            }
+            let mut made = made.borrow_mut();
+            if let Some((_, known)) = made.iter().find(|(of, _)| *of == now) {
+                return Ok(known.clone());
+            }
+            let Statics { element, lame, .. } = self.statics;
+            let warmed = Hyperelastic::stretched(element, body.law, mesh, lame, now);
+            let warmed = Arc::new(warmed.map_err(|_source| SolveError::Inexact {
+                figure: "the length of the warm body in parts of that at rest",
+                value: now,
+                remedy: "take less warmth",
+            })?);
+            if made.len() == 2 {
+                made.remove(0);
+            }
+            made.push((now, warmed.clone()));
+            Ok(warmed)
+        };
+        let acts = |forces: &NodeFields| forces.data.iter().any(|force| *force != 0.0);
+        let is_warmed = self.start.stretch != *stretch;
+        let is_loaded = acts(&self.start.forces) || acts(&self.forces) || is_warmed || *stretch != 1.0;
+        let loads = Loads {
+            forces: &forces,
+            warm: is_warmed.then_some(&warm as &WarmBody<'_>),
+            pushed: (!freedom.is_empty()).then_some(&pushed as &dyn Pushed),
+        };
+        let newton = Newton {
+            body,
+            partition,
+            solver: solver.as_deref(),
+            loads: (is_loaded || !freedom.is_empty()).then_some(loads),
+            last_step: LAST_STEP,
+        };
+        then(&newton, &path, &pushed)
+    }
+
+    /// The turns of the control elements at the end of the way, after the motions of what is pushed.
+    fn turned(&self, pushed: &PushedControls<'_>, q: &[f64]) -> Vec<FollowedTurn> {
+        let mut turns = self.told.turns(1.0);
+        for step in 1..=TURNED_STEPS {
+            let part = step as f64 / TURNED_STEPS as f64;
+            let q: Vec<f64> = q.iter().map(|q| q * part).collect();
+            for (turn, pose) in turns.iter_mut().zip(pushed.moved(1.0, &q)) {
+                *turn = turn.follow(&pose);
+            }
+        }
+        turns
+    }
+
+    fn critical(&self, passed: &Passed) -> CriticalPose {
+        let strained = (&self.statics.body.points, &passed.gradients[..]);
+        self.told.critical(passed.share, &passed.stability, &self.statics.mesh, strained)
+    }
+
+    /// The body at the end of the way.
+    fn held(
+        &self,
+        at: &Equilibrium,
+        poses: ControlPoses,
+        turns: Vec<FollowedTurn>,
+        branch: Branch,
+    ) -> HeldBody {
+        let Statics { controls, mesh, stretch, .. } = self.statics;
+        let of = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
+        let wrench = |(control, pose): (&ControlElement, &ControlPose)| {
+            let mut wrench = NO_WRENCH;
+            let place = control.origin + pose.translation;
+            for node in control.nodes.iter().map(|&node| node as usize) {
+                let force = of(&at.forces, node);
+                wrench.force += force;
+                wrench.moment += (mesh.nodes[node] + of(&at.u, node) - place).cross(&force);
+            }
+            wrench
+        };
+        let wrenches = controls.iter().zip(&poses).map(wrench).collect();
+        let (u, forces, stretch) = (at.u.clone(), self.forces.clone(), *stretch);
+        HeldBody { poses, turns, u, forces, stretch, wrenches, branch }
     }
 }
 

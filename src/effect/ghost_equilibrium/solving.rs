@@ -169,7 +169,7 @@ fn statics_of(subject: &Subject) -> Result<Statics, String> {
 fn reason(error: &StaticsError) -> String {
     match error {
         StaticsError::Stopped { share, critical, .. } => {
-            let how = match critical.as_ref().is_some_and(|critical| critical.is_critical()) {
+            let how = match critical.as_ref().is_some_and(|critical| critical.is_critical) {
                 true => "the body gives way there",
                 false => "Newton's iteration ends there",
             };

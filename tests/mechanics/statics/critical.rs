@@ -1,28 +1,48 @@
 //! Losses of static equilibrium, and the messages about them.
 
 use super::{law, pulled};
-use greenstage::deform::{ControlPose, CriticalPose, Statics, StaticsError};
+use greenstage::deform::{Branch, ControlPose, CriticalPose, Statics, StaticsError};
 use greenstage::fem::LAWS;
 use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
 
-/// The critical pose, share and message of a body `shape` that has no equilibrium with its first control element in `pose`.
+/// The critical pose of a body `shape` on the way to `pose` of its first control element, its share of the way, and the message: of a body
+/// that goes on beyond it, and of one that has no equilibrium there.
 fn critical(shape: &str, model: &str, pose: ControlPose) -> (CriticalPose, f64, String) {
     let scene = format!("[body.b]\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\n{shape}");
     let scene = Scene::parse(&scene, Path::new("critical.toml")).unwrap();
     let mut statics = Statics::new(&scene, "b", law(model), &Silent).unwrap();
-    let error = statics.solve(&pulled(&[(0, pose)]), &Silent).unwrap_err();
-    let said = error.to_string();
+    let (critical, said) = match statics.solve(&pulled(&[(0, pose)]), &Silent) {
+        Ok(found) => {
+            let stability = found.stability;
+            println!(
+                "{model}: {:?}, {} passed, {:?}",
+                stability.branch,
+                stability.passed.len(),
+                found.counts
+            );
+            assert!(stability.branch == Branch::Buckled && found.inverted.is_empty());
+            (
+                stability.passed[0].clone(),
+                format!("{}. {}", stability.passed[0], stability.passed[0].details()),
+            )
+        }
+        Err(error) => {
+            let said = error.to_string();
+            let StaticsError::Stopped { critical: Some(critical), .. } = error else { panic!("{said}") };
+            (*critical, said)
+        }
+    };
     println!("{model}: {said}");
-    let StaticsError::Stopped { critical: Some(critical), share, .. } = error else { panic!("{said}") };
-    assert!(critical.is_critical(), "{said}");
+    let share = critical.share;
+    assert!(critical.is_critical, "{said}");
     // The bracket of the halving and the extrapolated eigenvalue agree.
     let zero_at = critical.zero_at.unwrap().0;
     assert!((zero_at - share).abs() < 2.0 / 4096.0, "{share} and {zero_at}");
     assert!(critical.least < 0.01, "{}", critical.least);
-    (*critical, share, said)
+    (critical, share, said)
 }
 
 fn block(size: [f64; 3], cells: [u32; 3]) -> String {
@@ -75,7 +95,7 @@ fn a_twisted_tubes_critical_angle_is_named() {
     let (critical, share, said) = critical(tube, "neo_hookean", ControlPose { matrix, ..ControlPose::REST });
     assert!((critical.turn - 2.6 * share).abs() < 1e-9, "{said}");
     assert!(said.contains(&format!("right turned by {:.1}°", critical.turn.to_degrees())), "{said}");
-    assert!(said.contains("the body buckles") && said.contains("thicken the wall"), "{said}");
+    assert!(said.contains("the body buckles"), "{said}");
     assert!(critical.modes == 2 && critical.shape.along < 0.2, "{said}");
     assert!(critical.shape.place.x.abs() < 0.1, "the wall moves most between the ends: {said}");
 }
