@@ -62,7 +62,7 @@ use poses::hardest_first;
 use reference::References;
 use resume::Kept;
 use std::path::Path;
-use variants::{Candidate, Meshes, is_common, is_of_scene, iterative};
+use variants::{Candidate, Meshes, comes_first, is_common, is_of_scene, iterative};
 
 /// Costs and errors of every setting, and the references of the errors.
 pub struct Measured {
@@ -126,8 +126,12 @@ impl<'a> Solutions<'a> {
         course: &Course<'_>,
     ) -> Result<Solutions<'a>, MeasureError> {
         let mut left_out = Vec::new();
-        let candidates = variants::solve(request, meshes, &mut left_out, course)?;
-        let references = References::new(request, meshes, &candidates, course)?;
+        // Equilibria before all that is dearer: where time is short, errors of few settings in several poses say more than those of
+        // many settings in one.
+        let mut candidates = variants::solve_first(request, meshes, course)?;
+        let mut references = References::new(request, meshes, &candidates, course)?;
+        variants::solve_rest(request, meshes, &mut left_out, course, &mut candidates)?;
+        references.judge_models(request, meshes, &candidates, course)?;
         Ok(Solutions { candidates, references, left_out })
     }
 
@@ -317,13 +321,21 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     }
     let poses = request.poses.len() as f64;
     let base = unknowns(0, &TET4);
-    steps.extend(solved.iter().map(|(step, _)| step.clone()));
+    let first = |solved: &Step| {
+        let is_first = |(refine, element): &(u32, &'static Element)| {
+            comes_first(request, *refine, element)
+                && solved.key == Step::solved(*refine, element, Solver::default(), None)
+        };
+        meshes.affordable(request).iter().any(is_first)
+    };
+    steps.extend(solved.iter().map(|(step, _)| step.clone()).filter(first));
     steps.push(step(Step::EQUILIBRIA.into(), StepKind::Equilibria, 0.5 * poses * base.powf(1.4), true));
     let of_level = |level: u32| FINER * direct(unknowns(level, &TET10));
     let finer: f64 = (0..=top).map(of_level).sum();
     for (i, pose) in hardest_first(request.poses, meshes.extent()).into_iter().enumerate() {
         steps.push(step(Step::finer(pose, &request.poses[pose].0), StepKind::Finer, finer, i == 0));
     }
+    steps.extend(solved.iter().map(|(step, _)| step.clone()).filter(|step| !first(step)));
     if whole {
         let motions = if request.quick { 6.0 } else { 20.0 };
         steps.push(step(Step::TRIALS.into(), StepKind::Trials, 1.5 * motions * base.powf(1.4), false));
