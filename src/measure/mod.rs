@@ -37,6 +37,7 @@ mod resume;
 pub mod smooth;
 mod times;
 pub mod trials;
+mod truth;
 pub mod units;
 mod variants;
 mod verified;
@@ -45,11 +46,13 @@ pub use data::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, PARAMETERS, Parameter,
     Report, SCHEMA, Setting, Shapes, SmoothError, Spread, Timing, TrialMotion,
 };
+pub use finer::EquilibriumOfPose;
 pub use norms::{MeshLadder, Norms, largest};
 pub use request::{Limits, MeasureError, Request, TimeLimit};
 pub use resume::{FOLDER, remove};
+pub use truth::{RefinedBody, TrueErrors};
 pub use variants::online;
-pub use verified::{Verified, verify};
+pub use verified::{SettingInSession, Verified, verify};
 
 use crate::base::machine;
 use crate::deform::{ControlPoses, LINEAR};
@@ -112,11 +115,22 @@ fn course<'a>(
 
 /// Measures all settings, and nothing else. This takes long; `progress` follows it.
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
+    settings_against(request, &[], progress).map(|(measured, _)| measured)
+}
+
+/// [`settings`], and the true errors of each row against equilibria in the poses of the request ([`truth`]).
+pub fn settings_against(
+    request: &Request<'_>,
+    truths: &[Option<EquilibriumOfPose>],
+    progress: &dyn Progress,
+) -> Result<(Measured, Vec<TrueErrors>), MeasureError> {
     let meshes = Meshes::new(request)?;
     let course = course(request, &meshes, false, progress)?;
     let mut solved = Solutions::new(&meshes, request, &course)?;
     let (rows, timing) = solved.rows(&meshes, request, &course)?;
-    Ok(solved.measured(&meshes, rows, timing))
+    let of = (&meshes, &solved.candidates[..], &solved.references);
+    let judged = truth::judged(request, &rows, of, truths);
+    Ok((solved.measured(&meshes, rows, timing), judged))
 }
 
 impl<'a> Solutions<'a> {
