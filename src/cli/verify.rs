@@ -1,17 +1,20 @@
 //! `greenstage verify`: compares the elements with published and analytic answers, and fits their rates of convergence.
 
-use super::marks;
 use super::print::print;
+use super::{marks, parsers};
 use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
+use crate::tuning;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
+use crate::verify::truth::{self, JudgedBody, Run, Source, Standing, held, offenders};
 use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem};
 use indexmap::IndexMap;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Compare every element with published and analytic answers, with fitted rates of convergence
 ///
@@ -21,8 +24,24 @@ use std::path::PathBuf;
 pub struct Args {
     /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
     /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations, of the bodies of scenes that follow, or of three of its own), `bent` (whether the
-    /// force in the hand generates energy on bent bodies; takes minutes)
+    /// force in the hand generates energy on bent bodies; takes minutes), `truth` (how often printed errors hold, on random bodies; a
+    /// minute for each on one core)
     pub problems: Vec<String>,
+    /// Number of random bodies of `truth`
+    #[arg(long, default_value_t = 12, value_name = "N")]
+    pub bodies: u64,
+    /// Seed of the first random body of `truth`; the others have the next ones
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// The random body of this seed alone, with all of its statements
+    #[arg(long, conflicts_with_all = ["bodies", "seed"])]
+    pub only: Option<u64>,
+    /// Threads of `truth`, each with a body of its own; default: all processors
+    #[arg(long, value_name = "T")]
+    pub threads: Option<usize>,
+    /// Time of `truth`: no body is begun that would probably end later
+    #[arg(long, value_name = "M", value_parser = parsers::positive)]
+    pub minutes: Option<f64>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
     pub fine: bool,
@@ -43,6 +62,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         && !scenes.is_empty()
     {
         return print_study(args, name, |told| forces_of_scenes(scenes, told));
+    }
+    if args.problems == [TRUTH] {
+        return judge_truth(args);
     }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),
@@ -87,6 +109,113 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     judge(&rows)?;
     verdict(args.json, &format!("all {} rows within their bounds (column required)", rows.len()))
+}
+
+const TRUTH: &str = "truth";
+/// Statements that do not hold, which are listed.
+const OFFENDERS: usize = 12;
+/// Part of the statements of each kind that must hold.
+const HOLD: f64 = 0.95;
+
+/// Judges printed errors on random bodies: a line for each body as it ends, then the table, and the statements that do not hold.
+fn judge_truth(args: &Args) -> Result<(), Failure> {
+    if let Some(path) = &args.readme {
+        marks::try_between(path, TRUTH)?;
+    }
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let run = Run {
+        first_seed: args.only.unwrap_or(args.seed),
+        bodies: if args.only.is_some() { 1 } else { args.bodies },
+        threads: args.threads.unwrap_or(processors),
+        limit: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
+    };
+    let planner = |scene: &_, body: &str, rows, demand: &_| tuning::answered(scene, body, rows, demand);
+    let judged = run.judge(&planner, &|standing| notice!("{}", body_line(&standing, run.bodies)));
+    let (bodies, failed): (Vec<_>, Vec<_>) = judged.iter().partition(|found| found.is_ok());
+    let bodies: Vec<&JudgedBody> = bodies.into_iter().flatten().collect();
+    let failed: Vec<&String> = failed.into_iter().filter_map(|found| found.as_ref().err()).collect();
+    if args.json {
+        return print(&format!("{:#}\n", json!({ "bodies": bodies, "failed": failed })));
+    }
+    let mut text = String::new();
+    if let (Some(_), [body]) = (args.only, &bodies[..]) {
+        text += &format!("{}\n", statements(body).text());
+        text.extend(body.left_out.iter().map(|why| format!("not judged: {why}\n")));
+        text += "\n";
+    }
+    let table = truth::summary(&bodies);
+    text += &format!(
+        "{} bodies from seed {}, greenstage {}\n\n",
+        bodies.len(),
+        run.first_seed,
+        env!("CARGO_PKG_VERSION")
+    );
+    text += &format!("{}\n", table.text());
+    text.extend(offenders(&bodies, OFFENDERS).iter().map(|line| format!("{line}\n")));
+    text.extend(failed.iter().map(|why| format!("failed: {why}\n")));
+    print(&text)?;
+    if let Some(path) = &args.readme {
+        let head = format!("{} bodies from seed {}:", bodies.len(), run.first_seed);
+        marks::write_between(path, TRUTH, &format!("{head}\n\n{}\n", table.markdown()))?;
+    }
+    if !failed.is_empty() {
+        return Err(Failure::Work(anyhow::anyhow!("{} bodies could not be judged", failed.len())));
+    }
+    let known: Vec<bool> =
+        bodies.iter().flat_map(|body| &body.statements).filter_map(|statement| statement.holds()).collect();
+    let part = known.iter().filter(|holds| **holds).count() as f64 / known.len().max(1) as f64;
+    match part >= HOLD {
+        true => verdict(args.json, &format!("{:.1} % of {} printed errors hold", 100.0 * part, known.len())),
+        false => Err(Failure::Work(anyhow::anyhow!(
+            "{:.1} % of {} printed errors hold, and {:.0} % must",
+            100.0 * part,
+            known.len(),
+            100.0 * HOLD
+        ))),
+    }
+}
+
+/// "3 of 12: seed 3, thin, 352 nodes, rotation: report 34/34, planner 2/2, ± 7/8 hold; 42 s; some 6 min left".
+fn body_line(standing: &Standing<'_>, all: u64) -> String {
+    let left = match standing.left {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s => format!("{:.0} min", s / 60.0),
+    };
+    let of = format!("{} of {all}", standing.done);
+    match standing.body {
+        Err(why) => format!("{of}: {why}; {left} left"),
+        Ok(body) => format!(
+            "{of}: seed {}, {}, {} nodes, {}: report {}, planner {}, ± {} hold; {:.0} s; {left} left",
+            body.seed,
+            body.kind.name(),
+            body.nodes,
+            body.model,
+            held(body, Source::Report),
+            held(body, Source::Planner),
+            held(body, Source::Expected),
+            body.seconds
+        ),
+    }
+}
+
+/// A row for each statement about a body.
+fn statements(body: &JudgedBody) -> Table {
+    let mut table = Table::new(&["source", "of", "quantity", "shown", "doubt", "true", "holds"]);
+    for statement in &body.statements {
+        let word = |value: Value| value.as_str().unwrap_or_default().to_owned();
+        let number = |x: f64| format!("{x:.3e}");
+        let holds = statement.holds().map_or("not measured", |holds| if holds { "yes" } else { "NO" });
+        table.row(&[
+            &word(json!(statement.source)),
+            &statement.of,
+            &word(json!(statement.quantity)),
+            &statement.shown.map_or(String::new(), number),
+            &number(statement.doubt),
+            &number(statement.truth),
+            holds,
+        ]);
+    }
+    table
 }
 
 /// The last line where nothing missed its bound; the error is the last line where something did.

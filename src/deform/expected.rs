@@ -49,8 +49,41 @@ pub struct MovedErrors {
     /// Pushed along one axis of the body, free in all else.
     #[serde(default)]
     pub hung: Option<Hung>,
-    /// Errors that mesh and element add, relative, where they could be measured.
+    /// Errors that mesh and element add in small motions, relative, where they could be measured.
     pub mesh: Option<MeshErrors>,
+    /// Errors that mesh and element add in large bends and twists: equilibrium on the body's own mesh against that of
+    /// [`Truth::Finer`](super::Truth::Finer), in order of increasing reach; empty where that was not measured.
+    #[serde(default)]
+    pub mesh_bent: Vec<ErrorsAt>,
+    /// Errors of the same kind: turned in place or shifted.
+    #[serde(default)]
+    pub mesh_shifted: Vec<ErrorsAt>,
+    /// Errors of model and mesh together, against that finer equilibrium; `None` where it is not affordable.
+    #[serde(default)]
+    pub whole: Option<WholeErrors>,
+}
+
+/// Errors of what is shown, model and mesh together, by motions as in [`MovedErrors`]; those of force and torque are parts of the
+/// largest force, or torque over length, that is shown, not of the equilibrium's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WholeErrors {
+    /// The largest twist that has an equilibrium, rad: beyond it nothing was measured.
+    pub twist: f64,
+    pub bent: Vec<ErrorsAt>,
+    pub shifted: Vec<ErrorsAt>,
+    pub pulled: Vec<ErrorsAt>,
+}
+
+impl WholeErrors {
+    /// Errors at a reach beyond small motions; `None` beyond what was measured.
+    fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        let WholeErrors { twist, bent, shifted, pulled } = self.clone();
+        if reach.twist > twist {
+            return None;
+        }
+        MovedErrors { bent, shifted, pulled, ..MovedErrors::default() }.at(reach, None)
+    }
 }
 
 /// Errors of a control element that is free but for one shift: its pose is found, by the model and by the body.
@@ -84,11 +117,37 @@ impl Hung {
 /// Distance from an arc below which a body counts as bent along it, as a part of its length.
 const ARC: f64 = 0.001;
 
+/// Turn, °, and stretch and shift aside up to which a motion is small: there the linear theory has the part of the mesh.
+const SMALL: (f64, f64) = (1.0, 0.01);
+
+fn is_small(reach: Reach) -> bool {
+    let (degrees, part) = SMALL;
+    reach.turn <= degrees.to_radians() && reach.stretch <= part && reach.off <= part
+}
+
 impl MovedErrors {
+    /// All errors by motions.
+    fn lists(&self) -> Vec<&[ErrorsAt]> {
+        let MovedErrors { bent, shifted, pulled, hung, mesh_bent, mesh_shifted, whole, .. } = self;
+        let mut lists: Vec<&[ErrorsAt]> = vec![bent, shifted, pulled, mesh_bent, mesh_shifted];
+        lists.extend(hung.iter().map(|hung| hung.at.as_slice()));
+        lists.extend(whole.iter().flat_map(|whole| [&whole.bent[..], &whole.shifted, &whole.pulled]));
+        lists
+    }
+
+    /// The errors of the mesh at a reach beyond small motions; `None` where they were not measured.
+    fn mesh_at(&self, reach: Reach) -> Option<ErrorsAt> {
+        if reach.is_pulled {
+            return between(&self.mesh_shifted, Reach { turn: 0.0, ..reach }, Some(&ErrorsAt::NONE));
+        }
+        let (bent, shifted) = (self.mesh_bent.clone(), self.mesh_shifted.clone());
+        MovedErrors { bent, shifted, ..MovedErrors::default() }.at(reach, Some(&ErrorsAt::NONE))
+    }
+
     /// Errors at a reach. A pull has its own, an arc those of bends. Off the arc they are those of the bend that is in the motion
     /// and of the first shift that is off as far, and beyond that on the way to those of the shifts that go as far.
     fn at(&self, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
-        let Reach { turn, arc, stretch, off, is_pulled } = reach;
+        let Reach { turn, arc, stretch, off, is_pulled, .. } = reach;
         let pull = Reach { turn: 0.0, ..reach };
         if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin) {
             return Some(pulled);
@@ -167,15 +226,40 @@ impl ExpectedErrors {
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
-    /// The part of a body's wrenches that is the mesh's, in the present pose; that of the worst motion where this one was not
-    /// measured. `None` where it could not be measured.
+    /// The part of a body's wrenches that is the mesh's, in the present pose: the larger of that of the linear theory, in the worst
+    /// motion where this one was not measured, and of that of the equilibria. `None` where it could not be measured, and in a
+    /// large motion beyond the equilibria that were.
     pub fn mesh_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<f64> {
         let most = self.mesh()?.wrench;
         let of_one = |moved: &MovedErrors| {
             let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
             moved.mesh.as_ref()?.in_pose(deformer, wrenches, element)
         };
-        Some(self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most))
+        let linear = self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most);
+        let reach = reach(deformer);
+        if is_small(reach) {
+            return Some(linear);
+        }
+        let large = |moved: &MovedErrors| moved.mesh_at(reach)?.wrench();
+        let large = self.moved.iter().map(large).collect::<Option<Vec<f64>>>()?;
+        Some(large.into_iter().fold(linear, f64::max))
+    }
+
+    /// The errors of force and of torque over length, model and mesh together, as parts of the largest that is shown: the larger of
+    /// what was measured together and of the sum of both parts, with the errors `of_model`. `None` in small motions, beyond what was
+    /// measured, and under other loads.
+    pub fn whole_at(&self, deformer: &Deformer, of_model: [f64; 2]) -> Option<[f64; 2]> {
+        let reach = reach(deformer);
+        if is_small(reach) || self.moved.is_empty() || !self.is_under_its_loads(deformer) {
+            return None;
+        }
+        let mut most = [0.0_f64; 2];
+        for moved in &self.moved {
+            let (whole, mesh) = (moved.whole.as_ref()?.at(reach)?, moved.mesh_at(reach)?);
+            let sums = [of_model[0] + mesh.force?, of_model[1] + mesh.torque?];
+            most = [most[0].max(whole.force?).max(sums[0]), most[1].max(whole.torque?).max(sums[1])];
+        }
+        Some(most)
     }
 
     /// Errors at the first number that no measurement gives.
@@ -187,12 +271,13 @@ impl ExpectedErrors {
         if let Some(wrong) = self.loads.iter().find(|load| !load.is_finite()) {
             return Err(format!("under the loads: {wrong} is no load"));
         }
-        for MovedErrors { control, bent, shifted, pulled, hung, mesh } in &self.moved {
-            let pushed = hung.as_ref().map_or(&[][..], |hung| &hung.at);
+        for moved in &self.moved {
+            let MovedErrors { control, hung, mesh, whole, .. } = moved;
+            let lists = moved.lists();
             if let Some(wrong) = hung.as_ref().map(|hung| hung.along).filter(|along| *along > 2) {
                 return Err(format!("{control}: pushed along axis {wrong}, where a body has 0 to 2"));
             }
-            for at in bent.iter().chain(shifted).chain(pulled).chain(pushed) {
+            for at in lists.iter().copied().flatten() {
                 if let Some(wrong) = at.numbers().into_iter().find(|x| !is_error(*x)) {
                     return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
                 }
@@ -200,7 +285,7 @@ impl ExpectedErrors {
             let falls = |two: &[ErrorsAt]| {
                 two[1].turn < two[0].turn || two[1].stretch < two[0].stretch || two[1].off < two[0].off
             };
-            if [bent, shifted, pulled, pushed].into_iter().any(|all| all.windows(2).any(falls)) {
+            if lists.iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
             if let Some(wrong) = mesh
@@ -210,6 +295,9 @@ impl ExpectedErrors {
                 .find(|x| !is_error(*x))
             {
                 return Err(format!("{control}: {wrong} is no error of the mesh"));
+            }
+            if let Some(wrong) = whole.iter().map(|whole| whole.twist).find(|x| !is_error(*x)) {
+                return Err(format!("{control}: {wrong} is no twist"));
             }
             let stiffness = mesh.iter().filter_map(|mesh| mesh.stiffness);
             if let Some(wrong) = stiffness.flat_map(|all| all.numbers()).find(|x| !x.is_finite()) {
@@ -243,7 +331,7 @@ mod tests {
         let measured = measured();
         let force = |degrees: f64, stretch: f64, off: f64| {
             let turn = f64::to_radians(degrees);
-            let found = measured.at(Reach { turn, arc: turn, stretch, off, is_pulled: false })?;
+            let found = measured.at(Reach { turn, arc: turn, stretch, off, ..Reach::default() })?;
             Some((1e4 * found.wrench()?).round() / 1e4)
         };
         for (degrees, stretch, off, expected, what) in [
@@ -274,7 +362,7 @@ mod tests {
         let measured = ExpectedErrors { begin_at_zero: true, ..measured() };
         let force = |degrees: f64, stretch: f64, off: f64| {
             let turn = f64::to_radians(degrees);
-            measured.at(Reach { turn, arc: turn, stretch, off, is_pulled: false })?.wrench()
+            measured.at(Reach { turn, arc: turn, stretch, off, ..Reach::default() })?.wrench()
         };
         assert_eq!(force(0.0, 0.0, 0.0), Some(0.0));
         let [near, far] = [force(0.1, 0.0, 0.0), force(5.0, 0.0, 0.0)].map(Option::unwrap);

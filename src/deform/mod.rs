@@ -25,7 +25,7 @@ mod turn;
 pub use contribution::{Contribution, DeformerState, ElementPotential, PoseCurvature, Topology};
 pub use deformer::{Deformer, FrameTimes};
 pub use errors_at::{ErrorsAt, percent};
-pub use expected::{ExpectedErrors, Hung, MovedErrors};
+pub use expected::{ExpectedErrors, Hung, MovedErrors, WholeErrors};
 pub use kernel::parts::move_parts;
 pub use kernel::superposition::{BYTES_PER_THREAD, Places, SumStats, Superposition, displacement};
 pub use kernel::surface::{NearestPoint, SurfaceNormals, nearest_point, vertex_normals};

@@ -34,6 +34,8 @@ pub enum Motion {
     Shift([f64; 2]),
     /// Turned across the axis, °, and shifted across it.
     Mixed(f64, f64),
+    /// Bend along a circular arc, °, and shift along its chord by a part of the chord: pulled, or pressed where it is negative.
+    BentAndPulled(f64, f64),
 }
 
 impl Motion {
@@ -48,6 +50,9 @@ impl Motion {
             Motion::Mixed(degrees, across) => {
                 format!("turned by {degrees}°, aside by {} %", 100.0 * across)
             }
+            Motion::BentAndPulled(degrees, along) => {
+                format!("bent by {degrees}°, along its chord by {} %", 100.0 * along)
+            }
         }
     }
 
@@ -60,6 +65,7 @@ impl Motion {
             Motion::Skew(degrees) => Motion::Skew(share * degrees),
             Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
             Motion::Mixed(degrees, across) => Motion::Mixed(share * degrees, share * across),
+            Motion::BentAndPulled(degrees, along) => Motion::BentAndPulled(share * degrees, share * along),
         }
     }
 
@@ -141,6 +147,10 @@ impl Moved {
             }
             Motion::Shift([along, aside]) => ((axis * along + across * aside) * *length, Matrix3::identity()),
             Motion::Mixed(degrees, aside) => (lateral * (aside * *length), turned(*across, degrees)),
+            Motion::BentAndPulled(degrees, along) => {
+                let (translation, matrix) = bent(degrees, *across, lateral);
+                (translation + (axis * *length + translation) * along, matrix)
+            }
         };
         ControlPose { translation, matrix }
     }

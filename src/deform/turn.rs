@@ -68,6 +68,8 @@ pub struct Reach {
     /// The largest turn by which two control elements are bent along an arc, and twisted, against each other, rad: of an end that is
     /// turned in place the twist alone, of one that is shifted nothing.
     pub arc: f64,
+    /// The largest twist of two control elements against each other, about the way between them at rest, rad.
+    pub twist: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
     /// Largest distance of two control elements from where an arc of their own length would bring them with their turn, as a part
@@ -116,10 +118,15 @@ impl Relative {
         (self.shift - self.arc_shift()).norm() / self.way.norm()
     }
 
+    /// The turn about the way, rad.
+    fn twist(&self) -> f64 {
+        (self.turn.dot(&self.way) / self.way.norm()).abs()
+    }
+
     /// The twist, and as much of the bend as the shift is of an arc's, rad.
     fn along_the_arc(&self) -> f64 {
-        let Relative { way, turn, shift } = self;
-        let twist = turn.dot(way) / way.norm();
+        let Relative { turn, shift, .. } = self;
+        let twist = self.twist();
         let bend = (turn.norm_squared() - twist * twist).max(0.0).sqrt();
         let of_arc = self.arc_shift();
         let part = shift.dot(&of_arc) / of_arc.norm_squared();
@@ -180,6 +187,7 @@ pub fn reach(deformer: &Deformer) -> Reach {
         turn,
         // A half turn and one more are the same matrix.
         arc: if turn < std::f64::consts::PI { largest(deformer, Relative::along_the_arc) } else { turn },
+        twist: largest(deformer, Relative::twist),
         stretch: 0.0,
         off: largest(deformer, Relative::off_the_arc),
         is_pulled: is_pulled(deformer),

@@ -181,9 +181,7 @@ impl<'a> Finer<'a> {
                 mesh.tets.len()
             )),
             Ok(settled) => {
-                let place =
-                    |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - self.about[e]), &poses[e]);
-                let held = settled.wrenches.iter().enumerate().map(place).collect();
+                let held = placed(&settled.wrenches, &origins, self.about, poses);
                 Ok(EquilibriumOfPose { wrenches: held, ..settled.into() })
             }
             Err(StaticsError::Stopped { share, .. }) => {
@@ -227,12 +225,23 @@ impl<'a> Finer<'a> {
     }
 }
 
+/// Wrenches about where `origins` rested, about where the poses bring the points `about` of the same control elements.
+pub fn placed(
+    wrenches: &[Wrench],
+    origins: &[Vector3<f64>],
+    about: &[Vector3<f64>],
+    poses: &[ControlPose],
+) -> Vec<Wrench> {
+    let place = |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - about[e]), &poses[e]);
+    wrenches.iter().enumerate().map(place).collect()
+}
+
 /// Largest turn between two poses on the way along arcs, rad.
 const ARC: f64 = std::f64::consts::PI / 12.0;
 
 /// Leads a body to poses about `origins` along arcs: every control element goes as the end of a rod of constant curvature and twist
 /// from the first one does, which keeps the body's length, where a screw about one axis would press it together on the way.
-fn along_arcs(
+pub fn along_arcs(
     statics: &mut Statics,
     origins: &[Vector3<f64>],
     poses: &ControlPoses,

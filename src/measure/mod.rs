@@ -37,6 +37,7 @@ mod resume;
 pub mod smooth;
 mod times;
 pub mod trials;
+mod truth;
 pub mod units;
 mod variants;
 mod verified;
@@ -45,11 +46,13 @@ pub use data::{
     Cost, EffectCost, Errors, Measurement, ModelError, ModelTrial, ModelTrials, PARAMETERS, Parameter,
     Report, SCHEMA, Setting, Shapes, SmoothError, Spread, Timing, TrialMotion,
 };
+pub use finer::EquilibriumOfPose;
 pub use norms::{MeshLadder, Norms, largest};
 pub use request::{Limits, MeasureError, Request, TimeLimit};
 pub use resume::{FOLDER, remove};
+pub use truth::{RefinedBody, TrueErrors};
 pub use variants::online;
-pub use verified::{Verified, verify};
+pub use verified::{SettingInSession, Verified, verify};
 
 use crate::base::machine;
 use crate::deform::{ControlPoses, LINEAR};
@@ -61,7 +64,7 @@ use poses::hardest_first;
 use reference::References;
 use resume::Kept;
 use std::path::Path;
-use variants::{Candidate, Meshes, is_common, is_of_scene, iterative};
+use variants::{Candidate, Meshes, comes_first, is_common, is_of_scene, iterative};
 
 /// Costs and errors of every setting, and the references of the errors.
 pub struct Measured {
@@ -111,11 +114,22 @@ fn course<'a>(
 
 /// Measures all settings, and nothing else. This takes long; `progress` follows it.
 pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measured, MeasureError> {
+    settings_against(request, &[], progress).map(|(measured, _)| measured)
+}
+
+/// [`settings`], and the true errors of each row against equilibria in the poses of the request ([`truth`]).
+pub fn settings_against(
+    request: &Request<'_>,
+    truths: &[Option<EquilibriumOfPose>],
+    progress: &dyn Progress,
+) -> Result<(Measured, Vec<TrueErrors>), MeasureError> {
     let meshes = Meshes::new(request)?;
     let course = course(request, &meshes, false, progress)?;
     let mut solved = Solutions::new(&meshes, request, &course)?;
     let (rows, timing) = solved.rows(&meshes, request, &course)?;
-    Ok(solved.measured(&meshes, rows, timing))
+    let of = (&meshes, &solved.candidates[..], &solved.references);
+    let judged = truth::judged(request, &rows, of, truths);
+    Ok((solved.measured(&meshes, rows, timing), judged))
 }
 
 impl<'a> Solutions<'a> {
@@ -125,8 +139,12 @@ impl<'a> Solutions<'a> {
         course: &Course<'_>,
     ) -> Result<Solutions<'a>, MeasureError> {
         let mut left_out = Vec::new();
-        let candidates = variants::solve(request, meshes, &mut left_out, course)?;
-        let references = References::new(request, meshes, &candidates, course)?;
+        // Equilibria before all that is dearer: where time is short, errors of few settings in several poses say more than those of
+        // many settings in one.
+        let mut candidates = variants::solve_first(request, meshes, course)?;
+        let mut references = References::new(request, meshes, &candidates, course)?;
+        variants::solve_rest(request, meshes, &mut left_out, course, &mut candidates)?;
+        references.judge_models(request, meshes, &candidates, course)?;
         Ok(Solutions { candidates, references, left_out })
     }
 
@@ -315,13 +333,21 @@ fn agenda(request: &Request<'_>, meshes: &Meshes, whole: bool) -> Vec<Step> {
     }
     let poses = request.poses.len() as f64;
     let base = unknowns(0, &TET4);
-    steps.extend(solved.iter().map(|(step, _)| step.clone()));
+    let first = |solved: &Step| {
+        let is_first = |(refine, element): &(u32, &'static Element)| {
+            comes_first(request, *refine, element)
+                && solved.key == Step::solved(*refine, element, Solver::default(), None)
+        };
+        meshes.affordable(request).iter().any(is_first)
+    };
+    steps.extend(solved.iter().map(|(step, _)| step.clone()).filter(first));
     steps.push(step(Step::EQUILIBRIA.into(), StepKind::Equilibria, 0.5 * poses * base.powf(1.4), true));
     let of_level = |level: u32| FINER * direct(unknowns(level, &TET10));
     let finer: f64 = (0..=top).map(of_level).sum();
     for (i, pose) in hardest_first(request.poses, meshes.extent()).into_iter().enumerate() {
         steps.push(step(Step::finer(pose, &request.poses[pose].0), StepKind::Finer, finer, i == 0));
     }
+    steps.extend(solved.iter().map(|(step, _)| step.clone()).filter(|step| !first(step)));
     if whole {
         let motions = if request.quick { 6.0 } else { 20.0 };
         steps.push(step(Step::TRIALS.into(), StepKind::Trials, 1.5 * motions * base.powf(1.4), false));

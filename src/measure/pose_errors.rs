@@ -99,6 +99,39 @@ impl Compared<'_> {
     }
 }
 
+impl Compared<'_> {
+    /// The whole error of a setting in a pose against another equilibrium on the finest mesh, relative to that: of shape and of
+    /// wrench. `None` where the model has no state.
+    pub fn against(
+        &self,
+        model: &'static ModelEntry,
+        rounded: &[Vec<f64>],
+        reference: &PoseReference,
+        truth: &FinerReference,
+    ) -> Option<[f64; 2]> {
+        let at = AtPose { of: self, reference };
+        let here = at.placed(self.candidate, model)?;
+        let off = |(a, b): (&Wrench, &Wrench)| {
+            let (force, torque) = ((a.force - b.force).norm(), (a.moment - b.moment).norm());
+            (force / truth.size.force).max(torque / truth.size.torque)
+        };
+        let held = here.held.iter().zip(&truth.held).map(off).fold(0.0, f64::max);
+        if here.output.surface.is_some() {
+            let right: Vec<_> = at.surface().iter().map(|&node| truth.field[node as usize]).collect();
+            return Some([relative(&difference(&here.field, &right), &right), held]);
+        }
+        let error = sum(&difference(&here.field, &truth.field), &self.storage_field(rounded, &here.output));
+        Some([self.references.norms.l2(&error) / truth.size.displacement, held])
+    }
+
+    /// What the storage adds to the displacements, on the finest mesh.
+    fn storage_field(&self, rounded: &[Vec<f64>], output: &ModelOutput) -> Vec<Vector3<f64>> {
+        let error = storage_error(&self.candidate.solution, rounded, output);
+        let turned: Vec<_> = error.iter().map(|e| output.motion.rotation * e).collect();
+        self.meshes.ladder.raise(self.candidate.refine as usize, &turned)
+    }
+}
+
 /// A candidate in one pose.
 struct AtPose<'a> {
     of: &'a Compared<'a>,
@@ -244,13 +277,10 @@ impl ErrorFields {
 
     /// The whole error, and the part of storage, as fields.
     fn total(&self, of: &Compared<'_>, rounded: &[Vec<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
-        let Compared { meshes, candidate, .. } = of;
         if self.surface.is_some() {
             return (self.sum.clone(), vec![Vector3::zeros(); self.sum.len()]);
         }
-        let error = storage_error(&candidate.solution, rounded, &self.here.output);
-        let turned: Vec<_> = error.iter().map(|e| self.here.output.motion.rotation * e).collect();
-        let storage = meshes.ladder.raise(candidate.refine as usize, &turned);
+        let storage = of.storage_field(rounded, &self.here.output);
         (sum(&self.sum, &storage), storage)
     }
 

@@ -85,17 +85,6 @@ impl<'a> References<'a> {
         let scene = variant(request, top, &TET10, Solver::default());
         let prepared = green::prepare(&scene, request.body)?;
         let stiffness = TET10.assemble(meshes.ladder.top(), &prepared.lame)?;
-        let plain = variant(request, 0, &TET4, Solver::default());
-        let mut soft = Vec::new();
-        if let Some(scene) = softened(&plain, request.body) {
-            for own in candidates.iter().filter(|c| c.refine == 0 && c.element == &TET4) {
-                if own.solver.method.is_direct {
-                    let of: Vec<&str> = own.models.iter().map(|model| model.name).collect();
-                    let key = format!("a material that does not lock: {}", of.join(", "));
-                    soft.push(solved(&key, &scene, request, &own.models, course)?);
-                }
-            }
-        }
         let mut found = References {
             norms: Norms::new(meshes.ladder.top(), stiffness),
             poses: Vec::new(),
@@ -104,7 +93,7 @@ impl<'a> References<'a> {
             models_of_settings: Vec::new(),
             left_out: Vec::new(),
             models_left_out: Vec::new(),
-            soft,
+            soft: Vec::new(),
         };
         found.settle(request, meshes, candidates, course)?;
         Ok(found)
@@ -116,7 +105,48 @@ impl<'a> References<'a> {
         of.iter().find(|c| c.is_of(0, &TET4, model))
     }
 
-    /// Finds the nonlinear equilibria, and the models' errors against them.
+    /// Measures the models' errors against the equilibria on the scene's mesh, with the solutions of all candidates.
+    pub fn judge_models(
+        &mut self,
+        request: &Request<'_>,
+        meshes: &Meshes,
+        candidates: &[Candidate],
+        course: &Course<'_>,
+    ) -> Result<(), MeasureError> {
+        let plain = variant(request, 0, &TET4, Solver::default());
+        if let Some(scene) = softened(&plain, request.body) {
+            for own in candidates.iter().filter(|c| c.refine == 0 && c.element == &TET4) {
+                if own.solver.method.is_direct {
+                    let of: Vec<&str> = own.models.iter().map(|model| model.name).collect();
+                    let key = format!("a material that does not lock: {}", of.join(", "));
+                    self.soft.push(solved(&key, &scene, request, &own.models, course)?);
+                }
+            }
+        }
+        let suited = self.suited(candidates);
+        let (mut stateless, mut errors, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+        for reference in &self.poses {
+            for &model in &suited {
+                let Some(base) = self.base(candidates, model) else { continue };
+                match evaluate(model, &base.solution, &reference.poses) {
+                    Some(output) if output.wrenches.is_some() => {
+                        errors.push(self.model_error(meshes, base, model, &output, reference));
+                    }
+                    _ => {
+                        stateless.push(model.name);
+                        let (model, pose) = (model.name, &reference.name);
+                        left_out.push(format!("model {model}: it has no state in the pose {pose}"));
+                    }
+                }
+            }
+        }
+        self.models = errors;
+        self.models_left_out.append(&mut left_out);
+        self.models_of_settings = suited.into_iter().filter(|m| !stateless.contains(&m.name)).collect();
+        Ok(())
+    }
+
+    /// Finds the nonlinear equilibria, on the scene's mesh and on the finer ones.
     fn settle(
         &mut self,
         request: &Request<'_>,
@@ -127,10 +157,8 @@ impl<'a> References<'a> {
         let scene = variant(request, 0, &TET4, Solver::default());
         let scene = softened(&scene, request.body).unwrap_or(scene);
         let mut statics = Truth::SameMesh.statics(&scene, request.body, &Silent)?;
-        let suited = self.suited(candidates);
         let order = hardest_first(request.poses, meshes.extent());
         let origins = self.origins.clone();
-        let mut stateless = Vec::new();
         let all = course.step_as_json(Step::EQUILIBRIA, |progress| {
             let (started, mut count) = (Instant::now(), 0);
             let of = |(name, poses): &(String, ControlPoses)| {
@@ -178,24 +206,8 @@ impl<'a> References<'a> {
                 }
             };
             let finer = references.next().unwrap_or_else(|| Err("it was not solved".into()));
-            let reference = self.reference(meshes, name, poses, settled, finer);
-            for &model in &suited {
-                let Some(base) = self.base(candidates, model) else { continue };
-                match evaluate(model, &base.solution, poses) {
-                    Some(output) if output.wrenches.is_some() => {
-                        let error = self.model_error(meshes, base, model, &output, &reference);
-                        self.models.push(error);
-                    }
-                    _ => {
-                        stateless.push(model.name);
-                        self.models_left_out
-                            .push(format!("model {}: it has no state in the pose {name}", model.name));
-                    }
-                }
-            }
-            self.poses.push(reference);
+            self.poses.push(self.reference(meshes, name, poses, settled, finer));
         }
-        self.models_of_settings = suited.into_iter().filter(|m| !stateless.contains(&m.name)).collect();
         if self.poses.is_empty() {
             return Err(MeasureError::NoPose(self.left_out.join("; ")));
         }

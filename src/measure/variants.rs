@@ -240,30 +240,62 @@ fn common() -> Vec<&'static ModelEntry> {
     online().filter(|model| is_common(model)).collect()
 }
 
-/// Solves all variants; adds to `left_out` which body or element a model refuses, and why.
-pub fn solve(
+/// Whether this discretisation is solved before the poses' equilibria, which are compared with it: tet4 on the scene's own mesh,
+/// and the scene's own element there.
+pub fn comes_first(request: &Request<'_>, refine: u32, element: &Element) -> bool {
+    refine == 0 && (element == &TET4 || element == request.scene.body[request.body].element)
+}
+
+/// Solves the variants that come first.
+pub fn solve_first(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    course: &Course<'_>,
+) -> Result<Vec<Candidate>, MeasureError> {
+    solve_common(request, meshes, course, true)
+}
+
+/// Solves all other variants; adds to `left_out` which body or element a model refuses, and why.
+pub fn solve_rest(
     request: &Request<'_>,
     meshes: &Meshes,
     left_out: &mut Vec<String>,
     course: &Course<'_>,
-) -> Result<Vec<Candidate>, MeasureError> {
-    let mut candidates = Vec::new();
-    for (refine, element) in meshes.affordable(request) {
-        match candidate(request, refine, element, Solver::default(), &common(), course) {
-            Ok(candidate) => candidates.extend(candidate),
-            // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
-            // with them, so the rest can be measured without them.
-            Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
-            Err(error) => return Err(error),
-        }
-    }
-    solve_for_models(request, meshes, left_out, course, &mut candidates)?;
+    candidates: &mut Vec<Candidate>,
+) -> Result<(), MeasureError> {
+    candidates.append(&mut solve_common(request, meshes, course, false)?);
+    let place = |c: &Candidate| meshes.all().position(|of| of == (c.refine, c.element));
+    candidates.sort_by_key(place);
+    solve_for_models(request, meshes, left_out, course, candidates)?;
     let own = request.scene.body[request.body].element;
     for solver in iterative(request).into_iter().filter(|_| meshes.mesh(request, 0, own).is_some()) {
         // Cholesky has solved this body, so it is the tolerance that is refused: the setting does not exist.
         match candidate(request, 0, own, solver, &common(), course) {
             Ok(candidate) => candidates.extend(candidate),
             Err(MeasureError::Green(_)) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Solves the affordable discretisations for the common models: those that come first, or the others.
+fn solve_common(
+    request: &Request<'_>,
+    meshes: &Meshes,
+    course: &Course<'_>,
+    first: bool,
+) -> Result<Vec<Candidate>, MeasureError> {
+    let mut candidates = Vec::new();
+    for (refine, element) in meshes.affordable(request) {
+        if comes_first(request, refine, element) != first {
+            continue;
+        }
+        match candidate(request, refine, element, Solver::default(), &common(), course) {
+            Ok(candidate) => candidates.extend(candidate),
+            // Averaged pressures can be too ill-conditioned where the other elements are not. Nothing is compared
+            // with them, so the rest can be measured without them.
+            Err(MeasureError::Green(_)) if element.dilatation == Dilatation::Nodal => {}
             Err(error) => return Err(error),
         }
     }

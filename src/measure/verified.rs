@@ -5,6 +5,7 @@
 
 use super::data::Measurement;
 use super::fields::difference;
+use super::finer::placed;
 use super::norms::relative;
 use super::poses::{about_origins, on_the_way};
 use crate::base::failure::Failure;
@@ -12,7 +13,7 @@ use crate::deform::{
     ControlPoses, Deformer, Deviation, PoseResult, Statics, StaticsError, Truth, Wrench, in_session,
 };
 use crate::fem::TET4;
-use crate::green;
+use crate::green::{self, Precomputed};
 use crate::mesh::quality::bounding_box;
 use crate::prepare::Resolved;
 use crate::scene::Scene;
@@ -43,58 +44,102 @@ pub fn verify(
     row: &Measurement,
     poses: &[(String, ControlPoses)],
 ) -> Result<Option<Verified>, Failure> {
-    let mut plain = Scene::clone(scene);
-    let body = &mut plain.body[name];
-    (body.element, body.solver, body.refine) = (&TET4, Solver::default(), 0);
-    let about: Vec<Vector3<f64>> =
-        green::prepare(&plain, name)?.controls.iter().map(|control| control.origin).collect();
-    let model = scene.bodies[name].model;
-    let made = green::precompute(scene, name, &model.with_energy(), &Silent)?;
-    let mut deformer = in_session(&made, model)?.map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+    let mut setting = SettingInSession::new(scene, name)?;
     let Some((mut statics, added, against)) = reference(scene, name, row)? else { return Ok(None) };
-    let (low, high) = bounding_box(&statics.mesh.nodes);
-    let extent = (high - low).amax();
-    let nodes = matching(&statics, &deformer, extent);
-    let centre = deformer.centre;
-    let own: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| centre + control.origin).collect();
+    let places = setting.places(&statics.mesh.nodes);
     let others: Vec<Vector3<f64>> = statics.controls.iter().map(|control| control.origin).collect();
     let mut found = Verified { shape: 0.0, held: None, count: 0, against };
     for (_, pose) in poses {
-        let settled = match statics.solve(&about_origins(pose, &about, &others), &Silent) {
+        let settled = match statics.solve(&about_origins(pose, &setting.about, &others), &Silent) {
             Ok(settled) if settled.inverted.is_empty() => settled,
             Ok(_) | Err(StaticsError::Stopped { .. }) => continue,
             Err(error) => return Err(Failure::work(error)),
         };
-        deformer.forget();
-        for between in on_the_way(pose) {
-            deformer.take(&about_origins(&between, &about, &own));
-        }
-        deformer.evaluate(&about_origins(pose, &about, &own));
-        // The same points have other origins in both: wrenches are compared about where the pose brings `about`.
-        let placed = |wrenches: &[Wrench], origins: &[Vector3<f64>]| {
-            let place = |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - about[e]), &pose[e]);
-            Some(wrenches.iter().enumerate().map(place).collect())
-        };
-        let (held, energy) = deformer.wrenches().unzip();
-        let model = PoseResult {
-            wrenches: held.and_then(|held| placed(&held, &own)),
-            energy: energy.unwrap_or(0.0),
-            surface: nodes.iter().map(|&(i, _)| deformer.displacement(i)).collect(),
-        };
-        let truth = PoseResult {
-            wrenches: placed(&settled.wrenches, &others),
-            energy: settled.energy,
-            surface: nodes.iter().map(|&(_, node)| settled.displacement[node]).collect(),
-        };
-        let off = Deviation::new(&model, &truth, extent);
+        setting.take(pose);
+        let held = placed(&settled.wrenches, &others, &setting.about, pose);
+        let [shape, held] = setting.errors(pose, &places, &settled.displacement, held);
         found.count += 1;
-        let shape = relative(&difference(&model.surface, &truth.surface), &truth.surface);
-        found.shape = found.shape.max(shape.hypot(added[0]));
-        if let Some((force, torque)) = off.force.zip(off.torque) {
-            found.held = Some(found.held.unwrap_or(0.0).max(force.max(torque).hypot(added[1])));
+        found.shape = found.shape.max(shape.unwrap_or(0.0).hypot(added[0]));
+        if let Some(held) = held {
+            found.held = Some(found.held.unwrap_or(0.0).max(held.hypot(added[1])));
         }
     }
     Ok((found.count > 0).then_some(found))
+}
+
+/// A setting as a session has it, from a .green file of its own.
+pub struct SettingInSession {
+    pub deformer: Deformer,
+    /// Origins of the control elements on the scene's mesh, about which poses are meant, and those of the deformer.
+    about: Vec<Vector3<f64>>,
+    own: Vec<Vector3<f64>>,
+    /// Largest extent of the body, m.
+    extent: f64,
+}
+
+impl SettingInSession {
+    pub fn new(scene: &Resolved, name: &str) -> Result<SettingInSession, Failure> {
+        let model = scene.bodies[name].model;
+        let made = green::precompute(scene, name, &model.with_energy(), &Silent)?;
+        SettingInSession::of_precomputed(scene, name, &made)
+    }
+
+    /// The setting of a body that was precomputed with all that its model and its energy need.
+    pub fn of_precomputed(
+        scene: &Resolved,
+        name: &str,
+        made: &Precomputed,
+    ) -> Result<SettingInSession, Failure> {
+        let mut plain = Scene::clone(scene);
+        let body = &mut plain.body[name];
+        (body.element, body.solver, body.refine) = (&TET4, Solver::default(), 0);
+        let prepared = green::prepare(&plain, name)?;
+        let about = prepared.controls.iter().map(|control| control.origin).collect();
+        let (low, high) = bounding_box(&prepared.mesh.nodes);
+        let model = scene.bodies[name].model;
+        let deformer = in_session(made, model)?.map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+        let centre = deformer.centre;
+        let own = deformer.controls.iter().map(|control| centre + control.origin).collect();
+        Ok(SettingInSession { deformer, about, own, extent: (high - low).amax() })
+    }
+
+    /// The deformer's surface nodes, and those of `nodes` at the same places.
+    pub fn places(&self, nodes: &[Vector3<f64>]) -> Vec<(usize, usize)> {
+        matching(nodes, &self.deformer, self.extent)
+    }
+
+    /// Brings the body from rest to a pose, as a hand does.
+    pub fn take(&mut self, pose: &ControlPoses) {
+        self.deformer.forget();
+        for between in on_the_way(pose) {
+            self.deformer.take(&about_origins(&between, &self.about, &self.own));
+        }
+        self.deformer.evaluate(&about_origins(pose, &self.about, &self.own));
+    }
+
+    /// The model's wrenches about where the pose brings the scene's origins; the same points have other origins on other meshes.
+    pub fn held(&self, pose: &ControlPoses) -> Option<Vec<Wrench>> {
+        Some(placed(&self.deformer.wrenches()?.0, &self.own, &self.about, pose))
+    }
+
+    /// Errors of shape and of force and torque in the pose that was taken, against an equilibrium: displacements of a mesh's nodes
+    /// and wrenches. Of shape `None` where no node has a place on that mesh.
+    pub fn errors(
+        &self,
+        pose: &ControlPoses,
+        places: &[(usize, usize)],
+        displacement: &[Vector3<f64>],
+        wrenches: Vec<Wrench>,
+    ) -> [Option<f64>; 2] {
+        let surface = places.iter().map(|&(i, _)| self.deformer.displacement(i)).collect();
+        let model = PoseResult { wrenches: self.held(pose), energy: 0.0, surface };
+        let surface = places.iter().map(|&(_, node)| displacement[node]).collect();
+        let truth = PoseResult { wrenches: Some(wrenches), energy: 0.0, surface };
+        let off = Deviation::new(&model, &truth, self.extent);
+        let shape = relative(&difference(&model.surface, &truth.surface), &truth.surface);
+        let held = off.force.zip(off.torque).map(|(force, torque)| force.max(torque));
+        [(!places.is_empty()).then_some(shape), held]
+    }
 }
 
 /// A reference, what has to be added to errors against it (of shape and of force), and its name.
@@ -122,13 +167,13 @@ fn reference(
     Ok(Some((statics, [mesh.worst; 2], against.into())))
 }
 
-/// The deformer's surface nodes and the nodes of the reference at the same places.
-fn matching(statics: &Statics, deformer: &Deformer, extent: f64) -> Vec<(usize, usize)> {
+/// The deformer's surface nodes and those of `nodes` at the same places.
+fn matching(nodes: &[Vector3<f64>], deformer: &Deformer, extent: f64) -> Vec<(usize, usize)> {
     // Places in f32 differ from those in f64 by less than the cell of this grid, which is far smaller than an element.
     let cell = 1e-5 * extent.max(f64::MIN_POSITIVE);
     let key = |x: &Vector3<f64>| <[i64; 3]>::from(x.map(|x| (x / cell).round() as i64));
     let by_place: BTreeMap<[i64; 3], usize> =
-        statics.mesh.nodes.iter().enumerate().map(|(node, x)| (key(x), node)).collect();
+        nodes.iter().enumerate().map(|(node, x)| (key(x), node)).collect();
     let near = |x: &Vector3<f64>| {
         let [a, b, c] = key(x);
         let around =

@@ -8,4 +8,4 @@ mod planner;
 pub mod poses;
 
 pub use choice::{Choice, answer, choose, miss, time};
-pub use planner::{forget_steps, settle, settle_from_file};
+pub use planner::{answered, forget_steps, settle, settle_from_file};

@@ -77,7 +77,7 @@ pub fn settle(scene: Resolved, quiet: bool, force: bool) -> Result<Resolved, Fai
         for pose in &table.left_out {
             notice!("body.{name}: the accuracy is unknown in a pose that was left out: {pose}");
         }
-        verify_choice(plain, name, &mut table, demand)?;
+        verify_choice(plain, name, &mut table, demand, &|told| notice!("{told}"))?;
         let choice = table.choice(demand).filter(|choice| choice.miss <= 1.0);
         for sentence in choice.iter().flat_map(Choice::sentences) {
             notice!("body.{name}: {sentence}");
@@ -94,6 +94,7 @@ fn verify_choice(
     name: &str,
     table: &mut MeasuredTable,
     demand: &AccuracyTarget,
+    tell: &dyn Fn(String),
 ) -> Result<(), Failure> {
     let (mut poses, mut missed) = (None, 0);
     loop {
@@ -111,27 +112,25 @@ fn verify_choice(
             Some(poses) => poses,
             none => none.insert(further_poses(plain, name)?),
         };
-        let mut chosen = Scene::clone(plain);
-        set(&mut chosen.body[name], &setting).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
-        let chosen = Resolved::new(chosen)?;
+        let chosen = with_setting(plain, name, &setting)?;
         table.verified.push(setting.clone());
         let Some(found) = verify(&chosen, name, &row, poses)? else {
-            notice!(
+            tell(format!(
                 "body.{name}: {} could not be verified: its element or the poses have no equilibrium",
                 title(&setting)
-            );
+            ));
             continue;
         };
         let held = found
             .held
             .map_or("no forces".into(), |held| format!("force and torque to {:.2} %", 100.0 * held));
-        notice!(
+        tell(format!(
             "body.{name}: {} itself, in {} further poses against {}: displacement to {:.2} %, {held}",
             title(&setting),
             found.count,
             found.against,
             100.0 * found.shape
-        );
+        ));
         if is_budget {
             // More accurate is nothing within the budget that was asked for; what it is worth is told.
             return Ok(());
@@ -148,6 +147,28 @@ fn verify_choice(
             }
         }
     }
+}
+
+/// The answer to a demand from the rows of a table of a body that asks for nothing itself: the row that is chosen or comes nearest,
+/// with the errors that are printed of it once it was measured itself, and the scene with it. `None` where nothing can be chosen.
+pub fn answered(
+    plain: &Resolved,
+    name: &str,
+    rows: Vec<Measurement>,
+    demand: &AccuracyTarget,
+) -> Result<Option<(Resolved, Measurement)>, Failure> {
+    let (key, machine, models) = (String::new(), String::new(), models());
+    let (left_out, verified) = (Vec::new(), Vec::new());
+    let mut table = MeasuredTable { key, machine, range: 0.0, rows, models, left_out, verified };
+    verify_choice(plain, name, &mut table, demand, &|_| {})?;
+    let Some(choice) = table.choice(demand) else { return Ok(None) };
+    Ok(Some((with_setting(plain, name, &choice.row.setting)?, choice.row.clone())))
+}
+
+fn with_setting(plain: &Scene, name: &str, setting: &Setting) -> Result<Resolved, Failure> {
+    let mut chosen = plain.clone();
+    set(&mut chosen.body[name], setting).map_err(|why| Failure::work(anyhow::anyhow!(why)))?;
+    Resolved::new(chosen)
 }
 
 /// Poses by which nothing was chosen: those that turn and move the furthest among more moments of the script, or other random

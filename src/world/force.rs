@@ -58,7 +58,8 @@ pub struct WrenchError {
 /// The possible error of a body's forces and torques. `None` if nothing was measured, the pose is beyond what was, or the model
 /// has no forces here.
 ///
-/// The parts of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
+/// In large motions they were measured of model and mesh together ([`ExpectedErrors::whole_at`]), else their parts are summed. The parts
+/// of [`ErrorsAt`](crate::deform::ErrorsAt) are those of the largest force, or torque over the length; the mesh's are relative.
 pub fn wrench_error(body: &PlacedBody, shown: &BodyFrame, wrenches: &[Wrench]) -> Option<WrenchError> {
     wrench_error_of(shown.expected.as_ref()?, &body.deformer, wrenches, &[])
 }
@@ -95,7 +96,8 @@ pub fn wrench_error_of(
         }
     };
     let mesh = hung.and_then(|hung| hung.mesh).or_else(|| expected.mesh_at(deformer, wrenches));
-    if mesh.is_none() && expected.model.law().is_some() {
+    let whole = if hung.is_some() { None } else { expected.whole_at(deformer, [force, moment]) };
+    if mesh.is_none() && whole.is_none() && expected.model.law().is_some() {
         return None;
     }
     let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
@@ -107,10 +109,11 @@ pub fn wrench_error_of(
     let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
     let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
     let of_mesh = mesh.unwrap_or(0.0);
-    let is_whole = mesh.is_some();
+    let is_whole = mesh.is_some() || whole.is_some();
+    let [of_force, of_moment] = whole.unwrap_or([force + of_mesh, moment + of_mesh]);
     Some(WrenchError {
-        force: (force + of_mesh) * size,
-        moment: (moment + of_mesh) * size * length,
+        force: of_force * size,
+        moment: of_moment * size * length,
         is_whole,
         parts: [force.max(moment), of_mesh],
     })

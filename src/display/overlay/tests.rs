@@ -319,6 +319,8 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         bent: vec![at(10.0, 0.02), at(30.0, 0.12)],
         shifted: vec![at(10.0, 0.01), at(30.0, 0.03)],
         mesh: Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] }),
+        mesh_bent: vec![at(60.0, 0.05)],
+        mesh_shifted: vec![at(60.0, 0.05)],
         ..MovedErrors::default()
     };
     let measured = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });

@@ -11,7 +11,7 @@ mod tests;
 
 use super::entry::{EffectEntry, EffectInput, Resolved};
 use crate::base::failure::Failure;
-use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors};
+use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, WholeErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
@@ -241,6 +241,14 @@ fn model_errors(
             bent: digits(found.bent),
             shifted: digits(found.shifted),
             pulled: digits(found.pulled),
+            mesh_bent: digits(found.mesh_bent),
+            mesh_shifted: digits(found.mesh_shifted),
+            whole: found.whole.map(|WholeErrors { twist, bent, shifted, pulled }| WholeErrors {
+                twist: no_less(twist),
+                bent: digits(bent),
+                shifted: digits(shifted),
+                pulled: digits(pulled),
+            }),
             hung: found.hung.map(|hung| Hung { at: digits(hung.at), ..hung }),
             ..MovedErrors::default()
         });

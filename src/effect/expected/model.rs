@@ -2,18 +2,21 @@
 //!
 //! In: a body of a scene, precomputed as it will be written. Out: for a control element [`ErrorsAt`] each of `LEVELS`, all others
 //! resting, against St. Venant-Kirchhoff equilibrium on the same mesh with the same element ([`Trial`]), both under the loads of
-//! the scene. It is bent in the plane in which that is easiest, as hands bend it.
+//! the scene; and how far that is from equilibrium on a finer mesh ([`Truth::Finer`]), which is the part of the mesh. It is bent in
+//! the plane in which that is easiest, as hands bend it.
 
 use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{
-    ControlPose, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, MovedErrors, PoseResult,
-    Search, Statics, Trial, Truth, in_session, reach, trials,
+    ControlPose, ControlPoses, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, MovedErrors,
+    PoseResult, Search, Statics, StaticsError, Trial, Truth, WholeErrors, in_session, reach, trials,
 };
 use crate::effect::entry::Resolved;
 use crate::green::{Precomputed, Solution};
+use crate::mesh::EDGES;
 use crate::solve::{Progress, Silent};
+use nalgebra::Vector3;
 
 /// The motions of a control element at one level: bend, twist and both at once, °, and shifts that stretch the body.
 struct Level {
@@ -21,8 +24,8 @@ struct Level {
     shifts: &'static [Motion],
 }
 
-/// An end that is turned in place by more than some 40° mostly has no equilibrium: at 60° it is turned where the arc would bring it
-/// sideways, which stretches the body as well.
+/// An end that is turned in place by more than some 40° mostly has no equilibrium: from 60° on it is bent along an arc, and pulled and
+/// pressed along its chord.
 const LEVELS: [Level; 5] = [
     Level {
         angle: 1.0,
@@ -33,8 +36,15 @@ const LEVELS: [Level; 5] = [
         angle: 30.0,
         shifts: &[Motion::Mixed(30.0, 0.0), Motion::Mixed(0.0, 0.2), Motion::Shift([0.05, 0.0])],
     },
-    Level { angle: 60.0, shifts: &[Motion::Mixed(60.0, 0.48), Motion::Shift([0.1, 0.0])] },
-    Level { angle: 90.0, shifts: &[] },
+    Level {
+        angle: 60.0,
+        shifts: &[
+            Motion::BentAndPulled(60.0, 0.05),
+            Motion::BentAndPulled(60.0, -0.05),
+            Motion::Shift([0.1, 0.0]),
+        ],
+    },
+    Level { angle: 90.0, shifts: &[Motion::BentAndPulled(90.0, 0.05), Motion::BentAndPulled(90.0, -0.05)] },
 ];
 
 /// Parts of the length by which it is pulled away, which are shifts of the levels too.
@@ -45,19 +55,40 @@ impl Level {
         vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
     }
 
+    /// The bend in the stiffer plane, of which a thin body has no equilibrium: it counts where it has one.
+    fn aside(&self) -> Vec<Motion> {
+        vec![Motion::BendAside(self.angle)]
+    }
+
+    /// The bends without the twist, by which a thin wall buckles.
+    fn necessary(&self) -> Vec<Motion> {
+        vec![Motion::Bend(self.angle), Motion::Skew(self.angle)]
+    }
+
     fn shifts(&self) -> Vec<Motion> {
         self.shifts.to_vec()
+    }
+
+    fn has(&self, motion: Motion) -> bool {
+        [self.bends(), self.aside(), self.shifts()].into_iter().flatten().any(|own| own == motion)
     }
 }
 
 /// Motions of one control element.
 pub fn motions() -> usize {
-    LEVELS.iter().map(|level| level.bends().len() + level.shifts.len()).sum()
+    LEVELS.iter().map(|level| level.bends().len() + level.aside().len() + level.shifts.len()).sum()
 }
+
+/// Nodes of a finer mesh over those of the body's own, at most; and the largest number of unknowns for which equilibria are solved
+/// on it, which takes some minutes in all.
+const FINER: usize = 8;
+const MOST_UNKNOWNS: usize = 60_000;
 
 /// A body in its equilibria, and as its model has it.
 pub struct Measured {
     statics: Statics,
+    /// The body on a finer mesh, or why that is not solved.
+    finer: Result<Statics, String>,
     deformer: Deformer,
     nodes: Vec<usize>,
     /// Coefficients of the scene's loads, for each column; none where none acts.
@@ -80,8 +111,20 @@ impl Measured {
         let forces = loads.on_mesh(&statics).map_err(Failure::wrong)?;
         statics.apply(&forces).map_err(Failure::work)?;
         let nodes = Trial::surface_nodes(&statics, &deformer);
+        let unknowns = 3 * FINER * statics.mesh.nodes.len();
+        let finer = match unknowns <= MOST_UNKNOWNS {
+            false => Err(format!(
+                "a finer mesh has up to {unknowns} unknowns, more than the {MOST_UNKNOWNS} for which equilibria are solved"
+            )),
+            true => Truth::Finer.statics(scene, &body.name, &Silent).map_err(|why| why.to_string()),
+        };
+        let finer = finer.and_then(|mut finer| {
+            let forces = loads.on_mesh(&finer).map_err(|why| why.to_string())?;
+            finer.apply(&forces).map_err(|why| why.to_string())?;
+            Ok(finer)
+        });
         let loads = if loads.is_none() { Vec::new() } else { loads.coefficients };
-        Ok(Measured { statics, deformer, nodes, loads })
+        Ok(Measured { statics, finer, deformer, nodes, loads })
     }
 
     /// The errors where all control elements rest; `None` for a body without loads, and, noted in `left_out`, for one without an
@@ -121,16 +164,43 @@ impl Measured {
             moved = moved.about(across);
         }
         let mut found = Vec::new();
+        let mut against = AgainstFiner::default();
+        if let Err(why) = &self.finer {
+            left_out(format!("what the mesh adds in large motions: {why}"));
+        }
         let [bends, twists, both] =
             [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
-        let shifts: Vec<Vec<Motion>> = LEVELS.iter().map(Level::shifts).collect();
-        for kind in [bends, twists, both, shifts] {
-            self.go(&moved, &kind, progress, left_out, &mut found)?;
+        let [aside, shifts] =
+            [Level::aside, Level::shifts].map(|motions| LEVELS.iter().map(motions).collect::<Vec<_>>());
+        for kind in [bends, twists, both, aside, shifts] {
+            self.go(&moved, &kind, progress, left_out, (&mut found, &mut against))?;
         }
-        let [bent, shifted] = [Level::bends, Level::shifts].map(|motions| by_level(&found, motions));
-        let pulled = pulled(&found);
+        let bent = bent_by_level(&found, &LEVELS, Level::bends);
+        let shifted = by_level(&found, &LEVELS, Level::shifts);
+        let both = |found: &[(Motion, ErrorsAt)]| {
+            let bent = bent_by_level(found, &LEVELS[1..], Level::necessary);
+            [bent, by_level(found, &LEVELS[1..], Level::shifts)]
+        };
+        let [mesh_bent, mesh_shifted] = both(&against.mesh);
+        let [whole_bent, whole_shifted] = both(&against.whole);
+        let whole = self.finer.is_ok().then(|| WholeErrors {
+            twist: largest_twist(&against.whole).to_radians(),
+            bent: whole_bent,
+            shifted: whole_shifted,
+            pulled: pulled(&against.whole, &PULLS[1..]),
+        });
+        let pulled = pulled(&found, &PULLS);
         let hung = Some(hung(&mut self.statics, &mut self.deformer, &self.nodes, &moved, left_out));
-        Ok(MovedErrors { bent, shifted, pulled, hung, ..MovedErrors::default() })
+        Ok(MovedErrors {
+            bent,
+            shifted,
+            pulled,
+            hung,
+            mesh_bent,
+            mesh_shifted,
+            whole,
+            ..MovedErrors::default()
+        })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -140,19 +210,74 @@ impl Measured {
         levels: &[Vec<Motion>],
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-        found: &mut Vec<(Motion, ErrorsAt)>,
+        (found, against): (&mut Vec<(Motion, ErrorsAt)>, &mut AgainstFiner),
     ) -> Result<(), Failure> {
         for motions in levels {
             let before = found.len();
             let mut told = |motion: Motion, why: String| left_out(format!("{}: {why}", motion.name()));
             let held =
                 trials(&mut self.statics, moved, motions, progress, &mut told).map_err(Failure::work)?;
-            found.extend(held.iter().map(|trial| (trial.motion, self.at(trial))));
+            for trial in &held {
+                let at = self.at(trial);
+                found.push((trial.motion, at));
+                let is_small = LEVELS[0].has(trial.motion);
+                if is_small {
+                    // There the linear theory has the part of the mesh.
+                    continue;
+                }
+                if let Some([mesh, whole]) = self.against_finer(trial, at, left_out).map_err(Failure::work)? {
+                    against.mesh.push((trial.motion, mesh));
+                    against.whole.push((trial.motion, whole));
+                }
+            }
             if found.len() < before + motions.len() {
                 break;
             }
         }
         Ok(())
+    }
+
+    /// How far the equilibrium of a trial, and what the model shows, are from equilibrium on the finer mesh, at the reach of `at`; the
+    /// second as parts of what is shown. `None` where there is none.
+    fn against_finer(
+        &mut self,
+        trial: &Trial,
+        at: ErrorsAt,
+        left_out: &mut dyn FnMut(String),
+    ) -> Result<Option<[ErrorsAt; 2]>, StaticsError> {
+        let Ok(finer) = &mut self.finer else { return Ok(None) };
+        let origins =
+            |statics: &Statics| statics.controls.iter().map(|control| control.origin).collect::<Vec<_>>();
+        let (about, own) = (origins(&self.statics), origins(finer));
+        let both = || trial.poses.iter().zip(about.iter().zip(&own));
+        let poses: ControlPoses = both().map(|(pose, (about, own))| pose.with_origin(about, own)).collect();
+        let near = match on_finer(&self.statics, finer, &trial.settled.displacement) {
+            Some(guess) => finer.solve_near(&guess, &poses)?,
+            None => None,
+        };
+        let settled = match near.map_or_else(|| finer.solve(&poses, &Silent), Ok) {
+            Ok(settled) if settled.inverted.is_empty() => settled,
+            Ok(_) | Err(StaticsError::Stopped { .. }) => {
+                let motion = trial.motion.name();
+                left_out(format!("what the mesh adds, {motion}: no equilibrium on the finer mesh"));
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        };
+        // The first nodes of the finer mesh are those of the body's own.
+        let mut truth = PoseResult::of_equilibrium(&settled, &poses, &self.nodes);
+        let placed = settled.wrenches.iter().zip(both());
+        truth.wrenches =
+            Some(placed.map(|(wrench, (pose, (about, own)))| wrench.about(&(own - about), pose)).collect());
+        let same = PoseResult::of_equilibrium(&trial.settled, &trial.poses, &self.nodes);
+        let Deviation { force, torque, shape, .. } = Deviation::new(&same, &truth, trial.moved.length);
+        let mesh = ErrorsAt { force, torque, shape, ..at };
+        // The deformer stands in the pose of the trial.
+        let shown = PoseResult::of_model(&self.deformer);
+        let Deviation { force, torque, shape, .. } = Deviation::new(&truth, &shown, trial.moved.length);
+        let has_forces = shown.wrenches.is_some();
+        let [force, torque] = [force, torque].map(|part| part.filter(|_| has_forces));
+        Ok(Some([mesh, ErrorsAt { force, torque, shape, ..at }]))
     }
 
     fn at(&mut self, trial: &Trial) -> ErrorsAt {
@@ -163,13 +288,60 @@ impl Measured {
 
 /// The largest errors and reach up to each level, as long as all motions up to it were found; a level without motions of this kind
 /// ends the list too.
-fn by_level(found: &[(Motion, ErrorsAt)], motions: fn(&Level) -> Vec<Motion>) -> Vec<ErrorsAt> {
-    growing(found, LEVELS.iter().map(|level| (level.angle, motions(level))))
+fn by_level(
+    found: &[(Motion, ErrorsAt)],
+    levels: &[Level],
+    motions: fn(&Level) -> Vec<Motion>,
+) -> Vec<ErrorsAt> {
+    growing(found, levels.iter().map(|level| (level.angle, motions(level))))
+}
+
+/// [`by_level`] of bends that are `necessary`, with the others of each level that were found.
+fn bent_by_level(
+    found: &[(Motion, ErrorsAt)],
+    levels: &[Level],
+    necessary: fn(&Level) -> Vec<Motion>,
+) -> Vec<ErrorsAt> {
+    let is_found = |motion: &Motion| found.iter().any(|(own, _)| own == motion);
+    let motions = |level: &Level| {
+        let mut motions = necessary(level);
+        motions.extend(level.bends().into_iter().chain(level.aside()).filter(is_found));
+        (level.angle, motions)
+    };
+    growing(found, levels.iter().map(motions))
+}
+
+/// The largest twist that was found with all smaller ones, °; 0 without any.
+fn largest_twist(found: &[(Motion, ErrorsAt)]) -> f64 {
+    let is_found = |level: &&Level| found.iter().any(|(own, _)| *own == Motion::Twist(level.angle));
+    LEVELS[1..].iter().take_while(is_found).last().map_or(0.0, |level| level.angle)
 }
 
 /// The largest errors and reach up to each pull, as long as all smaller ones were found.
-fn pulled(found: &[(Motion, ErrorsAt)]) -> Vec<ErrorsAt> {
-    growing(found, PULLS.map(|along| (0.0, vec![Motion::Shift([along, 0.0])])))
+fn pulled(found: &[(Motion, ErrorsAt)], pulls: &[f64]) -> Vec<ErrorsAt> {
+    growing(found, pulls.iter().map(|along| (0.0, vec![Motion::Shift([*along, 0.0])])))
+}
+
+/// Errors in motions against equilibrium on a finer mesh: of the equilibrium on the own mesh, and of what the model shows.
+#[derive(Default)]
+struct AgainstFiner {
+    mesh: Vec<(Motion, ErrorsAt)>,
+    whole: Vec<(Motion, ErrorsAt)>,
+}
+
+/// Displacements on the finer mesh, which has the same tetrahedra with nodes between their corners; `None` where it has others.
+fn on_finer(own: &Statics, finer: &Statics, u: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
+    if own.mesh.tets != finer.mesh.tets || !own.mesh.mids.is_empty() {
+        return None;
+    }
+    let mut all = u.to_vec();
+    all.resize(finer.mesh.nodes.len(), Vector3::zeros());
+    for (corners, mids) in finer.mesh.tets.iter().zip(&finer.mesh.mids) {
+        for ([i, j], &mid) in EDGES.iter().zip(mids) {
+            all[mid as usize] = (u[corners[*i] as usize] + u[corners[*j] as usize]) * 0.5;
+        }
+    }
+    Some(all)
 }
 
 fn growing(
@@ -298,7 +470,10 @@ mod tests {
             (Motion::Skew(30.0), at(30.0, 0.02, 0.05)),
         ];
         let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
-            by_level(found, Level::bends).iter().map(|at| (at.angle, at.stretch, at.force)).collect()
+            bent_by_level(found, &LEVELS, Level::bends)
+                .iter()
+                .map(|at| (at.angle, at.stretch, at.force))
+                .collect()
         };
         let levels = [(1.0, 0.001, Some(0.02)), (10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))];
         assert_eq!(told(&found), levels, "no twist by 60°");
@@ -306,12 +481,12 @@ mod tests {
             LEVELS[0].shifts().into_iter().map(|motion| (motion, at(7.0, 0.1, 0.7))).collect();
         found.extend(shifts);
         assert_eq!(told(&found).len(), 3, "shifts say nothing of bends");
-        let shifted = by_level(&found, Level::shifts);
+        let shifted = by_level(&found, &LEVELS, Level::shifts);
         assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 1.0, Some(0.7)));
-        assert_eq!(pulled(&found).len(), 1, "of the pulls the first is among them");
+        assert_eq!(pulled(&found, &PULLS).len(), 1, "of the pulls the first is among them");
         found.pop();
-        assert_eq!(pulled(&found), []);
-        assert_eq!(by_level(&found, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 25);
+        assert_eq!(pulled(&found, &PULLS), []);
+        assert_eq!(by_level(&found, &LEVELS, Level::shifts), [], "one of a level's motions is missing");
+        assert_eq!(motions(), 33);
     }
 }

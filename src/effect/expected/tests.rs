@@ -163,7 +163,23 @@ fn the_error_of_the_mesh_is_that_of_the_motion() {
     let ((scene, body), (_, fine)) = (of("tet4"), of("tet10"));
     let mesh = mesh_errors(&scene, &body, &[1], &Silent, &mut Vec::new())[0].0.clone();
     let most = mesh.as_ref().unwrap().wrench;
-    let moved = MovedErrors { control: "high".into(), mesh, ..MovedErrors::default() };
+    // Of the linear theory alone.
+    let nothing = ErrorsAt {
+        angle: 90.0,
+        turn: 9.0,
+        stretch: 9.0,
+        off: 9.0,
+        force: Some(0.0),
+        torque: Some(0.0),
+        shape: 0.0,
+    };
+    let moved = MovedErrors {
+        control: "high".into(),
+        mesh,
+        mesh_bent: vec![nothing],
+        mesh_shifted: vec![nothing],
+        ..MovedErrors::default()
+    };
     let expected = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
     let [mut coarse, mut fine] = [&body, &fine].map(|body| deformer_of(body, "rotation"));
     let wrenches = |deformer: &mut Deformer, [x, y, z, a, b, c]: [f64; 6]| {
@@ -411,4 +427,51 @@ fn the_mesh_is_measured_of_an_element_in_the_middle_of_others() {
     let mut left_out = Vec::new();
     let errors = mesh_errors(&scene, &body, &[2], &Silent, &mut left_out);
     assert!(errors[0].0.as_ref().is_some_and(|mesh| mesh.wrench > 0.01), "{left_out:?}");
+}
+
+/// The part of the mesh in the force of a thin tube that is bent by 60°: linear theory has some 1 %, and the equilibria of tet4 and
+/// tet10, which are solved here again, differ by some tens of per cent. Beyond what was solved nothing is told.
+#[test]
+fn the_part_of_the_mesh_in_a_large_bend_is_that_of_the_equilibria() {
+    use crate::deform::{Motion, Moved, Truth};
+    let text = "[body.tube]\ngenerate = { tube = { inner_radius = 0.04, outer_radius = 0.05, length = 0.3, radial = 1, around = 10, \
+                along = 8, control_length = 0.0 } }\nmaterial = { young = 1.0e6, poisson = 0.3 }\nmodel = \"rotation\"\n\
+                control.left = { nodes = { group = \"left\" }, grab = \"fixed\" }\n\
+                control.right = { nodes = { group = \"right\" }, grab = \"dragger\" }\n";
+    let scene = Resolved::parse(text, Path::new("tube.toml")).unwrap();
+    let families = [ROTATION.requirements, ROTATION.energy.unwrap_or_default(), &[STIFFNESS]];
+    let required =
+        families.map(Requirements::new).into_iter().fold(Requirements::default(), Requirements::and);
+    let mut body = green::precompute(&scene, "tube", &required, &Silent).unwrap();
+    let errors = measure(&scene, &mut body, &Silent);
+    let mut deformer = deformer_of(&body, "rotation");
+    let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
+    let moved = Moved::new(&origins, 1).unwrap();
+    let poses = moved.poses(Motion::Bend(60.0));
+    let held = [Truth::SameMesh, Truth::Finer].map(|truth| {
+        let mut statics = truth.statics(&scene, "tube", &Silent).unwrap();
+        statics.solve(&poses, &Silent).unwrap().balance(&poses)
+    });
+    let size = |force: Vector3<f64>, moment: Vector3<f64>| force.norm().max(moment.norm() / moved.length);
+    let off = |e: usize| size(held[0][e].force - held[1][e].force, held[0][e].moment - held[1][e].moment);
+    let known =
+        off(0).max(off(1)) / (0..2).map(|e| size(held[1][e].force, held[1][e].moment)).fold(0.0, f64::max);
+    deformer.forget();
+    for step in 1..=12 {
+        deformer.take(&moved.poses(Motion::Bend(5.0 * f64::from(step))));
+    }
+    deformer.evaluate(&poses);
+    let wrenches = deformer.wrenches().unwrap().0;
+    let told = errors.mesh_at(&deformer, &wrenches).unwrap();
+    println!(
+        "told {told:.4}, known {known:.4}, by linear theory {:?}",
+        errors.mesh().map(|mesh| mesh.wrench)
+    );
+    // The largest of bends and twists is told: of a twist 1.34.
+    assert!(known > 0.1 && told > 0.98 * known && told < 1.4, "told {told}, known {known}");
+    deformer.evaluate(&moved.poses(Motion::Bend(100.0)));
+    assert_eq!(errors.mesh_at(&deformer, &wrenches), None, "no equilibrium was solved that far");
+    // The wall buckles under the twist, with tet10.
+    deformer.evaluate(&moved.poses(Motion::Twist(60.0)));
+    assert_eq!(errors.whole_at(&deformer, [0.0; 2]), None, "{:?}", errors.left_out);
 }
