@@ -471,7 +471,8 @@ fn the_part_of_the_mesh_in_a_large_bend_is_that_of_the_equilibria() {
     assert!(known > 0.1 && told > 0.98 * known && told < 1.4, "told {told}, known {known}");
     deformer.evaluate(&moved.poses(Motion::Bend(100.0)));
     assert_eq!(errors.mesh_at(&deformer, &wrenches), None, "no equilibrium was solved that far");
-    // The wall buckles under the twist, with tet10.
+    // The wall buckles under the twist with tet10, and not with tet4.
     deformer.evaluate(&moved.poses(Motion::Twist(60.0)));
-    assert_eq!(errors.whole_at(&deformer, [0.0; 2]), None, "{:?}", errors.left_out);
+    let whole = errors.whole_at(&deformer, [0.0; 2]);
+    assert!(whole.is_some_and(|[_, torque]| torque > 1.0), "{whole:?} {:?}", errors.left_out);
 }

@@ -16,6 +16,8 @@ pub struct Choice {
     pub effects: Vec<String>,
 }
 
+/// Length in radii of gyration below which a body is compact: St. Venant–Kirchhoff's law has no equilibrium at 90° of bend.
+const COMPACT: f64 = 15.0;
 /// Length over mean thickness from which a body is slender.
 const SLENDER: f64 = 6.0;
 /// Length in radii of gyration from which a body is a rod: that of a square bar of 25 : 1 is 87.
@@ -30,7 +32,7 @@ const MOST_CORNERS: usize = 15_000;
 /// it has fields of equilibria, of which it takes [`REDUCED_S`] for a node to precompute.
 const MOST_REDUCED: usize = 60_000;
 const WITH_EQUILIBRIA: usize = 33_000;
-const REDUCED_S: f64 = 3e-3;
+const REDUCED_S: f64 = 6e-3;
 /// Unknowns of a mesh with nodes on its edges, for each corner.
 const UNKNOWNS: usize = 21;
 /// Most unknowns of the better body that errors are measured by, which is solved in a minute or two.
@@ -49,6 +51,9 @@ pub fn of_two_ends(mesh: &TetMesh, nodes: usize) -> Option<(&'static str, String
     if slenderness >= ROD {
         let reach = "any angle and several turns, forces within 5 % where its walls keep their shape";
         Some(("rod", format!("{reach}; the body is {slenderness:.0} radii of gyration long")))
+    } else if nodes <= WITH_EQUILIBRIA && slenderness < COMPACT {
+        let reach = "forces within 4 % of the neo-Hookean law to 90° of bend and twist";
+        Some(("reduced_neo_hookean", format!("{reach}; about {:.0} s more to precompute", 5.0 + seconds)))
     } else if nodes <= WITH_EQUILIBRIA {
         let reach = "forces within 3 % to 90° of bend and twist";
         Some(("reduced", format!("{reach}; about {seconds:.0} s more to precompute")))
@@ -84,6 +89,7 @@ pub fn choose(
     let takes_rod = at_ends && !(is_large && is_incompressible);
     let of_two = of_two.filter(|(model, _)| *model != "rod" || takes_rod);
     let reach = of_two.as_ref().map_or(String::new(), |(_, reach)| reach.clone());
+    let reduced = of_two.as_ref().map_or("reduced", |(model, _)| model);
     let (model, comment, why) = match &wishes.model {
         Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
         None if is_soft => (
@@ -101,12 +107,12 @@ pub fn choose(
             format!("because {nodes} nodes are many for \"reduced\" with tet10; a larger --cell makes fewer"),
         ),
         None if asks_forces && can_reduce => (
-            "reduced",
+            reduced,
             "made for forces, and bends far; \"rotation\" is quicker to precompute".to_owned(),
             if reach.is_empty() { "because you ask for forces".to_owned() } else { reach },
         ),
         None if of_two.is_some() => {
-            ("reduced", "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(), reach)
+            (reduced, "bends far, with forces; \"rotation\" is quicker to precompute".to_owned(), reach)
         }
         None if slender >= SLENDER && can_reduce && of_reduced <= MOST_REDUCED => (
             "reduced",
@@ -165,7 +171,7 @@ fn element_of(model: &str, is_incompressible: bool, asks_forces: bool, is_large:
         // Linear tetrahedra are too stiff in a slender rod's bend.
         "rod" if !is_large => &TET10,
         // Their energy is a quartic form, which that of tet4_anp is not.
-        "reduced" | "perturbation" if is_incompressible => &TET10,
+        "reduced" | "reduced_neo_hookean" | "perturbation" if is_incompressible => &TET10,
         _ if is_incompressible => &TET4_ANP,
         _ => &TET4,
     }

@@ -339,10 +339,16 @@ fn a_pull_takes_what_is_made_for_forces() {
         (body.element.name, body.model, body.effects.join(" "))
     };
     let expected = |element, model: &str, effects: &str| (element, model.to_owned(), effects.to_owned());
-    assert_eq!(choice("steel", None), expected("tet4", "reduced", ""));
-    assert_eq!(choice("rubber", None), expected("tet10", "reduced", ""));
-    assert_eq!(choice("steel", Some(1e-3)), expected("tet10", "reduced", "haptics stress expected_errors"));
-    assert_eq!(choice("rubber", Some(1e-3)), expected("tet10", "reduced", "haptics stress expected_errors"));
+    assert_eq!(choice("steel", None), expected("tet4", "reduced_neo_hookean", ""));
+    assert_eq!(choice("rubber", None), expected("tet10", "reduced_neo_hookean", ""));
+    assert_eq!(
+        choice("steel", Some(1e-3)),
+        expected("tet10", "reduced_neo_hookean", "haptics stress expected_errors")
+    );
+    assert_eq!(
+        choice("rubber", Some(1e-3)),
+        expected("tet10", "reduced_neo_hookean", "haptics stress expected_errors")
+    );
     // With tet4 a heart of 2243 nodes was too stiff by 26 %, and `check` warned of the scene that `new` had made.
     assert_eq!(choice("liver", Some(0.015)), expected("tet4_anp", "neo_hookean", "haptics stress"));
 }
@@ -352,7 +358,13 @@ fn a_pull_takes_what_is_made_for_forces() {
 #[test]
 fn the_model_is_the_one_that_holds_and_its_reach_is_told() {
     for (size, cells, model, reach) in [
-        ([0.2, 0.1, 0.1], [8, 4, 4], "reduced", "forces within 3 % to 90° of bend and twist; about 1 s more"),
+        ([0.2, 0.1, 0.1], [8, 4, 4], "reduced_neo_hookean", "law to 90° of bend and twist; about 6 s more"),
+        (
+            [0.5, 0.1, 0.1],
+            [20, 4, 4],
+            "reduced",
+            "forces within 3 % to 90° of bend and twist; about 3 s more",
+        ),
         ([0.2, 0.15, 0.15], [60, 24, 24], "reduced", "forces to about 60°"),
         ([0.3, 0.25, 0.25], [60, 40, 40], "rotation", "forces of compact bodies to 30°"),
         ([1.0, 0.04, 0.04], [50, 2, 2], "rod", "any angle and several turns"),
