@@ -33,6 +33,8 @@ const RANDOM: usize = 12;
 const STEPS: [f64; 2] = [0.5, 1.0];
 /// Those of a twist, which goes on to 330°: the last turn but a little that a mean frame has.
 const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
+/// Share of a path at which a motion is small: a turn by 3.6°.
+const SMALL: f64 = 0.04;
 /// The least step is this part of the way between two of them.
 const LEAST_STEP: f64 = 0.25;
 /// Newton's iteration ends after a step below this part of the largest displacement: of fields for a basis no more is asked.
@@ -47,6 +49,8 @@ pub struct Equilibria {
     /// c of each, column by column, and V.
     pub coefficients: DMatrix<f64>,
     pub energies: Vec<f64>,
+    /// Beginnings of the paths.
+    pub small: Vec<SmallMotion>,
     /// Paths, and how many of them have an equilibrium at their end.
     pub paths: [usize; 2],
 }
@@ -55,6 +59,13 @@ pub struct Equilibria {
 /// [`MOST_UNKNOWNS`] that are solved for directly.
 pub fn has_equilibria(solver: &Solver, control_elements: usize, unknowns: usize) -> bool {
     control_elements == 2 && (1..=MOST_UNKNOWNS).contains(&unknowns) && solver.method.is_direct
+}
+
+/// A small motion along a path: c there, and the first equilibrium of the path, which is so many times as far.
+pub struct SmallMotion {
+    pub coefficients: DMatrix<f64>,
+    pub equilibrium: usize,
+    pub times: f64,
 }
 
 /// The equilibria of a body; `None` where [`has_equilibria`] says no.
@@ -88,7 +99,8 @@ pub fn equilibria(
         loads: None,
         last_step: LAST_STEP,
     };
-    let (mut fields, mut coefficients, mut energies, mut whole) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    let (mut fields, mut coefficients, mut energies) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut small, mut whole) = (Vec::new(), 0);
     progress.begin("equilibria at large turns", paths.len() as u64);
     for (path, steps) in &paths {
         let (mut u, mut from, mut before) = (NodeFields::zeros(solution.mesh.nodes.len(), 1), 0.0, 0.0);
@@ -114,6 +126,10 @@ pub fn equilibria(
                 add(&mut own, -1.0, &combined(&solution.fields, &c));
                 let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
                 own.data.iter_mut().for_each(|value| *value /= size);
+                if from == 0.0 {
+                    let coefficients = seen(solution, path, SMALL);
+                    small.push(SmallMotion { coefficients, equilibrium: fields.len(), times: share / SMALL });
+                }
                 fields.push(own);
                 coefficients.push(c);
                 energies.push(found.energy);
@@ -132,6 +148,7 @@ pub fn equilibria(
             coefficients[at][row]
         }),
         energies,
+        small,
         paths: [paths.len(), whole],
     }))
 }

@@ -31,7 +31,7 @@ use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
 use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
-use super::equilibria::{Equilibria, MOST_UNKNOWNS, equilibria, has_equilibria};
+use super::equilibria::{Equilibria, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
@@ -130,6 +130,8 @@ const MISSED: f64 = 1e-5;
 /// Change of each coordinate of an equilibrium at random, ± half of this, in parts of the root of twice its energy: a hundredth of that
 /// energy in all.
 const CHANGED: f64 = 0.05;
+/// How much more nearly a small motion is to be met.
+const SMALL_WEIGHT: f64 = 20.0;
 /// A field whose energy is a smaller part of that of the stiffest one of its size turns the body as a whole; its slope counts as that of
 /// the softest affine field.
 const RIGID: f64 = 1e-8;
@@ -197,7 +199,7 @@ fn compute(
     let coefficients = points.quartic(&all, &|units| progress.advance(units));
     progress.end();
     if law.name != STVK.name {
-        let count = 2 * equilibria.as_ref().map_or(0, |found| found.energies.len());
+        let count = equilibria.as_ref().map_or(0, |found| 2 * found.energies.len() + found.small.len());
         machine::expect(
             "the points of the neo-Hookean law",
             cubature::memory(points.count(), all.columns, count),
@@ -234,7 +236,8 @@ fn compute(
     Ok(())
 }
 
-/// The equilibria as sums of all fields, and each once more with the Φ changed at random: what the points must serve.
+/// The equilibria as sums of all fields, each once more with the Φ changed at random, and small motions, whose energy counts as less
+/// than it is, so that they are met more nearly: what the points must serve.
 fn states(
     assembled: &Assembled<'_>,
     lift: &Lift,
@@ -253,22 +256,31 @@ fn states(
     let Some(equilibria) = equilibria else {
         return States { z: DMatrix::zeros(all.columns, 0), energies: Vec::new(), scales };
     };
-    let y = lift.columns.tr_mul(&equilibria.coefficients);
     let q = products(assembled.k, basis, &equilibria.fields);
     let mut random = Random::default();
-    let count = equilibria.energies.len();
-    let z = DMatrix::from_fn(all.columns, 2 * count, |row, column| {
-        let at = column % count;
-        match row.checked_sub(lift.rigid) {
-            None => y[(row, at)],
-            Some(k) if k >= basis.columns => y[(row - basis.columns, at)],
-            Some(k) => {
-                let changed = if column < count { 0.0 } else { CHANGED * random.draw() };
-                (q[(k, at)] + changed) * (2.0 * equilibria.energies[at]).sqrt()
-            }
-        }
-    });
-    States { z, energies: [equilibria.energies.as_slice(); 2].concat(), scales }
+    let (mut z, mut energies) = (Vec::new(), Vec::new());
+    let mut add = |c: &DMatrix<f64>, q: &dyn Fn(usize) -> f64, energy: f64| {
+        let y = lift.columns.tr_mul(c);
+        z.extend((0..all.columns).map(|row| match row.checked_sub(lift.rigid) {
+            None => y[row],
+            Some(k) if k >= basis.columns => y[row - basis.columns],
+            Some(k) => q(k),
+        }));
+        energies.push(energy);
+    };
+    for (at, &energy) in equilibria.energies.iter().enumerate() {
+        let (c, size) = (equilibria.coefficients.columns(at, 1).into_owned(), (2.0 * energy).sqrt());
+        let changes: Vec<f64> = (0..basis.columns).map(|_| CHANGED * random.draw()).collect();
+        add(&c, &|k| q[(k, at)] * size, energy);
+        add(&c, &|k| (q[(k, at)] + changes[k]) * size, energy);
+    }
+    for SmallMotion { coefficients, equilibrium, times } in &equilibria.small {
+        // Energy and Φ are of second order in the motion.
+        let energy = equilibria.energies[*equilibrium];
+        let size = (2.0 * energy).sqrt() / times.powi(2);
+        add(coefficients, &|k| q[(k, *equilibrium)] * size, energy / (times * SMALL_WEIGHT).powi(2));
+    }
+    States { z: DMatrix::from_vec(all.columns, energies.len(), z), energies, scales }
 }
 
 /// Bytes beside the body: of the orders on all paths while the next one is solved for, or of the quartic, whose products of pairs
