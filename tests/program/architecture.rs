@@ -317,6 +317,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("src/track/osc.rs", "rotation", "a part of an address"),
     ("src/track/script.rs", "rotation", "a key of a script: an angle"),
     ("src/verify/large_rotation.rs", "plate", "a body that is held"),
+    ("src/verify/truth/bodies.rs", "*", "the models that random bodies have in turn"),
 ];
 
 /// A scene's names are looked up once: code that asks for an effect or a model by its name knows what the entry should say.
