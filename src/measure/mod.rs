@@ -117,7 +117,7 @@ pub fn settings(request: &Request<'_>, progress: &dyn Progress) -> Result<Measur
     settings_against(request, &[], progress).map(|(measured, _)| measured)
 }
 
-/// [`settings`], and the true errors of each row against equilibria in the poses of the request ([`truth`]).
+/// [`settings`], and the true errors of each row against equilibria in the poses of the request (`truth`).
 pub fn settings_against(
     request: &Request<'_>,
     truths: &[Option<EquilibriumOfPose>],

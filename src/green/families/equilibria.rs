@@ -56,7 +56,7 @@ pub struct Equilibria {
 }
 
 /// Whether a body of so many control elements and unknowns is solved for them: of two, where something is free, up to
-/// [`MOST_UNKNOWNS`] that are solved for directly.
+/// 100,000 that are solved for directly.
 pub fn has_equilibria(solver: &Solver, control_elements: usize, unknowns: usize) -> bool {
     control_elements == 2 && (1..=MOST_UNKNOWNS).contains(&unknowns) && solver.method.is_direct
 }

@@ -9,7 +9,7 @@
 //! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each. Main parts are those of the energy norm.
 //!
 //! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic
-//! `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`](super::cubature)).
+//! `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`]).
 //!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
