@@ -288,7 +288,7 @@ fn effects_text(effects: &[Cost]) -> String {
     if table.rows.len() > 1 { format!("\n{}", table.text()) } else { String::new() }
 }
 
-/// How far the model of a body holds that is bent at two ends, and the model that holds further where there is one.
+/// The reach of the model of a body that is bent at two ends, and the model that holds further where there is one.
 fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Option<String> {
     // What holds further has no such element, and its nodes on the edges are seven to a corner.
     let (factor, with) = if *body.element == TET4_ANP { (7, " with element = \"tet10\"") } else { (1, "") };

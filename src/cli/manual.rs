@@ -11,7 +11,7 @@ use crate::manual::{self, Chapter, GUIDE, REFERENCE};
 pub struct Args {
     /// Chapter to print; any other word is searched in all chapters. Without one, the chapters are listed
     pub chapter: Option<String>,
-    /// What to search in this chapter
+    /// Words to search for in this chapter
     pub words: Vec<String>,
 }
 

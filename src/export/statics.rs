@@ -136,7 +136,7 @@ fn add_none(table: &mut Table, pose: &str) {
     table.row(&[pose, "0", "0", "none", "", "", "", "", ""]);
 }
 
-/// How the body came to the branch that is shown.
+/// The way on which the body came to the branch that is shown.
 fn beyond(branch: Branch, critical: &CriticalPose) -> String {
     let other = match branch {
         Branch::Snapped => "what is shown is the next stable state on its curve",

@@ -33,12 +33,12 @@ pub fn energy_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> f64 {
     energy(h, lame) - (STVK.energy)(h, lame)
 }
 
-/// Its first derivative, Pa.
+/// First derivative of [`energy_beyond_stvk`], Pa.
 pub fn stress_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
     stress(h, lame) - (STVK.stress)(h, lame)
 }
 
-/// Its second derivative, Pa.
+/// Second derivative of [`energy_beyond_stvk`], Pa.
 pub fn tangent_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Tangent {
     tangent(h, lame) - (STVK.tangent)(h, lame)
 }

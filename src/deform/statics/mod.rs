@@ -76,7 +76,7 @@ pub struct Statics {
     lame: Vec<Lame>,
     loads: NodalLoads,
     acting: StaticForces,
-    /// What is free of each control element, and pushed; empty if nothing is.
+    /// Freedom of each control element; empty if nothing is free or pushed.
     freedom: Vec<Freedom>,
     /// Factor by which warmth lengthens the body where it is free.
     stretch: f64,
@@ -143,7 +143,7 @@ pub struct TangentState {
     pub branch: Branch,
     /// Number of negative eigenvalues of the tangent stiffness.
     pub negative: usize,
-    /// Its least eigenvalue with the mode of length 1; `None` where nothing is free to move, and on a curve by arc length.
+    /// Least eigenvalue of it with the mode of length 1; `None` where nothing is free to move, and on a curve by arc length.
     pub least: Option<LeastMode>,
     /// The critical poses behind it.
     pub passed: Vec<CriticalPose>,

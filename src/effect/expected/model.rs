@@ -237,7 +237,7 @@ impl Measured {
         Ok(())
     }
 
-    /// How far the equilibrium of a trial, and what the model shows, are from equilibrium on the finer mesh, at the reach of `at`; the
+    /// Errors of the equilibrium of a trial, and of what the model shows, against equilibrium on the finer mesh, at the reach of `at`; the
     /// second as parts of what is shown. `None` where there is none.
     fn against_finer(
         &mut self,

@@ -27,8 +27,8 @@ const MISSED: f64 = 2e-3;
 const CANDIDATES: usize = 1600;
 /// Points whose g are computed between two sums.
 const BLOCK: usize = 64;
-/// Numbers of a point before those of its gradients.
-const HEAD: usize = 4;
+/// Numbers of a point before those of its gradients: w, λ, μ, D.
+pub const HEAD: usize = 4;
 /// D in parts of the depth that was met, and in parts of μ at least.
 const DEEPER: f64 = 1.25;
 const LEAST_DEPTH: f64 = 1e-3;
@@ -39,7 +39,7 @@ pub struct States {
     pub z: DMatrix<f64>,
     /// V of each, J.
     pub energies: Vec<f64>,
-    /// 1/√(h_kᵀ K h_k) of each k.
+    /// 1/√(h_kᵀ K h_k) of each k; 0 of a field that vanishes.
     pub scales: Vec<f64>,
 }
 
@@ -135,7 +135,7 @@ fn share(point: &RestPoint<'_>, fields: &NodeFields, states: &States) -> DMatrix
     share
 }
 
-/// How far below 0 the energy is at a point in any state, J/m³.
+/// Depth below 0 of the energy at a point in any state, J/m³.
 fn depth(point: &RestPoint<'_>, h: &[Matrix3<f64>], states: &States) -> f64 {
     let strained =
         |z: DVectorView<'_, f64>| h.iter().zip(z.iter()).map(|(h, z)| h * *z).sum::<Matrix3<f64>>();

@@ -28,6 +28,7 @@ pub use affine::AFFINE;
 pub(super) use affine::{column_names as names_of_fields, tensors_of as affine_tensors};
 pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
+pub use cubature::HEAD as CUBATURE_HEAD;
 pub use cubic::CUBIC;
 pub use equilibria::has_equilibria;
 pub use kept_factor::KEPT_FACTOR;

@@ -30,7 +30,7 @@ use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
-use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
+use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
 use super::equilibria::{Equilibria, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
@@ -132,11 +132,11 @@ const MISSED: f64 = 1e-5;
 const CHANGED: f64 = 0.05;
 /// How much more nearly a small motion is to be met.
 const SMALL_WEIGHT: f64 = 20.0;
-/// A field whose energy is a smaller part of that of the stiffest one of its size turns the body as a whole; its slope counts as that of
-/// the softest affine field.
-const RIGID: f64 = 1e-8;
+/// A field whose energy is a smaller part of the largest is 0 but for rounding: a flat control element has no stretch across it.
+const VANISHED: f64 = 1e-20;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
+
 fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
     let count = prepared.controls.len();
     if count <= MOST_ELEMENTS {
@@ -246,13 +246,9 @@ fn states(
     equilibria: Option<&Equilibria>,
 ) -> States {
     let energies = products(assembled.k, all, all).diagonal();
-    let sizes = rows(all).row_iter().map(|field| field.norm_squared()).collect::<Vec<f64>>();
-    let stiffest = energies.iter().zip(&sizes).map(|(energy, size)| energy / size).fold(0.0, f64::max);
-    let is_rigid = |k: usize| energies[k] <= RIGID * stiffest * sizes[k];
-    let softest =
-        (0..all.columns).filter(|k| !is_rigid(*k)).map(|k| energies[k]).fold(f64::INFINITY, f64::min);
-    let scale = |k: usize| if is_rigid(k) { softest } else { energies[k] }.sqrt().recip();
-    let scales: Vec<f64> = (0..all.columns).map(scale).collect();
+    let largest = energies.max();
+    let scale = |energy: &f64| if *energy > VANISHED * largest { energy.sqrt().recip() } else { 0.0 };
+    let scales: Vec<f64> = energies.iter().map(scale).collect();
     let Some(equilibria) = equilibria else {
         return States { z: DMatrix::zeros(all.columns, 0), energies: Vec::new(), scales };
     };

@@ -358,7 +358,7 @@ fn a_pull_takes_what_is_made_for_forces() {
 #[test]
 fn the_model_is_the_one_that_holds_and_its_reach_is_told() {
     for (size, cells, model, reach) in [
-        ([0.2, 0.1, 0.1], [8, 4, 4], "reduced_neo_hookean", "law to 90° of bend and twist; about 6 s more"),
+        ([0.2, 0.1, 0.1], [8, 4, 4], "reduced_neo_hookean", "turns inside out; about 6 s more"),
         (
             [0.5, 0.1, 0.1],
             [20, 4, 4],

@@ -1,4 +1,4 @@
-//! What the neo-Hookean law adds to the quartic of St. Venant–Kirchhoff's, summed over a few points of the body.
+//! The energy of the neo-Hookean law beyond the quartic of St. Venant–Kirchhoff's, summed over a few points of the body.
 //!
 //! In: the table of the points, and z. Out, with the energy density d = ψ_NH - ψ_SVK at each point's gradient,
 //!
@@ -15,18 +15,16 @@
 //! φ(d) = d for d ≥ -D      φ(d) = -2 D + D exp(1 + d/D) below
 //! ```
 //!
-//! A body that warmth makes s times as large has s³ d(F/s). Allocates
-//! nothing once it is made.
+//! A body that warmth makes s times as large has s³ d(F/s). Allocates nothing once it is made.
 
 use super::quartic::SIDE;
 use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::{Lame, Tangent, energy_beyond_stvk, stress_beyond_stvk, tangent_beyond_stvk};
+use crate::green::CUBATURE_HEAD as HEAD;
 use nalgebra::{Const, DMatrix, Matrix3};
 
 /// Entries of a gradient.
 const ENTRIES: usize = 9;
-/// Numbers of a point before those of its gradients: w, λ, μ, D.
-const HEAD: usize = 4;
 /// Parts in which the second derivatives are summed.
 const PARTS: usize = 6;
 
@@ -350,7 +348,7 @@ mod tests {
         assert!(cubature.is_inverted(&[1.0, -1.01]) && !cubature.is_inverted(&[1.0, -0.99]));
     }
 
-    /// What is made in parts is what is made at once.
+    /// The derivatives that are made in parts are those that are made at once.
     #[test]
     fn parts_make_the_whole() {
         let n = 5;
