@@ -41,6 +41,7 @@ pub fn solve(
 ) -> Result<Solved, Failure> {
     let bars = Bars::new(name, false);
     let mut statics = Statics::new(scene, name, law, &bars).map_err(failure)?;
+    statics.judge_stability();
     for notice in &statics.notices {
         notice!("{notice}");
     }

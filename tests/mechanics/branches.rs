@@ -13,7 +13,9 @@ use std::path::Path;
 /// A body of St. Venant–Kirchhoff material with these keys.
 fn body(keys: &str) -> Statics {
     let scene = Scene::parse(&format!("[body.b]\nelement = \"tet10\"\n{keys}"), Path::new("branches.toml"));
-    Statics::new(&scene.unwrap(), "b", &STVK, &Silent).unwrap()
+    let mut statics = Statics::new(&scene.unwrap(), "b", &STVK, &Silent).unwrap();
+    statics.judge_stability();
+    statics
 }
 
 /// A slender bar of length 1 m along x, twice as wide as thick, held at `low` and with the control element `high` at the other end.

@@ -10,7 +10,9 @@ pub mod critical;
 pub mod equilibria;
 pub mod freedom;
 mod held_volume;
+mod outcome;
 mod pushed;
+mod way;
 
 use super::loads::applied::StaticForces;
 use super::loads::lumped::NodalLoads;
@@ -24,16 +26,17 @@ use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
-    Counts, Equilibrium, Followed, LAST_STEP, LinearSolver, Loads, Newton, NewtonError, Passed, Path, Point,
-    Progress, Pushed, Setback, Silent, SolveError, Stability, WarmBody,
+    Counts, Equilibrium, Followed, LinearSolver, Loads, Newton, NewtonError, Point, Progress, Pushed, Silent,
+    SolveError, Stability,
 };
 use critical::{CriticalPose, Ways};
-use freedom::{COMPONENTS, Freedom, ordinal};
+use freedom::{COMPONENTS, Freedom};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use pushed::{PushedControls, prescribe};
-use std::cell::RefCell;
+pub use outcome::{Branch, EquilibriumResult, LeastMode, StaticsError, TangentState};
+use pushed::prescribe;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
+use way::BodyWay;
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
@@ -62,8 +65,6 @@ const LOOSE: f64 = 1e-9;
 /// Times that loads which follow a free control element are turned after it, and the part of a force that counts as none.
 const MOST_TURNED: usize = 30;
 const SAME_FORCES: f64 = 1e-9;
-/// Steps in which the turn of a free control element is followed.
-const TURNED_STEPS: usize = 12;
 
 /// A body ready to be held in any pose.
 pub struct Statics {
@@ -83,6 +84,8 @@ pub struct Statics {
     size: f64,
     partition: Partition,
     solver: Option<Box<dyn LinearSolver>>,
+    /// Whether the least eigenvalue of each equilibrium is found, which takes a factorization more.
+    judges_stability: bool,
     /// The least eigenvalue of the tangent at rest, N/m, of what is free now.
     at_rest: Option<f64>,
     /// The last pose that was solved from rest or from another such, each control element by its shorter turn.
@@ -104,150 +107,6 @@ pub struct HeldBody {
     /// The wrench on every control element, about its place.
     wrenches: Vec<Wrench>,
     branch: Branch,
-}
-
-/// The branch of an equilibrium.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Branch {
-    /// Connected with the start by stable equilibria.
-    Stable,
-    /// Stable, reached around a limit point, through unstable states.
-    Snapped,
-    /// Stable, reached by leaving a critical state along its mode.
-    Buckled,
-    Unstable,
-}
-
-impl Branch {
-    pub fn name(self) -> &'static str {
-        match self {
-            Branch::Stable => "stable",
-            Branch::Snapped => "snapped",
-            Branch::Buckled => "buckled",
-            Branch::Unstable => "unstable",
-        }
-    }
-
-    /// The branch behind a critical state.
-    fn beyond(self, passed: &Passed) -> Branch {
-        if passed.is_left || self == Branch::Buckled { Branch::Buckled } else { Branch::Snapped }
-    }
-}
-
-/// An eigenvalue in parts of the least at rest, and its mode, displacements of all nodes.
-pub type LeastMode = (f64, Vec<Vector3<f64>>);
-
-/// The stability of a body's equilibrium.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TangentState {
-    pub branch: Branch,
-    /// Number of negative eigenvalues of the tangent stiffness.
-    pub negative: usize,
-    /// Least eigenvalue of it with the mode of length 1; `None` where nothing is free to move, and on a curve by arc length.
-    pub least: Option<LeastMode>,
-    /// The critical poses behind it.
-    pub passed: Vec<CriticalPose>,
-}
-
-/// A body held in a pose.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EquilibriumResult {
-    /// The poses of the control elements, those that were found too.
-    pub poses: ControlPoses,
-    pub stability: TangentState,
-    /// Displacement of every node of the mesh, m.
-    pub displacement: Vec<Vector3<f64>>,
-    /// Wrench on every control element, about where its origin rested, with the lever arms of the deformed body.
-    pub wrenches: Vec<Wrench>,
-    /// Strain energy of the body less the work of its loads, J.
-    pub energy: f64,
-    /// Least det F at the points of integration, and the tetrahedron that has it.
-    pub least_det: (f64, usize),
-    /// Tetrahedra turned inside out, det F ≤ 0 at a point.
-    pub inverted: Vec<usize>,
-    /// ‖f‖₂ at the free nodes over that at the controlled ones.
-    pub residual: f64,
-    pub counts: Counts,
-}
-
-impl EquilibriumResult {
-    /// The wrenches, with the moments about where the elements are in these poses.
-    pub fn balance(&self, poses: &[ControlPose]) -> Vec<Wrench> {
-        self.wrenches.iter().zip(poses).map(|(wrench, pose)| wrench.about_the_place(pose)).collect()
-    }
-}
-
-#[derive(Debug, thiserror::Error)]
-pub enum StaticsError {
-    #[error(transparent)]
-    Green(#[from] GreenError),
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-    #[error(
-        "nothing holds it there: the {} of the scene can move in {component} without a force. Take that out of its free \
-         directions, or hold another",
-        ordinal(*element + 1)
-    )]
-    Loose { element: usize, component: &'static str },
-    #[error(
-        "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}. {}",
-        100.0 * share, explain(*why, critical), remedy(*why, critical, law, settled.least_det.0)
-    )]
-    Stopped {
-        /// The last state that was found.
-        settled: Box<EquilibriumResult>,
-        share: f64,
-        from: String,
-        why: Setback,
-        /// The pose in which the body gives way; `None` where it could not be found.
-        critical: Option<Box<CriticalPose>>,
-        law: &'static Law,
-        /// Tags of the corners of the tetrahedron with the least det F.
-        tags: [u64; 4],
-        tets: usize,
-    },
-}
-
-fn explain(why: Setback, critical: &Option<Box<CriticalPose>>) -> String {
-    if let Some(critical) = critical {
-        return critical.to_string();
-    }
-    match why {
-        Setback::Unstable => "the tangent stiffness is no longer positive definite",
-        Setback::NoDescent => "no step lowers the energy any more",
-        Setback::Slow => "Newton's iteration does not converge",
-    }
-    .to_owned()
-}
-
-impl StaticsError {
-    /// Figures of the end: the least eigenvalue and its mode, the least det F, tetrahedra turned inside out.
-    pub fn details(&self) -> Option<String> {
-        let StaticsError::Stopped { settled, critical, tags, tets, .. } = self else { return None };
-        let (least, inverted) = (settled.least_det.0, settled.inverted.len());
-        let mode = critical.as_ref().map_or_else(String::new, |critical| format!("{}. ", critical.details()));
-        Some(format!(
-            "{mode}Least det F: {least:.3} (nodes {tags:?}); {inverted} of {tets} tetrahedra are inverted"
-        ))
-    }
-}
-
-/// Least det F below which a body gives way because it is pressed together.
-const PRESSED: f64 = 0.8;
-
-fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
-    match critical {
-        Some(critical) if critical.is_critical && least_det > PRESSED => {
-            "Turn or shear less, thicken the wall, or lead the body round this pose (`after`)"
-        }
-        None if why == Setback::Slow => {
-            "Look for slivers and large contrasts of stiffness (`greenstage check`)"
-        }
-        Some(critical) if why == Setback::Slow && !critical.is_critical => {
-            "Look for slivers and large contrasts of stiffness (`greenstage check`)"
-        }
-        _ => law.remedy,
-    }
 }
 
 impl Statics {
@@ -292,6 +151,7 @@ impl Statics {
             notices: findings.iter().filter(|finding| finding.is_shown()).map(|f| f.to_string()).collect(),
             size: (high - low).norm(),
             solver: None,
+            judges_stability: false,
             at_rest: None,
             last: None,
             held: None,
@@ -325,6 +185,11 @@ impl Statics {
         }
         self.acting.clone_from(acting);
         Ok(())
+    }
+
+    /// Finds the least eigenvalue and its mode of every equilibrium from now on.
+    pub fn judge_stability(&mut self) {
+        self.judges_stability = true;
     }
 
     /// Sets which directions of each control element are free, and what pushes along them; without a call none is. Their poses are
@@ -434,8 +299,7 @@ impl Statics {
             let loads = newton.loads.map(|loads| Loads { warm: None, pushed: None, ..loads });
             let newton = Newton { loads, ..*newton };
             let Some(found) = newton.settle_near(start)? else { return Ok(None) };
-            let point = Point { u: found.u.clone(), q: found.q.clone() };
-            Ok(Some((newton.least_mode(&point, 1.0)?, found)))
+            Ok(Some((self.mode_of(&newton, &found)?, found)))
         });
         let Some((mode, found)) = near.map_err(|error: SolveError| StaticsError::from(error))? else {
             return Ok(None);
@@ -537,6 +401,18 @@ impl Statics {
         self.loads.forces(&self.acting, self.mesh.nodes.len(), &controls, poses, &turns)
     }
 
+    /// The least eigenvalue at the end of a way, N/m, with its mode, where it is asked for.
+    fn mode_of(
+        &self,
+        newton: &Newton<'_>,
+        at: &Equilibrium,
+    ) -> Result<Option<(f64, NodeFields)>, SolveError> {
+        if !self.judges_stability {
+            return Ok(None);
+        }
+        newton.least_mode(&Point { u: at.u.clone(), q: at.q.clone() }, 1.0)
+    }
+
     /// A least eigenvalue in parts of that at rest, with its mode.
     fn least(&mut self, found: Option<(f64, NodeFields)>) -> Result<Option<LeastMode>, StaticsError> {
         let Some((value, mode)) = found else { return Ok(None) };
@@ -613,7 +489,7 @@ impl Statics {
             }
             let followed = newton.follow(start.u.clone(), way.steps, path, progress)?;
             let at = &followed.equilibrium;
-            let mode = newton.least_mode(&Point { u: at.u.clone(), q: at.q.clone() }, 1.0)?;
+            let mode = self.mode_of(newton, at)?;
             Ok(Ok((pushed.moved(1.0, &at.q), way.turned(pushed, &at.q), mode, followed)))
         });
         match followed {
@@ -686,128 +562,6 @@ impl Statics {
 }
 
 const NO_WRENCH: Wrench = Wrench { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
-
-/// The way of a body from one equilibrium to a pose under loads.
-struct BodyWay<'a> {
-    statics: &'a Statics,
-    start: &'a HeldBody,
-    poses: &'a ControlPoses,
-    told: Ways<'a>,
-    steps: usize,
-    /// Forces on the nodes at its end, N.
-    forces: NodeFields,
-}
-
-impl BodyWay<'_> {
-    /// Forces on the nodes at a share of the way.
-    fn forces_at(&self, share: f64) -> NodeFields {
-        let both = self.start.forces.data.iter().zip(&self.forces.data);
-        NodeFields { data: both.map(|(from, to)| from + share * (to - from)).collect(), ..self.forces }
-    }
-
-    /// Runs `then` with the problem of this way, its path and what is pushed.
-    fn lead<T>(&self, then: impl FnOnce(&Newton<'_>, &Path<'_>, &PushedControls<'_>) -> T) -> T {
-        let Statics { controls, mesh, body, partition, solver, freedom, stretch, .. } = self.statics;
-        let poses = |share: f64| -> ControlPoses {
-            if share == 1.0 {
-                self.poses.clone()
-            } else {
-                self.told.ways.iter().map(|way| way.pose(share)).collect()
-            }
-        };
-        let path = |share: f64, u: &mut NodeFields| {
-            for (control, pose) in controls.iter().zip(poses(share)) {
-                prescribe(control, mesh, &pose, u);
-            }
-        };
-        let start = &self.start.wrenches;
-        let pushed = PushedControls { controls, mesh, freedom, poses: &poses, start };
-        let forces = |share: f64| self.forces_at(share);
-        // The bodies at the beginning and at the end of a step.
-        let made: RefCell<Vec<(f64, Arc<Hyperelastic>)>> = RefCell::new(Vec::new());
-        let warm = |share: f64| -> Result<Arc<Hyperelastic>, SolveError> {
-            let now = self.start.stretch + share * (stretch - self.start.stretch);
-            if now == *stretch {
-                return Ok(body.clone());
-            }
-            let mut made = made.borrow_mut();
-            if let Some((_, known)) = made.iter().find(|(of, _)| *of == now) {
-                return Ok(known.clone());
-            }
-            let Statics { element, lame, .. } = self.statics;
-            let warmed = Hyperelastic::stretched(element, body.law, mesh, lame, now);
-            let warmed = Arc::new(warmed.map_err(|_source| SolveError::Inexact {
-                figure: "the length of the warm body in parts of that at rest",
-                value: now,
-                remedy: "take less warmth",
-            })?);
-            if made.len() == 2 {
-                made.remove(0);
-            }
-            made.push((now, warmed.clone()));
-            Ok(warmed)
-        };
-        let acts = |forces: &NodeFields| forces.data.iter().any(|force| *force != 0.0);
-        let is_warmed = self.start.stretch != *stretch;
-        let is_loaded = acts(&self.start.forces) || acts(&self.forces) || is_warmed || *stretch != 1.0;
-        let loads = Loads {
-            forces: &forces,
-            warm: is_warmed.then_some(&warm as &WarmBody<'_>),
-            pushed: (!freedom.is_empty()).then_some(&pushed as &dyn Pushed),
-        };
-        let newton = Newton {
-            body,
-            partition,
-            solver: solver.as_deref(),
-            loads: (is_loaded || !freedom.is_empty()).then_some(loads),
-            last_step: LAST_STEP,
-        };
-        then(&newton, &path, &pushed)
-    }
-
-    /// The turns of the control elements at the end of the way, after the motions of what is pushed.
-    fn turned(&self, pushed: &PushedControls<'_>, q: &[f64]) -> Vec<FollowedTurn> {
-        let mut turns = self.told.turns(1.0);
-        for step in 1..=TURNED_STEPS {
-            let part = step as f64 / TURNED_STEPS as f64;
-            let q: Vec<f64> = q.iter().map(|q| q * part).collect();
-            for (turn, pose) in turns.iter_mut().zip(pushed.moved(1.0, &q)) {
-                *turn = turn.follow(&pose);
-            }
-        }
-        turns
-    }
-
-    fn critical(&self, passed: &Passed) -> CriticalPose {
-        let strained = (&self.statics.body.points, &passed.gradients[..]);
-        self.told.critical(passed.share, &passed.stability, &self.statics.mesh, strained)
-    }
-
-    /// The body at the end of the way.
-    fn held(
-        &self,
-        at: &Equilibrium,
-        poses: ControlPoses,
-        turns: Vec<FollowedTurn>,
-        branch: Branch,
-    ) -> HeldBody {
-        let Statics { controls, mesh, stretch, .. } = self.statics;
-        let of = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
-        let wrench = |(control, pose): (&ControlElement, &ControlPose)| {
-            let mut wrench = NO_WRENCH;
-            let place = control.origin + pose.translation;
-            for node in control.nodes.iter().map(|&node| node as usize) {
-                let force = of(&at.forces, node);
-                wrench.force += force;
-                wrench.moment += (mesh.nodes[node] + of(&at.u, node) - place).cross(&force);
-            }
-            wrench
-        };
-        let wrenches = controls.iter().zip(&poses).map(wrench).collect();
-        let (u, forces, stretch) = (at.u.clone(), self.forces.clone(), *stretch);
-        HeldBody { poses, turns, u, forces, stretch, wrenches, branch }
-    }
-}
 
 /// Number of legs in which a body goes from rest to turns, as in [`Statics::solve_turned`].
 pub fn legs(turns: &[UnitQuaternion<f64>]) -> usize {

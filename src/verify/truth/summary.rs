@@ -5,50 +5,24 @@ use super::statement::{JudgedBody, Quantity, Source, Statement};
 use crate::base::statistics::median;
 use crate::base::table::Table;
 
-/// A row of the table: its name, and which statements belong to it.
-struct Group {
-    name: &'static str,
-    source: Source,
-    quantities: &'static [Quantity],
-    /// Largest turn of the pose, °.
-    most: f64,
-}
+/// A row of the table: its name, the statements that belong to it, and the largest turn of their pose, °.
+struct Group(&'static str, Source, Quantity, f64);
 
 const GROUPS: [Group; 8] = [
-    Group { name: "report: shape", source: Source::Report, quantities: &[Quantity::Shape], most: 180.0 },
-    Group {
-        name: "report: force, torque",
-        source: Source::Report,
-        quantities: &[Quantity::Wrench],
-        most: 180.0,
-    },
-    Group { name: "planner: shape", source: Source::Planner, quantities: &[Quantity::Shape], most: 180.0 },
-    Group {
-        name: "planner: force, torque",
-        source: Source::Planner,
-        quantities: &[Quantity::Wrench],
-        most: 180.0,
-    },
-    Group { name: "± force, to 60°", source: Source::Expected, quantities: &[Quantity::Force], most: 60.0 },
-    Group {
-        name: "± torque, to 60°", source: Source::Expected, quantities: &[Quantity::Torque], most: 60.0
-    },
-    Group {
-        name: "± force, to 90°", source: Source::Expected, quantities: &[Quantity::Force], most: 180.0
-    },
-    Group {
-        name: "± torque, to 90°",
-        source: Source::Expected,
-        quantities: &[Quantity::Torque],
-        most: 180.0,
-    },
+    Group("report: shape", Source::Report, Quantity::Shape, 180.0),
+    Group("report: force, torque", Source::Report, Quantity::Wrench, 180.0),
+    Group("planner: shape", Source::Planner, Quantity::Shape, 180.0),
+    Group("planner: force, torque", Source::Planner, Quantity::Wrench, 180.0),
+    Group("± force, to 60°", Source::Expected, Quantity::Force, 60.0),
+    Group("± torque, to 60°", Source::Expected, Quantity::Torque, 60.0),
+    Group("± force, to 90°", Source::Expected, Quantity::Force, 180.0),
+    Group("± torque, to 90°", Source::Expected, Quantity::Torque, 180.0),
 ];
 
 impl Group {
     fn has(&self, statement: &Statement) -> bool {
-        statement.source == self.source
-            && self.quantities.contains(&statement.quantity)
-            && statement.turn <= self.most
+        let Group(_, source, quantity, most) = self;
+        statement.source == *source && statement.quantity == *quantity && statement.turn <= *most
     }
 }
 
@@ -78,7 +52,7 @@ pub fn summary(bodies: &[&JudgedBody]) -> Table {
             0 => String::new(),
             _ => format!("{:.1} %", 100.0 * count as f64 / all as f64),
         };
-        let mut cells = vec![group.name.to_owned()];
+        let mut cells = vec![group.0.to_owned()];
         cells.extend(BodyKind::ALL.map(|kind| cell(Some(kind))));
         cells.extend([
             cell(None),
