@@ -21,6 +21,7 @@ use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::screw::{Screw, Way, part_of};
 use super::pose::se3::long_turn;
+use crate::base::machine;
 use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition, nearest_turn};
 use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
 use crate::mesh::{TetMesh, quality};
@@ -164,7 +165,12 @@ impl Statics {
             let rest = NodeFields::zeros(statics.mesh.nodes.len(), 1);
             let k = statics.body.tangent(&statics.body.gradients(&rest));
             let a = statics.partition.a(&k);
-            statics.solver = Some(scene.body[name].solver.analyse(&a, progress)?);
+            let solver = scene.body[name].solver.analyse(&a, progress)?;
+            // Beside the factor a tangent, and its part over the free nodes.
+            let need = solver.memory(&a, 1) + 16.0 * k.scalar_entries() as f64;
+            machine::expect("static equilibrium at large strain", need)
+                .map_err(|source| GreenError::Memory { body: format!("body.{name}"), source })?;
+            statics.solver = Some(solver);
         }
         Ok(statics)
     }
