@@ -9,7 +9,7 @@ use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::tuning;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
-use crate::verify::truth::{self, JudgedBody, Run, Source, Standing, held, offenders};
+use crate::verify::truth::{self, JudgedBody, KeptBodies, Run, Source, Standing, held, offenders};
 use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem};
 use indexmap::IndexMap;
 use serde_json::{Value, json};
@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// The random body of this seed alone, with all of its statements
-    #[arg(long, conflicts_with_all = ["bodies", "seed"])]
+    #[arg(long, conflicts_with_all = ["bodies", "seed", "keep"])]
     pub only: Option<u64>,
     /// Threads of `truth`, each with a body of its own; default: all processors
     #[arg(long, value_name = "T")]
@@ -42,6 +42,10 @@ pub struct Args {
     /// Time of `truth`: no body is begun that would probably end later
     #[arg(long, value_name = "M", value_parser = parsers::positive)]
     pub minutes: Option<f64>,
+    /// Keep each body of `truth` in this file as it ends, and go on from those that this program kept there; the table is of all
+    /// of them
+    #[arg(long, value_name = "FILE")]
+    pub keep: Option<PathBuf>,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
     pub fine: bool,
@@ -123,16 +127,34 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
         marks::try_between(path, TRUTH)?;
     }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let kept = args.keep.as_deref().map(KeptBodies::open).transpose().map_err(Failure::Request)?;
+    if let (Some(path), Some(KeptBodies { bodies, others, .. })) = (&args.keep, &kept) {
+        let others =
+            if *others == 0 { String::new() } else { format!(", {others} of another build are not used") };
+        notice!("{}: {} bodies{others}", path.display(), bodies.len());
+    }
+    let is_new = |seed: &u64| kept.as_ref().is_none_or(|kept| !kept.has(*seed));
     let run = Run {
-        first_seed: args.only.unwrap_or(args.seed),
-        bodies: if args.only.is_some() { 1 } else { args.bodies },
+        seeds: match args.only {
+            Some(only) => vec![only],
+            None => (args.seed..args.seed.saturating_add(args.bodies)).filter(is_new).collect(),
+        },
         threads: args.threads.unwrap_or(processors),
         limit: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
     };
     let planner = |scene: &_, body: &str, rows, demand: &_| tuning::answered(scene, body, rows, demand);
-    let judged = run.judge(&planner, &|standing| notice!("{}", body_line(&standing, run.bodies)));
+    let judged = run.judge(&planner, &|standing| {
+        notice!("{}", body_line(&standing, run.seeds.len()));
+        if let (Some(kept), Ok(body)) = (&kept, standing.body)
+            && let Err(error) = kept.keep(body)
+        {
+            notice!("seed {}: not kept: {error}", body.seed);
+        }
+    });
     let (bodies, failed): (Vec<_>, Vec<_>) = judged.iter().partition(|found| found.is_ok());
-    let bodies: Vec<&JudgedBody> = bodies.into_iter().flatten().collect();
+    let mut bodies: Vec<&JudgedBody> = bodies.into_iter().flatten().collect();
+    bodies.extend(kept.iter().flat_map(|kept| &kept.bodies));
+    bodies.sort_by_key(|body| body.seed);
     let failed: Vec<&String> = failed.into_iter().filter_map(|found| found.as_ref().err()).collect();
     if args.json {
         return print(&format!("{:#}\n", json!({ "bodies": bodies, "failed": failed })));
@@ -144,19 +166,13 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
         text += "\n";
     }
     let table = truth::summary(&bodies);
-    text += &format!(
-        "{} bodies from seed {}, greenstage {}\n\n",
-        bodies.len(),
-        run.first_seed,
-        env!("CARGO_PKG_VERSION")
-    );
+    text += &format!("{}, greenstage {}\n\n", head(&bodies), env!("CARGO_PKG_VERSION"));
     text += &format!("{}\n", table.text());
     text.extend(offenders(&bodies, OFFENDERS).iter().map(|line| format!("{line}\n")));
     text.extend(failed.iter().map(|why| format!("failed: {why}\n")));
     print(&text)?;
     if let Some(path) = &args.readme {
-        let head = format!("{} bodies from seed {}:", bodies.len(), run.first_seed);
-        marks::write_between(path, TRUTH, &format!("{head}\n\n{}\n", table.markdown()))?;
+        marks::write_between(path, TRUTH, &format!("{}:\n\n{}\n", head(&bodies), table.markdown()))?;
     }
     if !failed.is_empty() {
         return Err(Failure::Work(anyhow::anyhow!("{} bodies could not be judged", failed.len())));
@@ -175,8 +191,14 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
     }
 }
 
+/// "22 bodies of the seeds 1 to 26".
+fn head(bodies: &[&JudgedBody]) -> String {
+    let [first, last] = [bodies.first(), bodies.last()].map(|body| body.map_or(0, |body| body.seed));
+    format!("{} bodies of the seeds {first} to {last}", bodies.len())
+}
+
 /// "3 of 12: seed 3, thin, 352 nodes, rotation: report 34/34, planner 2/2, ± 7/8 hold; 42 s; some 6 min left".
-fn body_line(standing: &Standing<'_>, all: u64) -> String {
+fn body_line(standing: &Standing<'_>, all: usize) -> String {
     let left = match standing.left {
         s if s < 90.0 => format!("{s:.0} s"),
         s => format!("{:.0} min", s / 60.0),

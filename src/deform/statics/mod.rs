@@ -37,7 +37,8 @@ pub use outcome::{Branch, EquilibriumResult, LeastMode, StaticsError, TangentSta
 use pushed::prescribe;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
-use way::BodyWay;
+pub use way::HeldBody;
+use way::{BodyWay, NO_WRENCH, StaticBody};
 
 /// The model of bodies under `law`.
 pub(super) const fn entry(law: &'static Law) -> ModelEntry {
@@ -93,21 +94,6 @@ pub struct Statics {
     last: Option<HeldBody>,
     /// The last pose that was solved.
     held: Option<HeldBody>,
-}
-
-/// A body held in a pose, from which another may go on; all but for the shift that its control elements have in common.
-#[derive(Clone, Debug)]
-pub struct HeldBody {
-    poses: ControlPoses,
-    /// Turn of each control element since rest, whole turns included.
-    turns: Vec<FollowedTurn>,
-    u: NodeFields,
-    /// Forces on the nodes, N, and stretch by warmth, in this equilibrium.
-    forces: NodeFields,
-    stretch: f64,
-    /// The wrench on every control element, about its place.
-    wrenches: Vec<Wrench>,
-    branch: Branch,
 }
 
 impl Statics {
@@ -392,7 +378,18 @@ impl Statics {
         let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
         let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
         let forces = self.forces(poses, &told.turns(1.0));
-        BodyWay { statics: self, start, poses, told, steps, forces }
+        let body = StaticBody {
+            mesh: &self.mesh,
+            controls: &self.controls,
+            body: &self.body,
+            element: self.element,
+            lame: &self.lame,
+            freedom: &self.freedom,
+            stretch: self.stretch,
+            partition: &self.partition,
+            solver: self.solver.as_deref(),
+        };
+        BodyWay { body, start, poses, told, steps, forces }
     }
 
     /// Forces of the loads on the nodes in `poses`, which the control elements have reached by `turns`.
@@ -566,8 +563,6 @@ impl Statics {
         }
     }
 }
-
-const NO_WRENCH: Wrench = Wrench { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
 
 /// Number of legs in which a body goes from rest to turns, as in [`Statics::solve_turned`].
 pub fn legs(turns: &[UnitQuaternion<f64>]) -> usize {

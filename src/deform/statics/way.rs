@@ -4,14 +4,17 @@
 //! [`Newton`] problem of that way with its path, and the body at its end. Forces and warmth grow in proportion to the share of the way.
 
 use super::critical::{CriticalPose, Ways};
+use super::freedom::Freedom;
 use super::outcome::Branch;
 use super::pushed::{PushedControls, prescribe};
-use super::{HeldBody, NO_WRENCH, Statics};
 use crate::deform::pose::follow::FollowedTurn;
-use crate::deform::pose::frame::{ControlPose, ControlPoses};
-use crate::fem::{Hyperelastic, NodeFields};
+use crate::deform::pose::frame::{ControlPose, ControlPoses, Wrench};
+use crate::fem::{Element, Hyperelastic, Lame, NodeFields, Partition};
 use crate::green::ControlElement;
-use crate::solve::{Equilibrium, LAST_STEP, Loads, Newton, Passed, Path, Pushed, SolveError, WarmBody};
+use crate::mesh::TetMesh;
+use crate::solve::{
+    Equilibrium, LAST_STEP, LinearSolver, Loads, Newton, Passed, Path, Pushed, SolveError, WarmBody,
+};
 use nalgebra::Vector3;
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -19,9 +22,44 @@ use std::sync::Arc;
 /// Steps in which the turn of a free control element is followed.
 const TURNED_STEPS: usize = 12;
 
+pub(super) const NO_WRENCH: Wrench =
+    Wrench { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
+
+/// A body held in a pose, from which another may go on; all but for the shift that its control elements have in common.
+#[derive(Clone, Debug)]
+pub struct HeldBody {
+    pub(super) poses: ControlPoses,
+    /// Turn of each control element since rest, whole turns included.
+    pub(super) turns: Vec<FollowedTurn>,
+    pub(super) u: NodeFields,
+    /// Forces on the nodes, N, and stretch by warmth, in this equilibrium.
+    pub(super) forces: NodeFields,
+    pub(super) stretch: f64,
+    /// The wrench on every control element, about its place.
+    pub(super) wrenches: Vec<Wrench>,
+    pub(super) branch: Branch,
+}
+
+/// The parts of a body that its ways need.
+#[derive(Clone, Copy)]
+pub(super) struct StaticBody<'a> {
+    pub mesh: &'a TetMesh,
+    pub controls: &'a [ControlElement],
+    /// As warm as at the end of the way.
+    pub body: &'a Arc<Hyperelastic>,
+    pub element: &'static Element,
+    pub lame: &'a [Lame],
+    /// Freedom of each control element; empty if nothing is free or pushed.
+    pub freedom: &'a [Freedom],
+    /// Factor by which warmth lengthens the body at the end of the way.
+    pub stretch: f64,
+    pub partition: &'a Partition,
+    pub solver: Option<&'a dyn LinearSolver>,
+}
+
 /// The way of a body from one equilibrium to a pose under loads.
 pub(super) struct BodyWay<'a> {
-    pub statics: &'a Statics,
+    pub body: StaticBody<'a>,
     pub start: &'a HeldBody,
     pub poses: &'a ControlPoses,
     pub told: Ways<'a>,
@@ -39,7 +77,8 @@ impl BodyWay<'_> {
 
     /// Runs `then` with the problem of this way, its path and what is pushed.
     pub fn lead<T>(&self, then: impl FnOnce(&Newton<'_>, &Path<'_>, &PushedControls<'_>) -> T) -> T {
-        let Statics { controls, mesh, body, partition, solver, freedom, stretch, .. } = self.statics;
+        let StaticBody { mesh, controls, body, element, lame, freedom, stretch, partition, solver } =
+            self.body;
         let poses = |share: f64| -> ControlPoses {
             if share == 1.0 {
                 self.poses.clone()
@@ -59,14 +98,13 @@ impl BodyWay<'_> {
         let made: RefCell<Vec<(f64, Arc<Hyperelastic>)>> = RefCell::new(Vec::new());
         let warm = |share: f64| -> Result<Arc<Hyperelastic>, SolveError> {
             let now = self.start.stretch + share * (stretch - self.start.stretch);
-            if now == *stretch {
+            if now == stretch {
                 return Ok(body.clone());
             }
             let mut made = made.borrow_mut();
             if let Some((_, known)) = made.iter().find(|(of, _)| *of == now) {
                 return Ok(known.clone());
             }
-            let Statics { element, lame, .. } = self.statics;
             let warmed = Hyperelastic::stretched(element, body.law, mesh, lame, now);
             let warmed = Arc::new(warmed.map_err(|_source| SolveError::Inexact {
                 figure: "the length of the warm body in parts of that at rest",
@@ -80,8 +118,8 @@ impl BodyWay<'_> {
             Ok(warmed)
         };
         let acts = |forces: &NodeFields| forces.data.iter().any(|force| *force != 0.0);
-        let is_warmed = self.start.stretch != *stretch;
-        let is_loaded = acts(&self.start.forces) || acts(&self.forces) || is_warmed || *stretch != 1.0;
+        let is_warmed = self.start.stretch != stretch;
+        let is_loaded = acts(&self.start.forces) || acts(&self.forces) || is_warmed || stretch != 1.0;
         let loads = Loads {
             forces: &forces,
             warm: is_warmed.then_some(&warm as &WarmBody<'_>),
@@ -90,7 +128,7 @@ impl BodyWay<'_> {
         let newton = Newton {
             body,
             partition,
-            solver: solver.as_deref(),
+            solver,
             loads: (is_loaded || !freedom.is_empty()).then_some(loads),
             last_step: LAST_STEP,
         };
@@ -111,8 +149,8 @@ impl BodyWay<'_> {
     }
 
     pub fn critical(&self, passed: &Passed) -> CriticalPose {
-        let strained = (&self.statics.body.points, &passed.gradients[..]);
-        self.told.critical(passed.share, &passed.stability, &self.statics.mesh, strained)
+        let strained = (&self.body.body.points, &passed.gradients[..]);
+        self.told.critical(passed.share, &passed.stability, self.body.mesh, strained)
     }
 
     /// The body at the end of the way.
@@ -123,7 +161,7 @@ impl BodyWay<'_> {
         turns: Vec<FollowedTurn>,
         branch: Branch,
     ) -> HeldBody {
-        let Statics { controls, mesh, stretch, .. } = self.statics;
+        let StaticBody { controls, mesh, stretch, .. } = self.body;
         let of = |fields: &NodeFields, node: usize| Vector3::from_column_slice(&fields.data[3 * node..][..3]);
         let wrench = |(control, pose): (&ControlElement, &ControlPose)| {
             let mut wrench = NO_WRENCH;
@@ -136,7 +174,7 @@ impl BodyWay<'_> {
             wrench
         };
         let wrenches = controls.iter().zip(&poses).map(wrench).collect();
-        let (u, forces, stretch) = (at.u.clone(), self.forces.clone(), *stretch);
+        let (u, forces, stretch) = (at.u.clone(), self.forces.clone(), stretch);
         HeldBody { poses, turns, u, forces, stretch, wrenches, branch }
     }
 }

@@ -8,11 +8,11 @@ use crate::measure::poses::Random;
 use crate::mesh::quality::{centroid, components, signed_volume};
 use crate::mesh::{Block, Encoding, GenerateError, MeshError, TetMesh, Tube, block, encode, tube};
 use nalgebra::{Rotation3, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Kind of a random body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyKind {
     /// Tubes and shells.

@@ -5,10 +5,12 @@
 //! tet10 on the mesh refined once ([`RefinedBody`]).
 
 mod bodies;
+mod kept;
 mod statement;
 mod summary;
 
 pub use bodies::{BodyKind, CONTROLS, RandomBody, RandomMaterial, RandomPose};
+pub use kept::KeptBodies;
 pub use statement::{JudgedBody, Quantity, Source, Statement};
 pub use summary::{held, offenders, summary};
 
@@ -24,7 +26,7 @@ use crate::world::wrench_error_of;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// The planner's answer: the scene with the chosen setting, or the nearest one, and its row with the errors that are printed of it.
@@ -59,7 +61,7 @@ fn judge_body(body: &RandomBody, planner: Planner<'_>) -> Result<JudgedBody, Fai
     let mut judged = JudgedBody {
         seed: body.seed,
         kind: body.kind,
-        model: body.model,
+        model: body.model.to_owned(),
         nodes: body.mesh.nodes.len(),
         seconds: 0.0,
         statements: Vec::new(),
@@ -232,8 +234,7 @@ fn statements(
 
 /// A run over many bodies.
 pub struct Run {
-    pub first_seed: u64,
-    pub bodies: u64,
+    pub seeds: Vec<u64>,
     pub threads: usize,
     /// No body is begun that would probably end later.
     pub limit: Option<Duration>,
@@ -256,14 +257,13 @@ impl Run {
         each: &(dyn Fn(Standing<'_>) + Sync),
     ) -> Vec<Result<JudgedBody, String>> {
         let started = Instant::now();
-        let (next, all) = (AtomicU64::new(0), Mutex::new(Vec::<Result<JudgedBody, String>>::new()));
+        let (next, all) = (AtomicUsize::new(0), Mutex::new(Vec::<Result<JudgedBody, String>>::new()));
         let worker = || {
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
-                if index >= self.bodies || !self.has_time(started, &all) {
+                let Some(&seed) = self.seeds.get(index).filter(|_| self.has_time(started, &all)) else {
                     return;
-                }
-                let seed = self.first_seed + index;
+                };
                 let of_seed = || catch_unwind(AssertUnwindSafe(|| judge(seed, planner)));
                 let found = match in_one_thread(of_seed) {
                     Ok(Ok(Ok(body))) => Ok(body),
@@ -275,7 +275,7 @@ impl Run {
                 all.push(found);
                 let done = all.len();
                 let pace = started.elapsed().as_secs_f64() / done as f64;
-                let left = pace * (self.bodies as usize).saturating_sub(done) as f64;
+                let left = pace * self.seeds.len().saturating_sub(done) as f64;
                 let limit = self.limit.map(|limit| limit.saturating_sub(started.elapsed()).as_secs_f64());
                 each(Standing {
                     body: &all[done - 1],

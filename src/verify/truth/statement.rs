@@ -1,10 +1,10 @@
 //! What the program prints of its own error, beside the true one.
 
 use super::bodies::BodyKind;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Where a statement is printed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
     Report,
@@ -13,7 +13,7 @@ pub enum Source {
 }
 
 /// Quantity that a statement is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// The shape, relative.
@@ -27,7 +27,7 @@ pub enum Quantity {
 }
 
 /// A printed error and the true one, in the same unit.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Statement {
     pub source: Source,
     pub quantity: Quantity,
@@ -58,11 +58,11 @@ impl Statement {
 }
 
 /// The statements about a body.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct JudgedBody {
     pub seed: u64,
     pub kind: BodyKind,
-    pub model: &'static str,
+    pub model: String,
     pub nodes: usize,
     pub seconds: f64,
     pub statements: Vec<Statement>,
