@@ -39,7 +39,7 @@ pub struct States {
     pub z: DMatrix<f64>,
     /// V of each, J.
     pub energies: Vec<f64>,
-    /// 1/√(h_kᵀ K h_k) of each k; 0 of a field that vanishes.
+    /// 1/√(h_kᵀ K h_k) of each k; 0 of a field that strains nothing.
     pub scales: Vec<f64>,
 }
 

@@ -4,7 +4,7 @@
 //! from the middle between the elements, so that w = 0 on them, over √(2 V): ½ wᵀKw is then a part of that equilibrium's energy V.
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
-//! of a cube that stands along the way between them, pressed, and turned and shifted at once in random directions. Twists go on to
+//! of a cube that stands along the way between them, pulled, pressed, and turned and shifted at once in random directions. Twists go on to
 //! 330°. A step that fails is halved. Under St. Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no
 //! equilibrium, for nothing resists that; the neo-Hookean law resists it.
 
@@ -26,6 +26,8 @@ const TURN: f64 = FRAC_PI_2;
 /// Turns in parts of [`TURN`] about the way and two directions across it, with which a body is pressed by a tenth: a slender one buckles
 /// to a side.
 const PRESSED: [[f64; 3]; 4] = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, -0.1]];
+/// Part of the way by which a body is pulled.
+const PULLED: f64 = 0.1;
 /// Paths in random directions, the same in every run, with random shifts: along the way between a twentieth less and a tenth more of
 /// it, across it by up to a tenth.
 const RANDOM: usize = 12;
@@ -171,6 +173,7 @@ fn directions(solution: &Solution) -> Vec<(Path, &'static [f64])> {
         signs.iter().flat_map(|i| signs.iter().flat_map(move |j| signs.map(|k| Vector3::new(*i, *j, k))));
     let turned = axes.chain(diagonals).map(|turn| path([0.0; 3], along(turn.normalize().into())));
     let pressed = PRESSED.iter().map(|turn| path([-0.1, 0.0, 0.0], along(*turn)));
+    let pulled = path([PULLED, 0.0, 0.0], Vector3::zeros());
     let mut random = Random::default();
     let mut draw = || 2.0 * random.draw();
     let moved = (0..RANDOM).map(|_| {
@@ -178,7 +181,7 @@ fn directions(solution: &Solution) -> Vec<(Path, &'static [f64])> {
         path([0.025 + 0.075 * draw(), 0.1 * draw(), 0.1 * draw()], along(turn.into()))
     });
     let of_path = |(number, path)| (path, if number < 2 { &TWIST_STEPS[..] } else { &STEPS[..] });
-    turned.chain(pressed).chain(moved).enumerate().map(of_path).collect()
+    turned.chain(pressed).chain([pulled]).chain(moved).enumerate().map(of_path).collect()
 }
 
 /// Writes the displacements of the controlled nodes at a share of the path.

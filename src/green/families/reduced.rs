@@ -30,7 +30,7 @@ use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
-use super::dense_fields::{add, beside, combined, principal, products, split_columns, without};
+use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
 use super::equilibria::{Equilibria, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
@@ -132,8 +132,9 @@ const MISSED: f64 = 1e-5;
 const CHANGED: f64 = 0.05;
 /// How much more nearly a small motion is to be met.
 const SMALL_WEIGHT: f64 = 20.0;
-/// A field whose energy is a smaller part of the largest is 0 but for rounding: a flat control element has no stretch across it.
-const VANISHED: f64 = 1e-20;
+/// A field that is softer than this part of the stiffest one is not strained at all but for rounding: it turns the body as a whole, or it
+/// is 0, as the stretch across a flat control element.
+const UNSTRAINED: f64 = 1e-12;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
 
@@ -246,9 +247,13 @@ fn states(
     equilibria: Option<&Equilibria>,
 ) -> States {
     let energies = products(assembled.k, all, all).diagonal();
-    let largest = energies.max();
-    let scale = |energy: &f64| if *energy > VANISHED * largest { energy.sqrt().recip() } else { 0.0 };
-    let scales: Vec<f64> = energies.iter().map(scale).collect();
+    let sizes: Vec<f64> = rows(all).row_iter().map(|field| field.norm_squared()).collect();
+    let stiffest = energies.iter().zip(&sizes).map(|(energy, size)| energy / size).fold(0.0, f64::max);
+    let scale = |(energy, size): (&f64, &f64)| match *energy > UNSTRAINED * stiffest * size {
+        true => energy.sqrt().recip(),
+        false => 0.0,
+    };
+    let scales: Vec<f64> = energies.iter().zip(&sizes).map(scale).collect();
     let Some(equilibria) = equilibria else {
         return States { z: DMatrix::zeros(all.columns, 0), energies: Vec::new(), scales };
     };

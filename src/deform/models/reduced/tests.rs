@@ -105,33 +105,47 @@ fn off_by(one: &[PoseSlope], other: &[PoseSlope]) -> f64 {
     size(&one.iter().zip(other).map(between).collect::<Vec<_>>())
 }
 
-/// A bar of 10 : 1 pressed by 7 % and turned by 4° is buckled, by Euler's load from 3.3 % on; a block of 2 : 1 is bent and
-/// twisted as far as the law has equilibria. No field was made from these poses.
+/// A bar of 10 : 1 pressed by 7 % and turned by 4° is buckled, by Euler's load from 3.3 % on; a block of 2 : 1 and a tube, whose ends turn
+/// about its axis without strain, are bent and twisted as far as the law has equilibria. No field was made from these poses.
 #[test]
 fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
     use crate::deform::{Deviation, Motion, Moved, PoseResult};
-    let body = |size: [f64; 3], cells: [usize; 3]| {
+    let body = |generator: &str, [left, right]: [&str; 2]| {
         let text = format!(
-            "[body.bar]\ngenerate = {{ block = {{ size = {size:?}, cells = {cells:?} }} }}\n\
+            "[body.bar]\ngenerate = {{ {generator} }}\n\
              material = {{ young = 1.0e6, poisson = 0.3 }}\nmodel = \"reduced\"\n\
-             control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{RIGHT}"
+             control.left = {{ nodes = {{ group = \"{left}\" }}, grab = \"fixed\" }}\n\
+             control.right = {{ nodes = {{ group = \"{right}\" }}, grab = \"dragger\" }}\n"
         );
         Scene::parse(&text, Path::new("bar.toml")).unwrap()
     };
+    let ends = ["xmin", "xmax"];
     let slender =
         [(Motion::Shift([-0.07, 0.0]), 4.0), (Motion::Mixed(50.0, 0.08), 0.0), (Motion::Twist(80.0), 0.0)];
     let level = |motion| (motion, 0.0);
     let compact =
         [Motion::Bend(50.0), Motion::BendAside(40.0), Motion::Twist(80.0), Motion::Skew(50.0)].map(level);
     // Where St. Venant–Kirchhoff's law has no equilibrium.
-    let further =
-        [Motion::Bend(1.0), Motion::Twist(1.0), Motion::Bend(88.0), Motion::Twist(88.0), Motion::Skew(80.0)]
-            .map(level);
-    let (bar, block) = (body([10.0, 1.0, 1.0], [20, 2, 2]), body([2.0, 1.0, 1.0], [8, 4, 4]));
+    let further = [
+        Motion::Bend(1.0),
+        Motion::Twist(1.0),
+        Motion::Bend(88.0),
+        Motion::Twist(88.0),
+        Motion::Skew(80.0),
+        Motion::Shift([0.09, 0.0]),
+    ]
+    .map(level);
+    let bar = body("block = { size = [10.0, 1.0, 1.0], cells = [20, 2, 2] }", ends);
+    let block = body("block = { size = [2.0, 1.0, 1.0], cells = [8, 4, 4] }", ends);
+    let tube = body(
+        "tube = { inner_radius = 0.07, outer_radius = 0.1, length = 0.8, radial = 1, around = 12, along = 14, control_length = 0.1 }",
+        ["left", "right"],
+    );
     for (name, scene, motions) in [
         ("reduced", &bar, &slender[..]),
         ("reduced", &block, &compact),
         ("reduced_neo_hookean", &block, &further),
+        ("reduced_neo_hookean", &tube, &further),
     ] {
         let (mut model, solution, _) = made_as(scene, name);
         let law = find_model(name).unwrap().large_strain_law();
@@ -166,12 +180,12 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
             let energy = settled.energy;
             let off = Deviation::new(&of(wrenches.collect(), energy), &of(held, energy), moved.length);
             let (force, torque) = (off.force.unwrap(), off.torque.unwrap());
-            // Measured: 0.0244, 0.0214, and 0.0004 at most.
+            // Measured: 0.016, 0.00002, 0.0004 and 0.004 at most.
             let most = match motion {
-                Motion::Shift(_) | Motion::Mixed(..) => 0.03,
-                Motion::Bend(1.0) | Motion::Twist(1.0) => 0.001,
+                Motion::Shift(_) | Motion::Mixed(..) if name == "reduced" => 0.03,
+                Motion::Bend(1.0) | Motion::Twist(1.0) => 0.0002,
                 _ if name == "reduced" => 0.002,
-                _ => 0.02,
+                _ => 0.008,
             };
             assert!(force.max(torque) < most, "{name} {}: force {force}, torque {torque}", motion.name());
         }
