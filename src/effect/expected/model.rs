@@ -173,14 +173,13 @@ impl Measured {
             [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
         let [aside, shifts] =
             [Level::aside, Level::shifts].map(|motions| LEVELS.iter().map(motions).collect::<Vec<_>>());
-        for (kind, is_new) in
-            [(bends, true), (twists, true), (both, true), (aside, softest.is_some()), (shifts, true)]
-        {
-            if !is_new {
-                // All planes are alike.
-                progress.advance(1000 * LEVELS.len() as u64);
-                continue;
-            }
+        let mut kinds = vec![bends, twists, both, shifts];
+        match softest {
+            Some(_) => kinds.insert(3, aside),
+            // All planes are alike.
+            None => progress.advance(1000 * LEVELS.len() as u64),
+        }
+        for kind in kinds {
             self.go(&moved, &kind, progress, left_out, (&mut found, &mut against))?;
         }
         let bent = bent_by_level(&found, &LEVELS, Level::bends);
