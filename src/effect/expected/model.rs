@@ -55,7 +55,7 @@ impl Level {
         vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
     }
 
-    /// The bend in the stiffer plane, where there is one, of which a thin body has no equilibrium: it counts where it has one.
+    /// The bend in the stiffer plane, of which a thin body has no equilibrium: it counts where it has one.
     fn aside(&self) -> Vec<Motion> {
         vec![Motion::BendAside(self.angle)]
     }
@@ -160,8 +160,7 @@ impl Measured {
             left_out("no axis leads from the other control elements to it".into());
             return Ok(MovedErrors::default());
         };
-        let softest = softest_turn(solution, e, &moved.axis);
-        if let Some(across) = softest {
+        if let Some(across) = softest_turn(solution, e, &moved.axis) {
             moved = moved.about(across);
         }
         let mut found = Vec::new();
@@ -173,13 +172,7 @@ impl Measured {
             [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
         let [aside, shifts] =
             [Level::aside, Level::shifts].map(|motions| LEVELS.iter().map(motions).collect::<Vec<_>>());
-        let mut kinds = vec![bends, twists, both, shifts];
-        match softest {
-            Some(_) => kinds.insert(3, aside),
-            // All planes are alike.
-            None => progress.advance(1000 * LEVELS.len() as u64),
-        }
-        for kind in kinds {
+        for kind in [bends, twists, both, aside, shifts] {
             self.go(&moved, &kind, progress, left_out, (&mut found, &mut against))?;
         }
         let bent = bent_by_level(&found, &LEVELS, Level::bends);
