@@ -386,5 +386,5 @@ const FINER: f64 = 2.0;
 
 /// Time of a solve with a model's own column families over that of one without.
 const OF_MODELS: f64 = 30.0;
-/// The same of models whose fields come from equilibria of the body.
+/// Time of a solve with fields from equilibria of the body over that of one without.
 const OF_REDUCED: f64 = 90.0;

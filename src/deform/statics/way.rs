@@ -45,7 +45,7 @@ pub struct HeldBody {
 pub(super) struct StaticBody<'a> {
     pub mesh: &'a TetMesh,
     pub controls: &'a [ControlElement],
-    /// As warm as at the end of the way.
+    /// The elements, as warm as at the end of the way.
     pub body: &'a Arc<Hyperelastic>,
     pub element: &'static Element,
     pub lame: &'a [Lame],

@@ -33,7 +33,7 @@ const PULLED: f64 = 0.1;
 const RANDOM: usize = 12;
 /// Shares of a path at which equilibria are sought.
 const STEPS: [f64; 2] = [0.5, 1.0];
-/// Those of a twist, which goes on to 330°: the last turn but a little that a mean frame has.
+/// Shares of a twist, which goes on to 330°, a little less than the whole turn up to which a mean frame is defined.
 const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
 /// Share of a path at which a motion is small: a turn by 3.6°.
 const SMALL: f64 = 0.04;
@@ -44,7 +44,7 @@ const LAST_STEP: f64 = 3e-3;
 /// Unknowns up to which a body is solved so often, with about 300 factorisations.
 pub const MOST_UNKNOWNS: usize = 100_000;
 
-/// What was found.
+/// The equilibria of a body, and the small motions at the beginning of their paths.
 pub struct Equilibria {
     /// A column for each equilibrium.
     pub fields: NodeFields,

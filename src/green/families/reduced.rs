@@ -130,7 +130,7 @@ const MISSED: f64 = 1e-5;
 /// Change of each coordinate of an equilibrium at random, ± half of this, in parts of the root of twice its energy: a hundredth of that
 /// energy in all.
 const CHANGED: f64 = 0.05;
-/// How much more nearly a small motion is to be met.
+/// Weight of a small motion beside an equilibrium.
 const SMALL_WEIGHT: f64 = 20.0;
 /// A field that is softer than this part of the stiffest one is not strained at all but for rounding: it turns the body as a whole, or it
 /// is 0, as the stretch across a flat control element.
@@ -146,7 +146,7 @@ fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
     Err(GreenError::ControlCount { body: place.to_owned(), model: "reduced", count, allowed: "1 to 4" })
 }
 
-/// Its points are chosen from equilibria.
+/// Refuses bodies without equilibria, from which the points are chosen.
 fn suits_neo_hookean(place: &str, body: &Body, prepared: &Prepared) -> Result<(), GreenError> {
     let model = REDUCED_NEO_HOOKEAN.name;
     let count = prepared.controls.len();

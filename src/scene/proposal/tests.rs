@@ -353,7 +353,7 @@ fn a_pull_takes_what_is_made_for_forces() {
     assert_eq!(choice("liver", Some(0.015)), expected("tet4_anp", "neo_hookean", "haptics stress"));
 }
 
-/// What `new` takes holds as far as is said: a body that is bent at two ends was given `rotation`, whose forces are off by 14 to
+/// The model that `new` takes holds as far as is said: a body that is bent at two ends was given `rotation`, whose forces are off by 14 to
 /// 180 % at 30°, and a bar of 25 : 1 `reduced`.
 #[test]
 fn the_model_is_the_one_that_holds_and_its_reach_is_told() {

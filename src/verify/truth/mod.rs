@@ -1,4 +1,4 @@
-//! How often the errors hold that the program prints of its own answers, on random bodies against a true equilibrium.
+//! Counts on random bodies how often the errors hold that the program prints of its own answers, against a true equilibrium.
 //!
 //! In: seeds, and the planner's answer to a demand. Out: for each body ([`RandomBody`]) the [`Statement`]s that a user reads of it, each
 //! with the true error: of the report's rows, of the planner's answer, and the ± beside forces. The truth is the equilibrium with
@@ -207,7 +207,7 @@ impl Judge<'_> {
 /// Unknowns of the largest solve, as `accuracy` has it.
 const LARGEST: f64 = 300_000.0;
 
-/// What a row says of shape and of wrench, beside the true errors.
+/// Statements of a row about shape and wrench, beside the true errors.
 fn statements(
     source: Source,
     of: &str,

@@ -1,9 +1,9 @@
-//! What the program prints of its own error, beside the true one.
+//! Statements: errors that the program prints of its own answers, each beside the true one.
 
 use super::bodies::BodyKind;
 use serde::{Deserialize, Serialize};
 
-/// Where a statement is printed.
+/// Source of a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {

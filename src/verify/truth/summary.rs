@@ -113,7 +113,7 @@ fn line(body: &JudgedBody, statement: &Statement) -> String {
     )
 }
 
-/// How many statements of a source hold, for the line of a body: "34/34".
+/// Number of a source's statements that hold, for the line of a body: "34/34".
 pub fn held(body: &JudgedBody, source: Source) -> String {
     let own = || body.statements.iter().filter(|statement| statement.source == source);
     let held = own().filter(|statement| statement.holds() == Some(true)).count();
