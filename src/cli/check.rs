@@ -6,13 +6,14 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
-use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ROD, Statics};
+use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ModelReach, ROD, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::fem::TET4_ANP;
-use crate::green::{self, Forecast, GreenError, Prepared};
+use crate::green::{self, Forecast, GreenError, GreenFile, Prepared};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
+use crate::prepare;
 use crate::scene::proposal::choice::of_two_ends;
 use crate::scene::survey::State;
 use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError};
@@ -24,6 +25,7 @@ use indexmap::IndexMap;
 use nalgebra::{Point3, Similarity3, Vector3};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// List everything wrong with a scene, without solving it, or with a stage
 ///
@@ -142,7 +144,20 @@ fn of_body<'a>(
         }
         Err(other) => return Err(other.into()),
     };
-    models.extend(resolved.and_then(|resolved| reach(name, body, resolved.model, &prepared)));
+    let measured = |resolved: &ResolvedBody| {
+        let required = required.as_ref()?.as_ref().ok()?;
+        let file = Arc::new(GreenFile::open(&prepare::green_path(scene)).ok()?);
+        file.check_belongs(scene, name, required).ok()?;
+        Some(model_line(
+            name,
+            resolved.model,
+            &ModelReach::measure(&file, name, resolved.model).ok()??.text(),
+        ))
+    };
+    models
+        .extend(resolved.and_then(|resolved| {
+            measured(resolved).or_else(|| reach(name, body, resolved.model, &prepared))
+        }));
     match green::acting(scene, name, &prepared.mesh, &prepared.controls) {
         Ok(found) => findings.extend(found),
         Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
@@ -307,7 +322,12 @@ fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Op
         }
         Bearing::Forces(_) => return None,
     };
-    Some(format!("{name}: model {model}: {text}\n"))
+    Some(model_line(name, model, &text))
+}
+
+/// A line about the model of a body.
+pub fn model_line(name: &str, model: &ModelEntry, text: &str) -> String {
+    format!("{name}: model {model}: {text}\n")
 }
 
 /// The table of the errors that are known, and how the others can be.

@@ -1,5 +1,6 @@
 //! `greenstage precompute`: the offline stage.
 
+use super::check::model_line;
 use super::opening::Guess;
 use super::print::print;
 use super::{expected, parsers};
@@ -9,11 +10,13 @@ pub use crate::base::machine::peak_memory;
 use crate::base::output::{self, Kind, OutputError};
 use crate::base::progress::Bars;
 use crate::base::table::{Table, bytes, seconds};
+use crate::deform::ModelReach;
 use crate::green::{self, FAMILIES, GreenFile, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare::{self, Resolved};
 use crate::scene::{Method, Storage};
 use crate::{effect, tuning};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Run the offline stage: mesh → stiffness matrix → factor → Green's functions → .green file
@@ -63,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let kept_after = args.keep_after.map_or(KEPT_AFTER, Duration::from_secs_f64);
     let (bodies, size, written_s) =
         prepare::make(&scene, &path, kept_after, &|name| Box::new(Bars::new(name, args.quiet)))?;
-    let stored = stored(&path)?;
+    let stored = stored(&path)? + &reaches(&scene, &path)?;
     tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
@@ -87,6 +90,17 @@ fn stored(path: &Path) -> Result<String, Failure> {
     let file = GreenFile::open(path)?;
     let coarse = file.meta.bodies.iter().filter(|(_, body)| body.accuracy.storage != Storage::F32);
     Ok(coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect())
+}
+
+/// How far the model of each body holds, where its file has equilibria with which it can be compared.
+fn reaches(scene: &Resolved, path: &Path) -> Result<String, Failure> {
+    let file = Arc::new(GreenFile::open(path)?);
+    let mut lines = String::new();
+    for (name, body) in &scene.bodies {
+        let reach = ModelReach::measure(&file, name, body.model).map_err(Failure::wrong)?;
+        lines.extend(reach.map(|reach| model_line(name, body.model, &reach.text())));
+    }
+    Ok(lines)
 }
 
 /// Makes the folder and looks whether the file can be written there, before the work.

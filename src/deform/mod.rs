@@ -14,6 +14,7 @@ mod loads;
 mod memory;
 mod mesh_errors;
 mod model;
+mod model_reach;
 mod models;
 mod path;
 mod pose;
@@ -38,6 +39,7 @@ pub use model::{
     Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, LoadInput, MakeModel, ModelEntry,
     ModelInput, PointResult, Response, StateAge,
 };
+pub use model_reach::ModelReach;
 pub use models::helicoidal::{CubicForm, Helicoidal};
 pub use models::linear::ENTRY as LINEAR;
 pub use models::perturbation::ENTRY as PERTURBED;

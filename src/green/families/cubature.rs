@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// Points that are chosen at most: what the time of a force tick allows.
 pub const MOST_POINTS: usize = 320;
 /// Part of g that the chosen points may miss, as a root of squares.
-const MISSED: f64 = 2e-3;
+const MISSED: f64 = 5e-4;
 /// Points from which these are chosen: half of them strain most, the others stand anywhere.
 const CANDIDATES: usize = 1600;
 /// Points whose g are computed between two sums.

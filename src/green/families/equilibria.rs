@@ -1,7 +1,8 @@
 //! Equilibria of a body whose two control elements are turned far against each other: what a basis of few fields must hold.
 //!
 //! In: an assembled body with its affine fields u_k, and a law. Out: for each equilibrium that was found, w = u - Σ c_k u_k seen
-//! from the middle between the elements, so that w = 0 on them, over √(2 V): ½ wᵀKw is then a part of that equilibrium's energy V.
+//! from the middle between the elements, so that w = 0 on them, over √(2 V): ½ wᵀKw is then a part of that equilibrium's energy V. The
+//! wrenches on the elements go into the file with the coefficients ([`KnownEquilibrium`]), so that a model can be compared with them.
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
 //! of a cube that stands along the way between them, pulled, pressed, and turned and shifted at once in random directions. Twists go on to
@@ -17,8 +18,8 @@ use super::screw_paths::{Path, screw_motion};
 use crate::base::machine;
 use crate::base::random::Random;
 use crate::fem::{Hyperelastic, Law, NodeFields};
-use crate::solve::{Newton, Progress, Solver};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use crate::solve::{Equilibrium, Newton, Progress, SolveError, Solver};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
 /// Turn of the elements against each other at the end of a path, rad.
@@ -31,6 +32,8 @@ const PULLED: f64 = 0.1;
 /// Paths in random directions, the same in every run, with random shifts: along the way between a twentieth less and a tenth more of
 /// it, across it by up to a tenth.
 const RANDOM: usize = 12;
+/// More such paths, of which no field is made: a model is only compared with them.
+const HELD_OUT: usize = 4;
 /// Shares of a path at which equilibria are sought.
 const STEPS: [f64; 2] = [0.5, 1.0];
 /// Shares of a twist, which goes on to 330°, a little less than the whole turn up to which a mean frame is defined.
@@ -55,6 +58,64 @@ pub struct Equilibria {
     pub small: Vec<SmallMotion>,
     /// Paths, and how many of them have an equilibrium at their end.
     pub paths: [usize; 2],
+    /// The table of [`KnownEquilibrium`]s, those of paths without fields too.
+    pub known: DMatrix<f64>,
+}
+
+/// Kind of a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    Turned,
+    /// Pulled or pressed, almost without a turn.
+    Stretched,
+    /// In a random direction.
+    Mixed,
+    /// So too, but no field is made of it.
+    HeldOut,
+}
+
+impl PathKind {
+    const ALL: [PathKind; 4] = [PathKind::Turned, PathKind::Stretched, PathKind::Mixed, PathKind::HeldOut];
+}
+
+/// An equilibrium as the file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownEquilibrium {
+    pub kind: PathKind,
+    /// Coefficients of both elements.
+    pub coefficients: [f64; 2 * FIELDS],
+    /// Force, N, and moment about its place, N·m, of each element.
+    pub wrenches: [[Vector3<f64>; 2]; 2],
+    /// V, J.
+    pub energy: f64,
+    /// Whether a tetrahedron is turned inside out.
+    pub is_inverted: bool,
+}
+
+/// Numbers of a [`KnownEquilibrium`]: a column of the table.
+pub const KNOWN: usize = 2 * FIELDS + 2 * 6 + 3;
+
+impl KnownEquilibrium {
+    fn numbers(&self) -> Vec<f64> {
+        let kind = PathKind::ALL.iter().position(|kind| *kind == self.kind).unwrap_or(0);
+        let wrenches = self.wrenches.iter().flatten().flat_map(|part| part.iter().copied());
+        let rest = [self.energy, kind as f64, f64::from(u8::from(self.is_inverted))];
+        self.coefficients.iter().copied().chain(wrenches).chain(rest).collect()
+    }
+
+    /// Reads a column of the table; `None` where it is of another length.
+    pub fn read(numbers: &[f64]) -> Option<KnownEquilibrium> {
+        let (coefficients, rest) = numbers.split_first_chunk()?;
+        let (wrenches, &[energy, kind, is_inverted]) = rest.split_first_chunk::<12>()? else { return None };
+        let part = |of: usize| Vector3::from_column_slice(&wrenches[3 * of..3 * of + 3]);
+        Some(KnownEquilibrium {
+            kind: *PathKind::ALL.get(kind as usize)?,
+            coefficients: *coefficients,
+            wrenches: [[part(0), part(1)], [part(2), part(3)]],
+            energy,
+            is_inverted: is_inverted != 0.0,
+        })
+    }
 }
 
 /// Whether a body of so many control elements and unknowns is solved for them: of two, where something is free, up to
@@ -87,7 +148,7 @@ pub fn equilibria(
     let a = assembled.partition.a(assembled.k);
     let solver = assembled.body.solver.analyse(&a, progress).map_err(failed)?;
     let paths = directions(solution);
-    let most = 2 * paths.iter().map(|(_, steps)| steps.len()).sum::<usize>();
+    let most = 2 * paths.iter().map(|(_, _, steps)| steps.len()).sum::<usize>();
     // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of the tangent: K and A.
     let need =
         4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64 + 24.0 * assembled.k.scalar_entries() as f64;
@@ -101,46 +162,35 @@ pub fn equilibria(
         loads: None,
         last_step: LAST_STEP,
     };
+    let walk = Walk { newton, law, solution };
     let (mut fields, mut coefficients, mut energies) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut small, mut whole) = (Vec::new(), 0);
+    let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
     progress.begin("equilibria at large turns", paths.len() as u64);
-    for (path, steps) in &paths {
-        let (mut u, mut from, mut before) = (NodeFields::zeros(solution.mesh.nodes.len(), 1), 0.0, 0.0);
-        'path: for &goal in *steps {
-            let mut step = goal - before;
-            let least = LEAST_STEP * step;
-            while from < goal {
-                let share = goal.min(from + step);
-                let held = |_: f64, u: &mut NodeFields| hold(solution, path, share, u);
-                let found = newton.step_to(&u, &held).map_err(failed)?;
-                let upright = |h: &Matrix3<f64>| (Matrix3::identity() + h).determinant() > 0.0;
-                let found =
-                    found.filter(|found| law.resists_inversion || found.gradients.iter().all(upright));
-                let Some(found) = found else {
-                    step *= 0.5;
-                    if step < least {
-                        break 'path;
-                    }
-                    continue;
-                };
-                let c = seen(solution, path, share);
-                let mut own = found.u.clone();
-                add(&mut own, -1.0, &combined(&solution.fields, &c));
-                let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
-                own.data.iter_mut().for_each(|value| *value /= size);
-                if from == 0.0 {
-                    let coefficients = seen(solution, path, SMALL);
-                    small.push(SmallMotion { coefficients, equilibrium: fields.len(), times: share / SMALL });
-                }
-                fields.push(own);
-                coefficients.push(c);
-                energies.push(found.energy);
-                (u, from) = (found.u, share);
-            }
-            before = goal;
-        }
+    for (path, kind, steps) in &paths {
+        let found = walk.equilibria_on(path, *kind, steps).map_err(failed)?;
+        let of = |share: f64| seen(solution, path, share);
+        known.extend(
+            found.iter().map(|(share, found)| known_equilibrium(solution, *kind, &of(*share), found)),
+        );
         progress.advance(1);
-        whole += usize::from(from >= 1.0);
+        if *kind == PathKind::HeldOut {
+            continue;
+        }
+        whole += usize::from(found.last().is_some_and(|(share, _)| *share >= 1.0));
+        small.extend(found.first().map(|(share, _)| SmallMotion {
+            coefficients: of(SMALL),
+            equilibrium: fields.len(),
+            times: share / SMALL,
+        }));
+        for (share, found) in found {
+            let (c, mut own) = (of(share), found.u);
+            add(&mut own, -1.0, &combined(&solution.fields, &c));
+            let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
+            own.data.iter_mut().for_each(|value| *value /= size);
+            fields.push(own);
+            coefficients.push(c);
+            energies.push(found.energy);
+        }
     }
     progress.end();
     let fields: Vec<&NodeFields> = fields.iter().collect();
@@ -151,12 +201,79 @@ pub fn equilibria(
         }),
         energies,
         small,
-        paths: [paths.len(), whole],
+        paths: [paths.len() - HELD_OUT, whole],
+        known: DMatrix::from_columns(&known),
     }))
 }
 
+/// The way along paths from rest.
+struct Walk<'a> {
+    newton: Newton<'a>,
+    law: &'static Law,
+    solution: &'a Solution,
+}
+
+impl Walk<'_> {
+    /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved.
+    fn equilibria_on(
+        &self,
+        path: &Path,
+        kind: PathKind,
+        steps: &[f64],
+    ) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
+        let (mut found, mut from, mut before) = (Vec::<(f64, Equilibrium)>::new(), 0.0, 0.0);
+        let rest = NodeFields::zeros(self.solution.mesh.nodes.len(), 1);
+        for goal in steps {
+            let mut step = goal - before;
+            let least = LEAST_STEP * step;
+            while from < *goal {
+                let share = goal.min(from + step);
+                let u = found.last().map_or(&rest, |(_, last)| &last.u);
+                let held = |_: f64, u: &mut NodeFields| hold(self.solution, path, share, u);
+                let mut next = self.newton.step_to(u, &held)?.filter(|next| self.is_sound(next));
+                if next.is_none() && 0.5 * step >= least {
+                    step *= 0.5;
+                    continue;
+                }
+                if next.is_none() && kind == PathKind::Stretched {
+                    next = self.aside(path, [from, share], u)?;
+                }
+                let Some(next) = next else { return Ok(found) };
+                found.push((share, next));
+                from = share;
+            }
+            before = *goal;
+        }
+        Ok(found)
+    }
+
+    /// The stable state to which a body gives way that buckles when it is pressed further.
+    fn aside(
+        &self,
+        path: &Path,
+        [from, to]: [f64; 2],
+        u: &NodeFields,
+    ) -> Result<Option<Equilibrium>, SolveError> {
+        let moved = seen(self.solution, path, to) - seen(self.solution, path, from);
+        let mut guess = u.clone();
+        add(&mut guess, 1.0, &combined(&self.solution.fields, &moved));
+        hold(self.solution, path, to, &mut guess);
+        Ok(self.newton.settle_near(guess)?.filter(|found| self.is_sound(found)))
+    }
+
+    /// Whether a state is an equilibrium of the law.
+    fn is_sound(&self, found: &Equilibrium) -> bool {
+        self.law.resists_inversion || !is_inverted(found)
+    }
+}
+
+/// Whether a tetrahedron is turned inside out.
+fn is_inverted(found: &Equilibrium) -> bool {
+    found.gradients.iter().any(|h| (Matrix3::identity() + h).determinant() <= 0.0)
+}
+
 /// The paths with their steps: half of each motion to either element.
-fn directions(solution: &Solution) -> Vec<(Path, &'static [f64])> {
+fn directions(solution: &Solution) -> Vec<(Path, PathKind, &'static [f64])> {
     let way = solution.controls[1].origin - solution.controls[0].origin;
     let axis = way.try_normalize(0.0).unwrap_or_else(Vector3::x);
     let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
@@ -176,12 +293,43 @@ fn directions(solution: &Solution) -> Vec<(Path, &'static [f64])> {
     let pulled = path([PULLED, 0.0, 0.0], Vector3::zeros());
     let mut random = Random::default();
     let mut draw = || 2.0 * random.draw();
-    let moved = (0..RANDOM).map(|_| {
+    let moved = (0..RANDOM + HELD_OUT).map(|number| {
         let turn = Vector3::from_fn(|_, _| draw()).try_normalize(1e-3).unwrap_or_else(Vector3::x);
-        path([0.025 + 0.075 * draw(), 0.1 * draw(), 0.1 * draw()], along(turn.into()))
+        let kind = if number < RANDOM { PathKind::Mixed } else { PathKind::HeldOut };
+        (path([0.025 + 0.075 * draw(), 0.1 * draw(), 0.1 * draw()], along(turn.into())), kind)
     });
-    let of_path = |(number, path)| (path, if number < 2 { &TWIST_STEPS[..] } else { &STEPS[..] });
-    turned.chain(pressed).chain([pulled]).chain(moved).enumerate().map(of_path).collect()
+    let turned = turned.map(|path| (path, PathKind::Turned));
+    let stretched = pressed.chain([pulled]).map(|path| (path, PathKind::Stretched));
+    let of_path =
+        |(number, (path, kind))| (path, kind, if number < 2 { &TWIST_STEPS[..] } else { &STEPS[..] });
+    turned.chain(stretched).chain(moved).enumerate().map(of_path).collect()
+}
+
+/// What the file keeps of an equilibrium with the coefficients c.
+fn known_equilibrium(
+    solution: &Solution,
+    kind: PathKind,
+    c: &DMatrix<f64>,
+    found: &Equilibrium,
+) -> DVector<f64> {
+    let vector = |numbers: &[f64]| Vector3::from_column_slice(numbers);
+    let wrench = |e: usize| {
+        let control = &solution.controls[e];
+        let place = control.origin + vector(&c.as_slice()[FIELDS * e..FIELDS * e + 3]);
+        control.nodes.iter().fold([Vector3::zeros(); 2], |[force, moment], &node| {
+            let own = vector(&found.forces.data[3 * node as usize..][..3]);
+            let at = solution.mesh.nodes[node as usize] + vector(&found.u.data[3 * node as usize..][..3]);
+            [force + own, moment + (at - place).cross(&own)]
+        })
+    };
+    let known = KnownEquilibrium {
+        kind,
+        coefficients: std::array::from_fn(|row| c[row]),
+        wrenches: [wrench(0), wrench(1)],
+        energy: found.energy,
+        is_inverted: is_inverted(found),
+    };
+    DVector::from_vec(known.numbers())
 }
 
 /// Writes the displacements of the controlled nodes at a share of the path.

@@ -30,7 +30,7 @@ pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
 pub use cubature::HEAD as CUBATURE_HEAD;
 pub use cubic::CUBIC;
-pub use equilibria::has_equilibria;
+pub use equilibria::{KnownEquilibrium, PathKind, has_equilibria};
 pub use kept_factor::KEPT_FACTOR;
 pub use load_forces::{LOAD_FORCES, LoadForces};
 pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES, nodal_forces};
@@ -38,7 +38,8 @@ pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{
-    CUBATURE, FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS, REDUCED_NEO_HOOKEAN, WARMTH,
+    CUBATURE, EQUILIBRIA, FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS,
+    REDUCED_NEO_HOOKEAN, WARMTH,
 };
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;

@@ -6,7 +6,7 @@
 //! all φ_3. Of two elements the φ_2 span the 21 second derivatives of the equilibrium by their relative motion, and all are kept (J.
 //! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes); in place of φ_3 stand the
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
-//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each. Main parts are those of the energy norm.
+//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts are those of the energy norm.
 //!
 //! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic
 //! `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`]).
@@ -31,7 +31,7 @@ use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
 use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
-use super::equilibria::{Equilibria, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
+use super::equilibria::{Equilibria, KNOWN, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
@@ -54,6 +54,8 @@ pub const CUBATURE: &str = "reduced/cubature";
 /// The work of loads, 3 (1 + 3 n) × K for n numbers z; and T, n × n, of a body that may be warm.
 pub const REDUCED_LOADS: &str = "reduced/loads";
 pub const WARMTH: &str = "reduced/warmth";
+/// Equilibria of a body with the wrenches that hold it: a [`KnownEquilibrium`](super::equilibria::KnownEquilibrium) in each column.
+pub const EQUILIBRIA: &str = "reduced/equilibria";
 /// Φ over all nodes, until it is written.
 pub const FIELDS_TABLE: &str = "reduced/fields";
 
@@ -108,9 +110,9 @@ fn most_variables(control_elements: usize) -> usize {
 /// about 0.9 million, read in about 1 ms.
 const MOST_ELEMENTS: usize = 4;
 
-/// Fields Φ of a body of so many control elements: what the time of a force tick allows.
+/// Fields Φ of a body of so many control elements at most: what the time of a force tick allows.
 fn most_fields(control_elements: usize) -> usize {
-    if control_elements == 2 { 48 } else { series_fields(control_elements) }
+    if control_elements == 2 { 64 } else { series_fields(control_elements) }
 }
 
 /// Fields Φ from series about rest alone.
@@ -125,8 +127,10 @@ fn series_fields(control_elements: usize) -> usize {
 
 /// The part of these that is of second order: of two elements 21, one for each pair of the coordinates of their relative motion.
 const SECOND_ORDER_PART: f64 = 0.65;
-/// Part of the energy of an equilibrium that the fields may miss.
+/// Part of the energy of an equilibrium that the fields may miss: of [`FEW_FIELDS`], and of more, which cost twice the time.
 const MISSED: f64 = 1e-5;
+const MISSED_BY_MANY: f64 = 1e-3;
+const FEW_FIELDS: usize = 48;
 /// Change of each coordinate of an equilibrium at random, ± half of this, in parts of the root of twice its energy: a hundredth of that
 /// energy in all.
 const CHANGED: f64 = 0.05;
@@ -185,6 +189,7 @@ fn compute(
     let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
     if let Some(equilibria) = &equilibria {
         basis = enriched(assembled, solution, &basis, equilibria);
+        solution.tables.insert(EQUILIBRIA, equilibria.known.clone());
     }
     let basis = match forces.len() {
         0 => basis,
@@ -332,8 +337,8 @@ fn basis(
     Ok(beside(&[&main, &rest]))
 }
 
-/// The fields of `main`, then those that `equilibria` have beside them, until each misses less than [`MISSED`] of its energy or there
-/// are no more than the time of a tick allows.
+/// The fields of `main`, then those that `equilibria` have beside them, until each misses less than [`MISSED`] of its energy, or with more
+/// than [`FEW_FIELDS`] less than [`MISSED_BY_MANY`], or there are as many as the time of a tick allows.
 fn enriched(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
@@ -346,7 +351,8 @@ fn enriched(
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;
-    while count < found.columns && missed.max() > MISSED {
+    let allowed = |count: usize| if main.columns + count < FEW_FIELDS { MISSED } else { MISSED_BY_MANY };
+    while count < found.columns && missed.max() > allowed(count) {
         missed -= shares.row(count).map(|share| share * share).transpose();
         count += 1;
     }
@@ -464,7 +470,7 @@ fn warmth(points: &RestPoints, fields: &NodeFields) -> DMatrix<f64> {
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let mut tensors = table::write(body, QUARTIC);
-    for name in [CUBATURE, REDUCED_LOADS, WARMTH] {
+    for name in [CUBATURE, EQUILIBRIA, REDUCED_LOADS, WARMTH] {
         tensors.extend(table::write(body, name));
     }
     if !body.solution.loads.is_empty() {
@@ -497,6 +503,9 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1])?;
     if !body.loads.is_empty() {
         table::check(file, name, REDUCED_LOADS, [3 * (1 + 3 * variables), body.load_columns()])?;
+    }
+    if let Some(known) = file.table(name, EQUILIBRIA) {
+        table::check(file, name, EQUILIBRIA, [KNOWN, known.ncols()])?;
     }
     if body.loads.iter().any(|load| load.turning == Turning::Inner) {
         table::check(file, name, WARMTH, [variables, variables])?;

@@ -52,10 +52,10 @@ pub fn of_two_ends(mesh: &TetMesh, nodes: usize) -> Option<(&'static str, String
         let reach = "any angle and several turns, forces within 5 % where its walls keep their shape";
         Some(("rod", format!("{reach}; the body is {slenderness:.0} radii of gyration long")))
     } else if nodes <= WITH_EQUILIBRIA && slenderness < COMPACT {
-        let reach = "forces of compact bodies within 4 % of the neo-Hookean law to 90° of bend and twist, of thin plates within 22 %, while no tetrahedron turns inside out";
+        let reach = "bends and twists to 90° by the neo-Hookean law; `precompute` measures how far its forces hold on this body";
         Some(("reduced_neo_hookean", format!("{reach}; about {:.0} s more to precompute", 5.0 + seconds)))
     } else if nodes <= WITH_EQUILIBRIA {
-        let reach = "forces within 3 % to 90° of bend and twist";
+        let reach = "bends and twists to 90°; `precompute` measures how far its forces hold on this body";
         Some(("reduced", format!("{reach}; about {seconds:.0} s more to precompute")))
     } else if nodes <= MOST_REDUCED {
         Some(("reduced", "forces to about 60° of bend and twist, minutes to precompute".to_owned()))

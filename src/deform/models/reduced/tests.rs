@@ -2,14 +2,18 @@ use crate::base::progress::Silent;
 use crate::deform::models::fixture::assert_slopes;
 use crate::deform::pose::se3;
 use crate::deform::{
-    ControlPose, ControlPoses, DeformationModel, Deformer, PoseSlope, Statics, Wrench, axial, find_model,
-    model_of,
+    ControlPose, ControlPoses, DeformationModel, Deformer, ModelReach, PoseSlope, Statics, Wrench, axial,
+    find_model, model_of,
 };
 use crate::fem::STVK;
-use crate::green::{self, AFFINE, GreenFile, REDUCED, REDUCED_NEO_HOOKEAN, Requirements};
+use crate::green::{
+    self, AFFINE, EQUILIBRIA, FIELDS, GreenFile, KnownEquilibrium, PathKind, REDUCED, REDUCED_NEO_HOOKEAN,
+    Requirements,
+};
 use crate::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A bar of 6 : 1 : 1 between two faces, and a third held face at its side where `sides` says so.
 pub fn bar(sides: &str) -> Scene {
@@ -392,4 +396,37 @@ fn the_file_holds_what_the_model_needs() {
             assert!(off.amax() < 5e-3, "{storage}: node {i} is {} m off", off.amax());
         }
     }
+}
+
+/// The equilibria in the file are equilibria: force and moment of both ends cancel. The model holds at those of which no field was
+/// made as it does elsewhere.
+#[test]
+fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
+    let (scene, model) = (bar(RIGHT), find_model("reduced_neo_hookean").unwrap());
+    let made = green::precompute(&scene, "bar", &model.with_energy(), &Silent).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bar.green");
+    green::write(&path, &[made]).unwrap();
+    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let table = file.table("bar", EQUILIBRIA).unwrap();
+    let all: Vec<_> =
+        table.column_iter().map(|own| KnownEquilibrium::read(own.as_slice()).unwrap()).collect();
+    assert!(all.len() >= 60, "{}", all.len());
+    for known in &all {
+        let place = |e: usize| {
+            Vector3::from_fn(|axis, _| known.coefficients[FIELDS * e + axis])
+                + Vector3::x() * (6.0 * e as f64 - 3.0)
+        };
+        let [[force, moment], [other_force, other_moment]] = known.wrenches;
+        let sum = moment + other_moment + (place(1) - place(0)).cross(&other_force);
+        let size = force.norm().max(moment.norm() / 6.0);
+        assert!((force + other_force).norm() < 1e-4 * size && sum.norm() < 6e-4 * size, "{known:?}");
+    }
+    let reach = ModelReach::measure(&file, "bar", model).unwrap().unwrap();
+    assert_eq!((reach.equilibria, reach.inverted), (all.len(), 0), "{reach:?}");
+    assert_eq!(reach.held_out, all.iter().filter(|known| known.kind == PathKind::HeldOut).count());
+    assert!(reach.held_out >= 8 && reach.turned.iter().all(Option::is_some), "{reach:?}");
+    let worst = reach.turned[..3].iter().flatten().fold(0.0_f64, |worst, part| worst.max(*part));
+    assert!(worst < 0.02, "{reach:?}");
+    assert!(reach.text().contains("to 30°") && reach.text().contains("to 90°"), "{}", reach.text());
 }
