@@ -42,7 +42,9 @@ pub use lame::Lame;
 pub use law::{Law, Tangent};
 pub use laws::LAWS;
 pub use loads::{Area, FacePoint, body_force, expansion, free_expansion, traction};
-pub use neo_hookean::{NEO_HOOKEAN, energy_beyond_stvk, stress_beyond_stvk, tangent_beyond_stvk};
+pub use neo_hookean::{
+    NEO_HOOKEAN, energy_beyond_stvk, lame_of_stvk, stress_beyond_stvk, tangent_beyond_stvk,
+};
 pub use polar::{Polar, nearest_turn};
 pub use quartic::QuarticShape;
 pub use rest_points::{RestPoint, RestPoints};

@@ -39,7 +39,9 @@ use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::base::random::Random;
-use crate::fem::{Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix};
+use crate::fem::{
+    Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix, lame_of_stvk,
+};
 use crate::scene::Body;
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
@@ -176,7 +178,7 @@ fn compute(
 ) -> Result<(), GreenError> {
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
-    let points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let mut points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let forces = column_forces(assembled, &solution.mesh)?;
     machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
@@ -196,14 +198,11 @@ fn compute(
         _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
     };
 
-    progress.begin("quartic energy", points.count() as u64);
     let lift = Lift::new(elements);
     let lifted = combined(&solution.fields, &lift.columns);
     // In the order of the coordinates (1, y of undeformed elements, q, the other y).
     let (first, others) = split_columns(&lifted, lift.rigid);
     let all = beside(&[&first, &basis, &others]);
-    let coefficients = points.quartic(&all, &|units| progress.advance(units));
-    progress.end();
     if law.name != STVK.name {
         let count = equilibria.as_ref().map_or(0, |found| 2 * found.energies.len() + found.small.len());
         machine::expect(
@@ -226,7 +225,11 @@ fn compute(
             message,
         ));
         solution.tables.insert(CUBATURE, chosen.table);
+        points = points.with(lame_of_stvk);
     }
+    progress.begin("quartic energy", points.count() as u64);
+    let coefficients = points.quartic(&all, &|units| progress.advance(units));
+    progress.end();
     if !forces.is_empty() {
         solution.loads = assembled.body.loads().iter().map(LoadMeta::new).collect();
         let turnings =
