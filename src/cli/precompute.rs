@@ -4,6 +4,7 @@ use super::check::model_line;
 use super::opening::Guess;
 use super::print::print;
 use super::{expected, parsers};
+use crate::base::diagnostic::is_verbose;
 use crate::base::failure::Failure;
 use crate::base::machine;
 pub use crate::base::machine::peak_memory;
@@ -98,7 +99,8 @@ fn reaches(scene: &Resolved, path: &Path) -> Result<String, Failure> {
     let mut lines = String::new();
     for (name, body) in &scene.bodies {
         let reach = ModelReach::measure(&file, name, body.model).map_err(Failure::wrong)?;
-        lines.extend(reach.map(|reach| model_line(name, body.model, &reach.text())));
+        lines.extend(reach.iter().map(|reach| model_line(name, body.model, &reach.text())));
+        lines.extend(reach.filter(|_| is_verbose()).map(|reach| reach.details()));
     }
     Ok(lines)
 }

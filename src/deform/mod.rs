@@ -39,7 +39,7 @@ pub use model::{
     Bearing, BodyState, ControlRest, DeformationModel, Frame, Kind, LoadInput, MakeModel, ModelEntry,
     ModelInput, PointResult, Response, StateAge,
 };
-pub use model_reach::ModelReach;
+pub use model_reach::{ComparedState, ModelReach};
 pub use models::helicoidal::{CubicForm, Helicoidal};
 pub use models::linear::ENTRY as LINEAR;
 pub use models::perturbation::ENTRY as PERTURBED;

@@ -1,8 +1,8 @@
 //! How far the forces of a model hold on one body: the model against the equilibria that the body's file keeps with their wrenches.
 //!
-//! In: a [`GreenFile`] whose body has the table of equilibria of a reduced model. Out: the worst error of force and torque among
-//! those turned up to 30°, 60°, 90° and further, and among those pulled and pressed. Some of the equilibria made no field of the
-//! model ([`PathKind::HeldOut`]), so that it cannot know them.
+//! In: a [`GreenFile`] whose body has the table of equilibria of a reduced model. Out: the error of force and torque in each, and the
+//! worst among those turned up to 30°, 60°, 90° and further, and among those pulled and pressed. Some of the equilibria made no field
+//! of the model ([`PathKind::HeldOut`]), so that it cannot know them.
 
 use super::deformer::Deformer;
 use super::model::ModelEntry;
@@ -15,28 +15,39 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3, Vector
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Turns of two control elements against each other up to which errors are told apart, °.
-const TURNS: [f64; 3] = [30.0, 60.0, 90.0];
+/// Turns of two control elements against each other up to which errors are told apart, °; a little more, for rounding.
+const TURNS: [f64; 4] = [30.5, 60.5, 90.5, 360.0];
+/// An error that is small enough for most work.
+const GOOD: f64 = 0.05;
 /// Largest step of a turn on the way to an equilibrium, °, and the least number of steps.
 const STEP: f64 = 10.0;
 const LEAST_STEPS: f64 = 4.0;
 
-/// The worst errors of a model's forces and torques, as parts of the largest force or torque over length of each equilibrium.
+/// A model in the equilibria of a body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ModelReach {
-    /// Turned by up to 30°, 60°, 90°, and further; `None` where the body has no such equilibrium.
-    pub turned: [Option<f64>; 4],
-    /// Pulled or pressed by up to a tenth.
-    pub stretched: Option<f64>,
-    pub equilibria: usize,
-    /// Those among them of which no field was made.
-    pub held_out: usize,
-    /// Equilibria with tetrahedra inside out, which no real body has; they are in none of the other numbers.
+    /// Those without tetrahedra inside out.
+    pub states: Vec<ComparedState>,
+    /// The others, which no real body has.
     pub inverted: usize,
 }
 
+/// A model in one equilibrium.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ComparedState {
+    pub is_stretched: bool,
+    /// Whether no field of the model was made of it.
+    pub is_held_out: bool,
+    /// Turn of the two elements against each other, °.
+    pub turn: f64,
+    /// Largest error of force and torque over length, as a part of the largest of the equilibrium; infinite without forces.
+    pub error: f64,
+    /// Energy of the model over that of the equilibrium.
+    pub energy: f64,
+}
+
 impl ModelReach {
-    /// Compares a body's model with its equilibria; `None` where the file has none or the model has no forces.
+    /// Compares a body's model with its equilibria; `None` where the file has none.
     pub fn measure(
         file: &Arc<GreenFile>,
         body: &str,
@@ -44,58 +55,84 @@ impl ModelReach {
     ) -> Result<Option<ModelReach>, String> {
         let Some(table) = file.table(body, EQUILIBRIA) else { return Ok(None) };
         let mut deformer = Deformer::new(file.clone(), body, model)?;
-        let mut reach = ModelReach::default();
-        for known in table.column_iter().filter_map(|column| KnownEquilibrium::read(column.as_slice())) {
-            if known.is_inverted {
-                reach.inverted += 1;
-                continue;
-            }
-            let Some((turn, error)) = compare(&mut deformer, &known) else { return Ok(None) };
-            reach.equilibria += 1;
-            reach.held_out += usize::from(known.kind == PathKind::HeldOut);
-            let place = match known.kind {
-                PathKind::Stretched => &mut reach.stretched,
-                _ => {
-                    let band = TURNS.iter().position(|most| turn <= most + 0.5);
-                    &mut reach.turned[band.unwrap_or(TURNS.len())]
-                }
-            };
-            *place = Some(place.map_or(error, |worst| worst.max(error)));
-        }
-        Ok((reach.equilibria > 0).then_some(reach))
+        let known = table.column_iter().filter_map(|column| KnownEquilibrium::read(column.as_slice()));
+        let (inverted, sound): (Vec<_>, Vec<_>) = known.partition(|known| known.is_inverted);
+        let states: Vec<_> = sound.iter().filter_map(|known| compare(&mut deformer, known)).collect();
+        Ok((!states.is_empty()).then_some(ModelReach { states, inverted: inverted.len() }))
+    }
+
+    /// The worst error among those that are turned no further than each of [`TURNS`], as far as some are turned farther than to the
+    /// one before.
+    pub fn turned(&self) -> Vec<(f64, f64)> {
+        let turned = || self.states.iter().filter(|state| !state.is_stretched);
+        let within = |low: f64, high: f64| turned().any(|state| state.turn > low && state.turn <= high);
+        let worst = |high: f64| {
+            turned().filter(|state| state.turn <= high).map(|state| state.error).fold(0.0, f64::max)
+        };
+        let low = std::iter::once(0.0).chain(TURNS);
+        low.zip(TURNS)
+            .filter(|(low, high)| within(*low, *high))
+            .map(|(_, high)| (high, worst(high)))
+            .collect()
+    }
+
+    /// The worst error among those that are pulled or pressed.
+    pub fn stretched(&self) -> Option<f64> {
+        self.states.iter().filter(|state| state.is_stretched).map(|state| state.error).reduce(f64::max)
     }
 
     /// A line about it.
     pub fn text(&self) -> String {
-        let percent = |part: f64| match part {
-            part if part < 1e-3 => "0.1 %".to_owned(),
-            part if part < 0.1 => format!("{:.1} %", 100.0 * part),
-            part => format!("{:.0} %", 100.0 * part),
-        };
-        let mut worst = 0.0_f64;
-        let mut parts = Vec::new();
-        let names = ["to 30°", "to 60°", "to 90°", "twisted to 330°"];
-        for (name, error) in names.iter().zip(self.turned) {
-            let Some(error) = error else { continue };
-            worst = worst.max(error);
-            parts.push(format!("{} {name}", percent(worst)));
-        }
-        parts.extend(self.stretched.map(|error| format!("{} pulled or pressed", percent(error))));
+        let mut parts: Vec<String> = self
+            .turned()
+            .iter()
+            .map(|(turn, error)| format!("{} turned to {:.0}°", part_text(*error), turn.floor()))
+            .collect();
+        parts.extend(self.stretched().map(|error| format!("{} pulled or pressed", part_text(error))));
+        let good = self.states.iter().filter(|state| state.error <= GOOD).count();
         let inverted = match self.inverted {
             0 => String::new(),
             some => format!("; {} more have tetrahedra inside out", count(some, "state")),
         };
         format!(
-            "forces within {}, measured against {} equilibria of this body, {} of which the model was not made from{inverted}",
+            "forces within {}; within {} in {good} of {} equilibria of this body, {} of which the model was not made \
+             from{inverted}",
             parts.join(", "),
-            self.equilibria,
-            self.held_out
+            part_text(GOOD),
+            self.states.len(),
+            self.states.iter().filter(|state| state.is_held_out).count()
         )
+    }
+
+    /// A line for each state, the worst first.
+    pub fn details(&self) -> String {
+        let mut states: Vec<&ComparedState> = self.states.iter().collect();
+        states.sort_by(|a, b| b.error.total_cmp(&a.error));
+        let line = |state: &&ComparedState| {
+            let kind = if state.is_stretched { ", pulled or pressed" } else { "" };
+            let held_out = if state.is_held_out { ", not in the model" } else { "" };
+            format!(
+                "  turned by {:.0}°{kind}{held_out}: {}, energy {:.3} of the equilibrium's\n",
+                state.turn,
+                part_text(state.error),
+                state.energy
+            )
+        };
+        states.iter().map(line).collect()
     }
 }
 
-/// The turn of an equilibrium, °, and how far the deformer's forces are from it; `None` of a model without forces.
-fn compare(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<(f64, f64)> {
+fn part_text(part: f64) -> String {
+    match part {
+        part if part < 1e-3 => "0.1 %".to_owned(),
+        part if part < 0.1 => format!("{:.1} %", 100.0 * part),
+        part if part.is_finite() => format!("{:.0} %", 100.0 * part),
+        _ => "an unknown error".to_owned(),
+    }
+}
+
+/// Takes the deformer to an equilibrium from rest, and compares; `None` of other than two elements.
+fn compare(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<ComparedState> {
     let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
     let screws: Vec<Vector6<f64>> =
         known.coefficients.chunks_exact(FIELDS).zip(&origins).map(|(c, origin)| screw(c, origin)).collect();
@@ -110,24 +147,30 @@ fn compare(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<(f64, f6
         deformer.take(&poses(step as f64 / steps));
     });
     deformer.evaluate(&poses(1.0));
-    let found = PoseResult::of_model(deformer);
-    found.wrenches.as_ref()?;
     let wrench = |[force, moment]: [Vector3<f64>; 2]| Wrench { force, moment };
     let truth = PoseResult {
         wrenches: Some(known.wrenches.map(wrench).to_vec()),
         energy: known.energy,
         surface: Vec::new(),
     };
-    let length = (origins[1] - origins[0]).norm();
-    let off = Deviation::new(&PoseResult { surface: Vec::new(), ..found }, &truth, length);
+    let found = PoseResult { surface: Vec::new(), ..PoseResult::of_model(deformer) };
+    let off = Deviation::new(&found, &truth, (origins[1] - origins[0]).norm());
     let of = |part: Option<f64>| part.unwrap_or(f64::INFINITY);
-    Some((turn, of(off.force).max(of(off.torque))))
+    Some(ComparedState {
+        is_stretched: known.kind == PathKind::Stretched,
+        is_held_out: known.kind == PathKind::HeldOut,
+        turn,
+        error: of(off.force).max(of(off.torque)),
+        energy: off.energy.unwrap_or(f64::INFINITY),
+    })
 }
 
 /// ξ of the motion with the coefficients c of an element.
 fn screw(c: &[f64], origin: &Vector3<f64>) -> Vector6<f64> {
     let matrix = Matrix3::identity() + Matrix3::from_row_slice(&c[3..FIELDS]);
     let turn = UnitQuaternion::from_matrix(&matrix);
+    // By less than half a turn.
+    let turn = if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn };
     se3::log(&turn, &(origin + Vector3::from_column_slice(&c[..3]) - turn * origin))
 }
 

@@ -137,7 +137,7 @@ const FEW_FIELDS: usize = 48;
 /// energy in all.
 const CHANGED: f64 = 0.05;
 /// Weight of a small motion beside an equilibrium.
-const SMALL_WEIGHT: f64 = 20.0;
+const SMALL_WEIGHT: f64 = 40.0;
 /// A field that is softer than this part of the stiffest one is not strained at all but for rounding: it turns the body as a whole, or it
 /// is 0, as the stretch across a flat control element.
 const UNSTRAINED: f64 = 1e-12;

@@ -2,8 +2,8 @@ use crate::base::progress::Silent;
 use crate::deform::models::fixture::assert_slopes;
 use crate::deform::pose::se3;
 use crate::deform::{
-    ControlPose, ControlPoses, DeformationModel, Deformer, ModelReach, PoseSlope, Statics, Wrench, axial,
-    find_model, model_of,
+    ComparedState, ControlPose, ControlPoses, DeformationModel, Deformer, ModelReach, PoseSlope, Statics,
+    Wrench, axial, find_model, model_of,
 };
 use crate::fem::STVK;
 use crate::green::{
@@ -423,10 +423,15 @@ fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
         assert!((force + other_force).norm() < 1e-4 * size && sum.norm() < 6e-4 * size, "{known:?}");
     }
     let reach = ModelReach::measure(&file, "bar", model).unwrap().unwrap();
-    assert_eq!((reach.equilibria, reach.inverted), (all.len(), 0), "{reach:?}");
-    assert_eq!(reach.held_out, all.iter().filter(|known| known.kind == PathKind::HeldOut).count());
-    assert!(reach.held_out >= 8 && reach.turned.iter().all(Option::is_some), "{reach:?}");
-    let worst = reach.turned[..3].iter().flatten().fold(0.0_f64, |worst, part| worst.max(*part));
-    assert!(worst < 0.02, "{reach:?}");
-    assert!(reach.text().contains("to 30°") && reach.text().contains("to 90°"), "{}", reach.text());
+    assert_eq!((reach.states.len(), reach.inverted), (all.len(), 0), "{reach:?}");
+    let held_out = |states: &[ComparedState]| states.iter().filter(|state| state.is_held_out).count();
+    assert_eq!(held_out(&reach.states), all.iter().filter(|known| known.kind == PathKind::HeldOut).count());
+    assert!(held_out(&reach.states) >= 8 && reach.turned().len() == 4, "{reach:?}");
+    let [.., (turn, worst), _] = reach.turned()[..] else { panic!("{reach:?}") };
+    assert!((turn - 90.5).abs() < 1e-9 && worst < 0.02, "{}", reach.details());
+    assert!(
+        reach.text().contains("turned to 30°") && reach.text().contains("turned to 90°"),
+        "{}",
+        reach.text()
+    );
 }
