@@ -213,6 +213,9 @@ impl<'a> Basis<'a> {
 fn orthonormal(m: &StiffnessMatrix, fields: &NodeFields) -> NodeFields {
     let mut fields = fields.clone();
     for round in 0..2 {
+        if fields.columns == 0 {
+            break;
+        }
         let sizes = mass_norms(m, &fields);
         let scale = |column: usize| if sizes[column] > 0.0 { 1.0 / sizes[column] } else { 0.0 };
         let gram = products(m, &fields, &fields);

@@ -38,12 +38,28 @@ pub struct Phase {
     pub speed: DVector<f64>,
 }
 
-/// What acts on the coordinates during a step: an impulse at its beginning, a load, and the slope of the load.
+/// What acts on the coordinates during a step.
+#[derive(Clone, Debug, PartialEq)]
 pub struct StepLoads {
+    /// Impulse at its beginning.
     pub impulse: DVector<f64>,
+    /// Load, and its slope in time.
     pub load: DVector<f64>,
     pub slope: DVector<f64>,
+    /// Speed that is not damped in the middle of the step, and its rate: that with which held elements carry the body along.
+    pub carried: [DVector<f64>; 2],
 }
+
+impl StepLoads {
+    pub fn none(coordinates: usize) -> StepLoads {
+        let none = DVector::zeros(coordinates);
+        let carried = [none.clone(), none.clone()];
+        StepLoads { impulse: none.clone(), load: none.clone(), slope: none, carried }
+    }
+}
+
+/// A mode below this part of the largest λ has no static place: nothing brings it back.
+const LOOSE: f64 = 1e-12;
 
 /// The modes of coordinates that are coupled by mass and stiffness.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,10 +75,10 @@ impl Coupled {
     pub fn new(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>, damping: Damping) -> Coupled {
         let moving = with_mass(mass);
         let seen = moving.transpose() * stiffness * &moving;
-        let eigen = ((&seen + seen.transpose()) * 0.5).symmetric_eigen();
-        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
-        order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-        let mut shapes = moving * eigen.eigenvectors.select_columns(&order);
+        let (squares, vectors) = eigen((&seen + seen.transpose()) * 0.5);
+        let mut order: Vec<usize> = (0..squares.len()).collect();
+        order.sort_by(|a, b| squares[*a].total_cmp(&squares[*b]));
+        let mut shapes = moving * vectors.select_columns(&order);
         // So near to 1 that a million steps to and fro lose nothing.
         for _ in 0..2 {
             let unit = shapes.transpose() * mass * &shapes;
@@ -70,28 +86,33 @@ impl Coupled {
             shapes *= DMatrix::identity(count, count) * 1.5 - unit * 0.5;
         }
         let amplitudes = shapes.transpose() * mass;
-        let modes = order.iter().map(|&k| damping.of(eigen.eigenvalues[k])).collect();
+        let modes = order.iter().map(|&k| damping.of(squares[k])).collect();
         Coupled { modes, shapes, amplitudes }
     }
 
-    /// The state after a step of `dt_s`, and z̈ at its end.
-    pub fn advanced(&self, from: &Phase, loads: &StepLoads, dt_s: f64) -> (Phase, DVector<f64>) {
-        let seen = |force: &DVector<f64>| self.shapes.tr_mul(force);
+    /// The state after a step of `dt_s`.
+    pub fn advanced(&self, from: &Phase, loads: &StepLoads, dt_s: f64) -> Phase {
+        let force = |force: &DVector<f64>| self.shapes.tr_mul(force);
         let (mut x, mut v) = (&self.amplitudes * &from.place, &self.amplitudes * &from.speed);
-        let (impulse, load, slope) = (seen(&loads.impulse), seen(&loads.load), seen(&loads.slope));
-        let mut acceleration = DVector::zeros(x.len());
+        let (impulse, load, slope) = (force(&loads.impulse), force(&loads.load), force(&loads.slope));
+        let [carried, rate] = loads.carried.each_ref().map(|speed| &self.amplitudes * speed);
         for (k, mode) in self.modes.iter().enumerate() {
-            let state = mode.advanced([x[k], v[k] + impulse[k]], [load[k], slope[k]], dt_s);
-            [x[k], v[k]] = state;
-            acceleration[k] = mode.acceleration(state, load[k] + slope[k] * dt_s);
+            let damping = 2.0 * mode.decay;
+            let load =
+                [load[k] + damping * (carried[k] - 0.5 * dt_s * rate[k]), slope[k] + damping * rate[k]];
+            [x[k], v[k]] = mode.advanced([x[k], v[k] + impulse[k]], load, dt_s);
         }
-        let phase = Phase { place: &self.shapes * x, speed: &self.shapes * v };
-        (phase, &self.shapes * acceleration)
+        Phase { place: &self.shapes * x, speed: &self.shapes * v }
     }
 
-    /// M⁻¹ f, in the directions that have mass.
-    pub fn per_mass(&self, force: &DVector<f64>) -> DVector<f64> {
-        &self.shapes * self.shapes.tr_mul(force)
+    /// The speed of the static place under a load that grows with this slope: K ż = b.
+    pub fn static_speed(&self, slope: &DVector<f64>) -> DVector<f64> {
+        let mut speed = self.shapes.tr_mul(slope);
+        let least = LOOSE * self.modes.last().map_or(0.0, |mode| mode.square);
+        for (speed, mode) in speed.iter_mut().zip(&self.modes) {
+            *speed = if mode.square > least { *speed / mode.square } else { 0.0 };
+        }
+        &self.shapes * speed
     }
 }
 
@@ -103,13 +124,21 @@ fn with_mass(mass: &DMatrix<f64>) -> DMatrix<f64> {
     let scaled = DMatrix::from_fn(mass.nrows(), mass.ncols(), |i, j| {
         0.5 * (mass[(i, j)] + mass[(j, i)]) * scale[i] * scale[j]
     });
-    let eigen = scaled.symmetric_eigen();
-    let kept: Vec<usize> =
-        (0..eigen.eigenvalues.len()).filter(|&k| eigen.eigenvalues[k] > MASSLESS).collect();
+    let (masses, vectors) = eigen(scaled);
+    let kept: Vec<usize> = (0..masses.len()).filter(|&k| masses[k] > MASSLESS).collect();
     DMatrix::from_fn(mass.nrows(), kept.len(), |row, column| {
         let k = kept[column];
-        scale[row] * eigen.eigenvectors[(row, k)] / eigen.eigenvalues[k].sqrt()
+        scale[row] * vectors[(row, k)] / masses[k].sqrt()
     })
+}
+
+/// Eigenvalues and eigenvectors of a symmetric matrix, which may be empty.
+fn eigen(matrix: DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+    if matrix.is_empty() {
+        return (DVector::zeros(0), DMatrix::zeros(0, 0));
+    }
+    let eigen = matrix.symmetric_eigen();
+    (eigen.eigenvalues, eigen.eigenvectors)
 }
 
 #[cfg(test)]
@@ -123,11 +152,6 @@ mod tests {
         &half * half.transpose() + DMatrix::identity(size, size) * 0.3
     }
 
-    fn none(size: usize) -> StepLoads {
-        let nothing = DVector::zeros(size);
-        StepLoads { impulse: nothing.clone(), load: nothing.clone(), slope: nothing }
-    }
-
     /// Kinetic and elastic energy over 10⁶ steps: nothing is lost in the modes or on the way to them.
     #[test]
     fn an_undamped_system_keeps_its_energy() {
@@ -139,9 +163,9 @@ mod tests {
         let draw = |random: &mut Random| DVector::from_fn(4, |_, _| random.draw());
         let mut at = Phase { place: draw(&mut random), speed: draw(&mut random) * 30.0 };
         let before = energy(&at);
-        let loads = none(4);
+        let loads = StepLoads::none(4);
         for _ in 0..1_000_000 {
-            at = coupled.advanced(&at, &loads, 1.0 / 60.0).0;
+            at = coupled.advanced(&at, &loads, 1.0 / 60.0);
         }
         let drift = energy(&at) / before - 1.0;
         assert!(drift.abs() < 1e-9, "{drift:e}");
@@ -154,9 +178,9 @@ mod tests {
         let coupled = Coupled::new(&mass, &stiffness, Damping::Ratio(0.3));
         let load = DVector::from_fn(5, |_, _| random.draw());
         let mut at = Phase { place: DVector::zeros(5), speed: DVector::zeros(5) };
-        let loads = StepLoads { load: load.clone(), ..none(5) };
+        let loads = StepLoads { load: load.clone(), ..StepLoads::none(5) };
         for _ in 0..400 {
-            at = coupled.advanced(&at, &loads, 0.5).0;
+            at = coupled.advanced(&at, &loads, 0.5);
         }
         let rest = stiffness.cholesky().unwrap().solve(&load);
         assert!((at.place - &rest).amax() < 1e-12 * rest.amax(), "{rest}");
@@ -173,7 +197,7 @@ mod tests {
         assert!(coupled.modes.iter().all(|mode| (mode.square - 4.0).abs() < 1e-12));
         let load = DVector::from_element(4, 1.0);
         let still = Phase { place: DVector::zeros(4), speed: DVector::zeros(4) };
-        let (moved, _) = coupled.advanced(&still, &StepLoads { load, ..none(4) }, 0.1);
+        let moved = coupled.advanced(&still, &StepLoads { load, ..StepLoads::none(4) }, 0.1);
         assert!(moved.place[2] == 0.0 && moved.place[0] > 0.0, "{}", moved.place);
     }
 }

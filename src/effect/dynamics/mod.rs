@@ -21,10 +21,8 @@ mod tests;
 use super::entry::EffectEntry;
 use crate::green::STIFFNESS;
 
-const NAME: &str = "dynamics";
-
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
-    name: NAME,
+    name: settings::NAME,
     summary: "inertia: what is moved quickly or released springs back and rings, by modes of vibration",
     requirements: &[STIFFNESS],
     needs_energy: true,

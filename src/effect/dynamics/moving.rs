@@ -3,6 +3,8 @@
 //! In: the poses of a frame, which elements are held, the frame in which the model's displacements stand, and the slopes of the
 //! body's energy. Out: amplitudes q of the modes, poses of released elements, and the inertial force on what is held.
 //!
+//! The force on what is held is the momentum that a step brings the body, over its length.
+//!
 //! Within a step the frame's axes R stand still, so that Newton's law holds in them as it is: held elements move evenly from the
 //! last pose to the new one, and the coordinates z of all that nothing prescribes (coefficients of released elements, q) follow
 //!
@@ -19,6 +21,8 @@
 //! In a model whose frame turns, a released element is rigid; in `linear` it moves by all its fields, as the theory has it.
 
 use super::coupled::{Damping, Phase, StepLoads};
+#[cfg(test)]
+use super::flying::Twist;
 use super::free_body::FreeBody;
 use super::system::System;
 use super::tables::{Tables, squared};
@@ -199,16 +203,14 @@ impl Moving {
         let loads = StepLoads {
             impulse: -(&system.mass * &jumps),
             load: self.load(system, now, &into) - system.all_from_own.tr_mul(&centrifugal),
+            carried: self.carried_along(system, &even, &spin, dt_s),
             slope: -(&system.stiffness * &even),
         };
         let from = self.phase(system, &into);
-        let (to, mut own) = system.coupled.advanced(&from, &loads, dt_s);
-        // Between two even motions lies half of each step.
-        let apart_s = if last.step_s > 0.0 { 0.5 * (last.step_s + dt_s) } else { dt_s };
-        let prescribed = jumps / apart_s;
-        own -= system.coupled.per_mass(&(&system.mass * &prescribed));
-        let acceleration = prescribed + &system.all_from_own * own;
-        let force = &self.tables.mass * acceleration + centrifugal;
+        let to = system.coupled.advanced(&from, &loads, dt_s);
+        // The momentum that the step has brought, its first impulse included.
+        let gained = jumps + &system.all_from_own * (&to.speed - &from.speed);
+        let force = &self.tables.mass * gained / dt_s + centrifugal;
 
         let mut slopes = vec![PoseSlope::default(); poses.len()];
         for e in (0..poses.len()).filter(|e| !system.released[*e]) {
@@ -220,7 +222,7 @@ impl Moving {
         for (k, e) in released.enumerate() {
             let own = |of: &DVector<f64>| of.as_slice()[each * k..][..each].to_vec();
             let at = FIELDS * e..FIELDS * (e + 1);
-            let (pose, speed) = self.carried(e, &poses[e], out, &own(&to.place), &own(&to.speed));
+            let (pose, speed) = self.moved_on(e, &poses[e], out, &own(&to.place), &own(&to.speed));
             poses[e] = pose;
             speeds[at].copy_from_slice(&speed);
         }
@@ -236,6 +238,15 @@ impl Moving {
         }
     }
 
+    /// The velocity as a whole of a body that nothing holds, in the body's axes.
+    #[cfg(test)]
+    pub fn twist(&self, turn: &UnitQuaternion<f64>) -> Option<Twist> {
+        let (system, turn) = (self.system.as_ref()?, turn.to_rotation_matrix());
+        let phase = self.phase(system, &turn.matrix().transpose());
+        let (Twist { velocity, spin }, _) = system.whole.as_ref()?.split(&phase.speed);
+        Some(Twist { velocity: turn * velocity, spin: turn * spin })
+    }
+
     /// The step of a body that nothing holds: as a whole by [`Inertia::flown`](super::flying::Inertia::flown), about that motion by its
     /// modes.
     fn flown(&self, system: &System, whole: &FreeBody, now: &Now<'_>, dt_s: f64) -> Motion {
@@ -247,9 +258,8 @@ impl Moving {
         let ([force, torque], load) = whole.split_force(&self.load(system, now, &into));
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&twist.spin), 9);
         let (_, outward) = whole.split_force(&system.all_from_own.tr_mul(&centrifugal));
-        let none = DVector::zeros(load.len());
-        let loads = StepLoads { impulse: none.clone(), load: load - outward, slope: none };
-        let (to, _) = system.coupled.advanced(&Phase { place, speed }, &loads, dt_s);
+        let loads = StepLoads { load: load - &outward, ..StepLoads::none(outward.len()) };
+        let to = system.coupled.advanced(&Phase { place, speed }, &loads, dt_s);
         let flight = whole.inertia.flown(&twist, &force, &torque, dt_s);
 
         let turned = out * flight.turn.to_rotation_matrix().matrix() * into;
@@ -296,6 +306,37 @@ impl Moving {
         }
     }
 
+    /// Speed with which held elements carry the released ones along in the middle of the step, and its rate where their way is bent.
+    ///
+    /// The chord of a held element is that of the middle; but its turn carries others along as it does at the beginning, for the axes
+    /// stand still.
+    fn carried_along(
+        &self,
+        system: &System,
+        even: &DVector<f64>,
+        spin: &Vector3<f64>,
+        dt_s: f64,
+    ) -> [DVector<f64>; 2] {
+        let speed_of = |even: &DVector<f64>| system.coupled.static_speed(&-(&system.stiffness * even));
+        let speed = speed_of(even);
+        if self.is_linear {
+            return [speed, DVector::zeros(system.mass.nrows())];
+        }
+        let bent = |speed: &DVector<f64>| {
+            let mut rate = DVector::zeros(speed.len());
+            for first in (0..speed.len() - self.tables.modes()).step_by(6) {
+                let own = spin.cross(&Vector3::from_column_slice(&speed.as_slice()[first..first + 3]));
+                rate.rows_mut(first, 3).copy_from(&own);
+            }
+            rate
+        };
+        let mut turns = even.clone();
+        (0..self.tables.fields()).step_by(FIELDS).for_each(|first| turns.rows_mut(first, 3).fill(0.0));
+        let by_turns = bent(&speed_of(&turns));
+        let rate = bent(&speed);
+        [speed + by_turns * (0.5 * dt_s), rate]
+    }
+
     /// -∂V/∂z at the beginning of the step, without the inertia of elements that were held until then.
     fn load(&self, system: &System, now: &Now<'_>, into: &Matrix3<f64>) -> DVector<f64> {
         let mut all = DVector::zeros(self.tables.mass.nrows());
@@ -338,7 +379,7 @@ impl Moving {
     }
 
     /// Pose and velocity of a released element after it has moved by `shift` at the end of a step.
-    fn carried(
+    fn moved_on(
         &self,
         e: usize,
         from: &ControlPose,

@@ -46,11 +46,6 @@ impl Oscillator {
         [0, 1].map(|i| x * displaced[i] + v * pushed[i] + a * step[i] + b * ramp[i])
     }
 
-    /// ẍ of a state under a load.
-    pub fn acceleration(&self, [x, v]: [f64; 2], load: f64) -> f64 {
-        load - 2.0 * self.decay * v - self.square * x
-    }
-
     pub fn responses(&self, t: f64) -> Responses {
         let Oscillator { square, decay } = *self;
         if square * t * t < SMALL[0] {
@@ -156,7 +151,7 @@ mod tests {
     fn integrated(of: &Oscillator, state: [f64; 2], [a, b]: [f64; 2], t: f64) -> [f64; 2] {
         let steps = 40_000;
         let h = t / f64::from(steps);
-        let rate = |[x, v]: [f64; 2], at: f64| [v, of.acceleration([x, v], a + b * at)];
+        let rate = |[x, v]: [f64; 2], at: f64| [v, a + b * at - 2.0 * of.decay * v - of.square * x];
         let mut s = state;
         for n in 0..steps {
             let at = f64::from(n) * h;

@@ -1,9 +1,8 @@
 //! The effect in a world: its bodies, and what they add to a frame.
 
 use super::moving::{Motion, Moving, Now};
-use super::settings::Settings;
+use super::settings::{NAME, Settings};
 use super::tables::Tables;
-use super::{ENTRY, NAME};
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, Deformer};
 use crate::effect::entry::EffectInput;
@@ -29,7 +28,7 @@ pub fn attach(
 ) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let mut bodies = Vec::new();
     for &(b, name) in &listed.bodies {
-        let settings: Settings = listed.scene.bodies[name].settings(&ENTRY).cloned().unwrap_or_default();
+        let settings = Settings::of(&listed.scene.bodies[name]);
         let invalid = |message| listed.scene.invalid(&format!("body.{name}.effect.{NAME}.free"), message);
         let free = settings.free_of(&listed.scene.body[name]).map_err(|m| Failure::request(invalid(m)))?;
         let deformer = &mut world.bodies[b].deformer;

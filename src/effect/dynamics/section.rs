@@ -13,7 +13,6 @@
 //!
 //! X are the twelve affine fields of the body as a whole about the file's centre, in the order of the coefficients.
 
-use super::ENTRY;
 use super::settings::Settings;
 use crate::base::machine;
 use crate::deform::Kind;
@@ -109,7 +108,7 @@ pub fn precompute(
 fn checked_settings(scene: &Resolved, name: &str) -> Result<Settings, SceneError> {
     let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
-    let settings: Settings = resolved.settings(&ENTRY).cloned().unwrap_or_default();
+    let settings = Settings::of(resolved);
     if let Err(message) = settings.free_of(body) {
         return wrong("effect.dynamics.free", message);
     }
@@ -120,6 +119,11 @@ fn checked_settings(scene: &Resolved, name: &str) -> Result<Settings, SceneError
             law.name
         );
         return wrong("model", message);
+    }
+    if resolved.model.energy.is_none() && !settings.free.is_empty() {
+        let message =
+            format!("the model \"{}\" has no forces that could bring an element back", resolved.model.name);
+        return wrong("effect.dynamics.free", message);
     }
     if body.materials().any(|material| material.density.is_none()) {
         let message = "\"dynamics\" needs the density of every material of the body: write density = 1000 (kg/m³) into \

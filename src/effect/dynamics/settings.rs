@@ -2,11 +2,14 @@
 
 use super::coupled::Damping;
 use crate::config;
-use crate::effect::entry::Settings as AnySettings;
+use crate::effect::entry::{ResolvedBody, Settings as AnySettings};
 use crate::scene::Body;
 use serde::Deserialize;
 use std::f64::consts::TAU;
 use std::sync::Arc;
+
+/// The effect's name in scenes.
+pub const NAME: &str = "dynamics";
 
 /// Most modes that a body may have.
 const MOST: usize = 200;
@@ -40,6 +43,13 @@ impl Settings {
         let settings: Settings = table.map_or_else(|| Ok(Settings::default()), config::from_table)?;
         settings.check()?;
         Ok(Arc::new(settings))
+    }
+
+    /// The settings of a body that lists the effect.
+    pub fn of(body: &ResolvedBody) -> Settings {
+        let listed = body.effects.iter().find(|listed| listed.entry.name == NAME);
+        let settings = listed.and_then(|listed| listed.settings.as_ref()?.downcast_ref());
+        settings.cloned().unwrap_or_default()
     }
 
     fn check(&self) -> Result<(), String> {

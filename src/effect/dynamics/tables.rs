@@ -1,7 +1,7 @@
 //! The section of a body as it is read again: masses, stiffness and frequencies of elements and modes together.
 
-use super::NAME;
 use super::section::{FRAME, MASS, SQUARES, WHOLE};
+use super::settings::NAME;
 use crate::green::{FIELDS, GreenError, GreenFile};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 

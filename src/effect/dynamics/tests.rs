@@ -1,17 +1,18 @@
 //! Bars with known frequencies, plucked, spun and carried.
 
+use super::ENTRY;
 use super::coupled::Damping;
 use super::moving::{Moving, Now};
+use super::settings::NAME;
 use super::tables::Tables;
-use super::{ENTRY, NAME};
 use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
 use crate::green::{self, FIELDS, GreenFile};
 use crate::solve::Silent;
-use crate::stage::Stage;
-use crate::track::TrackerState;
+use crate::stage::{Stage, rotation_towards};
+use crate::track::{StylusState, TrackerState};
 use crate::world::{State, World};
-use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix3, Point3, Rotation3, Translation3, Vector3};
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
@@ -24,13 +25,17 @@ const SECTION: [f64; 2] = [0.1, 0.06];
 
 /// A bar along x with a control element at its left end and maybe at its right one.
 fn bar(cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
+    bar_of(YOUNG, cells, keys, has_tip)
+}
+
+fn bar_of(young: f64, cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
     let [width, height] = SECTION;
     let tip =
         if has_tip { "control.tip = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n" } else { "" };
     let text = format!(
         "[body.bar]\n\
          generate = {{ block = {{ size = [{LENGTH}, {height}, {width}], cells = {cells:?} }} }}\n\
-         material = {{ young = {YOUNG}, poisson = 0.0, density = {DENSITY} }}\n\
+         material = {{ young = {young}, poisson = 0.0, density = {DENSITY} }}\n\
          effects = [\"dynamics\"]\n{keys}\n\
          control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{tip}"
     );
@@ -103,16 +108,20 @@ fn huangs_equation_has_bernoullis_roots_in_a_slender_beam() {
 #[test]
 fn the_first_five_bending_frequencies_of_a_cantilever_are_timoshenkos() {
     let found = |cells| {
-        let (_, file) = bar(cells, "element = \"tet10\"\neffect.dynamics.modes = 16", false);
+        let (_, file) = bar(cells, "element = \"tet10\"\neffect.dynamics.modes = 15", false);
         hertz(&tables(&file).squares)
     };
-    let (coarse, fine) = (found([6, 1, 1]), found([16, 2, 2]));
+    let (coarse, fine) = (found([16, 1, 2]), found([32, 2, 2]));
     let expected = timoshenko(SECTION[1], 5);
-    println!("fine {fine:?}");
     for (k, f) in expected.iter().enumerate() {
         let [off, less] = [&coarse, &fine].map(|list| nearest(list, *f) / f - 1.0);
         println!("mode {}: {f:.4} Hz, coarse {off:.2e}, fine {less:.2e}", k + 1);
-        assert!(less.abs() < 5e-3 && less.abs() < off.abs(), "mode {}: {less:e}, coarse {off:e}", k + 1);
+        // Half the elements leave an eighth of the error or less: the order is 3 at least.
+        assert!(
+            less.abs() < 2.5e-3 && less.abs() < off.abs() / 8.0,
+            "mode {}: {less:e}, coarse {off:e}",
+            k + 1
+        );
     }
 }
 
@@ -153,10 +162,14 @@ struct Rig {
 
 impl Rig {
     fn new(file: &Arc<GreenFile>, model: &str, damping: Damping) -> Rig {
+        Rig::of(file, model, damping, 2)
+    }
+
+    fn of(file: &Arc<GreenFile>, model: &str, damping: Damping, elements: usize) -> Rig {
         let deformer = Deformer::new(file.clone(), "bar", crate::deform::find_model(model).unwrap()).unwrap();
         let moving = Moving::new(tables(file), damping, deformer.entry.is_linear());
         let mut rig = Rig { deformer, moving, time_s: 0.0 };
-        rig.frame(0.0, &[Some(ControlPose::REST), Some(ControlPose::REST)]);
+        rig.frame(0.0, &vec![REST; elements]);
         rig
     }
 
@@ -180,6 +193,14 @@ impl Rig {
     fn energy(&self) -> [f64; 2] {
         let speed = DVector::from_vec(self.moving.motion.all_speeds());
         [self.deformer.wrenches().unwrap().1, 0.5 * speed.dot(&(&self.moving.tables.mass * &speed))]
+    }
+
+    /// Momentum, and angular momentum about the centre of mass, of a body that nothing holds: N·s, N·m·s.
+    fn momenta(&self) -> [Vector3<f64>; 2] {
+        let turn = self.deformer.state.body_from_surface().rotation;
+        let twist = self.moving.twist(&turn).unwrap();
+        let inertia = super::flying::Inertia::of_whole(&self.moving.tables.whole).unwrap();
+        [twist.velocity * inertia.mass, turn * (inertia.moments * (turn.inverse() * twist.spin))]
     }
 
     fn tip(&self) -> Vector3<f64> {
@@ -239,7 +260,7 @@ fn a_plucked_tip_rings_at_the_first_frequency_and_keeps_its_energy() {
 /// The coupled modes of elements and fixed-interface modes against those of the mesh: Craig and Bampton's theorem.
 #[test]
 fn a_released_end_has_the_frequencies_of_the_body_held_at_its_root() {
-    let (_, file) = bar(CELLS, "effect.dynamics.modes = 20", true);
+    let (_, file) = bar(CELLS, "effect.dynamics.modes = 40", true);
     let (_, held) = bar(CELLS, "", false);
     let (tables, exact) = (tables(&file), tables(&held));
     let free = FIELDS..tables.mass.nrows();
@@ -248,10 +269,10 @@ fn a_released_end_has_the_frequencies_of_the_body_held_at_its_root() {
     };
     let coupled =
         super::coupled::Coupled::new(&part(&tables.mass), &part(&tables.stiffness), without_damping());
-    for k in 0..6 {
+    for k in 0..5 {
         let off = (coupled.modes[k].square / exact.squares[k]).sqrt() - 1.0;
         println!("coupled mode {}: {off:.2e}", k + 1);
-        assert!((0.0..1e-4).contains(&(off + 1e-9)), "{k}: {off:e}");
+        assert!((0.0..5e-5).contains(&(off + 1e-9)), "{k}: {off:e}");
     }
 }
 
@@ -290,7 +311,7 @@ fn a_slow_hand_feels_statics() {
     let mut still = Deformer::new(file.clone(), "bar", crate::deform::find_model("linear").unwrap()).unwrap();
     let pose = |t: f64| {
         let turn = *Rotation3::from_scaled_axis(Vector3::z() * 0.1 * t).matrix();
-        Some(ControlPose { translation: Vector3::y() * 0.05 * t * t, matrix: turn })
+        Some(ControlPose { translation: Vector3::y() * 0.08 * t * t, matrix: turn })
     };
     for step in 1..=1000 {
         rig.frame(1.0, &[REST, pose(f64::from(step) * 1e-3)]);
@@ -299,6 +320,7 @@ fn a_slow_hand_feels_statics() {
     let (found, expected) = (rig.deformer.wrenches().unwrap().0, still.wrenches().unwrap().0);
     for (found, expected) in found.iter().zip(&expected) {
         let off = (found.force - expected.force).norm() / expected.force.norm();
+        println!("slow hand: {off:.1e}");
         assert!(off < 1e-6, "{off:e}");
     }
 }
@@ -328,7 +350,7 @@ fn a_rod_that_is_spun_grows_by_its_centrifugal_force() {
     let (omega, dt_s) = (2.0, 0.002);
     let mut far = 0.0;
     for step in 1..=3000 {
-        let angle = omega * dt_s * f64::from(step).min(1e9);
+        let angle = omega * dt_s * f64::from(step);
         let turn = Rotation3::from_scaled_axis(Vector3::y() * angle);
         let origin = rig.deformer.controls[0].origin;
         let root = ControlPose { translation: Vector3::zeros(), matrix: *turn.matrix() };
@@ -423,4 +445,97 @@ fn a_body_without_density_or_with_an_unknown_element_is_refused() {
     assert!(refused("", "").contains("needs the density"));
     let told = refused("effect.dynamics.free = [\"roots\"]", ", density = 1.0");
     assert!(told.contains("did you mean \"root\""), "{told}");
+}
+
+/// A stiff body, released at once, falls as it should, but for the sag by which its held end is behind.
+#[test]
+fn a_body_that_nothing_holds_falls() {
+    let keys = "model = \"rotation\"\ngravity = true\neffect.dynamics.free = [\"root\"]";
+    let (scene, file) = bar_of(2.0e11, CELLS, keys, false);
+    let mut world = world(&scene, &file);
+    let field = world.fields.bodies[0].poses[0];
+    for frame in 0..=90 {
+        step(&mut world, frame);
+    }
+    let pose = *world.graph.get(field);
+    let expected = Vector3::y() * (-0.5 * 9.80665 * 1.5 * 1.5);
+    println!(
+        "fallen {:?}, turned {:?}",
+        pose.translation - expected,
+        Rotation3::from_matrix(&pose.matrix).angle()
+    );
+    assert!((pose.translation - expected).norm() < 1e-4, "{}", pose.translation);
+}
+
+/// Thrown with a spin by the hand, then let go; without modes it is rigid, and nothing of its momenta is lost.
+#[test]
+fn a_body_that_is_thrown_tumbles_and_keeps_its_momenta() {
+    for (modes, limit) in [(0, 1e-9), (6, 1e-2)] {
+        let keys = format!("model = \"rotation\"\neffect.dynamics.modes = {modes}");
+        let (_, file) = bar_of(2.0e9, CELLS, &keys, false);
+        let mut rig = Rig::of(&file, "rotation", Damping::Ratio(0.01), 1);
+        let dt_s = 1.0 / 60.0;
+        let thrown = |t: f64| ControlPose {
+            translation: Vector3::new(0.3, 0.1, -0.2) * t,
+            matrix: *Rotation3::from_scaled_axis(Vector3::new(0.05, 1.5, 2.0) * t).matrix(),
+        };
+        (1..=30).for_each(|k| rig.frame(dt_s, &[Some(thrown(f64::from(k) * dt_s))]));
+        rig.frame(dt_s, &[None]);
+        let before = rig.momenta();
+        let mut most = 0.0_f64;
+        for _ in 0..6000 {
+            rig.frame(dt_s, &[None]);
+            let now = rig.momenta();
+            most = (0..2).map(|k| (now[k] - before[k]).norm() / before[k].norm()).fold(most, f64::max);
+        }
+        println!("thrown with {modes} modes: momenta change by {most:.1e}");
+        assert!(most < limit, "{modes}: {most:e}");
+    }
+}
+
+/// The state of a stylus that points at the tip from its far side, shifted along y in the body, m.
+fn hand(world: &World, frame: usize, y: f64, pressed: bool) -> TrackerState {
+    let body = &world.bodies[0];
+    let place = |x: f64, y: f64| body.room_from_body * Point3::new(0.5 * LENGTH + x, y, 0.0);
+    let [from, to] = [place(0.1, y), place(0.0, y)];
+    let rotation = rotation_towards(&(to - from), 0.0).unwrap();
+    let room_from_stylus = Isometry3::from_parts(Translation3::from(from.coords), rotation).cast();
+    let stylus = StylusState { room_from_stylus, pressed, ..Default::default() };
+    TrackerState { head: None, styli: vec![stylus], time_s: frame as f64 / 60.0 }
+}
+
+/// A hand takes the tip, draws it aside, lets go and catches it: the tip goes nowhere in no time.
+#[test]
+fn a_hand_takes_and_releases_the_tip_without_a_jump() {
+    for model in ["linear", "rotation"] {
+        let keys = format!("model = \"{model}\"\neffect.dynamics = {{ free = [\"tip\"], damping = 0.05 }}");
+        let (scene, file) = bar(CELLS, &keys, true);
+        let mut world = world(&scene, &file);
+        let mut places = Vec::new();
+        let mut go = |world: &mut World, frame: usize, y: f64, pressed: bool| {
+            let state = hand(world, frame, y, pressed);
+            world.step(&state.into());
+            places.push(y_of_tip(world));
+            world.is_carried(0, 1)
+        };
+        (0..5).for_each(|frame| assert!(!go(&mut world, frame, 0.0, false)));
+        for frame in 5..=65 {
+            let y = 0.04 * (frame - 5) as f64 / 60.0;
+            assert!(go(&mut world, frame, y, true), "{model}: frame {frame}");
+        }
+        (66..120).for_each(|frame| assert!(go(&mut world, frame, 0.04, true)));
+        (120..147).for_each(|frame| assert!(!go(&mut world, frame, 0.04, false), "{model}: frame {frame}"));
+        // It hangs in the air where it is caught.
+        let y = y_of_tip(&world);
+        (147..200).for_each(|frame| assert!(go(&mut world, frame, y, true), "{model}: frame {frame}"));
+        assert!((places[119] - 0.04).abs() < 1e-6, "{model}: {}", places[119]);
+        let least = places[120..147].iter().copied().fold(f64::MAX, f64::min);
+        assert!(least < -0.03, "{model}: it swings to the other side: {least}");
+        // At first it is only accelerated; caught, it stays where it is. In between the first mode alone goes 4.6 mm in a frame.
+        let steps: Vec<f64> = places.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let most = steps.iter().copied().fold(0.0, f64::max);
+        println!("{model}: let go {:.1e}, caught {:.1e}, most {most:.1e} m a frame", steps[119], steps[146]);
+        assert!(steps[119] < 2e-3 && steps[146] < 1e-9 && most < 1e-2, "{model}");
+        assert!(places[148..].iter().all(|place| (place - places[147]).abs() < 1e-9), "{model}: it is held");
+    }
 }
