@@ -101,9 +101,10 @@ pub fn solve_prepared(
     solve_kept(scene, name, prepared, requirements, (None, None), progress)
 }
 
-/// Computes what each family holds, and how long that takes.
+/// Computes what each family holds, and how long that takes; then what else is asked for.
 fn add_families(
     families: &[&FamilyEntry],
+    further: Option<Further<'_>>,
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     progress: &dyn Progress,
@@ -116,7 +117,7 @@ fn add_families(
             solution.times.families_s.insert(entry.family.name.to_owned(), took);
         }
     }
-    Ok(())
+    further.map_or(Ok(()), |further| further(assembled, solution, progress))
 }
 
 /// Refuses a body for which a family that it requires cannot be made.
@@ -233,10 +234,7 @@ fn solve_kept(
     let (k, partition, factor) = (&k, &partition, factor.as_deref());
     let assembled =
         Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
-    add_families(&families, &assembled, &mut solution, progress)?;
-    if let Some(further) = further {
-        further(&assembled, &mut solution, progress)?;
-    }
+    add_families(&families, further, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
         solution.rigid = RigidMotion::new(mesh, controls, fields, solution.stiffness());

@@ -52,7 +52,7 @@ impl Inertia {
     /// Inertia from XᵀMX of the twelve affine fields X; `None` without mass.
     pub fn of_whole(whole: &DMatrix<f64>) -> Option<Inertia> {
         let mass = whole[(0, 0)];
-        if !(mass > 0.0) {
+        if mass.is_nan() || mass <= 0.0 {
             return None;
         }
         // Of the fields that move along x: by 1, and by each coordinate.

@@ -86,11 +86,6 @@ impl Tables {
         }
         self.frame.columns(3, FIELDS - 3) - self.mass.columns(0, self.fields()) * by_elements
     }
-
-    /// Mass of the body, kg.
-    pub fn weight(&self) -> f64 {
-        self.whole[(0, 0)]
-    }
 }
 
 /// \[ω\]² row by row.
