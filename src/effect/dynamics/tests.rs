@@ -531,11 +531,13 @@ fn a_hand_takes_and_releases_the_tip_without_a_jump() {
         assert!((places[119] - 0.04).abs() < 1e-6, "{model}: {}", places[119]);
         let least = places[120..147].iter().copied().fold(f64::MAX, f64::min);
         assert!(least < -0.03, "{model}: it swings to the other side: {least}");
-        // At first it is only accelerated; caught, it stays where it is. In between the first mode alone goes 4.6 mm in a frame.
+        // Let go, the force 12 EIδ/L³ and the moment 6 EIδ/L² that held the end clamped are gone at once, and the moment alone throws
+        // the end of a long beam by M t/√(ρA EI) = 3.1 mm in a frame. Caught, it stays where it is. In between the first mode alone
+        // goes 4.6 mm in a frame.
         let steps: Vec<f64> = places.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
         let most = steps.iter().copied().fold(0.0, f64::max);
         println!("{model}: let go {:.1e}, caught {:.1e}, most {most:.1e} m a frame", steps[119], steps[146]);
-        assert!(steps[119] < 2e-3 && steps[146] < 1e-9 && most < 1e-2, "{model}");
+        assert!(steps[119] < 5e-3 && steps[146] < 1e-9 && most < 1e-2, "{model}");
         assert!(places[148..].iter().all(|place| (place - places[147]).abs() < 1e-9), "{model}: it is held");
     }
 }
