@@ -6,7 +6,7 @@
 //! ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
 //! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
-pub mod dynamics;
+mod dynamics;
 mod effects;
 mod entry;
 pub mod expected;

@@ -14,7 +14,7 @@
 //!
 //! with ∂V/∂z of the model where the step begins, loads and other effects included. Each mode of M and K is stepped by its closed
 //! form, so that the step is exact where V is quadratic, and stable everywhere. R turns from step to step: velocities keep their
-//! directions, q turns along with the body, and C [ω]² is what that leaves of the centrifugal force. Left out is what is of second
+//! directions, q turns along with the body, and C \[ω\]² is what that leaves of the centrifugal force. Left out is what is of second
 //! order in the displacements: centrifugal and Coriolis force of q itself, which stiffen and split modes of a body that spins about
 //! as fast as it swings (A. Shabana, Dynamics of Multibody Systems, Cambridge 2013, section 5.5).
 //!
