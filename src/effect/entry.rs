@@ -6,7 +6,7 @@ use crate::deform::ModelEntry;
 use crate::green::{
     Assembled, FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Solution, Tensor,
 };
-use crate::scene::Scene;
+use crate::scene::{Body, Scene, SceneError};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 use indexmap::IndexMap;
@@ -53,6 +53,9 @@ pub type Settings = Arc<dyn Any + Send + Sync>;
 /// Parses `[body.NAME.effect.EFFECT]` of a scene; `None` gives the defaults. The error names a key that does not exist, or a
 /// value that it cannot have.
 pub type ReadSettings = fn(Option<&toml::Table>) -> Result<Settings, String>;
+
+/// Refuses a body that cannot have the effect, before anything is solved; the error names what it lacks.
+pub type Suits = fn(&Scene, &str, &Body, &ResolvedBody) -> Result<(), SceneError>;
 
 /// Solves for what an effect needs of a body while its system is assembled and factorised, and leaves it in
 /// [`Solution::tables`], where `precompute` finds it.
@@ -101,6 +104,8 @@ pub struct EffectEntry {
     pub table: Option<&'static output::Kind>,
     /// `None` if it has no settings ([`read`](super::settings::read)).
     pub settings: Option<ReadSettings>,
+    /// Refuses bodies that cannot have it; `None` where every body can.
+    pub suits: Option<Suits>,
     /// Solves with the body's factor what `precompute` writes; `None` if that needs no factor.
     pub solve: Option<SolveFurther>,
     /// Makes the effect's own tensors, stored as `EFFECT/TENSOR` and read by [`crate::green::GreenFile::section`].
@@ -127,6 +132,7 @@ impl EffectEntry {
         measures_errors: false,
         table: None,
         settings: None,
+        suits: None,
         solve: None,
         precompute: None,
         check_section: None,

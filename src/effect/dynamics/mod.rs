@@ -28,6 +28,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     needs_energy: true,
     needs_inside: true,
     settings: Some(settings::Settings::read),
+    suits: Some(section::suits),
     solve: Some(section::solve),
     precompute: Some(section::precompute),
     check_section: Some(|file, body| tables::Tables::read(file, body).map(drop)),

@@ -13,18 +13,18 @@
 //!
 //! X are the twelve affine fields of the body as a whole about the file's centre, in the order of the coefficients.
 
-use super::settings::Settings;
+use super::settings::{NAME, Settings};
 use crate::base::machine;
 use crate::deform::Kind;
-use crate::effect::entry::Resolved;
+use crate::effect::entry::{Resolved, ResolvedBody};
 use crate::fem::dense_fields::{beside, rows};
 use crate::fem::{NodeFields, StiffnessMatrix, consistent_mass};
 use crate::green::{
     Assembled, FIELDS, GreenError, Precomputed, Solution, Tensor, columns_of_effect, densities_of_tets,
 };
 use crate::mesh::{TetMesh, quality};
-use crate::scene::SceneError;
-use crate::solve::{MODE_RESIDUAL, Progress, SolveError, lowest_modes};
+use crate::scene::{Body, Scene, SceneError};
+use crate::solve::{MODE_RESIDUAL, Progress, Silent, SolveError, lowest_modes};
 use nalgebra::{DMatrix, Vector3};
 use std::f64::consts::TAU;
 
@@ -48,13 +48,13 @@ pub fn solve(
     solution: &mut Solution,
     progress: &dyn Progress,
 ) -> Result<(), GreenError> {
-    let settings = checked_settings(scene, assembled.name)?;
+    let settings = Settings::of(&scene.bodies[assembled.name]);
     let mesh = &solution.mesh;
     let count = settings.modes.min(3 * assembled.partition.free.len());
     expect(assembled, mesh, count)?;
     progress.begin("modes of vibration", 0);
     let mass = consistent_mass(mesh, &densities_of_tets(scene, assembled.name, mesh)?);
-    let (squares, shapes) = modes(&settings, assembled, mesh, &mass, progress)?;
+    let (squares, shapes) = modes(&settings, assembled, mesh, &mass)?;
     let whole = whole_fields(mesh);
     let all = beside(&[&solution.fields, &shapes]);
     let by_mass = |fields: &NodeFields| {
@@ -104,33 +104,33 @@ pub fn precompute(
     Ok(tensors)
 }
 
-/// The settings of a body; the error says why this body can have no dynamics.
-fn checked_settings(scene: &Resolved, name: &str) -> Result<Settings, SceneError> {
-    let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
+/// Refuses a body that can have no dynamics.
+pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
+    let (settings, model) = (Settings::of(resolved), resolved.model);
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
-    let settings = Settings::of(resolved);
     if let Err(message) = settings.free_of(body) {
         return wrong("effect.dynamics.free", message);
     }
-    if let Kind::Background(law) = resolved.model.kind {
+    if let Kind::Background(law) = model.kind {
         let message = format!(
-            "\"dynamics\" adds modes to a model that follows in every frame, and \"{}\" is solved anew: write model = \
+            "\"{NAME}\" adds modes to a model that follows in every frame, and \"{}\" is solved anew: write model = \
              \"linear\", \"rotation\" or \"reduced\"",
             law.name
         );
         return wrong("model", message);
     }
-    if resolved.model.energy.is_none() && !settings.free.is_empty() {
-        let message =
-            format!("the model \"{}\" has no forces that could bring an element back", resolved.model.name);
+    if model.energy.is_none() && !settings.free.is_empty() {
+        let message = format!("the model \"{}\" has no forces that could bring an element back", model.name);
         return wrong("effect.dynamics.free", message);
     }
     if body.materials().any(|material| material.density.is_none()) {
-        let message = "\"dynamics\" needs the density of every material of the body: write density = 1000 (kg/m³) into \
-                       it, or name a material of `greenstage manual materials`";
-        return wrong("effects", message.to_owned());
+        let message = format!(
+            "\"{NAME}\" needs the density of every material of the body: write density = 1000 (kg/m³) into it, or name a \
+             material of `greenstage manual materials`"
+        );
+        return wrong("effects", message);
     }
-    Ok(settings)
+    Ok(())
 }
 
 /// Takes the memory for K's share at the free nodes, M twice, and the blocks of the iteration with M times each.
@@ -147,11 +147,10 @@ fn modes(
     assembled: &Assembled<'_>,
     mesh: &TetMesh,
     mass: &StiffnessMatrix,
-    progress: &dyn Progress,
 ) -> Result<(Vec<f64>, NodeFields), GreenError> {
     let partition = assembled.partition;
     let (a, m) = (partition.a(assembled.k), partition.a(mass));
-    let found = lowest_modes(&a, &m, settings.modes, &|b| (assembled.solve)(b, progress))?;
+    let found = lowest_modes(&a, &m, settings.modes, &|b| (assembled.solve)(b, &Silent))?;
     if let Some((mode, residual)) = found.worst() {
         let hertz = found.squares[mode].max(0.0).sqrt() / TAU;
         let source = SolveError::Mode { mode: mode + 1, hertz, residual, limit: MODE_RESIDUAL };

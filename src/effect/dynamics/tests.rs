@@ -439,12 +439,13 @@ fn a_body_without_density_or_with_an_unknown_element_is_refused() {
              control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
         );
         let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
-        let required = scene.requirements("bar").unwrap();
-        precompute(&scene, "bar", &required, None, &Silent).err().unwrap().to_string()
+        scene.requirements("bar").unwrap_err().to_string()
     };
     assert!(refused("", "").contains("needs the density"));
     let told = refused("effect.dynamics.free = [\"roots\"]", ", density = 1.0");
     assert!(told.contains("did you mean \"root\""), "{told}");
+    let told = refused("model = \"stvk\"", ", density = 1.0");
+    assert!(told.contains("is solved anew"), "{told}");
 }
 
 /// A stiff body, released at once, falls as it should, but for the sag by which its held end is behind.
