@@ -123,13 +123,10 @@ fn precompute_telling(
 ) -> Result<Vec<Precomputed>, Failure> {
     scene
         .bodies
-        .iter()
-        .map(|(name, body)| {
+        .keys()
+        .map(|name| {
             let (requirements, progress) = (scene.requirements(name)?, teller(name));
-            let fits = body.model.fits;
-            let mut precomputed =
-                green::precompute_kept(scene, name, &requirements, fits, journal, &*progress)?;
-            effect::add_sections(scene, &mut precomputed, &*progress)?;
+            let precomputed = effect::precompute(scene, name, &requirements, journal, &*progress)?;
             diagnostic::report("", &precomputed.solution.notices);
             Ok(precomputed)
         })
@@ -225,9 +222,7 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let fits = scene.bodies[*name].model.fits;
-                let mut precomputed = green::precompute_kept(scene, name, required, fits, None, progress)?;
-                effect::add_sections(scene, &mut precomputed, progress)?;
+                let precomputed = effect::precompute(scene, name, required, None, progress)?;
                 diagnostic::report("", &precomputed.solution.notices);
                 made.push(precomputed);
             }

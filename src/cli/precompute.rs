@@ -12,10 +12,11 @@ use crate::base::output::{self, Kind, OutputError};
 use crate::base::progress::Bars;
 use crate::base::table::{Table, bytes, seconds};
 use crate::deform::ModelReach;
+use crate::effect::{self, EFFECTS};
 use crate::green::{self, FAMILIES, GreenFile, KEPT_AFTER, Precomputed, STIFFNESS};
 use crate::prepare::{self, Resolved};
 use crate::scene::{Method, Storage};
-use crate::{effect, tuning};
+use crate::tuning;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -187,6 +188,11 @@ pub fn report(body: &Precomputed) -> Table {
             None => entry.holds.to_owned(),
         };
         row(entry.family.name, times.family_s(entry.family), what);
+    }
+    for effect in EFFECTS.iter().filter(|effect| effect.solve.is_some()) {
+        if let Some(took) = times.families_s.get(effect.name) {
+            row(effect.name, *took, "what the effect solves for".to_owned());
+        }
     }
     let rigid = solution.rigid;
     let forces = rigid.shift_force.zip(rigid.turn_force).map_or(String::new(), |(shift, turn)| {

@@ -3,8 +3,10 @@
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::deform::ModelEntry;
-use crate::green::{FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Tensor};
-use crate::scene::Scene;
+use crate::green::{
+    Assembled, FAMILIES, Family, GreenError, GreenFile, Precomputed, Requirements, Solution, Tensor,
+};
+use crate::scene::{Body, Scene, SceneError};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
 use indexmap::IndexMap;
@@ -52,6 +54,13 @@ pub type Settings = Arc<dyn Any + Send + Sync>;
 /// value that it cannot have.
 pub type ReadSettings = fn(Option<&toml::Table>) -> Result<Settings, String>;
 
+/// Refuses a body that cannot have the effect, before anything is solved; the error names what it lacks.
+pub type Suits = fn(&Scene, &str, &Body, &ResolvedBody) -> Result<(), SceneError>;
+
+/// Solves for what an effect needs of a body while its system is assembled and factorised, and leaves it in
+/// [`Solution::tables`], where `precompute` finds it.
+pub type SolveFurther = fn(&Resolved, &Assembled<'_>, &mut Solution, &dyn Progress) -> Result<(), GreenError>;
+
 /// Makes the tensors of an effect's own section for a solved body of a scene, each with its name.
 pub type Precompute =
     fn(&Resolved, &mut Precomputed, &dyn Progress) -> Result<Vec<(String, Tensor)>, GreenError>;
@@ -95,6 +104,10 @@ pub struct EffectEntry {
     pub table: Option<&'static output::Kind>,
     /// `None` if it has no settings ([`read`](super::settings::read)).
     pub settings: Option<ReadSettings>,
+    /// Refuses bodies that cannot have it; `None` where every body can.
+    pub suits: Option<Suits>,
+    /// Solves with the body's factor what `precompute` writes; `None` if that needs no factor.
+    pub solve: Option<SolveFurther>,
     /// Makes the effect's own tensors, stored as `EFFECT/TENSOR` and read by [`crate::green::GreenFile::section`].
     pub precompute: Option<Precompute>,
     /// Fails if the section is not what `precompute` makes.
@@ -119,6 +132,8 @@ impl EffectEntry {
         measures_errors: false,
         table: None,
         settings: None,
+        suits: None,
+        solve: None,
         precompute: None,
         check_section: None,
         section_after_change: None,

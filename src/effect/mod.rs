@@ -6,6 +6,7 @@
 //! ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
 //! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
+mod dynamics;
 mod effects;
 mod entry;
 pub mod expected;
@@ -18,13 +19,43 @@ pub mod settings;
 pub mod stress;
 
 pub use effects::{EFFECTS, find_effect, in_order, name_of};
-pub use entry::{EffectEntry, EffectInput, ListedEffect, Precompute, Resolved, ResolvedBody};
+pub use entry::{EffectEntry, EffectInput, ListedEffect, Precompute, Resolved, ResolvedBody, SolveFurther};
 pub use resolved::requirements;
 
 use crate::base::failure::Failure;
-use crate::green::{GreenError, GreenFile, Precomputed, Tensor, is_column};
+use crate::green::{
+    self, Assembled, Further, GreenError, GreenFile, Journal, Precomputed, Requirements, Solution, Tensor,
+    is_column,
+};
 use crate::solve::Progress;
 use crate::world::{RunningEffect, World};
+use std::time::Instant;
+
+/// Precomputes a body of the scene with the sections of its effects; the time that each effect takes is in
+/// [`StepTimes::families_s`](crate::green::StepTimes), by its name.
+pub fn precompute(
+    scene: &Resolved,
+    name: &str,
+    requirements: &Requirements,
+    journal: Option<&Journal<'_>>,
+    progress: &dyn Progress,
+) -> Result<Precomputed, GreenError> {
+    let of_body = &scene.bodies[name];
+    let solves: Vec<_> = of_body.entries().filter_map(|effect| Some((effect.name, effect.solve?))).collect();
+    let further = |assembled: &Assembled<'_>, solution: &mut Solution, progress: &dyn Progress| {
+        for (effect, solve) in &solves {
+            let started = Instant::now();
+            solve(scene, assembled, solution, progress)?;
+            solution.times.families_s.insert((*effect).to_owned(), started.elapsed().as_secs_f64());
+        }
+        Ok(())
+    };
+    let further: Option<Further<'_>> = (!solves.is_empty()).then_some(&further);
+    let fits = of_body.model.fits;
+    let mut body = green::precompute_kept(scene, name, requirements, fits, further, journal, progress)?;
+    add_sections(scene, &mut body, progress)?;
+    Ok(body)
+}
 
 /// Makes the tensors of those effects of a body that have any, and adds them to the sections of the body.
 pub fn add_sections(
@@ -35,7 +66,10 @@ pub fn add_sections(
     for effect in scene.bodies[&body.name].entries() {
         let Some(precompute) = effect.precompute else { continue };
         let named = |(tensor, content)| (format!("{}/{tensor}", effect.name), content);
+        let started = Instant::now();
         let tensors = precompute(scene, body, progress)?;
+        let took = started.elapsed().as_secs_f64();
+        *body.solution.times.families_s.entry(effect.name.to_owned()).or_default() += took;
         if scene.body[&body.name].updates.is_some() && tensors.iter().any(|(tensor, _)| is_column(tensor)) {
             return Err(GreenError::Updates { body: body.name.clone(), effect: effect.name });
         }
@@ -107,7 +141,7 @@ mod tests {
     use super::*;
     use crate::base::strips::{StripKind, Strips};
     use crate::deform::{Deformer, LINEAR, MODELS, ROTATION};
-    use crate::green::{self, AFFINE, FAMILIES, Family, Requirements, STIFFNESS, Tensor};
+    use crate::green::{AFFINE, FAMILIES, Family, STIFFNESS};
     use crate::render::Drawable;
     use crate::scene::Scene;
     use crate::solve::Silent;

@@ -236,6 +236,9 @@ impl ResolvedBody {
         let loads = loads_required(scene, name, body, self.model)?;
         let required = requirements(self.model, self.entries()).and(loads);
         self.check_method(scene, name, body, &required)?;
+        for suits in self.entries().filter_map(|effect| effect.suits) {
+            suits(scene, name, body, self).map_err(Failure::request)?;
+        }
         let can_update = |changes_modulus| green::why_anew(body, &required, changes_modulus).is_none();
         let is_of_use = body.updates.as_ref().is_some_and(|updates| {
             !updates.release.is_empty() && can_update(false)

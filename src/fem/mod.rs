@@ -8,6 +8,7 @@ mod anp;
 mod assembly;
 mod corotational;
 mod cubic;
+pub mod dense_fields;
 mod element;
 mod elements;
 mod energy;
@@ -17,6 +18,7 @@ mod lame;
 mod law;
 mod laws;
 mod loads;
+mod mass;
 mod neo_hookean;
 mod polar;
 pub mod quadrature;
@@ -42,6 +44,7 @@ pub use lame::Lame;
 pub use law::{Law, Tangent};
 pub use laws::LAWS;
 pub use loads::{Area, FacePoint, body_force, expansion, free_expansion, traction};
+pub use mass::consistent_mass;
 pub use neo_hookean::{
     NEO_HOOKEAN, energy_beyond_stvk, lame_of_stvk, stress_beyond_stvk, tangent_beyond_stvk,
 };

@@ -41,10 +41,15 @@ pub struct Point {
 
 /// The rule for an element with nodes `x`.
 pub fn rule(x: &[Vector3<f64>; 10]) -> &'static Rule {
+    if is_straight(x) { STRAIGHT } else { CURVED }
+}
+
+/// Whether the nodes between the corners stand in the middle of the edges.
+pub fn is_straight(x: &[Vector3<f64>; 10]) -> bool {
     let size = (x[1] - x[0]).amax().max((x[2] - x[0]).amax());
     let is_middle =
         |(mid, [i, j]): (&Vector3<f64>, &[usize; 2])| ((x[*i] + x[*j]) * 0.5 - mid).amax() <= 1e-9 * size;
-    if x[4..].iter().zip(&EDGES).all(is_middle) { STRAIGHT } else { CURVED }
+    x[4..].iter().zip(&EDGES).all(is_middle)
 }
 
 /// The points of an element with nodes `x` in the order of its [`rule`], or `None` where it is folded.

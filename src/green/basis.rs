@@ -5,7 +5,7 @@ use super::check::refuse;
 use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
-use super::family::{Assembled, FamilyEntry};
+use super::family::{Assembled, FamilyEntry, Further};
 use super::journal::Journal;
 use super::judge::judge;
 use super::kept::{Keep, KeptSolves};
@@ -32,15 +32,17 @@ pub fn precompute(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
-    precompute_kept(scene, name, requirements, None, None, progress)
+    precompute_kept(scene, name, requirements, None, None, None, progress)
 }
 
-/// [`precompute`] of a body that its model judges first; finished columns are kept in a journal and taken from there.
+/// [`precompute`] of a body that its model judges first, with what is computed further; finished columns are kept in a journal
+/// and taken from there.
 pub fn precompute_kept(
     scene: &Scene,
     name: &str,
     requirements: &Requirements,
     fits: Option<Fits>,
+    further: Option<Further<'_>>,
     journal: Option<&Journal<'_>>,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
@@ -52,7 +54,7 @@ pub fn precompute_kept(
         refuse(scene, &prepared.findings)?;
         return Err(scene.invalid(&format!("body.{name}.model"), why).into());
     }
-    let mut solution = solve_kept(scene, name, prepared, requirements, keep, progress)?;
+    let mut solution = solve_kept(scene, name, prepared, requirements, (further, keep), progress)?;
     solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
         name: name.to_owned(),
@@ -96,12 +98,13 @@ pub fn solve_prepared(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
-    solve_kept(scene, name, prepared, requirements, None, progress)
+    solve_kept(scene, name, prepared, requirements, (None, None), progress)
 }
 
-/// Computes what each family holds, and how long that takes.
+/// Computes what each family holds, and how long that takes; then what else is asked for.
 fn add_families(
     families: &[&FamilyEntry],
+    further: Option<Further<'_>>,
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     progress: &dyn Progress,
@@ -114,7 +117,7 @@ fn add_families(
             solution.times.families_s.insert(entry.family.name.to_owned(), took);
         }
     }
-    Ok(())
+    further.map_or(Ok(()), |further| further(assembled, solution, progress))
 }
 
 /// Refuses a body for which a family that it requires cannot be made.
@@ -135,7 +138,7 @@ fn solve_kept(
     name: &str,
     prepared: Prepared,
     requirements: &Requirements,
-    keep: Option<Keep<'_>>,
+    (further, keep): (Option<Further<'_>>, Option<Keep<'_>>),
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
@@ -174,13 +177,14 @@ fn solve_kept(
     };
     let mut stats = SolveStats { method: &NO_UNKNOWNS, ..Default::default() };
     let families: Vec<_> = FAMILIES.iter().filter(|entry| requirements.has(entry.family)).collect();
+    let needs_factor = further.is_some() || families.iter().any(|entry| entry.solves);
     let mut fields = NodeFields::zeros(mesh.nodes.len(), 0);
     let solver: OnceCell<Box<dyn LinearSolver>> = OnceCell::new();
     let mut factor: Option<Box<dyn Factor>> = None;
     if columns > 0 {
         let rhs = partition.minus_b_times(&k, &prescribed());
         let (a, solver) = (&a, &solver);
-        let job = Job { columns, needs_factor: families.iter().any(|entry| entry.solves) };
+        let job = Job { columns, needs_factor };
         let make = move |method: Option<&'static Method>, progress: &dyn Progress| {
             let settings = Solver { method: method.unwrap_or(body.solver.method), ..body.solver };
             let analysed = settings.analyse_for(a, job, progress)?;
@@ -201,7 +205,7 @@ fn solve_kept(
         // Made again: they would be in the way of a solve that needs all memory.
         fields = prescribed();
         partition.insert_free(&free, &mut fields);
-        factor = Some(factored).filter(|_| families.iter().any(|entry| entry.solves));
+        factor = Some(factored).filter(|_| needs_factor);
     }
 
     let mut solution = Solution {
@@ -230,7 +234,7 @@ fn solve_kept(
     let (k, partition, factor) = (&k, &partition, factor.as_deref());
     let assembled =
         Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
-    add_families(&families, &assembled, &mut solution, progress)?;
+    add_families(&families, further, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;
         solution.rigid = RigidMotion::new(mesh, controls, fields, solution.stiffness());

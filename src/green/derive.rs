@@ -166,7 +166,7 @@ fn solved_anew(
 ) -> Result<Contents, GreenError> {
     let before = base.meta.bodies.get(name);
     let requirements = before.map(|meta| meta.requirements.without(UPDATES)).unwrap_or_default();
-    let mut body = precompute_kept(scene, name, &requirements, fits, None, progress)?;
+    let mut body = precompute_kept(scene, name, &requirements, fits, None, None, progress)?;
     body.fingerprint = before.map(changed_fingerprint).unwrap_or_default();
     notices.append(&mut body.solution.notices);
     let (meta, tensors) = contents(&body);

@@ -54,6 +54,9 @@ pub struct Assembled<'a> {
 /// Makes the numbers of a family from what was solved, and leaves them in the solution.
 pub type Compute = fn(&Assembled<'_>, &mut Solution, &dyn Progress) -> Result<(), GreenError>;
 
+/// Computes more than the families from the assembled system, while its factor is at hand: what effects need of it.
+pub type Further<'a> = &'a dyn Fn(&Assembled<'_>, &mut Solution, &dyn Progress) -> Result<(), GreenError>;
+
 /// Judges a body by what is known before it is solved; `place` is `scene: body.name`, for errors.
 pub type Suits = fn(place: &str, body: &Body, prepared: &Prepared) -> Result<(), GreenError>;
 

@@ -58,7 +58,7 @@ pub use families::{
     REDUCED_NEO_HOOKEAN, SERIES, STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume,
     WARMTH, columns_of_effect, compliance_size, has_equilibria, is_column, nodal_forces,
 };
-pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
+pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry, Further};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};
 pub use fingerprint::fingerprint;
 pub use forecast::{Forecast, boundary_told, compliance_fits};
@@ -68,7 +68,7 @@ pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
 pub use on_demand::Yield;
 pub use pack::{pack, packed, packed_path, unpack};
-pub use prepare::{Fits, Prepared, materials_of_tets, prepare, prepare_mesh, unjudged};
+pub use prepare::{Fits, Prepared, densities_of_tets, materials_of_tets, prepare, prepare_mesh, unjudged};
 pub use requirements::{Family, Requirements};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};

@@ -98,6 +98,14 @@ pub fn materials_of_tets(
     Ok(mesh.regions.iter().map(|region| *by_region.get(region).unwrap_or(&0)).collect())
 }
 
+/// The density of each tetrahedron, kg/m³; 0 where its material has none.
+pub fn densities_of_tets(scene: &Scene, name: &str, mesh: &TetMesh) -> Result<Vec<f64>, GreenError> {
+    let body = &scene.body[name];
+    let of_material: Vec<f64> = body.materials().map(|material| material.density.unwrap_or(0.0)).collect();
+    let numbers = materials_of_tets(scene, name, body, mesh)?;
+    Ok(numbers.into_iter().map(|number| of_material[number]).collect())
+}
+
 /// The mesh's region for each region of the body, or why there is none.
 fn regions(scene: &Scene, name: &str, body: &Body, mesh: &TetMesh) -> Vec<Result<u32, SceneError>> {
     let regions: BTreeSet<u32> = mesh.regions.iter().copied().collect();

@@ -5,8 +5,8 @@ use super::poses::on_the_way;
 use crate::base::columns::ColumnGroup;
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
-use crate::effect::{EFFECTS, EffectEntry, Resolved, add_sections};
-use crate::green::{self, GreenError, GreenFile, Precomputed, Requirements};
+use crate::effect::{self, EFFECTS, EffectEntry, Resolved};
+use crate::green::{self, GreenError, GreenFile, Requirements};
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
@@ -166,13 +166,8 @@ fn with_effects(
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<[f64; 4], GreenError> {
-    let solution = green::solve(scene, body, &requirements, &Silent)?;
-    let stiffness_s: f64 = solution.times.families_s.values().sum();
-    let storage = scene.body[body].storage;
-    let mut precomputed = Precomputed::from_solution(body, storage, requirements, solution);
-    let started = Instant::now();
-    add_sections(scene, &mut precomputed, &Silent)?;
-    let offline_s = stiffness_s + started.elapsed().as_secs_f64();
+    let precomputed = effect::precompute(scene, body, &requirements, None, &Silent)?;
+    let offline_s: f64 = precomputed.solution.times.families_s.values().sum();
     let path = folder.join("effects.green");
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;
     let file = Arc::new(GreenFile::open(&path)?);

@@ -44,6 +44,11 @@ pub enum SolveError {
          \"factor\" out"
     )]
     NoFactor(&'static str),
+    #[error(
+        "mode {mode} at {hertz:.4e} Hz: relative residual {residual:.1e} is above {limit:.1e}. Ask for fewer modes, or write \
+         solver.method = \"cholesky\""
+    )]
+    Mode { mode: usize, hertz: f64, residual: f64, limit: f64 },
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
     Inexact { figure: &'static str, value: f64, remedy: &'static str },
 }

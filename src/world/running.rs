@@ -3,7 +3,7 @@
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
 //! | [`input`](RunningEffect::input) | the state of trackers, mouse or script; not in a replay | other poses of styli |
-//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, energy, slopes, curvatures, other triangles |
+//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, energy, slopes, curvatures, other triangles; poses of elements that no hand holds ([`moved`](RunningEffect::moved)) |
 //! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, scales and errors of forces |
 //! | [`show`](RunningEffect::show) | the whole frame | drawables, plates, warnings |
 //!
@@ -16,7 +16,7 @@ use super::flow::{Bodies, Fields};
 use super::frame::{BodyFrame, Frame};
 use crate::base::output::Kind;
 use crate::base::plates::Words;
-use crate::deform::Contribution;
+use crate::deform::{Contribution, ControlPose};
 use crate::field::Graph;
 use crate::track::{Source, TrackerState};
 use nalgebra::Isometry3;
@@ -64,6 +64,14 @@ pub struct World {
     pub(super) told: BTreeSet<String>,
 }
 
+/// A control element that an effect moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovedElement {
+    pub body: usize,
+    pub control: usize,
+    pub pose: ControlPose,
+}
+
 /// An effect of a world, until it is dropped; a thread that it has started ends with it.
 pub trait RunningEffect {
     /// The effect's name in scenes.
@@ -82,6 +90,12 @@ pub trait RunningEffect {
     /// Adds coefficients, energies and forces to the bodies in this frame, whose hands and poses are known. The bodies still have
     /// the shape of the frame before. Effects act one after the other, in the order of the program's list of effects.
     fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
+
+    /// The control elements to which [`RunningEffect::solve`] gave another pose. It asks [`World::is_carried`] first: what a hand
+    /// holds goes where the hand is.
+    fn moved(&self) -> Vec<MovedElement> {
+        Vec::new()
+    }
 
     /// Sees the bodies in the shape of this frame; colours them, and adds what it knows of their forces.
     fn surface(&mut self, _world: &World, _bodies: &mut [BodyFrame]) {}

@@ -11,11 +11,11 @@ use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, MOST_STYLI, Tr
 use super::force;
 use super::frame::{Frame, HeldForce, Highlight, StepTimes};
 use super::hand::{self, HeldPlace};
-use super::running::{RunningEffect, World};
+use super::running::{MovedElement, RunningEffect, World};
 use super::state::Input;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::deform::{Contribution, ControlPose, Deformer, ModelEntry};
+use crate::deform::{Contribution, ControlPose, Deformer, ModelEntry, PoseLimiter};
 use crate::field::{Field, Graph, Value};
 use crate::green::GreenFile;
 use crate::interact::Grip;
@@ -179,8 +179,32 @@ impl World {
             self.fields.bodies.iter().map(|body| body.poses.clone()).collect();
         self.graph.evaluate_first(&poses, &mut self.bodies);
         let mut contributions = self.no_contributions();
-        self.with_effects(|effect, world| effect.solve(world, &mut contributions));
+        let mut effects = std::mem::take(&mut self.effects);
+        for effect in &mut effects {
+            effect.solve(self, &mut contributions);
+            effect.moved().iter().for_each(|moved| self.move_element(moved));
+        }
+        self.effects = effects;
         self.put(field, Contributions(contributions));
+    }
+
+    /// Sets the pose of a control element that an effect moves, as if it had always had it: a hand that takes hold of it later
+    /// finds it there.
+    fn move_element(&mut self, moved: &MovedElement) {
+        let MovedElement { body, control, pose } = moved;
+        let field = self.fields.bodies.get(*body).and_then(|body| body.poses.get(*control)).copied();
+        if let Some(field) = field.filter(|_| pose.is_finite()) {
+            self.bodies[*body].limiters[*control] = PoseLimiter::default();
+            self.graph.restore(field, *pose);
+        }
+    }
+
+    /// Whether a hand holds a control element in this frame, or a command brings it back to rest.
+    pub fn is_carried(&self, body: usize, control: usize) -> bool {
+        let target = self.fields.targets.iter().position(|target| *target == (body, control));
+        let easing = self.edit.easing.iter().flat_map(|(_, from)| from.iter().map(|(target, _)| *target));
+        let held = self.graph.get(self.fields.hands).hands.held();
+        target.is_some_and(|target| held.contains(&target) || easing.into_iter().any(|eased| eased == target))
     }
 
     fn no_contributions(&self) -> Vec<Contribution> {

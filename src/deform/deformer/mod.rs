@@ -395,6 +395,11 @@ impl Deformer {
         Some((wrenches.collect(), response.energy))
     }
 
+    /// ∂V/∂P of every control element, of the model and of what effects add, where the model has them of these poses.
+    pub fn slopes(&self) -> Option<&[PoseSlope]> {
+        self.response.filter(|response| response.is_defined).map(|_| self.slopes.as_slice())
+    }
+
     /// The forces and moments about where each control element is that are zero where nothing holds it, by the model's own
     /// equilibrium: of a model of small strain by the body at rest.
     pub fn balance(&self) -> Option<Vec<Wrench>> {

@@ -18,7 +18,7 @@ use super::super::error::GreenError;
 use super::super::family::{Assembled, ColumnName, ColumnSource, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
 use super::super::numbers::numbers;
-use super::super::prepare::materials_of_tets;
+use super::super::prepare::densities_of_tets;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
@@ -175,13 +175,7 @@ pub fn nodal_forces(
     mesh: &TetMesh,
     load: &LoadEntry<'_>,
 ) -> Result<Vec<Vec<V3>>, GreenError> {
-    let density = || -> Result<Vec<f64>, GreenError> {
-        let body = &scene.body[name];
-        let of_material: Vec<f64> =
-            body.materials().map(|material| material.density.unwrap_or(0.0)).collect();
-        let numbers = materials_of_tets(scene, name, body, mesh)?;
-        Ok(numbers.into_iter().map(|number| of_material[number]).collect())
-    };
+    let density = || densities_of_tets(scene, name, mesh);
     Ok(match load.source {
         LoadSource::Gravity => {
             let density = density()?;

@@ -6,7 +6,6 @@ mod compliance;
 mod compressed;
 mod cubature;
 mod cubic;
-mod dense_fields;
 mod equilibria;
 mod kept_factor;
 mod load_forces;

@@ -8,8 +8,8 @@
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
 //! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts are those of the energy norm.
 //!
-//! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic
-//! `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`]).
+//! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic, in which
+//! λ is 2 μ at most ([`lame_of_stvk`]), `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`]).
 //!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
@@ -30,7 +30,6 @@ use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
 use super::cubature::{self, MOST_POINTS, States};
-use super::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
 use super::equilibria::{Equilibria, KNOWN, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
 use super::loads::{answers, column_forces};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
@@ -39,6 +38,7 @@ use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
 use crate::base::random::Random;
+use crate::fem::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
 use crate::fem::{
     Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix, lame_of_stvk,
 };
@@ -213,7 +213,7 @@ fn compute(
         let states = states(assembled, &lift, &basis, &all, equilibria.as_ref());
         let chosen = cubature::cubature(&points, &all, &states, progress);
         let message = format!(
-            "{} points miss {:.1e} of the {} forces beyond small strain in {} states",
+            "{} points miss {:.1e} of the {} forces beyond the quartic's in {} states",
             chosen.table.ncols(),
             chosen.missed,
             law.title,

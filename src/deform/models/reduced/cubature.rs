@@ -6,8 +6,9 @@
 //! H = Σ_k z_k H_k      V' = Σ w d(H)      ∂V'/∂z_k = Σ w ∂d/∂F : H_k      ∂²V'/∂z_i∂z_k = Σ w H_i : ∂²d/∂F² : H_k
 //! ```
 //!
-//! (S. An, T. Kim, D. James, ACM Transactions on Graphics 27(5), 2008, 165, who sum the whole energy so.) d is of third order in
-//! the strain, so that small strains are as exact as the quartic. Where a stretch is long d is below 0, with the fourth power of it, and
+//! (S. An, T. Kim, D. James, ACM Transactions on Graphics 27(5), 2008, 165, who sum the whole energy so.) Up to ν = 1/3 d is of third
+//! order in the strain, so that small strains are as exact as the quartic; beyond, what λ is above 2 μ is summed here too
+//! ([`lame_of_stvk`](crate::fem::lame_of_stvk)). Where a stretch is long d is below 0, with the fourth power of it, and
 //! a weight stands for many points: lest V' fall without limit, d goes on as φ(d) below what it was in any state that the weights serve,
 //! -D:
 //!

@@ -1,6 +1,6 @@
 //! Sums, products and main parts of fields over all nodes.
 
-use crate::fem::{NodeFields, StiffnessMatrix};
+use super::stiffness::{NodeFields, StiffnessMatrix};
 use nalgebra::{DMatrix, DMatrixView};
 
 /// A field whose energy is smaller than this part of the largest is rounding.

@@ -1,0 +1,37 @@
+//! The effect `dynamics`: what is moved quickly or released springs back and rings.
+//!
+//! In: offline a body with the densities of its materials, online the poses of its control elements over time. Out: modes of
+//! vibration beside the columns ([`section`]), their amplitudes in every frame, the inertial force on what a hand holds, and the
+//! poses of elements that no hand holds, where the scene releases them ([`moving`]). Each mode is stepped exactly
+//! ([`oscillator`]), together with the released elements ([`coupled`]); a body that nothing holds flies ([`flying`]).
+
+mod coupled;
+mod flying;
+mod free_body;
+mod moving;
+mod oscillator;
+mod running;
+mod section;
+mod settings;
+mod system;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use super::entry::EffectEntry;
+use crate::green::STIFFNESS;
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: settings::NAME,
+    summary: "inertia: what is moved quickly or released springs back and rings, by modes of vibration",
+    requirements: &[STIFFNESS],
+    needs_energy: true,
+    needs_inside: true,
+    settings: Some(settings::Settings::read),
+    suits: Some(section::suits),
+    solve: Some(section::solve),
+    precompute: Some(section::precompute),
+    check_section: Some(|file, body| tables::Tables::read(file, body).map(drop)),
+    attach: Some(running::attach),
+    ..EffectEntry::NOTHING
+};
