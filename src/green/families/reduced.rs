@@ -180,8 +180,12 @@ fn compute(
     let elements = solution.controls.len();
     let mut points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let forces = column_forces(assembled, &solution.mesh)?;
-    machine::expect("the fields of the model \"reduced\"", memory(points.nodes, elements, forces.len()))
-        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
+    let expect = |what: &str, bytes: f64| {
+        machine::expect(what, bytes)
+            .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })
+    };
+    let series = memory_of_series(points.nodes, elements, forces.len());
+    expect("the fields of the model \"reduced\"", series)?;
     let equilibria = equilibria(law, assembled, solution, progress)?;
     let unknowns = 3 * assembled.partition.free.len();
     if law.name != STVK.name && equilibria.is_none() && unknowns > 0 {
@@ -205,11 +209,8 @@ fn compute(
     let all = beside(&[&first, &basis, &others]);
     if law.name != STVK.name {
         let count = equilibria.as_ref().map_or(0, |found| 2 * found.energies.len() + found.small.len());
-        machine::expect(
-            "the points of the neo-Hookean law",
-            cubature::memory(points.count(), all.columns, count),
-        )
-        .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
+        let needed = cubature::memory(points.count(), all.columns, count);
+        expect("the points of the neo-Hookean law", needed)?;
         let states = states(assembled, &lift, &basis, &all, equilibria.as_ref());
         let chosen = cubature::cubature(&points, &all, &states, progress);
         let message = format!(
@@ -227,6 +228,8 @@ fn compute(
         solution.tables.insert(CUBATURE, chosen.table);
         points = points.with(lame_of_stvk);
     }
+    let needed = memory_of_quartic(points.nodes, elements, basis.columns);
+    expect("the energy of the model \"reduced\"", needed)?;
     progress.begin("quartic energy", points.count() as u64);
     let coefficients = points.quartic(&all, &|units| progress.advance(units));
     progress.end();
@@ -292,15 +295,18 @@ fn states(
     States { z: DMatrix::from_vec(all.columns, energies.len(), z), energies, scales }
 }
 
-/// Bytes beside the body: of the orders on all paths while the next one is solved for, or of the quartic, whose products of pairs
-/// stand in panels and as a whole, with its fields and the strains of a block of points.
-fn memory(nodes: usize, elements: usize, loads: usize) -> f64 {
+/// Bytes beside the body of the orders on all paths while the next one is solved for.
+fn memory_of_series(nodes: usize, elements: usize, loads: usize) -> f64 {
     let fields = most_fields(elements) + 2 * loads;
+    24.0 * (nodes * fields) as f64 + series_memory(nodes, path_count(elements, PATHS) + loads * loads, 2)
+}
+
+/// Bytes beside the body of the quartic in `fields` fields, whose products of pairs stand in panels and as a whole, with its fields and
+/// the strains of a block of points.
+fn memory_of_quartic(nodes: usize, elements: usize, fields: usize) -> f64 {
     let lift = Lift::new(elements).len();
-    let at_nodes = |columns: usize| 24.0 * (nodes * columns) as f64;
-    let series = at_nodes(fields) + series_memory(nodes, path_count(elements, PATHS) + loads * loads, 2);
     let pairs = QuarticShape { variables: 1 + lift + fields }.pairs() as f64;
-    series.max(at_nodes(2 * fields + 3 * lift) + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs)
+    24.0 * (nodes * (2 * fields + 3 * lift)) as f64 + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs
 }
 
 /// Φ from the series about rest over all nodes, orthonormal in the energy of small displacements: the fields of second order, and of
