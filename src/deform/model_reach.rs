@@ -61,8 +61,8 @@ impl ModelReach {
         Ok((!states.is_empty()).then_some(ModelReach { states, inverted: inverted.len() }))
     }
 
-    /// The worst error among those that are turned no further than each of [`TURNS`], as far as some are turned farther than to the
-    /// one before.
+    /// The worst error among those that are turned by no more than 30°, 60°, 90° and 360°, with that turn; a turn between which and the
+    /// one before there is no equilibrium is left out.
     pub fn turned(&self) -> Vec<(f64, f64)> {
         let turned = || self.states.iter().filter(|state| !state.is_stretched);
         let within = |low: f64, high: f64| turned().any(|state| state.turn > low && state.turn <= high);

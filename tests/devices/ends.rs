@@ -255,10 +255,10 @@ fn start(device: &Played, way_out: &str) -> Child {
     unsafe { command.pre_exec(as_from_a_terminal) }.spawn().unwrap()
 }
 
-/// Restores the default of signals, which may be ignored by whatever starts the tests, as by a script for a command in its
-/// background.
+/// Restores the default of signals, which may be ignored by whatever starts the tests, as by nohup, or by a script for a command in
+/// its background.
 fn as_from_a_terminal() -> io::Result<()> {
-    for signal in [SIGINT, SIGQUIT] {
+    for signal in [SIGHUP, SIGINT, SIGQUIT] {
         // SAFETY: the default disposition runs no code of ours.
         unsafe { libc::signal(signal, libc::SIG_DFL) };
     }
