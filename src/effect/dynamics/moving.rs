@@ -13,12 +13,13 @@
 //! ```
 //!
 //! with ∂V/∂z of the model where the step begins, loads and other effects included. Each mode of M and K is stepped by its closed
-//! form, so that the step is exact where V is quadratic, and stable everywhere. R turns from step to step: velocities keep their
+//! form, so that the step is exact and stable where V is quadratic. R turns from step to step: velocities keep their
 //! directions, q turns along with the body, and C \[ω\]² is what that leaves of the centrifugal force. Left out is what is of second
 //! order in the displacements: centrifugal and Coriolis force of q itself, which stiffen and split modes of a body that spins about
 //! as fast as it swings (A. Shabana, Dynamics of Multibody Systems, Cambridge 2013, section 5.5).
 //!
-//! In a model whose frame turns, a released element is rigid; in `linear` it moves by all its fields, as the theory has it.
+//! In a model whose frame turns, a released element is rigid, and with more than one element the scene must not release it
+//! ([`section`](super::section)): far from rest, K is not the curvature of V, and the step is not stable; in `linear` it moves by all its fields, as the theory has it.
 
 use super::coupled::{Damping, Phase, StepLoads};
 #[cfg(test)]

@@ -123,6 +123,16 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         let message = format!("the model \"{}\" has no forces that could bring an element back", model.name);
         return wrong("effect.dynamics.free", message);
     }
+    // The model's force at the beginning of a step moves the released element all through it: stable where that force grows as the
+    // resting body's, which in a turning frame it does about rest alone.
+    if !settings.free.is_empty() && !model.is_linear() && body.control.len() > 1 {
+        let message = format!(
+            "a released element swings in the model \"linear\" alone: in \"{}\" a body that is let go from a large bend would not \
+             be stable. Write model = \"linear\", or leave free out",
+            model.name
+        );
+        return wrong("effect.dynamics.free", message);
+    }
     if body.materials().any(|material| material.density.is_none()) {
         let message = format!(
             "\"{NAME}\" needs the density of every material of the body: write density = 1000 (kg/m³) into it, or name a \
