@@ -9,7 +9,7 @@ use crate::base::table::{Table, bytes};
 use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ModelReach, ROD, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::fem::TET4_ANP;
-use crate::green::{self, Forecast, GreenError, GreenFile, Prepared};
+use crate::green::{self, Forecast, GreenError, GreenFile, Prepared, Requirements};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
@@ -144,20 +144,11 @@ fn of_body<'a>(
         }
         Err(other) => return Err(other.into()),
     };
-    let measured = |resolved: &ResolvedBody| {
-        let required = required.as_ref()?.as_ref().ok()?;
-        let file = Arc::new(GreenFile::open(&prepare::green_path(scene)).ok()?);
-        file.check_belongs(scene, name, required).ok()?;
-        Some(model_line(
-            name,
-            resolved.model,
-            &ModelReach::measure(&file, name, resolved.model).ok()??.text(),
-        ))
-    };
-    models
-        .extend(resolved.and_then(|resolved| {
-            measured(resolved).or_else(|| reach(name, body, resolved.model, &prepared))
-        }));
+    if let Some(model) = resolved.map(|resolved| resolved.model) {
+        let required = required.as_ref().and_then(|required| required.as_ref().ok());
+        let measured = required.and_then(|required| measured_reach(scene, name, required, model));
+        models.extend(measured.or_else(|| reach(name, body, model, &prepared)));
+    }
     match green::acting(scene, name, &prepared.mesh, &prepared.controls) {
         Ok(found) => findings.extend(found),
         Err(GreenError::Scene(wrong)) => findings.push(wrong.finding()),
@@ -301,6 +292,19 @@ fn effects_text(effects: &[Cost]) -> String {
         table.row(&[&cost.body, cost.effect, listed, &format!("{}{own}", bytes(cost.bytes as f64))]);
     }
     if table.rows.len() > 1 { format!("\n{}", table.text()) } else { String::new() }
+}
+
+/// The reach of a body's model as its .green file has it measured, while that file is fresh.
+fn measured_reach(
+    scene: &Scene,
+    name: &str,
+    required: &Requirements,
+    model: &'static ModelEntry,
+) -> Option<String> {
+    let file = Arc::new(GreenFile::open(&prepare::green_path(scene)).ok()?);
+    file.check_belongs(scene, name, required).ok()?;
+    let reach = ModelReach::measure(&file, name, model).ok()??;
+    Some(model_line(name, model, &reach.text()))
 }
 
 /// The reach of the model of a body that is bent at two ends, and the model that holds further where there is one.

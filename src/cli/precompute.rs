@@ -68,7 +68,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let kept_after = args.keep_after.map_or(KEPT_AFTER, Duration::from_secs_f64);
     let (bodies, size, written_s) =
         prepare::make(&scene, &path, kept_after, &|name| Box::new(Bars::new(name, args.quiet)))?;
-    let stored = stored(&path)? + &reaches(&scene, &path)?;
+    let file = Arc::new(GreenFile::open(&path)?);
+    let stored = stored(&file) + &reaches(&scene, &file)?;
     tuning::forget_steps(&scene);
     let tables: String = bodies.iter().map(|body| report(body).text() + "\n").collect();
     let errors: String = bodies
@@ -88,18 +89,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Storage of the columns of each body of the written file, with its error as the file states it; nothing for single precision.
-fn stored(path: &Path) -> Result<String, Failure> {
-    let file = GreenFile::open(path)?;
+fn stored(file: &GreenFile) -> String {
     let coarse = file.meta.bodies.iter().filter(|(_, body)| body.accuracy.storage != Storage::F32);
-    Ok(coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect())
+    coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect()
 }
 
 /// How far the model of each body holds, where its file has equilibria with which it can be compared.
-fn reaches(scene: &Resolved, path: &Path) -> Result<String, Failure> {
-    let file = Arc::new(GreenFile::open(path)?);
+fn reaches(scene: &Resolved, file: &Arc<GreenFile>) -> Result<String, Failure> {
     let mut lines = String::new();
     for (name, body) in &scene.bodies {
-        let reach = ModelReach::measure(&file, name, body.model).map_err(Failure::wrong)?;
+        let reach = ModelReach::measure(file, name, body.model).map_err(Failure::wrong)?;
         lines.extend(reach.iter().map(|reach| model_line(name, body.model, &reach.text())));
         lines.extend(reach.filter(|_| is_verbose()).map(|reach| reach.details()));
     }

@@ -30,6 +30,7 @@ mod strain_points;
 mod stvk;
 pub mod tet10;
 pub mod tet4;
+mod volume_forms;
 
 pub use anp::TET4_ANP;
 pub use assembly::{AssemblyError, ElementSet, Elements, Partition, assemble_elements};
@@ -45,9 +46,7 @@ pub use law::{Law, Tangent};
 pub use laws::LAWS;
 pub use loads::{Area, FacePoint, body_force, expansion, free_expansion, traction};
 pub use mass::consistent_mass;
-pub use neo_hookean::{
-    NEO_HOOKEAN, energy_beyond_stvk, lame_of_stvk, stress_beyond_stvk, tangent_beyond_stvk,
-};
+pub use neo_hookean::NEO_HOOKEAN;
 pub use polar::{Polar, nearest_turn};
 pub use quartic::QuarticShape;
 pub use rest_points::{RestPoint, RestPoints};
@@ -56,3 +55,4 @@ pub use strain_points::{Means, StrainPoints};
 pub use stvk::STVK;
 pub use tet4::TET4;
 pub use tet10::TET10;
+pub use volume_forms::CubicShape;

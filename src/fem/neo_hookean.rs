@@ -10,7 +10,6 @@
 
 use super::lame::Lame;
 use super::law::{Law, Tangent};
-use super::stvk::STVK;
 use nalgebra::Matrix3;
 
 pub const NEO_HOOKEAN: Law = Law {
@@ -27,31 +26,6 @@ pub const NEO_HOOKEAN: Law = Law {
     dilatation_curvature: volume_curvature,
     free_face: super::free_face::neo_hookean,
 };
-
-/// λ in parts of μ that [`STVK`] has at most where this law is compared with it: ν = 1/3. Where a body hardly changes its volume,
-/// λ (tr E)²/2 is large although λ (J - 1)²/2 is not, and their difference has few digits.
-const MOST_LAMBDA: f64 = 2.0;
-
-/// The constants of the law of St. Venant and Kirchhoff that is taken from this one.
-pub fn lame_of_stvk(lame: Lame) -> Lame {
-    Lame { lambda: lame.lambda.min(MOST_LAMBDA * lame.mu), mu: lame.mu }
-}
-
-/// Energy density beyond that of [`STVK`] with [`lame_of_stvk`]: of third order in the strain up to ν = 1/3, else ½ (λ - 2μ)(tr ε)² more;
-/// J/m³.
-pub fn energy_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> f64 {
-    energy(h, lame) - (STVK.energy)(h, lame_of_stvk(lame))
-}
-
-/// First derivative of [`energy_beyond_stvk`], Pa.
-pub fn stress_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
-    stress(h, lame) - (STVK.stress)(h, lame_of_stvk(lame))
-}
-
-/// Second derivative of [`energy_beyond_stvk`], Pa.
-pub fn tangent_beyond_stvk(h: &Matrix3<f64>, lame: Lame) -> Tangent {
-    tangent(h, lame) - (STVK.tangent)(h, lame_of_stvk(lame))
-}
 
 /// cof M = det(M) M⁻ᵀ.
 fn cofactor(m: &Matrix3<f64>) -> Matrix3<f64> {

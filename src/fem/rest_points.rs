@@ -40,12 +40,6 @@ impl RestPoints {
         Ok(RestPoints { nodes: mesh.nodes.len(), points })
     }
 
-    /// The same points of another material.
-    pub fn with(mut self, lame: fn(Lame) -> Lame) -> RestPoints {
-        self.points.lame.iter_mut().for_each(|own| *own = lame(*own));
-        self
-    }
-
     pub fn count(&self) -> usize {
         self.points.count()
     }

@@ -52,11 +52,11 @@ pub use control::{ControlElement, FIELD_NAMES, FIELDS};
 pub use derive::{Changes, derive, why_anew};
 pub use error::GreenError;
 pub use families::{
-    AFFINE, COMPLIANCE, COMPRESSED, CUBATURE, CUBATURE_HEAD, CUBIC, Compliance, EQUILIBRIA, FAMILIES,
-    KEPT_FACTOR, KnownEquilibrium, LOAD_COMPLIANCE, LOAD_FIELDS, LOAD_FORCES, LOADS, LoadForces, MOMENTS,
-    PERTURBATION, PathKind, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, REDUCED_LOADS,
-    REDUCED_NEO_HOOKEAN, SERIES, STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, Volume,
-    WARMTH, columns_of_effect, compliance_size, has_equilibria, is_column, nodal_forces,
+    AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, EQUILIBRIA, FAMILIES, KEPT_FACTOR, KnownEquilibrium,
+    LOAD_COMPLIANCE, LOAD_FIELDS, LOAD_FORCES, LOADS, LoadForces, MOMENTS, PERTURBATION, PRESSED_POINTS,
+    PathKind, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, REDUCED_LOADS, REDUCED_NEO_HOOKEAN, SERIES,
+    STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, VOLUME_FORMS, Volume, WARMTH,
+    columns_of_effect, compliance_size, has_equilibria, is_column, nodal_forces,
 };
 pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry, Further};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

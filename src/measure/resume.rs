@@ -8,8 +8,8 @@ use super::request::Request;
 use crate::base::machine::{self, load};
 use crate::fem::NodeFields;
 use crate::green::{
-    self, CUBATURE, CUBIC, QUARTIC, RADIUS, REDUCED_FIELDS, RigidMotion, SERIES, STIFFNESS, Solution,
-    StepTimes, substructure,
+    self, CUBIC, PRESSED_POINTS, QUARTIC, RADIUS, REDUCED_FIELDS, RigidMotion, SERIES, STIFFNESS, Solution,
+    StepTimes, VOLUME_FORMS, substructure,
 };
 use crate::mesh::Surface;
 use crate::scene::Scene;
@@ -136,7 +136,8 @@ fn fingerprint(request: &Request<'_>) -> String {
 
 /// The tables that a solution may hold.
 fn known_tables() -> impl Iterator<Item = &'static str> {
-    let own = [STIFFNESS.name, CUBIC.name, QUARTIC, CUBATURE, REDUCED_FIELDS, SERIES, RADIUS];
+    let own =
+        [STIFFNESS.name, CUBIC.name, QUARTIC, VOLUME_FORMS, PRESSED_POINTS, REDUCED_FIELDS, SERIES, RADIUS];
     own.into_iter().chain(substructure::TABLES)
 }
 

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Warmth e makes the stress-free body s = 1 + e times as large: s³ V(F/s) = (V - ε zᵀ T z + ½ ε² T_00)/s with ε = (s² - 1)/2, which
-//! is exact for St. Venant–Kirchhoff's law.
+//! is exact for St. Venant–Kirchhoff's law. Without a T the body's energy knows s itself.
 //!
 //! What acts now ([`Acting`]) are sums over tables with a column of vectors for each of the loads' columns. While a pose is settled
 //! all forces keep their directions: those that follow the body are turned beforehand.
@@ -24,6 +24,9 @@ type V3 = Vector3<f64>;
 
 /// Contribution of the loads to V, which becomes (V - ε zᵀ T z)/s - g·z.
 pub struct LoadedPotential {
+    /// s.
+    pub size: f64,
+    /// 1/s and ε, where there is a T.
     share: f64,
     strain: f64,
     /// T without T_00, where there is warmth; T z.
@@ -68,8 +71,8 @@ impl FrameForces {
         };
         let mut warmth = match (input.table)(WARMTH) {
             Some(table) if table.shape() == (n, n) => table,
-            _ if loads.metas.iter().all(|meta| meta.turning != Turning::Inner) => DMatrix::zeros(0, 0),
-            _ => return Err(format!("the table {WARMTH} cannot be used")),
+            None => DMatrix::zeros(0, 0),
+            Some(_) => return Err(format!("the table {WARMTH} cannot be used")),
         };
         let whole = warmth.get_mut((0, 0)).map_or(0.0, std::mem::take);
         let origins: V3 = input.controls.iter().map(|control| control.origin).sum();
@@ -88,6 +91,7 @@ impl FrameForces {
             stored: 0.0,
             whole,
             burden: LoadedPotential {
+                size: 1.0,
                 share: 1.0,
                 strain: 0.0,
                 product: DVector::zeros(warmth.nrows()),
@@ -140,8 +144,10 @@ impl FrameForces {
                 }
             }
         }
-        let (strain, s) = (acting.strain(), 1.0 + acting.strain());
-        self.burden.share = if strain == 0.0 { 1.0 } else { s.recip() };
+        let strain = acting.strain();
+        self.burden.size = 1.0 + strain;
+        let strain = if self.burden.warmth.is_empty() { 0.0 } else { strain };
+        self.burden.share = if strain == 0.0 { 1.0 } else { self.burden.size.recip() };
         self.burden.strain = 0.5 * strain * (2.0 + strain);
         self.stored = 0.5 * self.burden.strain.powi(2) * self.whole * self.burden.share;
     }
@@ -204,11 +210,6 @@ fn place_in_z(surface: &ColumnsAt, node: u32, lift: &Lift, fields: usize, centre
 }
 
 impl LoadedPotential {
-    /// s.
-    pub fn size(&self) -> f64 {
-        self.share.recip()
-    }
-
     /// V and its slopes against the first of z become those with loads; how large the numbers are that make it up.
     pub fn add(&mut self, value: f64, z: &[f64], slopes: &mut [f64]) -> (f64, f64) {
         let mut total = self.share * value;

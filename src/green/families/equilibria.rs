@@ -131,6 +131,16 @@ pub struct SmallMotion {
     pub times: f64,
 }
 
+/// c at the steps of all paths, and where their motions are small.
+pub fn motions(solution: &Solution) -> DMatrix<f64> {
+    let paths = directions(solution);
+    let of = |(path, _, steps): &(Path, PathKind, &'static [f64])| {
+        let shares = std::iter::once(SMALL).chain(steps.iter().copied());
+        shares.map(|share| seen(solution, path, share).column(0).into_owned()).collect::<Vec<_>>()
+    };
+    DMatrix::from_columns(&paths.iter().flat_map(of).collect::<Vec<_>>())
+}
+
 /// The equilibria of a body; `None` where [`has_equilibria`] says no.
 pub fn equilibria(
     law: &'static Law,

@@ -4,7 +4,6 @@ mod affine;
 mod columns;
 mod compliance;
 mod compressed;
-mod cubature;
 mod cubic;
 mod equilibria;
 mod kept_factor;
@@ -12,6 +11,7 @@ mod load_forces;
 mod loads;
 mod of_effects;
 mod perturbation;
+mod pressures;
 mod reduced;
 mod screw_paths;
 mod stiffness;
@@ -27,7 +27,6 @@ pub use affine::AFFINE;
 pub(super) use affine::{column_names as names_of_fields, tensors_of as affine_tensors};
 pub use compliance::{COMPLIANCE, compliance_size};
 pub use compressed::COMPRESSED;
-pub use cubature::HEAD as CUBATURE_HEAD;
 pub use cubic::CUBIC;
 pub use equilibria::{KnownEquilibrium, PathKind, has_equilibria};
 pub use kept_factor::KEPT_FACTOR;
@@ -37,8 +36,8 @@ pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
 pub use reduced::{
-    CUBATURE, EQUILIBRIA, FIELDS_TABLE as REDUCED_FIELDS, QUARTIC, REDUCED, REDUCED_LOADS,
-    REDUCED_NEO_HOOKEAN, WARMTH,
+    EQUILIBRIA, FIELDS_TABLE as REDUCED_FIELDS, PRESSED_POINTS, QUARTIC, REDUCED, REDUCED_LOADS,
+    REDUCED_NEO_HOOKEAN, VOLUME_FORMS, WARMTH,
 };
 pub use stiffness::STIFFNESS;
 pub use substructures::SUBSTRUCTURES;

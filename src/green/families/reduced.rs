@@ -8,8 +8,10 @@
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
 //! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts are those of the energy norm.
 //!
-//! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and beside the quartic, in which
-//! λ is 2 μ at most ([`lame_of_stvk`]), `reduced/cubature`, the points at which that law's energy beyond it is summed ([`cubature`]).
+//! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and in place of the quartic
+//! `reduced/volume`, cubics of which the energy is a sum of squares ([`RestPoints::volume_forms`]), with the few
+//! [`pressures`] that the equilibria have. `reduced/points` has the fields' gradients where the equilibria are pressed most: there a
+//! body is inside out first.
 //!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
@@ -18,6 +20,8 @@
 //! x = m (z_0 (X - ō) + Σ z_k h_k)    W = Σ_i f_i · x_i:  Σ_i f_i, then Σ_i f_i ⊗ h_k(i) column by column for each z
 //! zᵀ T z = ∫ (3λ + 2μ) tr E    T_00 = 3 ∫ (3λ + 2μ)
 //! ```
+//!
+//! The cubics of a body that may be warm have one more variable instead, of the field X - ō.
 
 use super::super::bytes::Tensor;
 use super::super::error::GreenError;
@@ -29,19 +33,16 @@ use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::affine::AFFINE;
 use super::columns::{self, Names};
-use super::cubature::{self, MOST_POINTS, States};
-use super::equilibria::{Equilibria, KNOWN, MOST_UNKNOWNS, SmallMotion, equilibria, has_equilibria};
+use super::equilibria::{Equilibria, KNOWN, MOST_UNKNOWNS, equilibria, has_equilibria, motions};
 use super::loads::{answers, column_forces};
+use super::pressures::{self, MOST_PRESSURES, States, gradients, pressures};
 use super::screw_paths::{bend, lifted_order, path_count, paths, series_memory};
 use super::table;
 use crate::base::columns::ColumnGroup;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::machine;
-use crate::base::random::Random;
-use crate::fem::dense_fields::{add, beside, combined, principal, products, rows, split_columns, without};
-use crate::fem::{
-    Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix, lame_of_stvk,
-};
+use crate::fem::dense_fields::{add, beside, combined, principal, products, split_columns, without};
+use crate::fem::{CubicShape, Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix};
 use crate::scene::Body;
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
@@ -51,8 +52,9 @@ pub const REDUCED_NEO_HOOKEAN: Family = Family { name: "reduced_neo_hookean", fr
 
 /// Table of the energy's coefficients.
 pub const QUARTIC: &str = "reduced/quartic";
-/// Points of the neo-Hookean law.
-pub const CUBATURE: &str = "reduced/cubature";
+/// Cubics of the neo-Hookean law, a row for each, and gradients of the fields at some points, a column for each point.
+pub const VOLUME_FORMS: &str = "reduced/volume";
+pub const PRESSED_POINTS: &str = "reduced/points";
 /// The work of loads, 3 (1 + 3 n) × K for n numbers z; and T, n × n, of a body that may be warm.
 pub const REDUCED_LOADS: &str = "reduced/loads";
 pub const WARMTH: &str = "reduced/warmth";
@@ -82,23 +84,12 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
 pub(super) const NEO_HOOKEAN_ENTRY: FamilyEntry = FamilyEntry {
     family: REDUCED_NEO_HOOKEAN,
     suits: Some(suits_neo_hookean),
-    holds: "fields into which the body bends, and the strain energy in all fields: a quartic, and a sum over a few points",
+    holds: "fields into which the body bends, and the strain energy in all fields: squares of cubics",
     compute: Some(|assembled, solution, progress| compute(&NEO_HOOKEAN, assembled, solution, progress)),
-    check: |file, name, body| {
-        check(file, name, body)?;
-        let points = format!("{name}/{CUBATURE}");
-        let count = file.tensors.get(&points).and_then(|(_, shape, _)| shape.first().copied()).unwrap_or(0);
-        if count > MOST_POINTS {
-            return Err(format!(
-                "tensor {points} has {count} points, more than the {MOST_POINTS} of any body"
-            ));
-        }
-        let variables = 1 + Lift::new(body.controls.len()).len() + fields_in(file, name);
-        table::check(file, name, CUBATURE, [cubature::rows(variables), count]).map(|_| ())
-    },
+    check: check_neo_hookean,
     fixed_bytes: |control_elements| {
-        let points = MOST_POINTS * cubature::rows(most_variables(control_elements));
-        (ENTRY.fixed_bytes)(control_elements) + 8 * points
+        let variables = most_variables(control_elements);
+        8 * (1 + MOST_PRESSURES) * CubicShape { variables }.len() + 8 * MOST_POINTS * 9 * variables
     },
     ..ENTRY
 };
@@ -133,14 +124,10 @@ const SECOND_ORDER_PART: f64 = 0.65;
 const MISSED: f64 = 1e-5;
 const MISSED_BY_MANY: f64 = 1e-3;
 const FEW_FIELDS: usize = 48;
-/// Change of each coordinate of an equilibrium at random, ± half of this, in parts of the root of twice its energy: a hundredth of that
-/// energy in all.
-const CHANGED: f64 = 0.05;
-/// Weight of a small motion beside an equilibrium.
-const SMALL_WEIGHT: f64 = 40.0;
-/// A field that is softer than this part of the stiffest one is not strained at all but for rounding: it turns the body as a whole, or it
-/// is 0, as the stretch across a flat control element.
-const UNSTRAINED: f64 = 1e-12;
+/// Weight of a small motion beside an equilibrium where pressures are chosen.
+const SMALL_WEIGHT: f64 = 10.0;
+/// Points that a body of the neo-Hookean law watches at most: one for each state.
+const MOST_POINTS: usize = 256;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
 
@@ -178,7 +165,7 @@ fn compute(
 ) -> Result<(), GreenError> {
     let unfit = |source| GreenError::Assembly { body: assembled.place.to_owned(), source };
     let elements = solution.controls.len();
-    let mut points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
+    let points = RestPoints::new(solution.element, &solution.mesh, assembled.lame).map_err(unfit)?;
     let forces = column_forces(assembled, &solution.mesh)?;
     let expect = |what: &str, bytes: f64| {
         machine::expect(what, bytes)
@@ -207,92 +194,96 @@ fn compute(
     // In the order of the coordinates (1, y of undeformed elements, q, the other y).
     let (first, others) = split_columns(&lifted, lift.rigid);
     let all = beside(&[&first, &basis, &others]);
-    if law.name != STVK.name {
-        let count = equilibria.as_ref().map_or(0, |found| 2 * found.energies.len() + found.small.len());
-        let needed = cubature::memory(points.count(), all.columns, count);
-        expect("the points of the neo-Hookean law", needed)?;
-        let states = states(assembled, &lift, &basis, &all, equilibria.as_ref());
-        let chosen = cubature::cubature(&points, &all, &states, progress);
-        let message = format!(
-            "{} points miss {:.1e} of the {} forces beyond the quartic's in {} states",
-            chosen.table.ncols(),
-            chosen.missed,
-            law.title,
-            states.energies.len()
-        );
-        solution.notices.push(Diagnostic::new(
-            Severity::Note,
-            format!("body.{}.model", assembled.name),
-            message,
-        ));
-        solution.tables.insert(CUBATURE, chosen.table);
-        points = points.with(lame_of_stvk);
+    if law.name == STVK.name {
+        let needed = memory_of_quartic(points.nodes, elements, basis.columns);
+        expect("the energy of the model \"reduced\"", needed)?;
+        progress.begin("quartic energy", points.count() as u64);
+        let coefficients = points.quartic(&all, &|units| progress.advance(units));
+        progress.end();
+        solution.tables.insert(QUARTIC, DMatrix::from_vec(coefficients.len(), 1, coefficients));
+    } else {
+        let states = states(solution, equilibria.as_ref());
+        let needed = pressures::memory(points.count(), states.u.columns) + memory_of_forms(all.columns);
+        expect("the energy of the model \"reduced_neo_hookean\"", needed)?;
+        write_forms(assembled, solution, &points, &all, &states, progress);
     }
-    let needed = memory_of_quartic(points.nodes, elements, basis.columns);
-    expect("the energy of the model \"reduced\"", needed)?;
-    progress.begin("quartic energy", points.count() as u64);
-    let coefficients = points.quartic(&all, &|units| progress.advance(units));
-    progress.end();
     if !forces.is_empty() {
         solution.loads = assembled.body.loads().iter().map(LoadMeta::new).collect();
         let turnings =
             || solution.loads.iter().flat_map(|load| std::iter::repeat_n(load.turning, load.columns));
         let work = work_of_loads(solution, &forces, &all, turnings());
-        let warmth = turnings().any(|turning| turning == Turning::Inner).then(|| warmth(&points, &all));
+        let is_warm = law.name == STVK.name && turnings().any(|turning| turning == Turning::Inner);
+        let warmth = is_warm.then(|| warmth(&points, &all));
         solution.tables.insert(REDUCED_LOADS, work);
         solution.tables.extend(warmth.map(|warmth| (WARMTH, warmth)));
     }
-    solution.tables.insert(QUARTIC, DMatrix::from_vec(coefficients.len(), 1, coefficients));
     let fields = DMatrix::from_row_slice(3 * basis.nodes, basis.columns, &basis.data);
     solution.tables.insert(FIELDS_TABLE, fields);
     Ok(())
 }
 
-/// The equilibria as sums of all fields, each once more with the Φ changed at random, and small motions, whose energy counts as less
-/// than it is, so that they are met more nearly: what the points must serve.
-fn states(
-    assembled: &Assembled<'_>,
-    lift: &Lift,
-    basis: &NodeFields,
-    all: &NodeFields,
-    equilibria: Option<&Equilibria>,
-) -> States {
-    let energies = products(assembled.k, all, all).diagonal();
-    let sizes: Vec<f64> = rows(all).row_iter().map(|field| field.norm_squared()).collect();
-    let stiffest = energies.iter().zip(&sizes).map(|(energy, size)| energy / size).fold(0.0, f64::max);
-    let scale = |(energy, size): (&f64, &f64)| match *energy > UNSTRAINED * stiffest * size {
-        true => energy.sqrt().recip(),
-        false => 0.0,
-    };
-    let scales: Vec<f64> = energies.iter().zip(&sizes).map(scale).collect();
+/// States that the pressures must serve: the equilibria, and small motions, which count more, so that they are met more nearly.
+fn states(solution: &Solution, equilibria: Option<&Equilibria>) -> States {
     let Some(equilibria) = equilibria else {
-        return States { z: DMatrix::zeros(all.columns, 0), energies: Vec::new(), scales };
+        // Nothing is free.
+        let u = combined(&solution.fields, &motions(solution));
+        return States { weights: vec![1.0; u.columns], u };
     };
-    let q = products(assembled.k, basis, &equilibria.fields);
-    let mut random = Random::default();
-    let (mut z, mut energies) = (Vec::new(), Vec::new());
-    let mut add = |c: &DMatrix<f64>, q: &dyn Fn(usize) -> f64, energy: f64| {
-        let y = lift.columns.tr_mul(c);
-        z.extend((0..all.columns).map(|row| match row.checked_sub(lift.rigid) {
-            None => y[row],
-            Some(k) if k >= basis.columns => y[row - basis.columns],
-            Some(k) => q(k),
-        }));
-        energies.push(energy);
+    let small = &equilibria.small;
+    let count = equilibria.energies.len();
+    let c = DMatrix::from_fn(equilibria.coefficients.nrows(), count + small.len(), |row, state| match state
+        .checked_sub(count)
+    {
+        None => equilibria.coefficients[(row, state)],
+        Some(state) => small[state].coefficients[row],
+    });
+    // w of an equilibrium in its own size; that of a small motion is of second order.
+    let sizes = DMatrix::from_fn(count, count + small.len(), |field, state| {
+        let (own, size) = match state.checked_sub(count) {
+            None => (state, 1.0),
+            Some(state) => (small[state].equilibrium, small[state].times.powi(-2)),
+        };
+        if own == field { size * (2.0 * equilibria.energies[own]).sqrt() } else { 0.0 }
+    });
+    let mut u = combined(&solution.fields, &c);
+    add(&mut u, 1.0, &combined(&equilibria.fields, &sizes));
+    let weights = (0..u.columns).map(|state| if state < count { 1.0 } else { SMALL_WEIGHT });
+    States { weights: weights.collect(), u }
+}
+
+/// Leaves the cubics and the points in the solution.
+fn write_forms(
+    assembled: &Assembled<'_>,
+    solution: &mut Solution,
+    points: &RestPoints,
+    fields: &NodeFields,
+    states: &States,
+    progress: &dyn Progress,
+) {
+    progress.begin("energy of volume", points.count() as u64);
+    let chosen = pressures(points, states);
+    let is_warm = assembled.body.loads().iter().map(LoadMeta::new).any(|load| load.turning == Turning::Inner);
+    let forms = match is_warm {
+        true => {
+            let mut size = NodeFields::zeros(points.nodes, 1);
+            size.data.copy_from_slice(
+                solution.mesh.nodes.iter().flat_map(|x| x.iter().copied()).collect::<Vec<_>>().as_slice(),
+            );
+            points.volume_forms(&beside(&[fields, &size]), &chosen.weights, &|units| progress.advance(units))
+        }
+        false => points.volume_forms(fields, &chosen.weights, &|units| progress.advance(units)),
     };
-    for (at, &energy) in equilibria.energies.iter().enumerate() {
-        let (c, size) = (equilibria.coefficients.columns(at, 1).into_owned(), (2.0 * energy).sqrt());
-        let changes: Vec<f64> = (0..basis.columns).map(|_| CHANGED * random.draw()).collect();
-        add(&c, &|k| q[(k, at)] * size, energy);
-        add(&c, &|k| (q[(k, at)] + changes[k]) * size, energy);
-    }
-    for SmallMotion { coefficients, equilibrium, times } in &equilibria.small {
-        // Energy and Φ are of second order in the motion.
-        let energy = equilibria.energies[*equilibrium];
-        let size = (2.0 * energy).sqrt() / times.powi(2);
-        add(coefficients, &|k| q[(k, *equilibrium)] * size, energy / (times * SMALL_WEIGHT).powi(2));
-    }
-    States { z: DMatrix::from_vec(all.columns, energies.len(), z), energies, scales }
+    progress.end();
+    let message = format!(
+        "{} pressures miss at most {:.1e} of the energy of {} states",
+        chosen.weights.ncols(),
+        chosen.missed,
+        states.u.columns
+    );
+    solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
+    let watched = &chosen.pressed[..chosen.pressed.len().min(MOST_POINTS)];
+    solution.tables.insert(PRESSED_POINTS, gradients(points, fields, watched));
+    solution.tables.insert(VOLUME_FORMS, forms);
 }
 
 /// Bytes beside the body of the orders on all paths while the next one is solved for.
@@ -307,6 +298,11 @@ fn memory_of_quartic(nodes: usize, elements: usize, fields: usize) -> f64 {
     let lift = Lift::new(elements).len();
     let pairs = QuarticShape { variables: 1 + lift + fields }.pairs() as f64;
     24.0 * (nodes * (2 * fields + 3 * lift)) as f64 + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs
+}
+
+/// Bytes of the cubics in `fields` fields, as they are summed and as they are kept.
+fn memory_of_forms(fields: usize) -> f64 {
+    8.0 * (2 * (1 + MOST_PRESSURES) + 32) as f64 * CubicShape { variables: 2 + fields }.len() as f64
 }
 
 /// Φ from the series about rest over all nodes, orthonormal in the energy of small displacements: the fields of second order, and of
@@ -479,7 +475,7 @@ fn warmth(points: &RestPoints, fields: &NodeFields) -> DMatrix<f64> {
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     let mut tensors = table::write(body, QUARTIC);
-    for name in [CUBATURE, EQUILIBRIA, REDUCED_LOADS, WARMTH] {
+    for name in [VOLUME_FORMS, PRESSED_POINTS, EQUILIBRIA, REDUCED_LOADS, WARMTH] {
         tensors.extend(table::write(body, name));
     }
     if !body.solution.loads.is_empty() {
@@ -502,6 +498,37 @@ fn fields_in(file: &GreenFile, name: &str) -> usize {
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
+    let variables = check_fields(file, name, body)?;
+    table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1])?;
+    if body.loads.iter().any(|load| load.turning == Turning::Inner) {
+        table::check(file, name, WARMTH, [variables, variables])?;
+    }
+    Ok(())
+}
+
+fn check_neo_hookean(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
+    let variables = check_fields(file, name, body)?;
+    let is_warm = body.loads.iter().any(|load| load.turning == Turning::Inner);
+    let monomials = CubicShape { variables: variables + usize::from(is_warm) }.len();
+    let shape = |table: &str| match file.tensors.get(&format!("{name}/{table}")) {
+        Some((_, shape, _)) if shape.len() == 2 => [shape[1], shape[0]],
+        _ => [0; 2],
+    };
+    let ([forms, _], [_, points]) = (shape(VOLUME_FORMS), shape(PRESSED_POINTS));
+    if forms > 1 + MOST_PRESSURES || points > MOST_POINTS {
+        return Err(format!(
+            "tensor {name}/{VOLUME_FORMS} has {forms} forms and {name}/{PRESSED_POINTS} {points} points, more than the {} and \
+             {MOST_POINTS} of any body",
+            1 + MOST_PRESSURES
+        ));
+    }
+    table::check(file, name, VOLUME_FORMS, [forms, monomials])?;
+    table::check(file, name, PRESSED_POINTS, [9 * (variables - 1), points])?;
+    Ok(())
+}
+
+/// Checks what both laws have; returns the number of variables z.
+fn check_fields(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<usize, String> {
     let basis = format!("{name}/{}", names().basis);
     let fields = fields_in(file, name);
     if fields > MOST_FIELDS {
@@ -509,17 +536,13 @@ fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {
     }
     columns::check(file, name, &names(), fields)?;
     let variables = 1 + Lift::new(body.controls.len()).len() + fields;
-    table::check(file, name, QUARTIC, [QuarticShape { variables }.len(), 1])?;
     if !body.loads.is_empty() {
         table::check(file, name, REDUCED_LOADS, [3 * (1 + 3 * variables), body.load_columns()])?;
     }
     if let Some(known) = file.table(name, EQUILIBRIA) {
         table::check(file, name, EQUILIBRIA, [KNOWN, known.ncols()])?;
     }
-    if body.loads.iter().any(|load| load.turning == Turning::Inner) {
-        table::check(file, name, WARMTH, [variables, variables])?;
-    }
-    Ok(())
+    Ok(variables)
 }
 
 fn groups<'a>(file: &'a GreenFile, body: &str) -> Vec<ColumnGroup<'a>> {

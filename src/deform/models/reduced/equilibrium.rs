@@ -1,19 +1,15 @@
-//! The q at which a quartic V(1, y, q), with what a [`Cubature`] adds to it, is least for given y.
+//! The q at which a strain energy V(1, y, q) is least for given y.
 //!
 //! In: y. Out: q with ∂V/∂q = 0, by Newton's method from the last q, predicted along the tangent dq/dy. The factored second
 //! derivatives are kept while they serve, so that most steps cost one evaluation of the slopes; the tangent is mended by
 //! what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened until V falls (Nocedal and
 //! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). Allocates nothing.
 
-use super::cubature::Cubature;
-use super::curvature::Curvature;
-use super::quartic::Quartic;
+use super::strain_energy::StrainEnergy;
 use crate::deform::loads::LoadedPotential;
 use crate::deform::memory::Unknowns;
-use crate::fem::QuarticShape;
 use crate::solve::envelope::Envelope;
 use crate::solve::minimise::{Energy, Step, minimise};
-use nalgebra::DMatrix;
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
@@ -38,10 +34,9 @@ const USUAL_WORK: [usize; 2] = [3, 2];
 /// y beyond those of undeformed elements count as 0 below this; where loads are taken away, so does the energy of such a y.
 const NOTHING: f64 = 1e-9;
 
-/// The quartic with where it was last in equilibrium.
+/// The energy with where it was last in equilibrium.
 pub struct ReducedBody {
-    quartic: Quartic,
-    cubature: Cubature,
+    energy: StrainEnergy,
     /// An energy that counts as none, J.
     nothing: f64,
     /// z = (1, coordinates y of undeformed elements, q, the other y).
@@ -49,7 +44,6 @@ pub struct ReducedBody {
     fields: usize,
     z: Vec<f64>,
     slopes: Vec<f64>,
-    second: Curvature,
     factor: Envelope,
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
     tangent: Vec<f64>,
@@ -66,43 +60,29 @@ pub struct ReducedBody {
     /// Evaluations for the last equilibrium, and whether the tangent was made in it.
     work: usize,
     is_fresh: bool,
-    /// ∂²V/∂z² over all of z at an earlier equilibrium; the factor of its part by q, if that has one; the slopes that were found with
-    /// them.
-    curvature: Curvature,
+    /// The factor of the part by q of ∂²V/∂z² at an earlier equilibrium, if that has one; the slopes that were found with it.
     beside: Envelope,
     has_beside: bool,
     slopes_beside: Vec<f64>,
 }
 
 impl ReducedBody {
-    /// The body of a quartic's coefficients, and of the table of the points beside it; `None` where they are not those of that number of
-    /// coordinates.
-    pub fn new(
-        rigid: usize,
-        others: usize,
-        fields: usize,
-        coefficients: &[f64],
-        points: Option<&DMatrix<f64>>,
-    ) -> Option<ReducedBody> {
+    /// The body of an energy of (1, `rigid` y, `fields` q, `others` y).
+    pub fn new([rigid, fields, others]: [usize; 3], energy: StrainEnergy) -> ReducedBody {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
         z[0] = 1.0;
-        let shape = QuarticShape { variables: n };
-        let of_unit = |k: usize| coefficients.get(shape.at([0, 0, k, k])).copied().unwrap_or(0.0);
-        let stiffest = (1..n).map(of_unit).fold(0.0, f64::max);
+        let stiffest = (1..n).map(|k| energy.stiffness(k)).fold(0.0, f64::max);
         let factor = Envelope::square(fields);
-        Some(ReducedBody {
+        ReducedBody {
             nothing: NOTHING * NOTHING * stiffest,
-            quartic: Quartic::new(n, coefficients)?,
-            cubature: Cubature::new(n, points)?,
+            energy,
             rigid,
             fields,
             before: z.clone(),
             trial: z.clone(),
             z,
             slopes: vec![0.0; n],
-            second: Curvature::new(n),
-            curvature: Curvature::new(n),
             beside: factor.clone(),
             has_beside: false,
             slopes_beside: vec![0.0; n],
@@ -115,12 +95,12 @@ impl ReducedBody {
             missed: vec![0.0; fields],
             work: 0,
             is_fresh: false,
-        })
+        }
     }
 
     /// Whether the last equilibrium left little time for slopes near it.
     pub fn was_long(&self) -> bool {
-        self.work > USUAL_WORK[usize::from(!self.is_prepared())]
+        self.work > USUAL_WORK[usize::from(!self.energy.is_prepared())]
     }
 
     /// q, as it was last found.
@@ -130,7 +110,7 @@ impl ReducedBody {
 
     /// Whether it is inside out where the points are at which its law is summed.
     pub fn is_inverted(&self) -> bool {
-        self.cubature.is_inverted(&self.z)
+        self.energy.is_inverted(&self.z)
     }
 
     /// Index of the k-th y in z.
@@ -210,11 +190,10 @@ impl ReducedBody {
         } else {
             self.change.fill(0.0);
         }
-        self.quartic.slopes_beyond(&self.z, active, &mut self.slopes[active..]);
+        self.energy.slopes_beyond(&self.z, active, &mut self.slopes[active..]);
         if let Some(burden) = burden {
             burden.add_beyond(&self.z, active, &mut self.slopes[active..]);
         }
-        self.cubature.add_beyond(active, &mut self.slopes[active..]);
         found
     }
 
@@ -224,16 +203,15 @@ impl ReducedBody {
         if anew {
             self.forget_beside();
         }
-        if self.is_prepared() {
+        if self.energy.is_prepared() {
             return true;
         }
         self.has_beside = false;
-        if !self.curvature.prepare(&self.quartic, &self.z) || !self.cubature.prepare(&self.curvature.z) {
+        if !self.energy.prepare(&self.z) {
             return false;
         }
-        self.cubature.add_prepared(self.z.len(), &mut self.curvature.second);
         let (n, q, fields) = (self.z.len(), 1 + self.rigid, self.fields);
-        let second = &self.curvature.second;
+        let second = self.energy.prepared();
         for i in 0..fields {
             self.beside.set(i, 0, &second[(q + i) * n + q..][..fields]);
         }
@@ -250,13 +228,8 @@ impl ReducedBody {
         true
     }
 
-    fn is_prepared(&self) -> bool {
-        self.curvature.is_made() && self.cubature.is_prepared()
-    }
-
     fn forget_beside(&mut self) {
-        self.curvature.forget();
-        self.cubature.forget();
+        self.energy.forget();
     }
 
     /// Finds the slopes by y a little beside that which was settled last, to first order of the way there: q follows y along
@@ -273,13 +246,14 @@ impl ReducedBody {
             self.trial[at] = y - self.z[at];
         }
         let added = dot(&self.slopes, &self.trial);
+        let second = self.energy.prepared();
         for (i, step) in self.step.iter_mut().enumerate() {
-            *step = -dot(&self.curvature.second[(q + i) * n..][..n], &self.trial);
+            *step = -dot(&second[(q + i) * n..][..n], &self.trial);
         }
         self.beside.solve(&mut self.step);
         self.trial[q..q + fields].copy_from_slice(&self.step);
         for (at, slope) in self.slopes_beside.iter_mut().enumerate() {
-            *slope = self.slopes[at] + dot(&self.curvature.second[at * n..][..n], &self.trial);
+            *slope = self.slopes[at] + dot(&second[at * n..][..n], &self.trial);
         }
         Some(added)
     }
@@ -413,22 +387,20 @@ struct Search<'a, 'b> {
 impl Search<'_, '_> {
     /// Size of the stress-free body, in parts of that at rest.
     fn size(&self) -> f64 {
-        self.burden.as_ref().map_or(1.0, |burden| burden.size())
+        self.burden.as_ref().map_or(1.0, |burden| burden.size)
     }
 
     /// Finds the slopes at z, or where a step is tried, and V with what loads make of it.
     fn slopes(&mut self, is_tried: bool) -> (f64, f64) {
         let size = self.size();
-        let ReducedBody { quartic, cubature, slopes, z, trial, work, .. } = &mut *self.body;
+        let ReducedBody { energy, slopes, z, trial, work, .. } = &mut *self.body;
         let (z, slopes) = (if is_tried { trial } else { z }, &mut slopes[..self.active]);
         *work += 1;
-        let value = quartic.slopes(z, self.active, slopes);
-        let (value, magnitude) = match &mut self.burden {
+        let value = energy.slopes(z, self.active, size, slopes);
+        match &mut self.burden {
             None => (value, value.abs()),
             Some(burden) => burden.add(value, z, slopes),
-        };
-        let beyond = cubature.add(z, size, slopes);
-        (value + beyond, magnitude + beyond.abs())
+        }
     }
 }
 
@@ -461,12 +433,11 @@ impl Energy for Search<'_, '_> {
             body.work += 2;
             body.is_fresh = true;
             body.active = 0;
-            body.second.make(&body.quartic, &body.z, n);
+            let second = body.energy.second(&body.z, n, size);
             if let Some(burden) = &self.burden {
-                burden.add_second(n, &mut body.second.second);
+                burden.add_second(n, second);
             }
-            body.cubature.add_second(&body.z, n, size, &mut body.second.second);
-            body.cross[..fields * n].copy_from_slice(&body.second.second[q * n..(q + fields) * n]);
+            body.cross[..fields * n].copy_from_slice(&second[q * n..(q + fields) * n]);
         }
         let own = |i: usize| &body.cross[i * n + q..][..fields];
         let largest = (0..fields).map(|i| own(i)[i].abs()).fold(0.0, f64::max);
@@ -515,6 +486,7 @@ impl Energy for Search<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::QuarticShape;
 
     /// V = (q + q² - y₀²)² + 10³ y₀² + y₁², moved and then held still but for rounding: what the search leaves of q for the next
     /// call is no slope by y₁.
@@ -535,7 +507,7 @@ mod tests {
         ] {
             coefficients[shape.at(term)] = value;
         }
-        let mut body = ReducedBody::new(2, 0, 1, &coefficients, None).unwrap();
+        let mut body = ReducedBody::new([2, 1, 0], StrainEnergy::of_quartic(4, &coefficients).unwrap());
         for k in 0..40 {
             let y = 0.3 + 1e-3 * f64::from(k);
             for still in 0..4 {

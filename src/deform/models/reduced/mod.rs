@@ -4,17 +4,18 @@
 //! In: the coefficients of the affine fields of the poses seen from the mean frame m ([`Posed`]), and the tables of the
 //! family `reduced`. Out: x = m (X + Σ c_k u_k + Φ q - ō) with ∂V/∂q = 0 for V(y, q), y = Lᵀ c, the exact energy of St.
 //! Venant–Kirchhoff's law in these fields; an upper bound of that of the mesh, exact to the fifth order for two elements. With the
-//! tables of `reduced_neo_hookean` V is that of the neo-Hookean law, as a [`cubature`] sums it.
+//! tables of `reduced_neo_hookean` V is that of the neo-Hookean law, its volume kept in the mean by few [`pressures`].
 //! Forces are the derivative of V by the poses, that of m included; q has no part in it. Loads and forces at points are forces on
 //! (y, q) and m ([`FrameForces`]), and what they do at rest is among the fields Φ.
 //!
 //! With m from [`MeanFrame`] and L from [`Lift`], a pose enters V
 //! through c, and through m, which moves with all of them; both parts of the derivative are taken.
 
-mod cubature;
 mod curvature;
 mod equilibrium;
+mod pressures;
 mod quartic;
+mod strain_energy;
 
 use crate::deform::loads::FrameForces;
 use crate::deform::memory::{ModelMemory, Unknowns};
@@ -25,11 +26,17 @@ use crate::deform::pose::frame::{ControlFrame, ControlPose, FrameSlope, PoseSlop
 use crate::deform::pose::se3::{MeanFrame, halves, inverse_left_jacobian, inverse_right_jacobian};
 use crate::fem::QuarticShape;
 use crate::field::numbers::Numbers;
-use crate::green::{AFFINE, CUBATURE, FIELDS, Lift, QUARTIC, REDUCED, REDUCED_NEO_HOOKEAN};
+use crate::green::{
+    AFFINE, FIELDS, Lift, PRESSED_POINTS, QUARTIC, REDUCED, REDUCED_NEO_HOOKEAN, VOLUME_FORMS,
+};
 pub use curvature::Curvature;
 use equilibrium::ReducedBody;
-use nalgebra::{DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
+};
+use pressures::Pressures;
 pub use quartic::Quartic;
+use strain_energy::StrainEnergy;
 
 pub const ENTRY: ModelEntry = ModelEntry {
     name: "reduced",
@@ -74,19 +81,36 @@ pub fn quartic_table(input: &ModelInput<'_>) -> Result<(Vec<f64>, usize), String
     Ok((table.as_slice().to_vec(), fields))
 }
 
+/// The energy of the neo-Hookean law, and how many fields Φ it has beside `lifted` y; the error says what is wrong with the tables.
+fn energy_of_forms(
+    input: &ModelInput<'_>,
+    forms: &DMatrix<f64>,
+    lifted: usize,
+) -> Result<(StrainEnergy, usize), String> {
+    let unfit = || format!("the tables {VOLUME_FORMS} and {PRESSED_POINTS} do not suit the body");
+    let points = (input.table)(PRESSED_POINTS).ok_or_else(unfit)?;
+    let variables = 1 + points.nrows() / 9;
+    let fields = variables.checked_sub(1 + lifted).ok_or_else(unfit)?;
+    let energy = Pressures::new(variables, forms, &points).ok_or_else(unfit)?;
+    Ok((StrainEnergy::Pressures(Box::new(energy)), fields))
+}
+
 impl Reduced {
     pub fn new(input: &ModelInput<'_>) -> Result<Reduced, String> {
-        let (coefficients, fields) = quartic_table(input)?;
         let elements = input.controls.len();
         let lift = Lift::new(elements);
-        let (rigid, points) = (lift.rigid, (input.table)(CUBATURE));
-        let body = ReducedBody::new(rigid, lift.len() - rigid, fields, &coefficients, points.as_ref());
+        let (energy, fields) = match (input.table)(VOLUME_FORMS) {
+            Some(forms) => energy_of_forms(input, &forms, lift.len())?,
+            None => {
+                let (coefficients, fields) = quartic_table(input)?;
+                let energy = StrainEnergy::of_quartic(1 + lift.len() + fields, &coefficients);
+                (energy.ok_or_else(|| format!("the table {QUARTIC} does not suit the body"))?, fields)
+            }
+        };
         Ok(Reduced {
             loads: FrameForces::from_input(input, fields)?,
             posed: Posed::new(input.controls),
-            body: body.ok_or_else(|| {
-                format!("the tables {QUARTIC} and {CUBATURE} do not suit the control elements")
-            })?,
+            body: ReducedBody::new([lift.rigid, fields, lift.len() - lift.rigid], energy),
             poses: Vec::with_capacity(elements),
             energy: 0.0,
             slopes: vec![PoseSlope::default(); elements],
