@@ -53,10 +53,10 @@ pub use derive::{Changes, derive, why_anew};
 pub use error::GreenError;
 pub use families::{
     AFFINE, COMPLIANCE, COMPRESSED, CUBIC, Compliance, EQUILIBRIA, FAMILIES, KEPT_FACTOR, KnownEquilibrium,
-    LOAD_COMPLIANCE, LOAD_FIELDS, LOAD_FORCES, LOADS, LoadForces, MOMENTS, PERTURBATION, PRESSED_POINTS,
-    PathKind, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, REDUCED_LOADS, REDUCED_NEO_HOOKEAN, SERIES,
-    STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, VOLUME_FORMS, Volume, WARMTH,
-    columns_of_effect, compliance_size, has_equilibria, is_column, nodal_forces,
+    LOAD_COMPLIANCE, LOAD_FIELDS, LOAD_FORCES, LOADS, LoadForces, MOMENTS, MOST_PRESSURES, PERTURBATION,
+    PRESSED_POINTS, PathKind, QUARTIC, RADIUS, REACTION, REDUCED, REDUCED_FIELDS, REDUCED_LOADS,
+    REDUCED_NEO_HOOKEAN, SERIES, STIFFNESS, SUBSTRUCTURES, TORQUES, Tractions, UPDATES, VOLUME, VOLUME_FORMS,
+    Volume, WARMTH, columns_of_effect, compliance_size, has_equilibria, is_column, nodal_forces,
 };
 pub use family::{Assembled, ColumnName, ColumnSource, FamilyEntry, Further};
 pub use file::{BodyMeta, ControlMeta, GreenFile, LoadMeta, Meta, Turning};

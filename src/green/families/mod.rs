@@ -35,6 +35,7 @@ pub use loads::{LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, MOMENTS, REACTION, TORQUES,
 pub(super) use loads::{column_names as names_of_loads, load_tensors};
 pub use of_effects::{columns_of_effect, is_column};
 pub use perturbation::{PERTURBATION, RADIUS, SERIES};
+pub use pressures::MOST_PRESSURES;
 pub use reduced::{
     EQUILIBRIA, FIELDS_TABLE as REDUCED_FIELDS, PRESSED_POINTS, QUARTIC, REDUCED, REDUCED_LOADS,
     REDUCED_NEO_HOOKEAN, VOLUME_FORMS, WARMTH,

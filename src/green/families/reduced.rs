@@ -88,7 +88,7 @@ pub(super) const NEO_HOOKEAN_ENTRY: FamilyEntry = FamilyEntry {
     compute: Some(|assembled, solution, progress| compute(&NEO_HOOKEAN, assembled, solution, progress)),
     check: check_neo_hookean,
     fixed_bytes: |control_elements| {
-        let variables = most_variables(control_elements);
+        let variables = 1 + Lift::new(control_elements).len() + FEW_FIELDS;
         8 * (1 + MOST_PRESSURES) * CubicShape { variables }.len() + 8 * MOST_POINTS * 9 * variables
     },
     ..ENTRY
@@ -181,7 +181,8 @@ fn compute(
     }
     let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
     if let Some(equilibria) = &equilibria {
-        basis = enriched(assembled, solution, &basis, equilibria);
+        let most = if law.name == STVK.name { most_fields(elements) } else { FEW_FIELDS };
+        basis = enriched(assembled, solution, &basis, equilibria, most);
         solution.tables.insert(EQUILIBRIA, equilibria.known.clone());
     }
     let basis = match forces.len() {
@@ -265,10 +266,8 @@ fn write_forms(
     let is_warm = assembled.body.loads().iter().map(LoadMeta::new).any(|load| load.turning == Turning::Inner);
     let forms = match is_warm {
         true => {
-            let mut size = NodeFields::zeros(points.nodes, 1);
-            size.data.copy_from_slice(
-                solution.mesh.nodes.iter().flat_map(|x| x.iter().copied()).collect::<Vec<_>>().as_slice(),
-            );
+            let data = solution.mesh.nodes.iter().flat_map(|x| x.iter().copied()).collect();
+            let size = NodeFields { nodes: points.nodes, columns: 1, data };
             points.volume_forms(&beside(&[fields, &size]), &chosen.weights, &|units| progress.advance(units))
         }
         false => points.volume_forms(fields, &chosen.weights, &|units| progress.advance(units)),
@@ -300,9 +299,9 @@ fn memory_of_quartic(nodes: usize, elements: usize, fields: usize) -> f64 {
     24.0 * (nodes * (2 * fields + 3 * lift)) as f64 + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs
 }
 
-/// Bytes of the cubics in `fields` fields, as they are summed and as they are kept.
+/// Bytes of the cubics in `fields` fields: as they are summed, together, as a tensor and in the file; and of a block of points.
 fn memory_of_forms(fields: usize) -> f64 {
-    8.0 * (2 * (1 + MOST_PRESSURES) + 32) as f64 * CubicShape { variables: 2 + fields }.len() as f64
+    8.0 * (4 * (1 + MOST_PRESSURES) + 32) as f64 * CubicShape { variables: 2 + fields }.len() as f64
 }
 
 /// Φ from the series about rest over all nodes, orthonormal in the energy of small displacements: the fields of second order, and of
@@ -343,16 +342,17 @@ fn basis(
 }
 
 /// The fields of `main`, then those that `equilibria` have beside them, until each misses less than [`MISSED`] of its energy, or with more
-/// than [`FEW_FIELDS`] less than [`MISSED_BY_MANY`], or there are as many as the time of a tick allows.
+/// than [`FEW_FIELDS`] less than [`MISSED_BY_MANY`], or there are `most`, as many as the time of a tick allows.
 fn enriched(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     main: &NodeFields,
     equilibria: &Equilibria,
+    most: usize,
 ) -> NodeFields {
     let k = assembled.k;
     let left = without(k, &equilibria.fields, main);
-    let found = principal(k, &left, most_fields(solution.controls.len()) - main.columns);
+    let found = principal(k, &left, most - main.columns);
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;

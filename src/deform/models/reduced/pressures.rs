@@ -1,13 +1,15 @@
 //! The neo-Hookean energy of a body that bends into few fields, its volume kept in the mean by few pressures.
 //!
-//! In: the forms g of the family `reduced_neo_hookean`, exact cubics in z, and z. Out, with λ = (1, g_1, … g_M),
+//! In: the forms g of the family `reduced_neo_hookean`, exact cubics in z, and z. Out
 //!
 //! ```text
-//! V = g_0 + ½ Σ_m g_m²     ∂V/∂z_i = Σ_m λ_m ∂g_m/∂z_i     ∂²V/∂z_i∂z_j = Σ_m λ_m ∂²g_m/∂z_i∂z_j + Σ_{m ≥ 1} ∂g_m/∂z_i ∂g_m/∂z_j
+//! V = g_0 + ½ Σ g_m²     ∂V/∂z_i = ∂g_0/∂z_i + Σ g_m ∂g_m/∂z_i     ∂²V/∂z_i∂z_j = ∂²g_0/∂z_i∂z_j + Σ g_m ∂²g_m/∂z_i∂z_j + Σ ∂g_m/∂z_i ∂g_m/∂z_j
 //! ```
 //!
-//! V is never below a bound: g_0 falls without one as ∫ μ (1 - J) alone, and that is a multiple of g_1. A coefficient of all forms
-//! stands side by side, and is read once for the values and slopes, once more for second derivatives.
+//! V is never below a bound: g_0 falls without one as ∫ μ (1 - J) alone, and that is a multiple of g_1. The coefficients of all g_m for
+//! one monomial stand side by side; they are read once for values and slopes, once more for second derivatives. They are kept in
+//! single precision, for most of the time is that of reading them: where strains are of the order ε, V is as exact as 10⁻⁷/ε. g_0, in which
+//! terms of the order 1 leave one of ε², keeps double precision.
 //!
 //! A body that warmth makes s times as large has s³ V(z/s), where its last z is 1/s - 1: the field X, by which F/s - I is more than the
 //! sum of the others. Allocates nothing once it is made.
@@ -15,28 +17,39 @@
 use super::quartic::SIDE;
 use crate::base::lanes::{self, Kernel, fused64};
 use crate::fem::CubicShape;
+use crate::green::MOST_PRESSURES;
 use nalgebra::{DMatrix, Matrix3};
 
 /// Parts in which second derivatives are made for the force loop.
 const PARTS: usize = 6;
 /// Entries of a gradient.
 const ENTRIES: usize = 9;
+/// Lanes of the most pressures.
+const MOST_LANES: usize = MOST_PRESSURES.div_ceil(SIDE);
 
-/// [`SIDE`] forms.
+/// Coefficients of [`SIDE`] forms, and numbers of as many.
+type Coefficients = [f32; SIDE];
 type Lane = [f64; SIDE];
 
 pub struct Pressures {
     /// Numbers z without that of warmth.
     variables: usize,
-    /// Coefficients, `lanes` for each monomial in the order of [`CubicShape`].
-    coefficients: Vec<Lane>,
-    lanes: usize,
+    tables: Tables,
     here: Forms,
     /// For Newton's method, and those that are prepared in parts.
     newton: Second,
     second: Second,
     /// Gradients of the fields at the points that are pressed most, entry by entry, `variables - 1` numbers each.
     points: Vec<f64>,
+}
+
+/// Coefficients in the order of [`CubicShape`].
+struct Tables {
+    /// Of g_0.
+    first: Vec<f64>,
+    /// Of the others, `lanes` for each monomial.
+    others: Vec<Coefficients>,
+    lanes: usize,
 }
 
 /// The forms at one z.
@@ -47,10 +60,11 @@ struct Forms {
     size: f64,
     /// Numbers z that may be other than 0.
     active: usize,
-    /// g; with 1 in place of g_0, and 0 behind g_M, λ.
+    /// g_0 and ∂g_0/∂z_i.
+    first: f64,
+    first_slopes: Vec<f64>,
+    /// g_m, and 0 behind g_M; ∂g_m/∂z_i, as many for each i.
     values: Vec<Lane>,
-    factors: Vec<Lane>,
-    /// ∂g/∂z_i, `lanes` for each.
     slopes: Vec<Lane>,
     sums: Vec<Lane>,
 }
@@ -60,6 +74,7 @@ struct Second {
     forms: Forms,
     /// Row by row of `variables` numbers and that of warmth, below the diagonal and on it.
     sums: Vec<f64>,
+    row: Vec<f64>,
     /// ∂²V/∂z² of the last that were made, row by row.
     made: Vec<f64>,
     /// The next c; `None` before the first.
@@ -75,48 +90,52 @@ impl Pressures {
         if forms.nrows() == 0 || points.nrows() != ENTRIES * (variables - 1) {
             return None;
         }
-        let lanes = forms.nrows().div_ceil(SIDE);
-        let mut coefficients = vec![[0.0; SIDE]; lanes * forms.ncols()];
-        for (own, column) in coefficients.chunks_exact_mut(lanes).zip(forms.column_iter()) {
-            for (lane, forms) in own.iter_mut().zip(column.as_slice().chunks(SIDE)) {
-                lane[..forms.len()].copy_from_slice(forms);
+        let lanes = (forms.nrows() - 1).div_ceil(SIDE).max(1);
+        if lanes > MOST_LANES {
+            return None;
+        }
+        let mut others = vec![[0.0; SIDE]; lanes * forms.ncols()];
+        for (own, column) in others.chunks_exact_mut(lanes).zip(forms.column_iter()) {
+            for (to, from) in own.as_flattened_mut().iter_mut().zip(&column.as_slice()[1..]) {
+                *to = *from as f32;
             }
         }
+        let tables = Tables { first: forms.row(0).iter().copied().collect(), others, lanes };
         let none = vec![[0.0; SIDE]; lanes];
         let here = Forms {
             z: vec![0.0; all],
             size: 1.0,
             active: 0,
+            first: 0.0,
+            first_slopes: vec![0.0; all],
             values: none.clone(),
-            factors: none.clone(),
             slopes: vec![[0.0; SIDE]; lanes * all],
             sums: none,
         };
         let second = || Second {
             forms: here.clone(),
             sums: vec![0.0; all * all],
+            row: vec![0.0; all],
             made: vec![0.0; variables * variables],
             next: None,
         };
         let (newton, second) = (second(), second());
         let points = points.as_slice().to_vec();
-        Some(Pressures { variables, coefficients, lanes, here, newton, second, points })
+        Some(Pressures { variables, tables, here, newton, second, points })
     }
 
     /// ½ ∂²V/∂z_k² at rest.
     pub fn stiffness(&self, k: usize) -> f64 {
-        let at = |monomial| {
-            &self.coefficients[CubicShape { variables: self.variables }.at(monomial) * self.lanes..]
-                [..self.lanes]
-        };
-        let linear = at([0, 0, k]).as_flattened();
-        at([0, k, k])[0][0] + 0.5 * linear.iter().map(|slope| slope * slope).sum::<f64>()
+        let (shape, Tables { first, others, lanes }) =
+            (CubicShape { variables: self.variables }, &self.tables);
+        let linear = others[shape.at([0, 0, k]) * lanes..][..*lanes].as_flattened();
+        first[shape.at([0, k, k])] + 0.5 * linear.iter().map(|slope| f64::from(slope * slope)).sum::<f64>()
     }
 
     /// V, and its slopes against the first `active` of z; the others of z must be 0.
     pub fn slopes(&mut self, z: &[f64], active: usize, size: f64, slopes: &mut [f64]) -> f64 {
         self.here.take(z, active, size);
-        lanes::run(Evaluate { coefficients: &self.coefficients, forms: &mut self.here });
+        self.here.evaluate(&self.tables);
         for (k, slope) in slopes.iter_mut().enumerate().take(active) {
             *slope = self.here.slope(k);
         }
@@ -126,11 +145,7 @@ impl Pressures {
     /// The slopes against the z behind the first `active`, where [`Pressures::slopes`] was asked last.
     pub fn slopes_beyond(&mut self, active: usize, slopes: &mut [f64]) {
         if self.here.active == active {
-            lanes::run(Beyond {
-                coefficients: &self.coefficients,
-                forms: &mut self.here,
-                until: self.variables,
-            });
+            lanes::run(Beyond { tables: &self.tables, forms: &mut self.here, until: self.variables });
         }
         for (k, slope) in (active..).zip(slopes) {
             *slope = self.here.slope(k);
@@ -139,19 +154,22 @@ impl Pressures {
 
     /// The second derivatives against the first `active` of z, row by row.
     pub fn second(&mut self, z: &[f64], active: usize, size: f64) -> &mut [f64] {
-        self.newton.begin(&self.coefficients, z, active, size);
-        self.newton.go_on(&self.coefficients, usize::MAX);
+        match self.here.is_at(z, active, size) {
+            true => self.newton.begin_at(&self.here),
+            false => self.newton.begin(&self.tables, z, active, size),
+        }
+        self.newton.go_on(&self.tables, usize::MAX);
         self.newton.finish(active)
     }
 
     /// Does the next part of the second derivatives against all of z, where no warmth acts; true when all are made.
     pub fn prepare(&mut self, z: &[f64]) -> bool {
         match self.second.next {
-            None => self.second.begin(&self.coefficients, z, self.variables, 1.0),
+            None => self.second.begin(&self.tables, z, self.variables, 1.0),
             Some(_) if self.is_prepared() => return true,
             Some(_) => {
                 let count = CubicShape { variables: self.variables }.len();
-                self.second.go_on(&self.coefficients, count.div_ceil(PARTS));
+                self.second.go_on(&self.tables, count.div_ceil(PARTS));
                 if self.is_prepared() {
                     self.second.finish(self.variables);
                 }
@@ -201,16 +219,36 @@ impl Forms {
         }
     }
 
+    /// Whether they are known there.
+    fn is_at(&self, z: &[f64], active: usize, size: f64) -> bool {
+        let is_same = self.active == active && size == 1.0 && self.size == 1.0;
+        is_same && self.z[1..active] == z[1..active]
+    }
+
+    fn evaluate(&mut self, tables: &Tables) {
+        match tables.lanes {
+            1 => lanes::run(Evaluate::<1> { tables, forms: self }),
+            2 => lanes::run(Evaluate::<2> { tables, forms: self }),
+            3 => lanes::run(Evaluate::<3> { tables, forms: self }),
+            4 => lanes::run(Evaluate::<4> { tables, forms: self }),
+            _ => lanes::run(Evaluate::<MOST_LANES> { tables, forms: self }),
+        }
+    }
+
     fn energy(&self) -> f64 {
-        let values = self.values.as_flattened();
-        let squares: f64 = values[1..].iter().map(|g| g * g).sum();
-        self.size.powi(3) * (values[0] + 0.5 * squares)
+        let squares: f64 = self.values.as_flattened().iter().map(|g| g * g).sum();
+        self.size.powi(3) * (self.first + 0.5 * squares)
     }
 
     fn slope(&self, k: usize) -> f64 {
-        let own = self.slopes[k * self.factors.len()..][..self.factors.len()].as_flattened();
-        self.size.powi(2)
-            * own.iter().zip(self.factors.as_flattened()).map(|(slope, factor)| slope * factor).sum::<f64>()
+        let others = self.slopes_by(k).iter().zip(self.values.as_flattened());
+        self.size.powi(2) * (self.first_slopes[k] + others.map(|(slope, g)| slope * g).sum::<f64>())
+    }
+
+    /// ∂g_m/∂z_k.
+    fn slopes_by(&self, k: usize) -> &[f64] {
+        let lanes = self.values.len();
+        self.slopes[k * lanes..(k + 1) * lanes].as_flattened()
     }
 }
 
@@ -224,50 +262,69 @@ fn add<const FUSED: bool>(by: f64, own: &[Lane], sum: &mut [Lane]) {
     }
 }
 
-/// g, ∂g/∂z and λ.
-struct Evaluate<'a> {
-    coefficients: &'a [Lane],
+/// [`add`] for coefficients.
+#[inline(always)]
+fn add_read<const FUSED: bool>(by: f64, own: &[Coefficients], sum: &mut [Lane]) {
+    for (sum, own) in sum.iter_mut().zip(own) {
+        for i in 0..SIDE {
+            sum[i] = fused64::<FUSED>(by, f64::from(own[i]), sum[i]);
+        }
+    }
+}
+
+/// g and ∂g/∂z, of `N` lanes.
+struct Evaluate<'a, const N: usize> {
+    tables: &'a Tables,
     forms: &'a mut Forms,
 }
 
-impl Kernel for Evaluate<'_> {
+impl<const N: usize> Kernel for Evaluate<'_, N> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Forms { z, active, values, factors, slopes, sums, .. } = self.forms;
-        let lanes = values.len();
-        let mut rest = self.coefficients;
+        let Forms { z, active, first, first_slopes, values, slopes, .. } = self.forms;
+        let mut rest_of_first = self.tables.first.as_slice();
+        let mut rest = self.tables.others.as_chunks::<N>().0;
+        let slopes_by = slopes.as_chunks_mut::<N>().0;
+        *first = 0.0;
+        first_slopes.fill(0.0);
         values.fill([0.0; SIDE]);
-        slopes.fill([0.0; SIDE]);
+        slopes_by.fill([[0.0; SIDE]; N]);
         for c in 0..*active {
             for b in 0..=c {
-                let row;
-                (row, rest) = rest.split_at((b + 1) * lanes);
+                let (row, of_first);
+                (of_first, rest_of_first) = rest_of_first.split_at(b + 1);
+                (row, rest) = rest.split_at(b + 1);
                 let both = z[b] * z[c];
                 // Σ w_abc z_a.
-                sums.fill([0.0; SIDE]);
-                for ((own, slopes), za) in
-                    row.chunks_exact(lanes).zip(slopes.chunks_exact_mut(lanes)).zip(&*z)
-                {
-                    for ((own, slope), sum) in own.iter().zip(slopes).zip(&mut *sums) {
+                let mut sum_of_first = 0.0;
+                for ((w, slope), za) in of_first.iter().zip(&mut *first_slopes).zip(&*z) {
+                    *slope = fused64::<FUSED>(both, *w, *slope);
+                    sum_of_first = fused64::<FUSED>(*za, *w, sum_of_first);
+                }
+                *first = fused64::<FUSED>(both, sum_of_first, *first);
+                first_slopes[b] = fused64::<FUSED>(z[c], sum_of_first, first_slopes[b]);
+                first_slopes[c] = fused64::<FUSED>(z[b], sum_of_first, first_slopes[c]);
+                let mut sums = [[0.0; SIDE]; N];
+                for ((own, slopes), za) in row.iter().zip(&mut *slopes_by).zip(&*z) {
+                    for lane in 0..N {
                         for i in 0..SIDE {
-                            slope[i] = fused64::<FUSED>(both, own[i], slope[i]);
-                            sum[i] = fused64::<FUSED>(*za, own[i], sum[i]);
+                            let w = f64::from(own[lane][i]);
+                            slopes[lane][i] = fused64::<FUSED>(both, w, slopes[lane][i]);
+                            sums[lane][i] = fused64::<FUSED>(*za, w, sums[lane][i]);
                         }
                     }
                 }
-                add::<FUSED>(both, sums, values);
-                add::<FUSED>(z[c], sums, &mut slopes[b * lanes..(b + 1) * lanes]);
-                add::<FUSED>(z[b], sums, &mut slopes[c * lanes..(c + 1) * lanes]);
+                add::<FUSED>(both, &sums, values);
+                add::<FUSED>(z[c], &sums, &mut slopes_by[b]);
+                add::<FUSED>(z[b], &sums, &mut slopes_by[c]);
             }
         }
-        factors.copy_from_slice(values);
-        factors[0][0] = 1.0;
     }
 }
 
 /// ∂g/∂z of the z that are 0, up to `until`.
 struct Beyond<'a> {
-    coefficients: &'a [Lane],
+    tables: &'a Tables,
     forms: &'a mut Forms,
     until: usize,
 }
@@ -275,77 +332,74 @@ struct Beyond<'a> {
 impl Kernel for Beyond<'_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Forms { z, active, slopes, values, sums, .. } = self.forms;
-        let lanes = values.len();
+        let Tables { first, others, lanes } = self.tables;
+        let Forms { z, active, first_slopes, slopes, sums, .. } = self.forms;
         for c in *active..self.until {
-            let first = CubicShape { variables: c }.len() * lanes;
-            let mut rest = &self.coefficients[first..];
+            let before = CubicShape { variables: c }.len();
+            let (mut rest_of_first, mut rest) = (&first[before..], &others[before * lanes..]);
             let own = &mut slopes[c * lanes..(c + 1) * lanes];
             own.fill([0.0; SIDE]);
+            let mut own_of_first = 0.0;
             for b in 0..*active {
-                let row;
+                let (row, of_first);
+                (of_first, rest_of_first) = rest_of_first.split_at(b + 1);
                 (row, rest) = rest.split_at((b + 1) * lanes);
+                own_of_first += z[b] * of_first.iter().zip(&*z).map(|(w, za)| w * za).sum::<f64>();
                 sums.fill([0.0; SIDE]);
-                for (of_a, za) in row.chunks_exact(lanes).zip(&*z) {
-                    add::<FUSED>(*za, of_a, sums);
+                for (of_a, za) in row.chunks_exact(*lanes).zip(&*z) {
+                    add_read::<FUSED>(*za, of_a, sums);
                 }
                 add::<FUSED>(z[b], sums, own);
             }
+            first_slopes[c] = own_of_first;
         }
     }
 }
 
-/// The part Σ λ ∂²g of the second derivatives.
-struct SumSecond<'a> {
-    coefficients: &'a [Lane],
+/// The part ∂²g_0 + Σ g_m ∂²g_m of the second derivatives.
+struct SumSecond<'a, const N: usize> {
+    tables: &'a Tables,
     second: &'a mut Second,
     /// Coefficients that are read, up to the end of a c.
     count: usize,
 }
 
-impl Kernel for SumSecond<'_> {
+impl<const N: usize> Kernel for SumSecond<'_, N> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Second { forms, sums, next, .. } = self.second;
-        let Forms { z, active, factors, .. } = forms;
-        let (lanes, n) = (factors.len(), z.len());
+        let Second { forms: Forms { z, active, values, .. }, sums, row, next, .. } = self.second;
+        let (n, values) = (z.len(), lanes::lanes::<N, _>(values, 0));
         let mut c = next.unwrap_or(0);
-        let mut rest = &self.coefficients[CubicShape { variables: c }.len() * lanes..];
+        let before = CubicShape { variables: c }.len();
+        let mut rest_of_first = &self.tables.first[before..];
+        let mut rest = &self.tables.others.as_chunks::<N>().0[before..];
         let mut read = 0;
         while c < *active && read < self.count {
             for b in 0..=c {
-                let row;
-                (row, rest) = rest.split_at((b + 1) * lanes);
+                let (own, of_first);
+                (of_first, rest_of_first) = rest_of_first.split_at(b + 1);
+                (own, rest) = rest.split_at(b + 1);
                 read += b + 1;
-                let mut by_a = 0.0;
-                let (of_b, of_c) = sums.split_at_mut(c * n);
-                let of_b = if b == c { None } else { Some(&mut of_b[b * n..]) };
-                let mut total = |a: usize, own: &[Lane]| {
+                // w_abc of g_0 + Σ g_m g_m with the first g_m held.
+                let whole = &mut row[..=b];
+                for ((whole, own), w) in whole.iter_mut().zip(own).zip(of_first) {
                     let mut sum = [0.0; SIDE];
-                    for (own, factor) in own.iter().zip(&*factors) {
+                    for lane in 0..N {
                         for i in 0..SIDE {
-                            sum[i] = fused64::<FUSED>(own[i], factor[i], sum[i]);
+                            sum[i] = fused64::<FUSED>(f64::from(own[lane][i]), values[lane][i], sum[i]);
                         }
                     }
-                    let whole: f64 = sum.iter().sum();
-                    by_a = fused64::<FUSED>(whole, z[a], by_a);
-                    whole
-                };
-                match of_b {
-                    Some(of_b) => {
-                        for (a, own) in row.chunks_exact(lanes).enumerate() {
-                            let whole = total(a, own);
-                            of_b[a] = fused64::<FUSED>(whole, z[c], of_b[a]);
-                            of_c[a] = fused64::<FUSED>(whole, z[b], of_c[a]);
-                        }
-                    }
-                    None => {
-                        for (a, own) in row.chunks_exact(lanes).enumerate() {
-                            of_c[a] = fused64::<FUSED>(total(a, own), z[b] + z[c], of_c[a]);
-                        }
-                    }
+                    *whole = w + sum.iter().sum::<f64>();
                 }
-                of_c[b] += by_a;
+                let (before_c, of_c) = sums.split_at_mut(c * n);
+                for (sum, whole) in of_c.iter_mut().zip(&*whole) {
+                    *sum = fused64::<FUSED>(*whole, z[b], *sum);
+                }
+                let of_b = if b == c { &mut *of_c } else { &mut before_c[b * n..] };
+                for (sum, whole) in of_b.iter_mut().zip(&*whole) {
+                    *sum = fused64::<FUSED>(*whole, z[c], *sum);
+                }
+                of_c[b] += whole.iter().zip(&*z).map(|(whole, za)| whole * za).sum::<f64>();
             }
             c += 1;
         }
@@ -354,25 +408,38 @@ impl Kernel for SumSecond<'_> {
 }
 
 impl Second {
-    fn begin(&mut self, coefficients: &[Lane], z: &[f64], active: usize, size: f64) {
+    fn begin(&mut self, tables: &Tables, z: &[f64], active: usize, size: f64) {
         self.forms.take(z, active, size);
-        lanes::run(Evaluate { coefficients, forms: &mut self.forms });
+        self.forms.evaluate(tables);
         self.sums.fill(0.0);
         self.next = Some(0);
     }
 
-    fn go_on(&mut self, coefficients: &[Lane], count: usize) {
-        lanes::run(SumSecond { coefficients, second: self, count });
+    /// Begins where the forms are known.
+    fn begin_at(&mut self, forms: &Forms) {
+        self.forms.clone_from(forms);
+        self.sums.fill(0.0);
+        self.next = Some(0);
+    }
+
+    fn go_on(&mut self, tables: &Tables, count: usize) {
+        match tables.lanes {
+            1 => lanes::run(SumSecond::<1> { tables, second: self, count }),
+            2 => lanes::run(SumSecond::<2> { tables, second: self, count }),
+            3 => lanes::run(SumSecond::<3> { tables, second: self, count }),
+            4 => lanes::run(SumSecond::<4> { tables, second: self, count }),
+            _ => lanes::run(SumSecond::<MOST_LANES> { tables, second: self, count }),
+        }
     }
 
     /// The second derivatives against the first `count` of z: what was summed, with its other half, and the products of the slopes.
     fn finish(&mut self, count: usize) -> &mut [f64] {
         let Second { forms, sums, made, .. } = self;
-        let (lanes, n) = (forms.factors.len(), forms.z.len());
-        let own = |k: usize| forms.slopes[k * lanes..(k + 1) * lanes].as_flattened();
+        let n = forms.z.len();
         for i in 0..count {
             for j in 0..=i {
-                let products: f64 = own(i)[1..].iter().zip(&own(j)[1..]).map(|(a, b)| a * b).sum();
+                let products: f64 =
+                    forms.slopes_by(i).iter().zip(forms.slopes_by(j)).map(|(a, b)| a * b).sum();
                 let sum = sums[i * n + j] * if i == j { 2.0 } else { 1.0 };
                 let whole = forms.size * (sum + products);
                 (made[i * count + j], made[j * count + i]) = (whole, whole);
@@ -394,19 +461,21 @@ mod tests {
     }
 
     fn value(body: &Pressures, z: &[f64]) -> f64 {
-        let forms = body.lanes * SIDE;
-        let mut g = vec![0.0; forms];
+        let Tables { first, others, lanes } = &body.tables;
+        let (mut g, mut first_value) = (vec![0.0; lanes * SIDE], 0.0);
         let mut at = 0;
         for c in 0..z.len() {
             for b in 0..=c {
                 for a in 0..=b {
-                    let own = body.coefficients[at * body.lanes..(at + 1) * body.lanes].as_flattened();
-                    g.iter_mut().zip(own).for_each(|(g, w)| *g += w * z[a] * z[b] * z[c]);
+                    let (own, monomial) =
+                        (others[at * lanes..(at + 1) * lanes].as_flattened(), z[a] * z[b] * z[c]);
+                    g.iter_mut().zip(own).for_each(|(g, w)| *g += f64::from(*w) * monomial);
+                    first_value += first[at] * monomial;
                     at += 1;
                 }
             }
         }
-        g[0] + 0.5 * g[1..].iter().map(|g| g * g).sum::<f64>()
+        first_value + 0.5 * g.iter().map(|g| g * g).sum::<f64>()
     }
 
     /// Values against sums over all coefficients, slopes and second derivatives against central differences; those of inactive z too, and
