@@ -88,7 +88,7 @@ pub(super) const NEO_HOOKEAN_ENTRY: FamilyEntry = FamilyEntry {
     compute: Some(|assembled, solution, progress| compute(&NEO_HOOKEAN, assembled, solution, progress)),
     check: check_neo_hookean,
     fixed_bytes: |control_elements| {
-        let variables = 1 + Lift::new(control_elements).len() + FEW_FIELDS;
+        let variables = most_variables(control_elements);
         8 * (1 + MOST_PRESSURES) * CubicShape { variables }.len() + 8 * MOST_POINTS * 9 * variables
     },
     ..ENTRY
@@ -126,6 +126,8 @@ const MISSED_BY_MANY: f64 = 1e-3;
 const FEW_FIELDS: usize = 48;
 /// Weight of a small motion beside an equilibrium where pressures are chosen.
 const SMALL_WEIGHT: f64 = 10.0;
+/// Displacement in parts of the body's length at which what a load does is a small strain.
+const LITTLE: f64 = 1e-5;
 /// Points that a body of the neo-Hookean law watches at most: one for each state.
 const MOST_POINTS: usize = 256;
 /// Paths for each coordinate of the elements' relative motion.
@@ -181,14 +183,10 @@ fn compute(
     }
     let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
     if let Some(equilibria) = &equilibria {
-        let most = if law.name == STVK.name { most_fields(elements) } else { FEW_FIELDS };
-        basis = enriched(assembled, solution, &basis, equilibria, most);
+        basis = enriched(assembled, solution, &basis, equilibria);
         solution.tables.insert(EQUILIBRIA, equilibria.known.clone());
     }
-    let basis = match forces.len() {
-        0 => basis,
-        _ => with_loads(assembled, solution, &points, &forces, basis, progress)?,
-    };
+    let (basis, loaded) = with_loads(assembled, solution, &points, &forces, basis, progress)?;
 
     let lift = Lift::new(elements);
     let lifted = combined(&solution.fields, &lift.columns);
@@ -203,7 +201,7 @@ fn compute(
         progress.end();
         solution.tables.insert(QUARTIC, DMatrix::from_vec(coefficients.len(), 1, coefficients));
     } else {
-        let states = states(solution, equilibria.as_ref());
+        let states = states(assembled, solution, equilibria.as_ref(), &loaded);
         let needed = pressures::memory(points.count(), states.u.columns) + memory_of_forms(all.columns);
         expect("the energy of the model \"reduced_neo_hookean\"", needed)?;
         write_forms(assembled, solution, &points, &all, &states, progress);
@@ -223,13 +221,20 @@ fn compute(
     Ok(())
 }
 
-/// States that the pressures must serve: the equilibria, and small motions, which count more, so that they are met more nearly.
-fn states(solution: &Solution, equilibria: Option<&Equilibria>) -> States {
+/// States that the pressures must serve: the equilibria, and small motions and what each load does at rest, which count more, so
+/// that they are met more nearly.
+fn states(
+    assembled: &Assembled<'_>,
+    solution: &Solution,
+    equilibria: Option<&Equilibria>,
+    loaded: &NodeFields,
+) -> States {
     let Some(equilibria) = equilibria else {
         // Nothing is free.
         let u = combined(&solution.fields, &motions(solution));
         return States { weights: vec![1.0; u.columns], u };
     };
+    let loaded = little(assembled, solution, loaded);
     let small = &equilibria.small;
     let count = equilibria.energies.len();
     let c = DMatrix::from_fn(equilibria.coefficients.nrows(), count + small.len(), |row, state| match state
@@ -248,8 +253,32 @@ fn states(solution: &Solution, equilibria: Option<&Equilibria>) -> States {
     });
     let mut u = combined(&solution.fields, &c);
     add(&mut u, 1.0, &combined(&equilibria.fields, &sizes));
+    let u = beside(&[&u, &loaded]);
     let weights = (0..u.columns).map(|state| if state < count { 1.0 } else { SMALL_WEIGHT });
     States { weights: weights.collect(), u }
+}
+
+/// What loads do, so little of it that it is a small strain; of warmth without the growth that needs no stress.
+fn little(assembled: &Assembled<'_>, solution: &Solution, loaded: &NodeFields) -> NodeFields {
+    let metas: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::new).collect();
+    let turnings = metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));
+    let mut little = loaded.clone();
+    for (column, turning) in (0..loaded.columns).zip(turnings) {
+        let (mut most, mut length) = (0.0_f64, 0.0_f64);
+        for (node, x) in solution.mesh.nodes.iter().enumerate() {
+            for axis in 0..3 {
+                let place = (3 * node + axis) * loaded.columns + column;
+                if turning == Turning::Inner {
+                    little.data[place] -= x[axis];
+                }
+                most = most.max(little.data[place].abs());
+                length = length.max((x[axis] - solution.mesh.nodes[0][axis]).abs());
+            }
+        }
+        let share = if most > 0.0 { LITTLE * length / most } else { 0.0 };
+        little.data.iter_mut().skip(column).step_by(loaded.columns).for_each(|u| *u *= share);
+    }
+    little
 }
 
 /// Leaves the cubics and the points in the solution.
@@ -342,17 +371,16 @@ fn basis(
 }
 
 /// The fields of `main`, then those that `equilibria` have beside them, until each misses less than [`MISSED`] of its energy, or with more
-/// than [`FEW_FIELDS`] less than [`MISSED_BY_MANY`], or there are `most`, as many as the time of a tick allows.
+/// than [`FEW_FIELDS`] less than [`MISSED_BY_MANY`], or there are as many as the time of a tick allows.
 fn enriched(
     assembled: &Assembled<'_>,
     solution: &mut Solution,
     main: &NodeFields,
     equilibria: &Equilibria,
-    most: usize,
 ) -> NodeFields {
     let k = assembled.k;
     let left = without(k, &equilibria.fields, main);
-    let found = principal(k, &left, most - main.columns);
+    let found = principal(k, &left, most_fields(solution.controls.len()) - main.columns);
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;
@@ -376,7 +404,7 @@ fn enriched(
     basis
 }
 
-/// Φ with what loads do: at rest, and in second order beside motions.
+/// Φ with what loads do: at rest, and in second order beside motions. Then that at rest, a column for each.
 fn with_loads(
     assembled: &Assembled<'_>,
     solution: &Solution,
@@ -384,14 +412,14 @@ fn with_loads(
     forces: &[Vec<Vector3<f64>>],
     basis: NodeFields,
     progress: &dyn Progress,
-) -> Result<NodeFields, GreenError> {
-    if assembled.partition.free.is_empty() {
-        return Ok(basis);
+) -> Result<(NodeFields, NodeFields), GreenError> {
+    if assembled.partition.free.is_empty() || forces.is_empty() {
+        return Ok((basis, NodeFields::zeros(points.nodes, 0)));
     }
     progress.begin("fields of loads", 0);
     let k = assembled.k;
-    let [_, own] = answers(assembled, points.nodes, forces, progress)?;
-    let own = of_unit_energy(k, &own);
+    let [_, at_rest] = answers(assembled, points.nodes, forces, progress)?;
+    let own = of_unit_energy(k, &at_rest);
     let first = principal(k, &without(k, &own, &basis), forces.len());
     let whole = beside(&[&basis, &first]);
     // Each motion with a mixture of all loads of the same energy, then each load alone and with each other one.
@@ -417,7 +445,7 @@ fn with_loads(
     let second = bend(assembled, points, std::slice::from_ref(&paths), progress)?;
     let second = principal(k, &without(k, &second, &whole), forces.len());
     progress.end();
-    Ok(beside(&[&whole, &second]))
+    Ok((beside(&[&whole, &second]), at_rest))
 }
 
 /// Each field with an energy of ½, so that none counts for its unit.
