@@ -52,7 +52,7 @@ pub use models::{MODELS, find_model, make_model, model_of, volume_model_of};
 pub use path::{BodyPath, Doubt};
 pub use pose::follow::{CATCH_UP, FollowedTurn, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use pose::frame::{
-    ControlFrame, ControlPose, ControlPoses, FrameSlope, PoseSlope, Wrench, axial, unwrapped,
+    ControlFrame, ControlPose, ControlPoses, FrameSlope, PoseSlope, Wrench, axial, same_side, unwrapped,
 };
 pub use pose::screw::{Screw, Way};
 pub use pose::se3;

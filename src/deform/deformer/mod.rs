@@ -441,6 +441,12 @@ impl Deformer {
             }
         }
     }
+
+    /// Lets another model of this body go on from where its own is, and wait as long.
+    pub fn lend(&self, to: &mut dyn DeformationModel) -> Result<(), String> {
+        to.be_patient(self.patience);
+        to.set_memory(&self.model.memory())
+    }
 }
 
 /// u + v.

@@ -21,11 +21,10 @@ pub enum Damping {
 
 impl Damping {
     pub fn of(&self, square: f64) -> Oscillator {
-        let square = square.max(0.0);
         match *self {
             Damping::Ratio(ratio) => Oscillator::of_ratio(square, ratio),
             Damping::Rayleigh([by_mass, by_stiffness]) => {
-                Oscillator { square, decay: 0.5 * (by_mass + by_stiffness * square) }
+                Oscillator { square, decay: 0.5 * (by_mass + by_stiffness * square.max(0.0)) }
             }
         }
     }
@@ -43,9 +42,10 @@ pub struct Phase {
 pub struct StepLoads {
     /// Impulse at its beginning.
     pub impulse: DVector<f64>,
-    /// Load, and its slope in time.
+    /// Load, its slope in time, and the factor of its part that grows with the square of time.
     pub load: DVector<f64>,
     pub slope: DVector<f64>,
+    pub bend: DVector<f64>,
     /// Speed that is not damped in the middle of the step, and its rate: that with which held elements carry the body along.
     pub carried: [DVector<f64>; 2],
 }
@@ -54,12 +54,15 @@ impl StepLoads {
     pub fn none(coordinates: usize) -> StepLoads {
         let none = DVector::zeros(coordinates);
         let carried = [none.clone(), none.clone()];
-        StepLoads { impulse: none.clone(), load: none.clone(), slope: none, carried }
+        StepLoads { impulse: none.clone(), load: none.clone(), slope: none.clone(), bend: none, carried }
     }
 }
 
 /// A mode below this part of the largest λ has no static place: nothing brings it back.
 const LOOSE: f64 = 1e-12;
+
+/// Largest factor by which speeds are raised to what the balance of energy leaves for them.
+const FASTER: f64 = 1.1;
 
 /// The modes of coordinates that are coupled by mass and stiffness.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,23 +89,47 @@ impl Coupled {
             shapes *= DMatrix::identity(count, count) * 1.5 - unit * 0.5;
         }
         let amplitudes = shapes.transpose() * mass;
-        let modes = order.iter().map(|&k| damping.of(squares[k])).collect();
+        let modes = order.iter().map(|&k| damping.of(squares[k].max(0.0))).collect();
         Coupled { modes, shapes, amplitudes }
+    }
+
+    /// The modes of the same coordinates and masses under another K, which need not be definite.
+    pub fn with_stiffness(&self, stiffness: &DMatrix<f64>, damping: Damping) -> Coupled {
+        let seen = self.shapes.tr_mul(&(stiffness * &self.shapes));
+        let (squares, vectors) = eigen((&seen + seen.transpose()) * 0.5);
+        let modes = squares.iter().map(|square| damping.of(*square)).collect();
+        Coupled { modes, shapes: &self.shapes * &vectors, amplitudes: vectors.tr_mul(&self.amplitudes) }
     }
 
     /// The state after a step of `dt_s`.
     pub fn advanced(&self, from: &Phase, loads: &StepLoads, dt_s: f64) -> Phase {
         let force = |force: &DVector<f64>| self.shapes.tr_mul(force);
         let (mut x, mut v) = (&self.amplitudes * &from.place, &self.amplitudes * &from.speed);
-        let (impulse, load, slope) = (force(&loads.impulse), force(&loads.load), force(&loads.slope));
+        let (impulse, load) = (force(&loads.impulse), force(&loads.load));
+        let (slope, bend) = (force(&loads.slope), force(&loads.bend));
         let [carried, rate] = loads.carried.each_ref().map(|speed| &self.amplitudes * speed);
         for (k, mode) in self.modes.iter().enumerate() {
             let damping = 2.0 * mode.decay;
-            let load =
-                [load[k] + damping * (carried[k] - 0.5 * dt_s * rate[k]), slope[k] + damping * rate[k]];
+            let load = load[k] + damping * (carried[k] - 0.5 * dt_s * rate[k]);
+            let load = [load, slope[k] + damping * rate[k], bend[k]];
             [x[k], v[k]] = mode.advanced([x[k], v[k] + impulse[k]], load, dt_s);
         }
         Phase { place: &self.shapes * x, speed: &self.shapes * v }
+    }
+
+    /// The factor of the speeds after a step of `dt_s` under loads of which the potential has risen by `raised`, J, with which the
+    /// kinetic energy at the end is that at the beginning less this and what damping takes; `None` where so much is not there.
+    pub fn balance(&self, [from, to]: [&Phase; 2], loads: &StepLoads, raised: f64, dt_s: f64) -> Option<f64> {
+        let before = &self.amplitudes * &from.speed + self.shapes.tr_mul(&loads.impulse);
+        let (after, carried) = (&self.amplitudes * &to.speed, &self.amplitudes * &loads.carried[0]);
+        let of = |k: usize| {
+            let taken = -0.5 * (-2.0 * self.modes[k].decay * dt_s).exp_m1();
+            taken * [&before, &after].map(|speed| (speed[k] - carried[k]) * speed[k]).iter().sum::<f64>()
+        };
+        let damped: f64 = (0..self.modes.len()).map(of).sum();
+        let wanted = 0.5 * before.norm_squared() - raised - damped;
+        let found = 0.5 * after.norm_squared();
+        (wanted >= 0.0).then(|| if found > 0.0 { (wanted / found).sqrt().min(FASTER) } else { 1.0 })
     }
 
     /// The speed of the static place under a load that grows with this slope: K ż = b.

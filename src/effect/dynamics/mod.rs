@@ -3,16 +3,22 @@
 //! In: offline a body with the densities of its materials, online the poses of its control elements over time. Out: modes of
 //! vibration beside the columns ([`section`]), their amplitudes in every frame, the inertial force on what a hand holds, and the
 //! poses of elements that no hand holds, where the scene releases them ([`moving`]). Each mode is stepped exactly
-//! ([`oscillator`]), together with the released elements ([`coupled`]); a body that nothing holds flies ([`flying`]).
+//! ([`oscillator`]), together with the released elements ([`coupled`]): in one step a frame ([`held_step`]) or, by the model's own
+//! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`flying`]).
 
 mod coupled;
 mod flying;
+mod forces;
 mod free_body;
+mod held_step;
 mod moving;
 mod oscillator;
 mod running;
 mod section;
 mod settings;
+mod swing;
+#[cfg(test)]
+mod swing_tests;
 mod system;
 mod tables;
 #[cfg(test)]

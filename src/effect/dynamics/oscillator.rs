@@ -1,21 +1,21 @@
-//! One mode: ẍ + 2δ ẋ + λ x = a + b t, stepped exactly by its closed form.
+//! One mode: ẍ + 2δ ẋ + λ x = a + b t + c t², stepped exactly by its closed form.
 //!
-//! In: x and ẋ, the load at the beginning of a step and its slope. Out: both at the end, for every step and every damping: the
-//! response is that of the differential equation, so that nothing can become unstable and no energy is gained or lost
-//! (L. Meirovitch, Fundamentals of Vibrations, McGraw-Hill 2001, sections 2.2 and 3.9).
+//! In: x and ẋ, and the coefficients of the load in the time since the beginning of a step. Out: both at the end, for every step and
+//! every damping: the response is that of the differential equation, so that no energy is gained or lost and a mode with λ ≥ 0 cannot
+//! become unstable; one with λ < 0 leaves its unstable place as e^(√-λ t) (L. Meirovitch, Fundamentals of Vibrations, McGraw-Hill 2001, sections 2.2 and 3.9).
 
 /// λ = ω² and δ = ζω of a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oscillator {
-    /// λ, (rad/s)²; 0 of a body that is free to move.
+    /// λ, (rad/s)²; 0 of a body that is free to move, negative about an unstable place.
     pub square: f64,
     /// δ, 1/s.
     pub decay: f64,
 }
 
-/// Responses after a time t: x to an initial displacement of 1, and x to unit loads of a delta, a step and a ramp at t = 0.
+/// Responses after a time t: x to an initial displacement of 1, and x to unit loads of a delta, a step, a ramp and a parabola at t = 0.
 ///
-/// With h the response to a delta, h' + 2δ h is that to a displacement, ∫h to a step and ∫∫h to a ramp.
+/// With h the response to a delta, h' + 2δ h is that to a displacement, ∫h to a step, ∫∫h to a ramp and 2 ∫∫∫h to a parabola.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Responses {
     /// x of x(0) = 1, and its rate.
@@ -26,6 +26,8 @@ pub struct Responses {
     pub step: [f64; 2],
     /// x of a load of t and its rate: ∫∫h, ∫h.
     pub ramp: [f64; 2],
+    /// x of a load of t² and its rate: 2 ∫∫∫h, 2 ∫∫h.
+    pub parabola: [f64; 2],
 }
 
 /// λ t² and δ t below which the power series is summed, for otherwise digits would cancel.
@@ -34,32 +36,32 @@ const SMALL: [f64; 2] = [0.1, 0.2];
 const TERMS: usize = 16;
 
 impl Oscillator {
-    /// ζ of a mode of a frequency that is not 0.
+    /// ζ of a mode of a frequency that is not 0; where λ < 0, of √-λ.
     pub fn of_ratio(square: f64, ratio: f64) -> Oscillator {
-        let square = square.max(0.0);
-        Oscillator { square, decay: ratio * square.sqrt() }
+        Oscillator { square, decay: ratio * square.abs().sqrt() }
     }
 
-    /// The state x, ẋ after `dt_s` under the load a + b t.
-    pub fn advanced(&self, [x, v]: [f64; 2], [a, b]: [f64; 2], dt_s: f64) -> [f64; 2] {
-        let Responses { displaced, pushed, step, ramp } = self.responses(dt_s);
-        [0, 1].map(|i| x * displaced[i] + v * pushed[i] + a * step[i] + b * ramp[i])
+    /// The state x, ẋ after `dt_s` under the load a + b t + c t².
+    pub fn advanced(&self, state: [f64; 2], load: [f64; 3], dt_s: f64) -> [f64; 2] {
+        self.responses(dt_s).follow(state, load)
     }
 
     pub fn responses(&self, t: f64) -> Responses {
         let Oscillator { square, decay } = *self;
-        if square * t * t < SMALL[0] {
+        if square.abs() * t * t < SMALL[0] {
             return if decay * t < SMALL[1] { self.series(t) } else { self.halved(t) };
         }
         let (cosine, sine) = self.shaken(t);
         // displaced = e^(-δt)(C + δS), h = e^(-δt) S.
         let displaced = cosine + decay * sine;
         let by_step = (1.0 - displaced) / square;
+        let by_ramp = (t - 2.0 * decay * by_step - sine) / square;
         Responses {
             displaced: [displaced, -square * sine],
             pushed: [sine, cosine - decay * sine],
             step: [by_step, sine],
-            ramp: [(t - 2.0 * decay * by_step - sine) / square, by_step],
+            ramp: [by_ramp, by_step],
+            parabola: [(t * t - 4.0 * decay * by_ramp - 2.0 * by_step) / square, 2.0 * by_ramp],
         }
     }
 
@@ -77,7 +79,7 @@ impl Oscillator {
             return (fading * cosine, fading * sine / rate);
         }
         let rate = (-beaten).sqrt();
-        // Both exponents are negative, so that none overflows; δ - rate would lose its digits.
+        // Both exponents are negative where λ is not, so that none overflows; δ - rate would lose its digits.
         let slow = (-square / (decay + rate) * t).exp();
         let fast = (-(decay + rate) * t).exp();
         (0.5 * (slow + fast), 0.5 * (slow - fast) / rate)
@@ -92,10 +94,11 @@ impl Oscillator {
             let next = (k + 1) as f64;
             c[k + 2] = (own - 2.0 * decay * next * c[k + 1] - square * c[k]) / (next * (next + 1.0));
         }
-        // y and its first three derivatives.
-        let mut y = [0.0; 4];
+        // y and its first three derivatives; its integral over t.
+        let (mut y, mut integral) = ([0.0; 4], 0.0);
         for k in (0..c.len()).rev() {
             let k_ = k as f64;
+            integral = integral * t + c[k] / (k_ + 1.0);
             let factors = [1.0, k_, k_ * (k_ - 1.0), k_ * (k_ - 1.0) * (k_ - 2.0)];
             for (order, (y, factor)) in y.iter_mut().zip(factors).enumerate() {
                 if k >= order {
@@ -109,6 +112,7 @@ impl Oscillator {
             pushed: [pushed, rate],
             step: [step, pushed],
             ramp: [ramp, step],
+            parabola: [2.0 * t * integral, 2.0 * ramp],
         }
     }
 
@@ -119,15 +123,13 @@ impl Oscillator {
             return self.creeping(t);
         }
         let half = self.responses(0.5 * t);
-        let follow = |[x, v]: [f64; 2], [a, b]: [f64; 2]| -> [f64; 2] {
-            [0, 1].map(|i| x * half.displaced[i] + v * half.pushed[i] + a * half.step[i] + b * half.ramp[i])
-        };
-        let nothing = [0.0; 2];
+        let nothing = [0.0; 3];
         Responses {
-            displaced: follow(half.displaced, nothing),
-            pushed: follow(half.pushed, nothing),
-            step: follow(half.step, [1.0, 0.0]),
-            ramp: follow(half.ramp, [0.5 * t, 1.0]),
+            displaced: half.follow(half.displaced, nothing),
+            pushed: half.follow(half.pushed, nothing),
+            step: half.follow(half.step, [1.0, 0.0, 0.0]),
+            ramp: half.follow(half.ramp, [0.5 * t, 1.0, 0.0]),
+            parabola: half.follow(half.parabola, [0.25 * t * t, t, 1.0]),
         }
     }
 
@@ -139,7 +141,16 @@ impl Oscillator {
             pushed: [soft, 0.0],
             step: [soft * t, soft],
             ramp: [0.5 * soft * t * t, soft * t],
+            parabola: [soft * t.powi(3) / 3.0, soft * t * t],
         }
+    }
+}
+
+impl Responses {
+    /// x and ẋ after the time of these responses, under the load a + b t + c t².
+    fn follow(&self, [x, v]: [f64; 2], [a, b, c]: [f64; 3]) -> [f64; 2] {
+        let Responses { displaced, pushed, step, ramp, parabola } = self;
+        [0, 1].map(|i| x * displaced[i] + v * pushed[i] + a * step[i] + b * ramp[i] + c * parabola[i])
     }
 }
 
@@ -148,10 +159,11 @@ mod tests {
     use super::*;
 
     /// Fourth-order Runge and Kutta steps, fine enough for twelve digits.
-    fn integrated(of: &Oscillator, state: [f64; 2], [a, b]: [f64; 2], t: f64) -> [f64; 2] {
+    fn integrated(of: &Oscillator, state: [f64; 2], [a, b, c]: [f64; 3], t: f64) -> [f64; 2] {
         let steps = 40_000;
         let h = t / f64::from(steps);
-        let rate = |[x, v]: [f64; 2], at: f64| [v, a + b * at - 2.0 * of.decay * v - of.square * x];
+        let rate =
+            |[x, v]: [f64; 2], at: f64| [v, a + at * (b + c * at) - 2.0 * of.decay * v - of.square * x];
         let mut s = state;
         for n in 0..steps {
             let at = f64::from(n) * h;
@@ -167,10 +179,10 @@ mod tests {
 
     #[test]
     fn every_damping_is_stepped_as_the_differential_equation() {
-        for square in [0.0, 1e-9, 0.05, 1.0, 40.0] {
+        for square in [-3.0, -0.02, 0.0, 1e-9, 0.05, 1.0, 40.0] {
             for decay in [0.0, 1e-6, 0.05, 1.0, f64::sqrt(40.0), 9.0] {
                 let of = Oscillator { square, decay };
-                let (state, load, t) = ([0.3, -1.2], [0.7, 2.0], 1.3);
+                let (state, load, t) = ([0.3, -1.2], [0.7, 2.0, -1.1], 1.3);
                 let (found, expected) = (of.advanced(state, load, t), integrated(&of, state, load, t));
                 for (found, expected) in found.iter().zip(expected) {
                     assert!((found - expected).abs() < 1e-10, "{of:?}: {found} {expected}");
@@ -184,7 +196,7 @@ mod tests {
     fn the_forms_of_the_response_agree_where_they_meet() {
         for decay in [0.0, 0.15, 0.3, 0.316, 0.317, 3.0, 400.0] {
             let of = Oscillator { square: 0.1, decay };
-            let all = |r: Responses| [r.displaced, r.pushed, r.step, r.ramp].concat();
+            let all = |r: Responses| [r.displaced, r.pushed, r.step, r.ramp, r.parabola].concat();
             let (before, after) = (all(of.responses(1.0 - 1e-9)), all(of.responses(1.0 + 1e-9)));
             for (a, b) in before.iter().zip(&after) {
                 assert!((a - b).abs() < 1e-8 * (1.0 + decay), "{decay}: {a} {b}");
@@ -198,13 +210,13 @@ mod tests {
             for decay in [0.0, 1e-3, 1e3, 1e9] {
                 for t in [0.0, 1e-9, 1e-3, 1.0, 1e6] {
                     let of = Oscillator { square, decay };
-                    let [x, v] = of.advanced([1.0, 0.0], [0.0, 0.0], t);
+                    let [x, v] = of.advanced([1.0, 0.0], [0.0; 3], t);
                     assert!(
                         x.abs() <= 1.0 + 1e-9 && v.abs() <= (1.0 + 1e-9) * square.sqrt(),
                         "{of:?} {t}: {x} {v}"
                     );
                 }
-                assert_eq!(Oscillator { square, decay }.advanced([0.2, 0.3], [1.0, 1.0], 0.0), [0.2, 0.3]);
+                assert_eq!(Oscillator { square, decay }.advanced([0.2, 0.3], [1.0; 3], 0.0), [0.2, 0.3]);
             }
         }
     }
@@ -217,7 +229,7 @@ mod tests {
         let mut state = [0.4, 1.0];
         let before = energy(state);
         for _ in 0..1_000_000 {
-            state = of.advanced(state, [0.0; 2], 0.23);
+            state = of.advanced(state, [0.0; 3], 0.23);
         }
         assert!((energy(state) / before - 1.0).abs() < 1e-9, "{:e}", energy(state) / before - 1.0);
     }

@@ -33,8 +33,9 @@ pub fn attach(
         let free = settings.free_of(&listed.scene.body[name]).map_err(|m| Failure::request(invalid(m)))?;
         let deformer = &mut world.bodies[b].deformer;
         deformer.feel();
-        let moving =
-            Moving::new(Tables::read(listed.file, name)?, settings.damping(), deformer.entry.is_linear());
+        let tables = Tables::read(listed.file, name)?;
+        let moving = Moving::new(tables, settings.damping(), deformer, free.contains(&true));
+        let moving = moving.map_err(|m| Failure::request(anyhow::anyhow!("body.{name}: {m}")))?;
         bodies.push(DynamicBody { b, free, moving });
     }
     Ok(Some(Box::new(Dynamics { bodies })))
@@ -51,8 +52,7 @@ impl DynamicBody {
             time_s: *world.graph.get(world.fields.time),
             poses: &poses,
             held: &held,
-            turn: turn(deformer),
-            slopes: deformer.slopes(),
+            deformer,
         });
     }
 }

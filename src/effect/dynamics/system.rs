@@ -1,7 +1,7 @@
 //! The coordinates z of all that nothing prescribes, for one set of released elements: their coefficients, then q.
 //!
 //! In: the tables of a body, and which elements are released. Out: the modes of z, and how z and the prescribed elements act on each
-//! other. In axes that turn a released element has three shifts and three turns, in `linear` all its fields.
+//! other, with K of the body at rest. In axes that turn a released element has three shifts and three turns, in `linear` all its fields.
 
 use super::coupled::{Coupled, Damping};
 use super::free_body::FreeBody;
