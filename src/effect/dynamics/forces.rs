@@ -57,3 +57,12 @@ impl Forces {
         }
     }
 }
+
+/// a - b, element by element.
+pub fn difference(a: &[PoseSlope], b: &[PoseSlope]) -> Vec<PoseSlope> {
+    let less = |(a, b): (&PoseSlope, &PoseSlope)| PoseSlope {
+        translation: a.translation - b.translation,
+        matrix: a.matrix - b.matrix,
+    };
+    a.iter().zip(b).map(less).collect()
+}

@@ -4,9 +4,10 @@
 //! serve [`Moving::advanced`], where one step goes through the frame, and [`swing`](super::swing), where many do.
 
 use super::coupled::{Phase, StepLoads};
+use super::forces::difference;
 use super::moving::{Motion, Moving, Now};
 use super::system::System;
-use super::tables::squared;
+use super::tables::{seen, squared};
 use crate::deform::{ControlPose, PoseSlope, axial};
 use crate::green::FIELDS;
 use nalgebra::{DVector, DVectorView, Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -38,22 +39,6 @@ impl Leg<'_> {
         let out = self.axes.to_rotation_matrix().into_inner();
         [out, out.transpose()]
     }
-}
-
-/// Twelve numbers of an element seen in other axes: T and the columns of M turned by `by`.
-pub fn seen(by: &Matrix3<f64>, numbers: &[f64]) -> [f64; FIELDS] {
-    let turned = by * Vector3::from_column_slice(&numbers[..3]);
-    let matrix = by * Matrix3::from_row_slice(&numbers[3..FIELDS]);
-    std::array::from_fn(|i| if i < 3 { turned[i] } else { matrix[(i / 3 - 1, i % 3)] })
-}
-
-/// a - b, element by element.
-pub fn difference(a: &[PoseSlope], b: &[PoseSlope]) -> Vec<PoseSlope> {
-    let less = |(a, b): (&PoseSlope, &PoseSlope)| PoseSlope {
-        translation: a.translation - b.translation,
-        matrix: a.matrix - b.matrix,
-    };
-    a.iter().zip(b).map(less).collect()
 }
 
 impl Moving {

@@ -4,12 +4,13 @@
 //! vibration beside the columns ([`section`]), their amplitudes in every frame, the inertial force on what a hand holds, and the
 //! poses of elements that no hand holds, where the scene releases them ([`moving`]). Each mode is stepped exactly
 //! ([`oscillator`]), together with the released elements ([`coupled`]): in one step a frame ([`held_step`]) or, by the model's own
-//! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`flying`]).
+//! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`free_step`]).
 
 mod coupled;
 mod flying;
 mod forces;
 mod free_body;
+mod free_step;
 mod held_step;
 mod moving;
 mod oscillator;

@@ -23,9 +23,8 @@ use super::coupled::Damping;
 #[cfg(test)]
 use super::flying::Twist;
 use super::forces::Forces;
-use super::held_step::seen;
 use super::system::System;
-use super::tables::Tables;
+use super::tables::{Tables, seen};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseCurvature, PoseSlope};
 use crate::green::FIELDS;
 use nalgebra::{SVector, UnitQuaternion};

@@ -15,7 +15,7 @@
 
 use super::settings::{NAME, Settings};
 use crate::base::machine;
-use crate::deform::Kind;
+use crate::deform::{Kind, ModelEntry, REDUCED, ROD};
 use crate::effect::entry::{Resolved, ResolvedBody};
 use crate::fem::dense_fields::{beside, rows};
 use crate::fem::{NodeFields, StiffnessMatrix, consistent_mass};
@@ -42,7 +42,7 @@ pub const FRAME: &str = "frame";
 pub const WHOLE: &str = "whole";
 
 /// Models other than `linear` in which an element that is let go from a large bend swings as it should, as the tests measure.
-pub const SWINGING: [&str; 2] = ["reduced", "rod"];
+pub const SWINGING: [&ModelEntry; 2] = [&REDUCED, &ROD];
 
 /// Solves for the modes with the body's factor, and leaves all tables in the solution.
 pub fn solve(
@@ -127,11 +127,11 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         return wrong("effect.dynamics.free", message);
     }
     if !settings.free.is_empty() && body.control.len() > 1 && !model.is_linear() {
-        if !SWINGING.contains(&model.name) {
+        if !SWINGING.contains(&model) {
             let message = format!(
                 "an element that is let go does not swing reliably in \"{}\": write model = \"{}\", or leave free out",
                 model.name,
-                SWINGING.join("\" or \"")
+                SWINGING.map(|model| model.name).join("\" or \"")
             );
             return wrong("effect.dynamics.free", message);
         }

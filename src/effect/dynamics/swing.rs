@@ -18,8 +18,8 @@
 //! the shortest leg does not balance.
 
 use super::coupled::{Coupled, Phase, StepLoads};
-use super::forces::{Felt, Forces};
-use super::held_step::{Leg, difference};
+use super::forces::{Felt, Forces, difference};
+use super::held_step::Leg;
 use super::moving::{Motion, Moving, Now};
 use super::system::System;
 use super::tables::squared;

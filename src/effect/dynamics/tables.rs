@@ -94,3 +94,10 @@ pub fn squared(spin: &Vector3<f64>) -> [f64; 9] {
     let square = cross * cross;
     std::array::from_fn(|i| square[(i / 3, i % 3)])
 }
+
+/// Twelve numbers of an element seen in other axes: T and the columns of M turned by `by`.
+pub fn seen(by: &Matrix3<f64>, numbers: &[f64]) -> [f64; FIELDS] {
+    let turned = by * Vector3::from_column_slice(&numbers[..3]);
+    let matrix = by * Matrix3::from_row_slice(&numbers[3..FIELDS]);
+    std::array::from_fn(|i| if i < 3 { turned[i] } else { matrix[(i / 3 - 1, i % 3)] })
+}

@@ -328,9 +328,9 @@ fn memory_of_quartic(nodes: usize, elements: usize, fields: usize) -> f64 {
     24.0 * (nodes * (2 * fields + 3 * lift)) as f64 + 12.5 * pairs * pairs + 8.0 * 768.0 * pairs
 }
 
-/// Bytes of the cubics in `fields` fields: as they are summed, together, as a tensor and in the file; and of a block of points.
+/// Bytes of the cubics in `fields` fields: as they are summed, together and as a tensor; and of a block of points.
 fn memory_of_forms(fields: usize) -> f64 {
-    8.0 * (4 * (1 + MOST_PRESSURES) + 32) as f64 * CubicShape { variables: 2 + fields }.len() as f64
+    8.0 * (3 * (1 + MOST_PRESSURES) + 32) as f64 * CubicShape { variables: 2 + fields }.len() as f64
 }
 
 /// Φ from the series about rest over all nodes, orthonormal in the energy of small displacements: the fields of second order, and of
