@@ -182,7 +182,7 @@ fn monomials(panel: &std::ops::Range<usize>) -> impl Iterator<Item = [usize; 3]>
 /// cof(F_b, F_c) : F_a of all monomials at one point.
 struct Determinants<'a> {
     h: &'a [Matrix3<f64>],
-    /// The same, entry by entry.
+    /// F_a of all a, entry by entry.
     entries: &'a [f64],
     panel: std::ops::Range<usize>,
     out: &'a mut [f64],
@@ -213,7 +213,7 @@ mod tests {
     use crate::fem::{Lame, NEO_HOOKEAN, TET10};
     use crate::mesh::{Block, block, quadratic};
 
-    /// With a weight for every point the forms are the energy of the law, for any fields and any z.
+    /// The forms are the energy of the law where every point has a weight of its own, for any fields and any z.
     #[test]
     fn the_forms_are_the_energy_of_the_law() {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [1, 1, 2] }).unwrap();

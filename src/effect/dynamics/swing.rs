@@ -49,7 +49,7 @@ struct Swing<'a> {
     added: Vec<PoseSlope>,
 }
 
-/// Where a leg begins.
+/// The beginning of a leg.
 struct Start {
     motion: Motion,
     felt: Felt,
@@ -292,7 +292,7 @@ impl Swing<'_> {
         None
     }
 
-    /// By how much V, V' and the energy of the modes have risen in a leg beyond the work of what is held, J; `None` where an element was
+    /// The amount by which V, V' and the energy of the modes have risen in a leg beyond the work of what is held, J; `None` where an element was
     /// put elsewhere.
     fn raised(&self, start: &Start, ended: &Motion, felt: &Felt) -> Option<f64> {
         let last = &start.motion;

@@ -26,7 +26,7 @@ const MISSED: f64 = 1e-5;
 pub struct States {
     /// A column for each.
     pub u: NodeFields,
-    /// How much each counts.
+    /// Weight of each.
     pub weights: Vec<f64>,
 }
 
@@ -36,7 +36,7 @@ pub struct Pressures {
     pub weights: DMatrix<f64>,
     /// The largest part of a state's energy that they miss.
     pub missed: f64,
-    /// For some of the states the point that is pressed most.
+    /// The points at which states are pressed most.
     pub pressed: Vec<usize>,
 }
 
@@ -83,7 +83,7 @@ pub fn pressures(points: &RestPoints, states: &States) -> Pressures {
     Pressures { weights: DMatrix::from_fn(roots.len(), modes.len(), of), missed: most(&left), pressed }
 }
 
-/// What the states do at the points.
+/// Dilatations and energies of the states.
 struct Dilatations {
     /// √(vol κ) of each point.
     roots: Vec<f64>,
@@ -145,7 +145,7 @@ mod tests {
     use crate::fem::{Lame, TET10};
     use crate::mesh::{Block, block, quadratic};
 
-    /// They are orthonormal, and of few states they miss nothing of the energy of volume.
+    /// Pressures are orthonormal, and of few states they miss nothing of the energy of volume.
     #[test]
     fn few_states_have_the_energy_of_their_own_pressures() {
         let mesh = block(&Block { size: [1.0, 0.7, 1.3], cells: [1, 1, 2] }).unwrap();

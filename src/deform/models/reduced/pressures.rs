@@ -36,7 +36,7 @@ pub struct Pressures {
     variables: usize,
     tables: Tables,
     here: Forms,
-    /// For Newton's method, and those that are prepared in parts.
+    /// Second derivatives for Newton's method, and those that are prepared in parts.
     newton: Second,
     second: Second,
     /// Gradients of the fields at the points that are pressed most, entry by entry, `variables - 1` numbers each.
@@ -45,9 +45,9 @@ pub struct Pressures {
 
 /// Coefficients in the order of [`CubicShape`].
 struct Tables {
-    /// Of g_0.
+    /// Coefficients of g_0.
     first: Vec<f64>,
-    /// Of the others, `lanes` for each monomial.
+    /// Coefficients of the others, `lanes` for each monomial.
     others: Vec<Coefficients>,
     lanes: usize,
 }
@@ -182,7 +182,7 @@ impl Pressures {
         self.second.next.is_some_and(|next| next >= self.second.forms.active)
     }
 
-    /// What was prepared.
+    /// The second derivatives that were prepared last.
     pub fn prepared(&self) -> &[f64] {
         &self.second.made
     }

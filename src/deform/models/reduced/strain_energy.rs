@@ -13,7 +13,7 @@ pub enum StrainEnergy {
         quartic: Box<Quartic>,
         /// ½ ∂²V/∂z_k² at rest.
         stiffness: Vec<f64>,
-        /// For Newton's method, and those that are prepared in parts.
+        /// Second derivatives for Newton's method, and those that are prepared in parts.
         newton: Box<Curvature>,
         second: Box<Curvature>,
     },
