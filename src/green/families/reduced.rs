@@ -6,12 +6,13 @@
 //! all φ_3. Of two elements the φ_2 span the 21 second derivatives of the equilibrium by their relative motion, and all are kept (J.
 //! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes); in place of φ_3 stand the
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
-//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts are those of the energy norm.
+//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts
+//! are those of the energy norm.
 //!
 //! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and in place of the quartic
 //! `reduced/volume`, cubics of which the energy is a sum of squares ([`RestPoints::volume_forms`]), with the few
-//! [`pressures`] that the equilibria have. `reduced/points` has the fields' gradients where the equilibria are pressed most: there a
-//! body is inside out first.
+//! [pressures](mod@super::pressures) that the equilibria have. `reduced/points` has the fields' gradients where the equilibria are
+//! pressed most: there a body is inside out first.
 //!
 //! A body with loads has more fields: what each column of them does at rest, and as many of the second order that motions and loads
 //! have together. `reduced/loads` then has the work of the loads, `reduced/warmth` what warmth changes of the energy:
