@@ -94,7 +94,7 @@ fn stored(file: &GreenFile) -> String {
     coarse.map(|(name, body)| format!("{name} {}\n", body.accuracy.stored())).collect()
 }
 
-/// How far the model of each body holds, where its file has equilibria with which it can be compared.
+/// The reach of each body's model, where its file has equilibria with which it can be compared.
 fn reaches(scene: &Resolved, file: &Arc<GreenFile>) -> Result<String, Failure> {
     let mut lines = String::new();
     for (name, body) in &scene.bodies {

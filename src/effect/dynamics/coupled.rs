@@ -37,7 +37,7 @@ pub struct Phase {
     pub speed: DVector<f64>,
 }
 
-/// What acts on the coordinates during a step.
+/// Loads on the coordinates during a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepLoads {
     /// Impulse at its beginning.

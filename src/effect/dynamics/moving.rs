@@ -53,7 +53,7 @@ pub struct Motion {
     pub(super) slopes: Vec<PoseSlope>,
 }
 
-/// What a step starts from.
+/// The beginning of a step.
 pub struct Now<'a> {
     pub time_s: f64,
     pub poses: &'a [ControlPose],
@@ -77,7 +77,7 @@ pub struct Moving {
     /// Whether released elements move by all fields, in axes that never turn.
     pub(super) is_linear: bool,
     pub motion: Motion,
-    /// Of a body whose elements may swing in a model whose frame turns.
+    /// Forces of a body whose elements may swing in a model whose frame turns.
     forces: Option<Forces>,
     /// The modes for the elements that were released last.
     system: Option<System>,

@@ -42,7 +42,7 @@ fn released(file: &Arc<GreenFile>, model: &str, damping: f64, angle: f64) -> Rig
     rig
 }
 
-/// What a tip does in its first swing.
+/// The first swing of a tip.
 #[derive(Debug)]
 struct Swung {
     /// Time at which it first comes through the middle, s, and its farthest place on the other side, m.
@@ -77,7 +77,7 @@ fn of_tip(file: &GreenFile) -> (Tables, System, DMatrix<f64>) {
     (tables, system, mass)
 }
 
-/// The same motion by Verlet's explicit steps, without a mode, a frame or a second derivative: time through the middle and farthest place.
+/// Integrates the same motion by Verlet's explicit steps, without a mode, a frame or a second derivative: time through the middle and farthest place.
 fn by_small_steps(file: &Arc<GreenFile>, model: &str, angle: f64, dt_s: f64) -> [f64; 2] {
     let rig = released(file, model, 0.0, angle);
     let mut of = rig.deformer.another_model().unwrap();
@@ -136,7 +136,7 @@ fn a_strip_let_go_from_a_bend_swings_and_comes_to_rest() {
                 (0..260).for_each(|_| rig.frame(1.0 / hertz, &[REST, None]));
                 let off = rig.tip().norm() / 0.3;
                 println!("{model}: at rest but for {off:.1e}");
-                assert!(off < 1e-3, "{model}: {off:e}");
+                assert!(off < 4e-4, "{model}: {off:e}");
             }
             first
         });
@@ -159,7 +159,7 @@ fn a_swing_is_that_of_newtons_law_in_small_steps() {
     }
 }
 
-/// What legs lose is less than a tenth of what the damping ratio of a body that asks for none takes, 0.01: e^(-2ζωt) of the energy.
+/// Legs lose less than a tenth of what the damping ratio of a body that asks for none takes, 0.01: e^(-2ζωt) of the energy.
 #[test]
 fn an_undamped_strip_keeps_its_energy() {
     for (model, degrees, frames) in [("rotation", 2.0_f64, 10_000), ("rod", 60.0, 1000)] {

@@ -20,7 +20,7 @@ pub struct System {
     /// On all coordinates ([`Tables::centrifugal`]).
     pub centrifugal: DMatrix<f64>,
     pub coupled: Coupled,
-    /// Where nothing holds the body, and its elements are rigid.
+    /// The split of a body that nothing holds and whose elements are rigid.
     pub whole: Option<FreeBody>,
 }
 

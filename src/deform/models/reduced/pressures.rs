@@ -225,6 +225,15 @@ impl Forms {
         is_same && self.z[1..active] == z[1..active]
     }
 
+    /// Takes over another's numbers, without memory of its own as `clone_from` would take.
+    fn copy_from(&mut self, other: &Forms) {
+        (self.size, self.active, self.first) = (other.size, other.active, other.first);
+        self.z.copy_from_slice(&other.z);
+        self.first_slopes.copy_from_slice(&other.first_slopes);
+        self.values.copy_from_slice(&other.values);
+        self.slopes.copy_from_slice(&other.slopes);
+    }
+
     fn evaluate(&mut self, tables: &Tables) {
         match tables.lanes {
             1 => lanes::run(Evaluate::<1> { tables, forms: self }),
@@ -417,7 +426,7 @@ impl Second {
 
     /// Begins where the forms are known.
     fn begin_at(&mut self, forms: &Forms) {
-        self.forms.clone_from(forms);
+        self.forms.copy_from(forms);
         self.sums.fill(0.0);
         self.next = Some(0);
     }
