@@ -66,7 +66,7 @@ pub struct RandomBody {
 
 /// Models of which errors to expect are measured.
 const MODELS: [&str; 7] =
-    ["rotation", "reduced", "rotation", "reduced", "substructured", "linear", "perturbation"];
+    ["rotation", "reduced", "reduced_neo_hookean", "reduced", "substructured", "linear", "perturbation"];
 
 /// Names of the control elements.
 pub const CONTROLS: [&str; 2] = ["low", "high"];

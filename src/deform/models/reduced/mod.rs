@@ -11,6 +11,7 @@
 //! With m from [`MeanFrame`] and L from [`Lift`], a pose enters V
 //! through c, and through m, which moves with all of them; both parts of the derivative are taken.
 
+mod cubics;
 mod curvature;
 mod equilibrium;
 mod pressures;
@@ -36,7 +37,7 @@ use nalgebra::{
 };
 use pressures::Pressures;
 pub use quartic::Quartic;
-use strain_energy::StrainEnergy;
+use strain_energy::{QuarticEnergy, StrainEnergy};
 
 pub const ENTRY: ModelEntry = ModelEntry {
     name: "reduced",
@@ -86,25 +87,26 @@ fn energy_of_forms(
     input: &ModelInput<'_>,
     forms: &DMatrix<f64>,
     lifted: usize,
-) -> Result<(StrainEnergy, usize), String> {
+) -> Result<(Box<dyn StrainEnergy>, usize), String> {
     let unfit = || format!("the tables {VOLUME_FORMS} and {PRESSED_POINTS} do not suit the body");
     let points = (input.table)(PRESSED_POINTS).ok_or_else(unfit)?;
     let variables = 1 + points.nrows() / 9;
     let fields = variables.checked_sub(1 + lifted).ok_or_else(unfit)?;
     let energy = Pressures::new(variables, forms, &points).ok_or_else(unfit)?;
-    Ok((StrainEnergy::Pressures(Box::new(energy)), fields))
+    Ok((Box::new(energy), fields))
 }
 
 impl Reduced {
     pub fn new(input: &ModelInput<'_>) -> Result<Reduced, String> {
         let elements = input.controls.len();
         let lift = Lift::new(elements);
-        let (energy, fields) = match (input.table)(VOLUME_FORMS) {
+        let (energy, fields): (Box<dyn StrainEnergy>, usize) = match (input.table)(VOLUME_FORMS) {
             Some(forms) => energy_of_forms(input, &forms, lift.len())?,
             None => {
                 let (coefficients, fields) = quartic_table(input)?;
-                let energy = StrainEnergy::of_quartic(1 + lift.len() + fields, &coefficients);
-                (energy.ok_or_else(|| format!("the table {QUARTIC} does not suit the body"))?, fields)
+                let energy = QuarticEnergy::new(1 + lift.len() + fields, &coefficients)
+                    .ok_or_else(|| format!("the table {QUARTIC} does not suit the body"))?;
+                (Box::new(energy), fields)
             }
         };
         Ok(Reduced {
