@@ -212,7 +212,7 @@ mod tests {
             };
             let mut slopes = vec![0.0; n];
             let found = body.slopes(&z, active, size, &mut slopes[..active]);
-            body.slopes_beyond(active, &mut slopes[active..]);
+            body.slopes_beyond(&z, active, &mut slopes[active..]);
             assert!((found - of(&body, &z)).abs() < 1e-12 * found.abs(), "{found} {}", of(&body, &z));
             let second = body.second(&z, active, size).to_vec();
             let moved = |i: usize, by: f64| {
