@@ -44,7 +44,7 @@ pub use models::helicoidal::{CubicForm, Helicoidal};
 pub use models::linear::ENTRY as LINEAR;
 pub use models::perturbation::ENTRY as PERTURBED;
 pub use models::plate::ENTRY as PLATE;
-pub use models::reduced::{ENTRY as REDUCED, Reduced};
+pub use models::reduced::{ENTRY as REDUCED, NEO_HOOKEAN_ENTRY as REDUCED_NEO_HOOKEAN, Reduced};
 pub use models::rod::ENTRY as ROD;
 pub use models::rotation::{ENTRY as ROTATION, Rotation, mean_rotation};
 pub use models::substructured::ENTRY as SUBSTRUCTURED;

@@ -29,6 +29,15 @@ pub fn scene(text: &str) -> Scene {
     Scene::parse(text, &path).unwrap()
 }
 
+/// Does the same with each of these, in a thread for each.
+pub fn side_by_side<T: Sync>(all: &'static [T], each: impl Fn(&'static T) + Sync) {
+    std::thread::scope(|scope| {
+        for one in all {
+            scope.spawn(|| each(one));
+        }
+    });
+}
+
 /// A scene's text: a cube of side 1 about the origin, held at two faces.
 pub fn block_text([i, j, k]: [u32; 3], extra: &str) -> String {
     format!(

@@ -1,7 +1,7 @@
 //! Bodies come home: whatever a tracker did, a second after the hands hold still a body has the shape that they reach from rest, or
 //! is marked.
 
-use crate::common::{folder, scene};
+use crate::common::{folder, scene, side_by_side};
 use greenstage::deform::{
     ControlPose, ControlPoses, Deformer, Kind, LINEAR, MODELS, ModelEntry, PoseLimiter, find_model,
 };
@@ -221,11 +221,11 @@ fn frames_of(model: &ModelEntry) -> [usize; 2] {
 
 #[test]
 fn bodies_come_home_from_hostile_trackers() {
-    for model in MODELS {
+    side_by_side(MODELS, |model| {
         let [frames, longest] = frames_of(model);
         let [home, marked] = play(model, frames, longest);
         assert!(home > 0 && marked <= home, "{}: home {home} times, marked {marked} times", model.name);
-    }
+    });
 }
 
 /// A million frames of one model: `HOME_MODEL=rod cargo test --release --test mechanics -- --ignored a_million_frames --nocapture`

@@ -1,6 +1,6 @@
 //! A deformer that is restored from a snapshot goes on with the same bits, whatever its scratch memory held before.
 
-use crate::common::{folder, scene};
+use crate::common::{folder, scene, side_by_side};
 use greenstage::deform::{
     AppliedLoads, Bearing, ControlPose, ControlPoses, Deformer, DeformerState, MODELS, ModelEntry, PointLoad,
     Pull,
@@ -135,16 +135,12 @@ fn wildness(model: &ModelEntry) -> f64 {
 
 #[test]
 fn every_model_goes_on_from_a_snapshot_with_the_same_bits() {
-    for model in MODELS {
-        goes_on(model, false, wildness(model));
-    }
+    side_by_side(MODELS, |model| goes_on(model, false, wildness(model)));
 }
 
 #[test]
 fn loads_go_on_from_a_snapshot_with_the_same_bits() {
-    for model in MODELS {
-        goes_on(model, true, wildness(model));
-    }
+    side_by_side(MODELS, |model| goes_on(model, true, wildness(model)));
 }
 
 #[test]

@@ -15,7 +15,7 @@
 
 use super::settings::{NAME, Settings};
 use crate::base::machine;
-use crate::deform::{Kind, ModelEntry, REDUCED, ROD};
+use crate::deform::{Kind, ModelEntry, REDUCED, REDUCED_NEO_HOOKEAN, ROD};
 use crate::effect::entry::{Resolved, ResolvedBody};
 use crate::fem::dense_fields::{beside, rows};
 use crate::fem::{NodeFields, StiffnessMatrix, consistent_mass};
@@ -42,7 +42,7 @@ pub const FRAME: &str = "frame";
 pub const WHOLE: &str = "whole";
 
 /// Models other than `linear` in which an element that is let go from a large bend swings as it should, as the tests measure.
-pub const SWINGING: [&ModelEntry; 2] = [&REDUCED, &ROD];
+pub const SWINGING: [&ModelEntry; 3] = [&REDUCED, &REDUCED_NEO_HOOKEAN, &ROD];
 
 /// Solves for the modes with the body's factor, and leaves all tables in the solution.
 pub fn solve(

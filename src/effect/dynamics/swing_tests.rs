@@ -12,6 +12,7 @@ use crate::green::GreenFile;
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 fn strip(model: &str, cells: &str) -> Arc<GreenFile> {
     let text = format!(
@@ -53,7 +54,7 @@ struct Swung {
 }
 
 fn swung(rig: &mut Rig, hertz: f64, frames: usize) -> Swung {
-    let before: f64 = rig.energy().iter().sum();
+    let (before, started): (f64, Instant) = (rig.energy().iter().sum(), Instant::now());
     let (mut through_s, mut far, mut energy) = (f64::NAN, 0.0_f64, [f64::MIN, f64::MAX]);
     for _ in 0..frames {
         let (then_s, then) = (rig.time_s, rig.tip().y);
@@ -66,6 +67,7 @@ fn swung(rig: &mut Rig, hertz: f64, frames: usize) -> Swung {
         let part = rig.energy().iter().sum::<f64>() / before;
         energy = [energy[0].max(part), energy[1].min(part)];
     }
+    println!("{:.1} ms a frame", 1e3 * started.elapsed().as_secs_f64() / frames as f64);
     Swung { through_s, far, energy }
 }
 
@@ -131,8 +133,8 @@ fn a_strip_let_go_from_a_bend_swings_and_comes_to_rest() {
             let first = swung(&mut rig, hertz, (0.2 * hertz) as usize);
             println!("{model} at {hertz} fps: {first:?}");
             assert!(first.energy[0] <= 1.0 + 1e-9 && first.far < -0.1, "{model} {hertz}: {first:?}");
-            // e^(-ζωt) with ω = 21 rad/s leaves 2e-4 of the bend after 20 s; `reduced` takes long.
-            if hertz == 13.0 && model != "reduced" {
+            // e^(-ζωt) with ω = 21 rad/s leaves 2e-4 of the bend after 20 s; the reduced models take long.
+            if hertz == 13.0 && !model.contains("reduced") {
                 (0..260).for_each(|_| rig.frame(1.0 / hertz, &[REST, None]));
                 let off = rig.tip().norm() / 0.3;
                 println!("{model}: at rest but for {off:.1e}");
@@ -162,7 +164,7 @@ fn a_swing_is_that_of_newtons_law_in_small_steps() {
 /// Legs lose less than a tenth of what the damping ratio of a body that asks for none takes, 0.01: e^(-2ζωt) of the energy.
 #[test]
 fn an_undamped_strip_keeps_its_energy() {
-    for (model, degrees, frames) in [("rotation", 2.0_f64, 10_000), ("rod", 60.0, 1000)] {
+    for (model, degrees, frames) in [("rotation", 2.0_f64, 3000), ("rod", 60.0, 1000)] {
         let file = strip(model, "[8, 1, 2]");
         let mut rig = released(&file, model, 0.0, degrees.to_radians());
         let first = swung(&mut rig, 60.0, frames);

@@ -455,7 +455,7 @@ fn a_body_without_density_or_with_an_unknown_element_is_refused() {
     assert!(told.contains("is solved anew"), "{told}");
     let tip = "control.tip = { nodes = { group = \"xmax\" }, grab = \"dragger\" }";
     for (model, free, expected) in [
-        ("rotation", "\"root\"", "\"reduced\" or \"rod\""),
+        ("rotation", "\"root\"", "or \"rod\""),
         ("reduced", "\"root\", \"tip\"", "one at least must stay held"),
     ] {
         let keys = format!("model = \"{model}\"\neffect.dynamics.free = [{free}]\n{tip}");
