@@ -73,12 +73,12 @@ impl StrainEnergy for QuarticEnergy {
     }
 
     fn second(&mut self, z: &[f64], active: usize, _: f64) -> &mut [f64] {
-        self.newton.make(&mut self.quartic, z, active);
+        self.newton.make(&self.quartic, z, active);
         &mut self.newton.second[..active * active]
     }
 
     fn prepare(&mut self, z: &[f64]) -> bool {
-        self.second.prepare(&mut self.quartic, z)
+        self.second.prepare(&self.quartic, z)
     }
 
     fn is_prepared(&self) -> bool {
