@@ -124,9 +124,13 @@ impl Section {
         let slenderness = length / radius;
         let is_uniform = between - length <= SHORTER[0] * radius + SHORTER[1] * between;
         let Some(section) = stiffness_of_section.filter(|_| slenderness >= SLENDER && is_uniform) else {
+            let as_rod = match slenderness.is_finite() {
+                true => format!("it bends as a rod of {length:.3e} m, {slenderness:.1} radii of gyration"),
+                false => "no straight rod bends as it does".to_owned(),
+            };
             return Err(format!(
-                "{between:.3e} m are free between its control elements, and it bends as a rod of {length:.3e} m, \
-                 {slenderness:.1} radii of gyration. A rod needs {SLENDER}, and sections that are alike"
+                "{between:.3e} m are free between its control elements, and {as_rod}. A rod needs {SLENDER} radii of \
+                 gyration, and sections that are alike"
             ));
         };
         let ends = [middle - axis * (0.5 * length), middle + axis * (0.5 * length)];
