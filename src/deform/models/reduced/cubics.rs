@@ -144,13 +144,21 @@ impl Forms {
 
 #[inline(always)]
 fn widened(own: &Coefficients) -> Lane {
-    std::array::from_fn(|i| f64::from(own[i]))
+    let mut wide = [0.0; SIDE];
+    for i in 0..SIDE {
+        wide[i] = f64::from(own[i]);
+    }
+    wide
 }
 
 /// by · own + sum.
 #[inline(always)]
 fn added<const FUSED: bool>(by: f64, own: &Lane, sum: &Lane) -> Lane {
-    std::array::from_fn(|i| fused64::<FUSED>(by, own[i], sum[i]))
+    let mut added = *sum;
+    for i in 0..SIDE {
+        added[i] = fused64::<FUSED>(by, own[i], added[i]);
+    }
+    added
 }
 
 /// sum += by · own.
@@ -274,7 +282,9 @@ impl<const N: usize> Kernel for SumSecond<'_, N> {
                     let mut sum = [0.0; SIDE];
                     for lane in 0..N {
                         let w = widened(&own[lane]);
-                        sum = std::array::from_fn(|i| fused64::<FUSED>(w[i], values[lane][i], sum[i]));
+                        for i in 0..SIDE {
+                            sum[i] = fused64::<FUSED>(w[i], values[lane][i], sum[i]);
+                        }
                     }
                     *part = sum;
                     along = added::<FUSED>(*za, &sum, &along);
