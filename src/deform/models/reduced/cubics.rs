@@ -22,9 +22,9 @@ type Lane = [f64; SIDE];
 
 /// The coefficients.
 pub struct Cubics {
-    /// Of g_0.
+    /// Coefficients of g_0.
     pub first: Vec<f64>,
-    /// Of the others, `lanes` for each monomial.
+    /// Coefficients of the others, `lanes` for each monomial.
     others: Vec<Coefficients>,
     lanes: usize,
 }
@@ -129,7 +129,7 @@ impl Forms {
         self.first + 0.5 * self.values.as_flattened().iter().map(|g| g * g).sum::<f64>()
     }
 
-    /// Its slope against z_k.
+    /// Slope of [`Forms::energy`] against z_k.
     pub fn slope(&self, k: usize) -> f64 {
         let others = self.slopes_by(k).iter().zip(self.values.as_flattened());
         self.first_slopes[k] + others.map(|(slope, g)| slope * g).sum::<f64>()
