@@ -24,8 +24,8 @@ use std::time::Duration;
 pub struct Args {
     /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
     /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations, of the bodies of scenes that follow, or of three of its own), `bent` (whether the
-    /// force in the hand generates energy on bent bodies; takes minutes), `truth` (how often printed errors hold, on random bodies; a
-    /// minute for each on one core)
+    /// force in the hand generates energy on bent bodies; takes minutes), `truth` (how often printed errors hold, on random bodies;
+    /// minutes for each on one core)
     pub problems: Vec<String>,
     /// Number of random bodies of `truth`
     #[arg(long, default_value_t = 12, value_name = "N")]

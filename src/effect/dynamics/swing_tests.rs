@@ -122,7 +122,7 @@ fn by_small_steps(file: &Arc<GreenFile>, model: &str, angle: f64, dt_s: f64) -> 
     [through_s, far]
 }
 
-/// At 60 frames a second a picture shows the swing every 20° of its phase, so that a peak lies up to ½ (10°)² = 1.6 % beyond the highest
+/// Pictures at 60 frames a second show the swing every 20° of its phase, so that a peak lies up to ½ (10°)² = 1.6 % beyond the highest
 /// one; legs of 0.2 rad leave errors of the third order, 0.2³ = 0.8 %.
 #[test]
 fn a_strip_let_go_from_a_bend_swings_and_comes_to_rest() {

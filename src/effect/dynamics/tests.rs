@@ -125,7 +125,7 @@ fn the_first_five_bending_frequencies_of_a_cantilever_are_timoshenkos() {
     }
 }
 
-/// Without lateral contraction sin((2n-1) π x / 2L) is a mode of the solid, too.
+/// The rod's mode sin((2n-1) π x / 2L) is one of the solid too, without lateral contraction.
 #[test]
 fn a_rod_swings_along_its_axis_with_odd_quarters_of_its_wave() {
     let (_, file) = bar([16, 1, 1], "element = \"tet10\"\neffect.dynamics.modes = 24", false);
@@ -284,7 +284,7 @@ fn a_released_end_has_the_frequencies_of_the_body_held_at_its_root() {
     }
 }
 
-/// With ζ in every mode, the envelope falls as e^(-ζωt).
+/// The envelope falls as e^(-ζωt), with ζ in every mode.
 #[test]
 fn a_damped_tip_rings_down_as_its_first_mode() {
     let (_, file) = bar(CELLS, "", true);

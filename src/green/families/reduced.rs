@@ -259,7 +259,7 @@ fn states(
     States { weights: weights.collect(), u }
 }
 
-/// What loads do, so little of it that it is a small strain; of warmth without the growth that needs no stress.
+/// Displacements by loads, so little of them that it is a small strain; of warmth without the growth that needs no stress.
 fn little(assembled: &Assembled<'_>, solution: &Solution, loaded: &NodeFields) -> NodeFields {
     let metas: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::new).collect();
     let turnings = metas.iter().flat_map(|meta| std::iter::repeat_n(meta.turning, meta.columns));

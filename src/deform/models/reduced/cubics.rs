@@ -45,10 +45,10 @@ pub struct Forms {
 
 /// Second derivatives of the energy while they are made.
 pub struct Second {
-    forms: Forms,
+    pub forms: Forms,
     /// Row by row of as many numbers as there are z, below the diagonal and on it.
     sums: Vec<f64>,
-    /// Σ g_m w_abc by lanes, and in all, for the a of one b and c.
+    /// For the a of one b and c: Σ g_m w_abc by lanes, and in all with that of g_0.
     parts: Vec<Lane>,
     row: Vec<f64>,
     /// ∂²V/∂z² of the last that were made, row by row.
@@ -106,7 +106,7 @@ impl Forms {
     }
 
     /// Takes over another's numbers, without memory of its own as `clone_from` would take.
-    fn copy_from(&mut self, other: &Forms) {
+    pub fn copy_from(&mut self, other: &Forms) {
         (self.active, self.first) = (other.active, other.first);
         self.z.copy_from_slice(&other.z);
         self.first_slopes.copy_from_slice(&other.first_slopes);
@@ -324,9 +324,8 @@ impl Second {
         }
     }
 
-    /// Begins where the forms are known.
-    pub fn begin(&mut self, forms: &Forms) {
-        self.forms.copy_from(forms);
+    /// Begins where its forms are evaluated.
+    pub fn begin(&mut self) {
         self.sums.fill(0.0);
         self.next = Some(0);
     }

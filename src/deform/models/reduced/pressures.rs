@@ -25,51 +25,27 @@ pub struct Pressures {
     /// Numbers z without that of warmth.
     variables: usize,
     cubics: Cubics,
-    here: Scaled,
-    /// Second derivatives for Newton's method, and those that are prepared in parts at z of their own.
+    /// The forms at z/s, and s.
+    here: Forms,
+    size: f64,
+    /// Second derivatives for Newton's method, and those that are prepared in parts.
     newton: Second,
     second: Second,
-    prepared_at: Scaled,
     /// Gradients of the fields at the points that are pressed most, entry by entry, `variables - 1` numbers each.
     points: Vec<f64>,
 }
 
-/// The forms at z/s.
-struct Scaled {
-    forms: Forms,
-    /// s.
-    size: f64,
-}
-
-impl Scaled {
-    /// Takes the first `active` of z, or all of them and that of warmth.
-    fn take(&mut self, z: &[f64], active: usize, size: f64) {
-        let Scaled { forms, size: own_size } = self;
-        let all = forms.z.len();
-        *own_size = size;
-        forms.active = if size == 1.0 { active } else { all };
-        forms.z[active..].fill(0.0);
-        for (own, z) in forms.z.iter_mut().zip(&z[..active]) {
-            *own = z / size;
-        }
-        forms.z[0] = 1.0;
-        if size != 1.0 {
-            forms.z[all - 1] = size.recip() - 1.0;
-        }
+/// Takes z/s into the forms: the first `active` of z, or all of them and that of warmth.
+fn place(forms: &mut Forms, z: &[f64], active: usize, size: f64) {
+    let all = forms.z.len();
+    forms.active = if size == 1.0 { active } else { all };
+    forms.z[active..].fill(0.0);
+    for (own, z) in forms.z.iter_mut().zip(&z[..active]) {
+        *own = z / size;
     }
-
-    /// Whether they are known there.
-    fn is_at(&self, z: &[f64], active: usize, size: f64) -> bool {
-        let is_same = self.forms.active == active && size == 1.0 && self.size == 1.0;
-        is_same && self.forms.z[1..active] == z[1..active]
-    }
-
-    fn energy(&self) -> f64 {
-        self.size.powi(3) * self.forms.energy()
-    }
-
-    fn slope(&self, k: usize) -> f64 {
-        self.size.powi(2) * self.forms.slope(k)
+    forms.z[0] = 1.0;
+    if size != 1.0 {
+        forms.z[all - 1] = size.recip() - 1.0;
     }
 }
 
@@ -83,12 +59,27 @@ impl Pressures {
             return None;
         }
         let cubics = Cubics::new(forms)?;
-        let forms = || Scaled { forms: Forms::new(&cubics, all), size: 1.0 };
-        let (here, prepared_at) = (forms(), forms());
-        let second = || Second::new(&here.forms, variables);
+        let here = Forms::new(&cubics, all);
+        let second = || Second::new(&here, variables);
         let (newton, second) = (second(), second());
         let points = points.as_slice().to_vec();
-        Some(Pressures { variables, cubics, here, newton, second, prepared_at, points })
+        Some(Pressures { variables, cubics, here, size: 1.0, newton, second, points })
+    }
+
+    fn evaluate(&mut self, z: &[f64], active: usize, size: f64) {
+        self.size = size;
+        place(&mut self.here, z, active, size);
+        self.here.evaluate(&self.cubics);
+    }
+
+    /// Whether the forms are known there.
+    fn is_at(&self, z: &[f64], active: usize, size: f64) -> bool {
+        let is_same = self.here.active == active && size == 1.0 && self.size == 1.0;
+        is_same && self.here.z[1..active] == z[1..active]
+    }
+
+    fn slope(&self, k: usize) -> f64 {
+        self.size.powi(2) * self.here.slope(k)
     }
 }
 
@@ -101,38 +92,37 @@ impl StrainEnergy for Pressures {
     }
 
     fn slopes(&mut self, z: &[f64], active: usize, size: f64, slopes: &mut [f64]) -> f64 {
-        self.here.take(z, active, size);
-        self.here.forms.evaluate(&self.cubics);
+        self.evaluate(z, active, size);
         for (k, slope) in slopes.iter_mut().enumerate().take(active) {
-            *slope = self.here.slope(k);
+            *slope = self.slope(k);
         }
-        self.here.energy()
+        size.powi(3) * self.here.energy()
     }
 
     fn slopes_beyond(&mut self, _: &[f64], active: usize, slopes: &mut [f64]) {
-        if self.here.forms.active == active {
-            self.here.forms.evaluate_beyond(&self.cubics, self.variables);
+        if self.here.active == active {
+            self.here.evaluate_beyond(&self.cubics, self.variables);
         }
         for (k, slope) in (active..).zip(slopes) {
-            *slope = self.here.slope(k);
+            *slope = self.slope(k);
         }
     }
 
     fn second(&mut self, z: &[f64], active: usize, size: f64) -> &mut [f64] {
-        if !self.here.is_at(z, active, size) {
-            self.here.take(z, active, size);
-            self.here.forms.evaluate(&self.cubics);
+        if !self.is_at(z, active, size) {
+            self.evaluate(z, active, size);
         }
-        self.newton.begin(&self.here.forms);
+        self.newton.forms.copy_from(&self.here);
+        self.newton.begin();
         self.newton.go_on(&self.cubics, usize::MAX);
         self.newton.finish(active, size)
     }
 
     fn prepare(&mut self, z: &[f64]) -> bool {
         if !self.second.has_begun() {
-            self.prepared_at.take(z, self.variables, 1.0);
-            self.prepared_at.forms.evaluate(&self.cubics);
-            self.second.begin(&self.prepared_at.forms);
+            place(&mut self.second.forms, z, self.variables, 1.0);
+            self.second.forms.evaluate(&self.cubics);
+            self.second.begin();
         } else if !self.is_prepared() {
             let count = CubicShape { variables: self.variables }.len();
             self.second.go_on(&self.cubics, count.div_ceil(PARTS));
