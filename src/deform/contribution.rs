@@ -3,7 +3,7 @@
 //! The shape is x_i = Σ_p w_ip (R_p (X_i + Σ_k c_k u_i⁽ᵏ⁾) + t_p), where k runs over the columns of effects too. The energy is
 //! V(P) + V'(P) with the poses P of the control elements; effects supply V' and its derivatives.
 
-use super::loads::AppliedLoads;
+use super::loads::{AppliedLoads, PointLoad};
 use super::memory::ModelMemory;
 use super::model::{BodyState, Response};
 use super::path::BodyPath;
@@ -31,6 +31,9 @@ pub struct Contribution {
     /// ∂²V'/∂P² of each control element, the others held: the stiffness with which a force loop extrapolates between two frames.
     #[serde(with = "crate::field::numbers::list")]
     pub curvatures: Vec<PoseCurvature>,
+    /// Forces at points of the surface, which act like loads: on the shape, on the energy and on the control elements.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<PointLoad>,
     /// The triangles of the surface, if an effect replaces those of the .green file: nodes of the surface, counter-clockwise seen
     /// from outside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,6 +64,7 @@ impl Contribution {
             energy: 0.0,
             slopes: vec![PoseSlope::default(); controls],
             curvatures: vec![PoseCurvature::zeros(); controls],
+            points: Vec::new(),
             triangles: None,
         }
     }
@@ -70,17 +74,19 @@ impl Contribution {
         let curvatures = self.curvatures.iter().flatten();
         self.energy.is_finite()
             && self.coefficients.iter().chain(slopes).chain(curvatures).all(|x| x.is_finite())
+            && self.points.iter().all(PointLoad::is_finite)
     }
 
     /// Whether effects change the forces on control elements. Changing the shape alone, without energy, exerts none. Curvatures
     /// are ignored here, unlike in [`Contribution::of_element`].
     pub fn exerts_forces(&self) -> bool {
-        self.slopes.iter().any(|slope| *slope != PoseSlope::default())
+        !self.points.is_empty() || self.slopes.iter().any(|slope| *slope != PoseSlope::default())
     }
 
     /// Whether the lengths of its lists fit the body.
     pub fn suits(&self, columns: usize, controls: usize, nodes: usize) -> bool {
-        let mut corners = self.triangles.iter().flat_map(|triangles| triangles.0.as_flattened());
+        let of_triangles = self.triangles.iter().flat_map(|triangles| triangles.0.as_flattened());
+        let mut corners = of_triangles.chain(self.points.iter().flat_map(|point| &point.nodes));
         (self.coefficients.len(), self.slopes.len(), self.curvatures.len()) == (columns, controls, controls)
             && corners.all(|node| (*node as usize) < nodes)
     }

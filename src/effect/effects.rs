@@ -1,7 +1,7 @@
 //! The list of effects.
 
 use super::entry::{EffectEntry, ResolvedBody};
-use super::{dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, stress};
+use super::{contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, stress};
 use crate::config;
 use crate::scene::Body;
 
@@ -10,6 +10,7 @@ pub const EFFECTS: &[EffectEntry] = &[
     haptics::live::ENTRY,
     expected::ENTRY,
     dynamics::ENTRY,
+    contact::ENTRY,
     stress::ENTRY,
     ghost_rest::ENTRY,
     ghost_equilibrium::ENTRY,
@@ -51,7 +52,7 @@ pub fn in_order(body: &ResolvedBody) -> Vec<&'static str> {
 
 /// Effects that people look for by these names and that the program does not have, with what it does instead.
 const ABSENT: &[(&[&str], &str)] = &[
-    (&["contact", "collision"], "bodies pass through each other and through tools"),
+    (&["collision", "touch"], "tools touch bodies by the effect \"contact\""),
     (&["inertia", "vibration", "modes"], "inertia and vibration are in the effect \"dynamics\""),
     (&["cut", "cutting"], "bodies cannot be cut"),
     (&["sound", "audio"], "bodies are silent"),

@@ -6,6 +6,7 @@
 //! ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
 //! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
+mod contact;
 mod dynamics;
 mod effects;
 mod entry;

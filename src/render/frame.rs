@@ -101,7 +101,7 @@ impl Line {
     }
 }
 
-/// The surface of a [`Ghost`]; it is uploaded once, as long as somebody holds it.
+/// The surface of a [`Ghost`] or a [`Formed`] solid; it is uploaded once, as long as somebody holds it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GhostShape {
     /// Positions in the shape's frame, m, and unit normals.
@@ -133,9 +133,18 @@ pub struct Ghost {
     pub through: f32,
 }
 
+/// A solid of any form, opaque and lit.
+#[derive(Clone, Debug)]
+pub struct Formed {
+    pub shape: Arc<GhostShape>,
+    pub room_from_shape: Matrix4<f32>,
+    /// Linear RGB.
+    pub color: [f32; 3],
+}
+
 /// One thing that is drawn beside the bodies; of those of one kind, the first in the list is drawn first.
 ///
-/// Solids (styli, arrows, balls) stand among the bodies; then come ghosts, quads, lines and strips, blended in this order.
+/// Solids (styli, arrows, balls, formed ones) stand among the bodies; then come ghosts, quads, lines and strips, blended in this order.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a frame has a few dozen of them")]
 pub enum Drawable {
@@ -143,6 +152,7 @@ pub enum Drawable {
     Arrow(Arrow),
     /// Lit, as heads and eyes in a picture of the room.
     Ball(Ball),
+    Formed(Formed),
     Ghost(Ghost),
     Quad(Quad),
     Lines(Vec<Line>),
@@ -180,6 +190,7 @@ kinds! {
     stylus: Stylus => StylusShape,
     arrow: Arrow => Arrow,
     ball: Ball => Ball,
+    formed: Formed => Formed,
     ghost: Ghost => Ghost,
     quad: Quad => Quad,
     lines: Lines => Vec<Line>,

@@ -8,7 +8,7 @@
 //! one [`Picture`] per target → [`Offscreen::read`] or [`window::run`], which presents all windows together. Where a
 //! window shows both eyes, [`TilePainter`] draws a picture for each, on which an [`Overlay`] may write, and joins them
 //! ([`Composite`]). Each pass is `src/render/X.rs` with `shaders/X.wgsl`: body, solid (styli, rays, hit points, arrows,
-//! balls), background, grid, ghost, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
+//! balls), formed (with the solid's shader), background, grid, ghost, quads, lines, composite; and for bodies that the device deforms itself: deform, parts (for
 //! bodies of several parts), normals. Every pass makes its pipelines when it first has something to draw.
 mod body;
 mod body_buffers;
@@ -19,6 +19,7 @@ mod composite;
 mod contact;
 mod deform;
 mod error;
+mod formed;
 mod frame;
 mod ghost;
 mod gpu;
@@ -48,7 +49,8 @@ pub use color_map::{beyond_color, field_code, map_color};
 pub use composite::{Anaglyph, Composite, Matrix};
 pub use error::RenderError;
 pub use frame::{
-    Arrow, Ball, BodyInstance, Drawable, FrameContents, Ghost, GhostShape, Grid, Line, Quad, StylusShape,
+    Arrow, Ball, BodyInstance, Drawable, Formed, FrameContents, Ghost, GhostShape, Grid, Line, Quad,
+    StylusShape,
 };
 pub use gpu::{Gpu, ResourceCounts};
 pub use lighting::Lighting;

@@ -8,6 +8,7 @@
 use super::body::BodyPass;
 use super::contact::ContactPass;
 use super::error::RenderError;
+use super::formed::FormedPass;
 use super::frame::{FrameContents, Line, Quad};
 use super::ghost::GhostPass;
 use super::gpu::Gpu;
@@ -28,6 +29,7 @@ use wgpu::BufferUsages;
 pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BodyPass>::default(),
     || Box::<SolidPass>::default(),
+    || Box::<FormedPass>::default(),
     || Box::<BackgroundPass>::default(),
     || Box::<StripPass<Floor>>::default(),
     || Box::<GhostPass>::default(),

@@ -29,17 +29,17 @@ const PRESSED: [f32; 3] = [0.95, 0.78, 0.04];
 
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct SolidVertex {
-    position: [f32; 3],
-    normal: [f32; 3],
+pub(super) struct SolidVertex {
+    pub position: [f32; 3],
+    pub normal: [f32; 3],
     /// sRGB, and the weight of the instance's colour instead.
-    color: [u8; 4],
+    pub color: [u8; 4],
 }
 
 const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
     wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4];
 
-fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] {
+pub(super) fn vertex_layout() -> [Option<wgpu::VertexBufferLayout<'static>>; 2] {
     let per_vertex = wgpu::VertexBufferLayout {
         array_stride: size_of::<SolidVertex>() as u64,
         step_mode: wgpu::VertexStepMode::Vertex,

@@ -56,6 +56,7 @@ impl Scene {
             let of_body = |(key, message): Wrong| self.invalid(&format!("body.{name}{key}"), message);
             found.extend(body.faults().into_iter().map(of_body));
         }
+        found.extend(super::tool::check(self).err());
         let legend = self.legend.and_then(|legend| legend.check().err());
         found.extend(legend.map(|message| self.invalid("legend", message)));
         found

@@ -24,6 +24,7 @@ mod select;
 pub mod survey;
 #[cfg(test)]
 mod tests;
+mod tool;
 mod unprepared;
 mod updates;
 mod updating;
@@ -43,6 +44,7 @@ pub use material::Material;
 pub use method::Method;
 pub use parts::Parts;
 pub use select::{Control, Grab, Nodes};
+pub use tool::{Tool, ToolShape};
 pub use updates::Updates;
 
 use crate::config::{self, ConfigError};
@@ -67,6 +69,9 @@ pub struct Scene {
     pub script: Option<PathBuf>,
     /// Quantity in colours on bodies that list an effect with colours, and the value at the end of its scale.
     pub legend: Option<LegendSettings>,
+    /// Rigid tools that touch bodies which list the effect for it.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub tool: IndexMap<String, Tool>,
     /// Bodies, in the order of the file.
     pub body: IndexMap<String, Body>,
     /// The scene's own path; relative paths start at its folder.

@@ -266,15 +266,15 @@ impl Fields {
             move |bodies: &mut Bodies, (poses, _, loads, touches, acting): SeenByBody<'_>| {
                 taken.clear();
                 taken.extend(poses.iter().copied());
+                if let Some(contribution) = acting.get(0).and_then(|all| all.0.get(b)) {
+                    bodies[b].take_contribution(contribution);
+                }
                 if let Some((loads, _)) = loads.get(0) {
                     let none = Touches::default();
                     let applied = touches.get(0).unwrap_or(&none).applied(b, &bodies[b], loads);
                     bodies[b].deformer.apply(&applied);
                 }
                 let body = &mut bodies[b];
-                if let Some(contribution) = acting.get(0).and_then(|all| all.0.get(b)) {
-                    body.take_contribution(contribution);
-                }
                 let homecomings = body.deformer.homecomings;
                 body.deformer.take(&taken);
                 body.check_path(homecomings);

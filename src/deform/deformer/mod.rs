@@ -442,6 +442,11 @@ impl Deformer {
         }
     }
 
+    /// Makes a second deformer of this body, at rest, which knows nothing of this one.
+    pub fn another(&self) -> Result<Deformer, String> {
+        Deformer::new(self.file.clone(), &self.body, self.entry)
+    }
+
     /// Lets another model of this body go on from where its own is, and wait as long.
     pub fn lend(&self, to: &mut dyn DeformationModel) -> Result<(), String> {
         to.be_patient(self.patience);

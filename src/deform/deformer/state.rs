@@ -7,11 +7,12 @@ use crate::deform::loads;
 use crate::deform::loads::{AppliedLoads, PointLoad, Pull};
 use crate::deform::model::{Bearing, BodyState, PointResult};
 use crate::deform::pose::frame::{PoseSlope, Wrench};
-use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning};
+use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning, Yield};
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
 
 type V3 = Vector3<f64>;
 
@@ -37,6 +38,14 @@ impl Deformer {
         (0..self.node_count() as u32).filter(|node| !held.contains(node)).collect()
     }
 
+    /// Columns of the compliance of these nodes of the surface, which take forces; waits until all are there.
+    pub fn columns_at(&self, nodes: &[u32]) -> Result<Vec<Arc<Yield>>, GreenError> {
+        let places = self.file.compliance(&self.body).map(|compliance| compliance.places());
+        let places = nodes.iter().filter_map(|node| places.as_ref()?.get(node).copied());
+        let places: Vec<usize> = places.collect();
+        Ok(self.file.columns(&self.body, &places, Duration::MAX)?.unwrap_or_default())
+    }
+
     /// Displacement along a force of 1 N at a point of the surface, in the mean over all directions, m/N; `None` while its
     /// columns are on their way. The point's corners take forces.
     pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> Result<Option<f64>, GreenError> {
@@ -55,9 +64,16 @@ impl Deformer {
         Ok(Some(sum))
     }
 
-    /// The next evaluation has these loads; false where they are as they were, or the body has none.
+    /// The next evaluation has these loads beside the points of effects; false where they are as they were, or the body has none.
     pub fn apply(&mut self, loads: &AppliedLoads) -> bool {
-        let changed = self.loads.as_ref().is_some_and(|shared| loads::set(shared, loads));
+        let of_effects = &self.contribution.points;
+        let changed = self.loads.as_ref().is_some_and(|shared| match of_effects.is_empty() {
+            true => loads::set(shared, loads),
+            false => {
+                let points = [&loads.points[..], of_effects].concat();
+                loads::set(shared, &AppliedLoads { points, ..loads.clone() })
+            }
+        });
         self.loads_changed |= changed;
         changed
     }
@@ -79,6 +95,15 @@ impl Deformer {
             return false;
         }
         self.contribution_changed |= self.contribution != *contribution;
+        if self.contribution.points != contribution.points {
+            let AppliedLoads { coefficients, mut points } = self.applied();
+            // Those of effects stand last.
+            points.truncate(points.len().saturating_sub(self.contribution.points.len()));
+            points.extend(&contribution.points);
+            if let Some(shared) = &self.loads {
+                loads::set(shared, &AppliedLoads { coefficients, points });
+            }
+        }
         let has_other_triangles = self.contribution.triangles != contribution.triangles;
         self.contribution.clone_from(contribution);
         if has_other_triangles {
@@ -206,6 +231,10 @@ impl Deformer {
         {
             return Err(format!("body.{}: the stored state belongs to another body or model", self.body));
         }
+        if let Some(shared) = &self.loads {
+            loads::set(shared, &AppliedLoads::default());
+        }
+        self.contribution.points.clear();
         if !self.contribute(&from.contribution) {
             return Err(format!("body.{}: what effects add belongs to another body", self.body));
         }

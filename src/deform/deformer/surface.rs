@@ -5,7 +5,7 @@ use crate::base::creases::Creases;
 use crate::deform::kernel::parts::{PartialSum, move_parts, moved_exactly};
 use crate::deform::kernel::superposition::{Superposition, displacement};
 use crate::deform::kernel::surface::{SurfaceNormals, vertex_normals};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use std::borrow::Cow;
 
 impl Deformer {
@@ -112,6 +112,20 @@ impl Deformer {
         match &self.partial {
             None => Vector3::from(self.u[i]).cast::<f64>(),
             Some(_) => displacement(&self.groups(), self.u.len(), i, &self.summed.coefficients),
+        }
+    }
+
+    /// Place in the body's frame of surface node `i` in the state that was taken last, whether or not the surface was summed for it;
+    /// f64, m.
+    pub fn place_in_state(&self, i: usize) -> Vector3<f64> {
+        let mut place = Vector3::from(self.rest()[i]).cast::<f64>();
+        place += displacement(&self.groups(), self.u.len(), i, &self.state.coefficients);
+        if let Some(field) = self.model.field() {
+            place += Vector3::from(field[i]).cast::<f64>();
+        }
+        match &self.weights {
+            Some(weights) => moved_exactly(weights.at(i), &self.state.parts, place),
+            None => (self.state.body_from_surface() * Point3::from(place)).coords,
         }
     }
 

@@ -40,6 +40,16 @@ pub struct PointLoad {
     pub pull: Pull,
 }
 
+impl PointLoad {
+    pub fn is_finite(&self) -> bool {
+        let pull = match self.pull {
+            Pull::Force(force) => force.iter().all(|x| x.is_finite()),
+            Pull::Towards { place, spring } => place.iter().chain(spring.iter()).all(|x: &f64| x.is_finite()),
+        };
+        pull && self.weights.iter().all(|w| w.is_finite())
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Pull {
@@ -271,23 +281,24 @@ impl PointForces {
 
     /// Places of all points under these forces, in the frame of the columns.
     pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
-        let of = |a: &Point| {
-            let pulled: V3 = points.iter().zip(forces).map(|(b, f)| self.between(a, b) * f).sum();
-            a.now + pulled
-        };
+        let at_nodes = gathered(points, forces);
+        let pulling: Vec<(&Arc<Yield>, V3)> =
+            at_nodes.iter().filter_map(|(node, force)| Some((self.touched.get(node)?, *force))).collect();
+        let mut moved: BTreeMap<u32, V3> = BTreeMap::new();
+        for node in points.iter().flat_map(Point::corners).map(|(node, _)| node) {
+            moved.entry(node).or_insert_with(|| {
+                let by = |(column, force): &(&Arc<Yield>, V3)| product(&column[node as usize], force);
+                pulling.iter().map(by).sum()
+            });
+        }
+        let of = |a: &Point| a.now + a.corners().map(|(node, w)| moved[&node] * w).sum::<V3>();
         points.iter().map(of).collect()
     }
 
     /// Brings the displacements that point forces cause up to date.
     pub fn spread(&mut self, points: &[Point], forces: &[V3]) {
         let Some(field) = &mut self.field else { return };
-        let mut at_nodes: BTreeMap<u32, V3> = BTreeMap::new();
-        for (point, force) in points.iter().zip(forces) {
-            for (node, w) in point.nodes.iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
-                *at_nodes.entry(*node).or_default() += force * w;
-            }
-        }
-        let at_nodes: Vec<(u32, V3)> = at_nodes.into_iter().collect();
+        let at_nodes = gathered(points, forces);
         if at_nodes == self.field_of && !self.is_new {
             return;
         }
@@ -303,6 +314,32 @@ impl PointForces {
         }
         self.field_of = at_nodes;
     }
+}
+
+impl Point {
+    /// Nodes that have a share in it, with that share.
+    fn corners(&self) -> impl Iterator<Item = (u32, f64)> + use<> {
+        self.nodes.into_iter().zip(self.weights).filter(|(_, w)| *w != 0.0)
+    }
+}
+
+/// Forces at single nodes, in their order, for forces at points.
+fn gathered(points: &[Point], forces: &[V3]) -> Vec<(u32, V3)> {
+    let mut at_nodes: BTreeMap<u32, V3> = BTreeMap::new();
+    for (point, force) in points.iter().zip(forces) {
+        for (node, w) in point.corners() {
+            *at_nodes.entry(node).or_default() += force * w;
+        }
+    }
+    at_nodes.into_iter().collect()
+}
+
+/// What a force does at one node.
+fn product(block: &[[f32; 3]; 3], force: &V3) -> V3 {
+    let row = |row: &[f32; 3]| {
+        f64::from(row[0]) * force.x + f64::from(row[1]) * force.y + f64::from(row[2]) * force.z
+    };
+    V3::new(row(&block[0]), row(&block[1]), row(&block[2]))
 }
 
 /// Nodes of a point that have a share in it, with that share.

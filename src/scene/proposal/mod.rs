@@ -94,6 +94,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         stage,
         script: None,
         legend: None,
+        tool: IndexMap::new(),
         body: IndexMap::from([(name.clone(), body)]),
         path: scene_path.to_owned(),
     };

@@ -1,0 +1,388 @@
+//! The effect in a world: bodies and tools from frame to frame.
+//!
+//! In: where hands put the tools, and the poses of the bodies' control elements. Out: forces at points of the bodies. In a frame tools
+//! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
+
+use super::detection::distance;
+use super::settings::{NAME, Settings};
+use super::shown::show;
+use super::system::{Contact, Outcome, Step, advance, at_nodes, force_on_tool, shifted};
+use super::tool::{Tool, between};
+use super::touched_body::TouchedBody;
+use crate::base::failure::Failure;
+use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};
+use crate::effect::entry::EffectInput;
+use crate::world::running::{Memory, read, written};
+use crate::world::{Frame, RunningEffect, World};
+use nalgebra::{Isometry3, Similarity3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+type V3 = Vector3<f64>;
+
+/// Length of a step against the tool's thickness, and steps of a frame at most: a tool that moves farther is put down anew.
+const STEP: f64 = 0.5;
+const MOST_STEPS: usize = 64;
+
+pub struct Contacts {
+    pub bodies: Vec<TouchedBody>,
+    pub tools: Vec<Tool>,
+    pub motion: Motion,
+    /// Warnings of this frame.
+    warnings: Vec<String>,
+}
+
+/// All that lasts from frame to frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Where each tool was put last, and by how far its spring had yielded, m.
+    pub tools: Vec<Placed>,
+    pub contacts: Vec<Contact>,
+    /// Where each touched body was.
+    #[serde(with = "crate::field::numbers::list")]
+    places: Vec<Similarity3<f64>>,
+    /// Each touched body without contact.
+    free: Vec<DeformerState>,
+    /// Whether the forces are those of the last frame's poses, loads and tools.
+    is_settled: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placed {
+    #[serde(with = "crate::field::numbers::option")]
+    pub pose: Option<Isometry3<f64>>,
+    #[serde(with = "crate::field::numbers")]
+    pub yielded: V3,
+}
+
+impl Placed {
+    /// Where its surface is.
+    pub fn surface(&self) -> Option<Isometry3<f64>> {
+        self.pose.map(|pose| shifted(&pose, &self.yielded))
+    }
+}
+
+pub fn attach(
+    listed: &EffectInput<'_>,
+    world: &mut World,
+) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+    let scene = listed.scene;
+    let tools = scene.tool.iter().map(|(name, tool)| Tool::new(scene, name, tool));
+    let tools = tools.collect::<Result<Vec<_>, _>>()?;
+    let mut bodies = Vec::new();
+    for &(b, name) in &listed.bodies {
+        let settings = Settings::of(&scene.bodies[name]);
+        let touching = tools.iter().map(|tool| settings.touches(&tool.name)).collect();
+        let deformer = &mut world.bodies[b].deformer;
+        deformer.feel();
+        let body = TouchedBody::new(b, deformer, settings.friction, touching);
+        bodies.push(body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?);
+    }
+    Ok(Some(Box::new(Contacts::new(bodies, tools))))
+}
+
+/// The bodies in a frame, as the world has them.
+struct Now {
+    tools: Vec<Option<Isometry3<f64>>>,
+    poses: Vec<Vec<ControlPose>>,
+}
+
+impl Contacts {
+    pub fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>) -> Contacts {
+        let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
+        Contacts { bodies, tools, motion, warnings: Vec::new() }
+    }
+
+    /// Moves tools and bodies to where they are now.
+    fn step(&mut self, world: &World, contributions: &[Contribution]) {
+        self.warnings.clear();
+        // A tool whose stylus is not seen stays where it was.
+        let place = |(tool, last): (&Tool, &Placed)| tool.place(world).or(last.pose);
+        let tools: Vec<_> = self.tools.iter().zip(&self.motion.tools).map(place).collect();
+        let mut changed = tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
+        let places: Vec<_> = self.bodies.iter().map(|body| world.bodies[body.b].room_from_body).collect();
+        changed |= places != self.motion.places;
+        self.motion.places = places;
+        let mut poses = Vec::new();
+        for body in &mut self.bodies {
+            let placed = &world.bodies[body.b];
+            body.room_from_body = placed.room_from_body;
+            let new: Vec<ControlPose> =
+                world.fields.bodies[body.b].poses.iter().map(|pose| *world.graph.get(*pose)).collect();
+            changed |= new != body.free.poses;
+            let mut loads = placed.deformer.acting();
+            // Those of effects stand last.
+            let of_effects = placed.deformer.contribution().points.len();
+            loads.points.truncate(loads.points.len().saturating_sub(of_effects));
+            changed |= body.free.apply(&loads);
+            changed |= *body.free.contribution() != contributions[body.b];
+            body.free.contribute(&contributions[body.b]);
+            poses.push(new);
+        }
+        if changed || !self.motion.is_settled {
+            self.advance(world, &Now { tools, poses });
+        }
+    }
+
+    /// Goes the way from the last frame to this one.
+    fn advance(&mut self, world: &World, now: &Now) {
+        let before: Vec<DeformerState> = self.bodies.iter().map(TouchedBody::state).collect();
+        let known = self.places(&self.nodes_of_contacts());
+        let shown =
+            self.bodies.iter().map(|body| body.summed_places(&world.bodies[body.b].deformer)).collect();
+        let last = std::mem::take(&mut self.motion.tools);
+        let mut way = Way { before: self.outlines(), shown, after: Vec::new(), tools: Vec::new() };
+        for (body, poses) in self.bodies.iter_mut().zip(&now.poses) {
+            if body.free.take(poses) {
+                body.free.deform();
+            }
+        }
+        way.after = self.outlines();
+        way.tools = self.tools.iter().zip(&last).zip(&now.tools).map(tool_way).collect();
+        self.motion.tools =
+            now.tools.iter().map(|pose| Placed { pose: *pose, yielded: V3::zeros() }).collect();
+        let near = self.near(&last, &way);
+        self.motion.is_settled = true;
+        let nothing_meets = near.iter().all(Vec::is_empty) && self.motion.contacts.is_empty();
+        if !nothing_meets {
+            match self.steps(&near, &way) {
+                Some(1) => {
+                    let starts = first_places(&near, &known, &way.shown);
+                    let from: Vec<_> = last.iter().map(Placed::surface).collect();
+                    self.one_step([&from, &now.tools], &starts, &way.after);
+                }
+                Some(steps) => self.go(now, &before, (&last, &near, &known, &way), steps),
+                None => {
+                    // What has jumped is put down anew.
+                    self.motion.contacts.clear();
+                    let starts = self.places(&near);
+                    self.one_step([&now.tools, &now.tools], &starts, &way.after);
+                }
+            }
+        }
+        self.forget_columns(&near);
+    }
+
+    /// Goes the way in several steps.
+    fn go(
+        &mut self,
+        now: &Now,
+        before: &[DeformerState],
+        (last, near, known, way): (&[Placed], &[Vec<u32>], &[Places], &Way),
+        steps: usize,
+    ) {
+        for (body, state) in self.bodies.iter_mut().zip(before) {
+            if let Err(message) = body.free.restore(state) {
+                self.warnings.push(message);
+            }
+        }
+        let mut from: Vec<Option<Isometry3<f64>>> = last.iter().map(Placed::surface).collect();
+        for number in 1..=steps {
+            let share = number as f64 / steps as f64;
+            let starts = if number == 1 { first_places(near, known, &way.shown) } else { self.places(near) };
+            let tools = last.iter().zip(&now.tools);
+            let to: Vec<_> = tools
+                .map(|(last, new)| new.map(|new| between(&last.pose.unwrap_or(new), &new, share)))
+                .collect();
+            for ((body, start), end) in self.bodies.iter_mut().zip(before).zip(&now.poses) {
+                body.free.take(&on_the_way(&start.poses, end, share));
+            }
+            self.one_step([&from, &to], &starts, &way.after);
+            let shifted =
+                |(to, tool): (&Option<Isometry3<f64>>, &Placed)| to.map(|to| shifted(&to, &tool.yielded));
+            from = to.iter().zip(&self.motion.tools).map(shifted).collect();
+        }
+        for body in &mut self.bodies {
+            body.free.deform();
+        }
+    }
+
+    fn one_step(
+        &mut self,
+        [from, to]: [&[Option<Isometry3<f64>>]; 2],
+        starts: &[Places],
+        outlines: &[Vec<V3>],
+    ) {
+        // A tool that was nowhere comes from where it is.
+        let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
+        let step = Step { tools: &self.tools, from: &from, to, starts, outlines };
+        let Outcome { warnings, reached } = advance(&mut self.bodies, &mut self.motion.contacts, &step);
+        for warning in warnings {
+            if !self.warnings.contains(&warning) {
+                self.warnings.push(warning);
+            }
+        }
+        // Forces that are not found yet are sought on in the next frame.
+        self.motion.is_settled = reached.is_none_or(|reached| reached.is_solved);
+        for (t, tool) in self.tools.iter().enumerate() {
+            let force = force_on_tool(t, &self.bodies, &self.motion.contacts);
+            self.motion.tools[t].yielded = tool.stiffness.map_or_else(V3::zeros, |k| force / k);
+        }
+    }
+
+    /// Places in the room of all nodes of each body without contact.
+    fn outlines(&self) -> Vec<Vec<V3>> {
+        self.bodies.iter().map(|body| body.summed_places(&body.free)).collect()
+    }
+
+    /// Nodes of each body that touch tools.
+    fn nodes_of_contacts(&self) -> Vec<Vec<u32>> {
+        let of = |b: usize| {
+            let own = self.motion.contacts.iter().filter(|contact| contact.body == b);
+            own.flat_map(|contact| contact.nodes).collect()
+        };
+        (0..self.bodies.len()).map(of).collect()
+    }
+
+    /// Places of nodes with the forces of the contacts, in the states that were taken last.
+    fn places(&self, nodes: &[Vec<u32>]) -> Vec<Places> {
+        let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Vec<u32>))| {
+            let moved = body.moved(&at_nodes(&self.motion.contacts, b));
+            nodes.iter().map(|node| (*node, body.free_place(*node) + moved(*node))).collect()
+        };
+        self.bodies.iter().zip(nodes).enumerate().map(of).collect()
+    }
+
+    /// Place in the room of a node of the touched body of this number.
+    pub fn place(&self, number: usize, node: u32) -> V3 {
+        let body = &self.bodies[number];
+        body.free_place(node) + body.moved(&at_nodes(&self.motion.contacts, number))(node)
+    }
+
+    /// Nodes of each body that a tool can meet on its way.
+    fn near(&self, last: &[Placed], way: &Way) -> Vec<Vec<u32>> {
+        let of = |(b, (body, held)): (usize, (&TouchedBody, Vec<u32>))| {
+            let is_near = |node: &u32| {
+                let at = *node as usize;
+                let reach = body.longest() + (way.after[b][at] - way.before[b][at]).norm();
+                let mut tools = self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]);
+                tools.any(|(t, tool)| {
+                    let start = last[t].surface().or(self.motion.tools[t].pose);
+                    start.is_some_and(|pose| {
+                        distance(&tool.shape, &pose, &way.shown[b][at]).0 < reach + way.tools[t]
+                    })
+                })
+            };
+            let mut all: Vec<u32> = (0..body.takes.len() as u32).filter(is_near).chain(held).collect();
+            all.sort_unstable();
+            all.dedup();
+            all
+        };
+        self.bodies.iter().zip(self.nodes_of_contacts()).enumerate().map(of).collect()
+    }
+
+    /// Number of steps to this frame; `None` where something has jumped.
+    fn steps(&self, near: &[Vec<u32>], way: &Way) -> Option<usize> {
+        let mut most = 1.0_f64;
+        for (b, body) in self.bodies.iter().enumerate().filter(|(b, _)| !near[*b].is_empty()) {
+            let travel = |node: &u32| (way.after[b][*node as usize] - way.before[b][*node as usize]).norm();
+            let travel = near[b].iter().map(travel).fold(0.0, f64::max);
+            for (t, tool) in self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
+                most = most.max((way.tools[t] + travel) / (STEP * tool.shape.thickness()));
+            }
+        }
+        let steps = most.ceil() as usize;
+        (steps <= MOST_STEPS).then_some(steps)
+    }
+
+    /// Drops the columns of nodes that no tool is near.
+    fn forget_columns(&mut self, near: &[Vec<u32>]) {
+        for (body, near) in self.bodies.iter_mut().zip(near) {
+            body.keep(&|node| near.binary_search(&node).is_ok());
+        }
+    }
+}
+
+/// Places of nodes in the room.
+type Places = BTreeMap<u32, V3>;
+
+/// The way of a frame: places in the room of all nodes of each body without contact before and after, and as they were shown last; and
+/// by how far each tool moves, m.
+struct Way {
+    before: Vec<Vec<V3>>,
+    shown: Vec<Vec<V3>>,
+    after: Vec<Vec<V3>>,
+    tools: Vec<f64>,
+}
+
+/// Places at the start of a frame: exact where contact was, as they were shown elsewhere.
+fn first_places(near: &[Vec<u32>], known: &[Places], shown: &[Vec<V3>]) -> Vec<Places> {
+    let of = |((near, known), shown): ((&Vec<u32>, &Places), &Vec<V3>)| {
+        let place = |node: &u32| known.get(node).copied().unwrap_or(shown[*node as usize]);
+        near.iter().map(|node| (*node, place(node))).collect()
+    };
+    near.iter().zip(known).zip(shown).map(of).collect()
+}
+
+/// By how far a point of a tool moves at most, m.
+fn tool_way(((tool, last), new): ((&Tool, &Placed), &Option<Isometry3<f64>>)) -> f64 {
+    let (Some(last), Some(new)) = (last.pose, new) else { return 0.0 };
+    let turn = last.rotation.angle_to(&new.rotation);
+    (new.translation.vector - last.translation.vector).norm() + tool.shape.reach() * turn
+}
+
+/// Poses on the way from one list to another.
+fn on_the_way(from: &[ControlPose], to: &[ControlPose], share: f64) -> Vec<ControlPose> {
+    let of = |(from, to): (&ControlPose, &ControlPose)| ControlPose {
+        translation: from.translation.lerp(&to.translation, share),
+        matrix: from.matrix + (to.matrix - from.matrix) * share,
+    };
+    if share == 1.0 { to.to_vec() } else { from.iter().zip(to).map(of).collect() }
+}
+
+impl RunningEffect for Contacts {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn acts(&self) -> bool {
+        true
+    }
+
+    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
+        self.step(world, contributions);
+        for contact in &self.motion.contacts {
+            let body = &self.bodies[contact.body];
+            let in_body = body.free.state.body_from_surface().rotation * contact.force;
+            let (nodes, weights) = (contact.nodes, contact.weights);
+            let pull = Pull::Force(in_body);
+            contributions[body.b].points.push(PointLoad { nodes, weights, pull });
+        }
+    }
+
+    fn show(&mut self, world: &World, frame: &mut Frame) {
+        frame.warnings.append(&mut self.warnings);
+        show(self, world, frame);
+    }
+
+    fn memory(&self) -> Option<Memory> {
+        let free = self.bodies.iter().map(TouchedBody::state).collect();
+        written(&Motion { free, ..self.motion.clone() })
+    }
+
+    fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
+        let motion: Motion = read(memory)?;
+        let fits = |contact: &Contact| {
+            let body = self.bodies.get(contact.body);
+            let nodes = body.map_or(0, |body| body.takes.len());
+            contact.tool < self.tools.len() && contact.nodes.iter().all(|node| (*node as usize) < nodes)
+        };
+        if (motion.tools.len(), motion.free.len()) != (self.tools.len(), self.bodies.len())
+            || !motion.contacts.iter().all(fits)
+        {
+            return Err("its tools and contacts are those of another scene".to_owned());
+        }
+        for ((body, state), place) in self.bodies.iter_mut().zip(&motion.free).zip(&motion.places) {
+            body.free.restore(state)?;
+            body.room_from_body = *place;
+        }
+        self.motion = Motion { free: Vec::new(), ..motion };
+        let nodes = self.nodes_of_contacts();
+        for (body, nodes) in self.bodies.iter_mut().zip(nodes) {
+            body.fetch(nodes.into_iter())?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,133 @@
+//! Settings of `contact`: `[body.NAME.effect.contact]`.
+
+use crate::config;
+use crate::deform::{LINEAR, ModelEntry, ROTATION};
+use crate::effect::entry::{ResolvedBody, Settings as AnySettings};
+use crate::scene::{Body, Scene, SceneError};
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// The effect's name in scenes.
+pub const NAME: &str = "contact";
+
+/// Models whose answer to forces at single nodes is known: sums of columns in one frame.
+pub const TOUCHED: [&ModelEntry; 2] = [&LINEAR, &ROTATION];
+
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Coefficient of friction between the body and every tool.
+    pub friction: f64,
+    /// Tools that touch the body; without it, all of the scene.
+    pub tools: Option<Vec<String>>,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { friction: 0.3, tools: None }
+    }
+}
+
+impl Settings {
+    /// The settings of a scene's table. The error names a value that cannot be.
+    pub fn read(table: Option<&toml::Table>) -> Result<AnySettings, String> {
+        let settings: Settings = table.map_or_else(|| Ok(Settings::default()), config::from_table)?;
+        if !(settings.friction.is_finite() && settings.friction >= 0.0) {
+            let friction = settings.friction;
+            return Err(format!(
+                "friction = {friction} is no coefficient of friction: 0 slides freely, 1 hardly slides"
+            ));
+        }
+        Ok(Arc::new(settings))
+    }
+
+    /// The settings of a body that lists the effect.
+    pub fn of(body: &ResolvedBody) -> Settings {
+        let listed = body.effects.iter().find(|listed| listed.entry.name == NAME);
+        let settings = listed.and_then(|listed| listed.settings.as_ref()?.downcast_ref());
+        settings.cloned().unwrap_or_default()
+    }
+
+    /// Whether the tool of this name touches the body.
+    pub fn touches(&self, tool: &str) -> bool {
+        self.tools.as_ref().is_none_or(|tools| tools.iter().any(|name| name == tool))
+    }
+}
+
+/// Refuses a body that nothing can touch, or whose answer to a touch is not known.
+pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
+    let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
+    let settings = Settings::of(resolved);
+    if scene.tool.is_empty() {
+        let message = "nothing touches the body: add a tool, as [tool.probe] with shape = { ball = { radius = 0.01 } } \
+                       and stylus = 1";
+        return wrong("effects", message.to_owned());
+    }
+    if let Some(unknown) =
+        settings.tools.iter().flatten().find(|tool| !scene.tool.contains_key(tool.as_str()))
+    {
+        let known = scene.tool.keys().map(String::as_str);
+        return wrong("effect.contact.tools", config::unknown_name("tool", unknown, known));
+    }
+    let model = resolved.model;
+    if !TOUCHED.contains(&model) {
+        let message = format!(
+            "\"{NAME}\" presses single nodes by the columns of surface_compliance, in one frame, which \"{}\" does not do: write model = \
+             \"{}\"",
+            model.name,
+            TOUCHED.map(|model| model.name).join("\" or \"")
+        );
+        return wrong("model", message);
+    }
+    if body.surface_compliance.is_none() {
+        let message = "\"contact\" needs to know how the surface yields: write surface_compliance = { nodes = \"surface\" }, or \
+                       for a large body kept = \"factor\" in it";
+        return wrong("effects", message.to_owned());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effect::Resolved;
+    use std::path::Path;
+
+    #[test]
+    fn settings_that_cannot_be_are_told() {
+        let body = |keys: &str, tool: &str| {
+            let text = format!(
+                "{tool}\n[body.b]\ngenerate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [2, 2, 2] }} }}\n\
+                 material = {{ young = 1.0, poisson = 0.3 }}\neffects = [\"contact\"]\n{keys}\n\
+                 control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+            );
+            let scene = Resolved::parse(&text, Path::new("c.toml"));
+            scene.and_then(|scene| scene.requirements("b").map(drop)).map_err(|error| error.to_string())
+        };
+        const TOOL: &str = "tool.probe = { shape = { ball = { radius = 0.1 } } }";
+        const SURFACE: &str = "surface_compliance = { nodes = \"surface\" }\n";
+        body(SURFACE, TOOL).unwrap();
+        for (keys, tool, told) in [
+            (SURFACE.to_owned(), "", "nothing touches the body"),
+            (String::new(), TOOL, "write surface_compliance"),
+            (format!("{SURFACE}effect.contact = {{ friction = -1.0 }}"), TOOL, "no coefficient of friction"),
+            (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
+            (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),
+            ("model = \"reduced\"".to_owned(), TOOL, "write model = \"linear\" or \"rotation\""),
+            (
+                SURFACE.to_owned(),
+                "tool.probe = { shape = { ball = { radius = -0.1 } } }",
+                "a positive length",
+            ),
+            (SURFACE.to_owned(), "tool.probe = { shape = \"floor\", stylus = 0 }", "counted from 1"),
+            (SURFACE.to_owned(), "tool.probe = { shape = \"floor\", stiffness = 0.0 }", "a positive number"),
+            (
+                SURFACE.to_owned(),
+                "tool.probe = { shape = { box = { size = [1.0, 0.1, 1.0], radius = 0.1 } } }",
+                "rounds away",
+            ),
+        ] {
+            let error = body(&keys, tool).unwrap_err();
+            assert!(error.contains(told), "{keys}: {error}");
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! A body that tools touch: its shape without contact, and how its surface yields.
+
+use crate::deform::{Deformer, DeformerState};
+use crate::green::Yield;
+use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+pub struct TouchedBody {
+    /// Its index in the world.
+    pub b: usize,
+    /// Coefficient of friction.
+    pub friction: f64,
+    /// Whether each tool touches it.
+    pub tools: Vec<bool>,
+    /// The body without contact, with everything else that acts on it.
+    pub free: Deformer,
+    /// Whether a node takes forces: it belongs to no control element, and has a column.
+    pub takes: Vec<bool>,
+    /// Triangles around each node.
+    pub around: Vec<Vec<u32>>,
+    /// Longest edge at rest, in the body's metres.
+    longest: f64,
+    /// Its place in this frame.
+    pub room_from_body: Similarity3<f64>,
+    columns: BTreeMap<u32, Arc<Yield>>,
+}
+
+/// A point of a surface: the mean of nodes with weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceSpot {
+    pub nodes: [u32; 3],
+    pub weights: [f64; 3],
+}
+
+impl SurfaceSpot {
+    pub fn node(node: u32) -> SurfaceSpot {
+        SurfaceSpot { nodes: [node; 3], weights: [1.0, 0.0, 0.0] }
+    }
+
+    /// Nodes that have a share in it, with that share.
+    pub fn corners(&self) -> impl Iterator<Item = (u32, f64)> + use<> {
+        self.nodes.into_iter().zip(self.weights).filter(|(_, w)| *w != 0.0)
+    }
+}
+
+impl TouchedBody {
+    /// The error says why the body cannot be deformed a second time.
+    pub fn new(b: usize, body: &Deformer, friction: f64, tools: Vec<bool>) -> Result<TouchedBody, String> {
+        let free = body.another()?;
+        let mut takes = vec![false; free.node_count()];
+        free.takes_forces().iter().for_each(|node| takes[*node as usize] = true);
+        let mut around = vec![Vec::new(); free.node_count()];
+        let mut longest = 0.0_f64;
+        for (number, triangle) in (0..).zip(free.triangles()) {
+            triangle.iter().for_each(|node| around[*node as usize].push(number));
+            let [a, b, c] = triangle.map(|node| V3::from(free.rest()[node as usize].map(f64::from)));
+            longest = longest.max((a - b).norm()).max((b - c).norm()).max((c - a).norm());
+        }
+        let room_from_body = Similarity3::identity();
+        Ok(TouchedBody {
+            b,
+            friction,
+            tools,
+            free,
+            takes,
+            around,
+            longest,
+            room_from_body,
+            columns: BTreeMap::new(),
+        })
+    }
+
+    /// Longest edge in the room, m.
+    pub fn longest(&self) -> f64 {
+        self.longest * self.room_from_body.scaling()
+    }
+
+    /// Turn from the axes of the columns to those of the room.
+    pub fn turn(&self) -> Rotation3<f64> {
+        let in_body = self.free.state.body_from_surface().rotation;
+        (self.room_from_body.isometry.rotation * in_body).to_rotation_matrix()
+    }
+
+    /// Place in the room of a node without contact, in the state that was taken last.
+    pub fn free_place(&self, node: u32) -> V3 {
+        (self.room_from_body * Point3::from(self.free.place_in_state(node as usize))).coords
+    }
+
+    /// Places in the room of all nodes of a deformer of this body, as they were summed last.
+    pub fn summed_places(&self, deformer: &Deformer) -> Vec<V3> {
+        let motion = self.room_from_body * deformer.body_from_surface();
+        let place = |x: &[f32; 3]| (motion * Point3::from(V3::from(x.map(f64::from)))).coords;
+        deformer.positions().iter().map(place).collect()
+    }
+
+    /// Makes sure that the columns of these nodes are there. The error says why one cannot be read.
+    pub fn fetch(&mut self, nodes: impl Iterator<Item = u32>) -> Result<(), String> {
+        let mut missing: Vec<u32> = nodes.filter(|node| !self.columns.contains_key(node)).collect();
+        missing.sort_unstable();
+        missing.dedup();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let columns = self.free.columns_at(&missing).map_err(|error| error.to_string())?;
+        self.columns.extend(missing.into_iter().zip(columns));
+        Ok(())
+    }
+
+    /// Drops the columns of other nodes.
+    pub fn keep(&mut self, nodes: &dyn Fn(u32) -> bool) {
+        self.columns.retain(|node, _| nodes(*node));
+    }
+
+    /// What a force of 1 N at a node does at another, in the axes of the columns, m/N in the room.
+    fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
+        let Some(column) = self.columns.get(&from) else { return Matrix3::zeros() };
+        let block = &column[at as usize];
+        Matrix3::from_fn(|axis, force| f64::from(block[axis][force])) * self.room_from_body.scaling()
+    }
+
+    /// What a force at spot `from` does at spot `at`, in the axes of the columns.
+    pub fn between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
+        let mut all = Matrix3::zeros();
+        for (source, w) in from.corners() {
+            for (target, v) in at.corners() {
+                all += self.block(target, source) * (v * w);
+            }
+        }
+        all
+    }
+
+    /// Displacements of nodes in the room by forces at nodes along the axes of the columns.
+    pub fn moved(&self, forces: &[(u32, V3)]) -> impl Fn(u32) -> V3 + use<'_> {
+        let known = forces.iter().filter_map(|(from, force)| Some((self.columns.get(from)?, *force)));
+        let pulling: Vec<(&Arc<Yield>, V3)> = known.collect();
+        let (turn, scale) = (self.turn(), self.room_from_body.scaling());
+        move |node| {
+            let mut sum = V3::zeros();
+            for (column, force) in &pulling {
+                for (sum, row) in sum.iter_mut().zip(&column[node as usize]) {
+                    *sum += f64::from(row[0]) * force.x
+                        + f64::from(row[1]) * force.y
+                        + f64::from(row[2]) * force.z;
+                }
+            }
+            turn * sum * scale
+        }
+    }
+
+    /// Outward normal of the shape without contact around a node, in the room.
+    pub fn outward(&self, node: u32, places: &[V3]) -> V3 {
+        let triangles = self.free.triangles();
+        let normal = |number: &u32| {
+            let [a, b, c] = triangles[*number as usize].map(|corner| places[corner as usize]);
+            (b - a).cross(&(c - a))
+        };
+        self.around[node as usize].iter().map(normal).sum::<V3>().try_normalize(0.0).unwrap_or_else(V3::zeros)
+    }
+
+    pub fn state(&self) -> DeformerState {
+        self.free.snapshot()
+    }
+}

@@ -1,0 +1,127 @@
+//! Tools: rigid things that touch bodies, on a stylus or at a place in the room.
+
+use super::{Color, Scene, SceneError};
+use crate::mesh::length_unit::{LengthUnit, Scale};
+use crate::mesh::surface_files::{self, TriangleSurface};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// `[tool.NAME]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tool {
+    pub shape: ToolShape,
+    /// The stylus that carries it, by its number from 1; without one, the tool stands in the room.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stylus: Option<usize>,
+    /// Its origin in the axes of the stylus, whose ray is -z, or of the room; m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// Rotation vector (axis times angle) in the same axes, rad.
+    #[serde(default)]
+    pub rotation: [f64; 3],
+    /// Stiffness of the spring by which the hand holds it, N/m; without it, the tool goes where the hand goes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    #[serde(default = "steel")]
+    pub color: Color,
+}
+
+fn steel() -> Color {
+    Color([176, 180, 188])
+}
+
+/// The shape of a tool in its own axes, m.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ToolShape {
+    /// About the origin.
+    Ball { radius: f64 },
+    /// A rod with round ends, from its tip's centre at the origin along z, away from where a stylus points.
+    Capsule { radius: f64, length: f64 },
+    /// About the origin, with these sides; its edges are rounded with `radius`, 5 % of the shortest side where that is left out.
+    Box { size: [f64; 3], radius: Option<f64> },
+    /// All that lies below y = 0.
+    Floor,
+    /// A closed surface, STL, OBJ or PLY, thickened by `radius`, 1 % of its diagonal where that is left out.
+    Mesh { file: PathBuf, unit: Option<&'static LengthUnit>, radius: Option<f64> },
+}
+
+/// Share of a box's shortest side, and of a mesh's diagonal, by which edges are rounded where nothing is said.
+const BOX_ROUNDED: f64 = 0.05;
+const MESH_ROUNDED: f64 = 0.01;
+
+impl ToolShape {
+    /// The radius with which the edges of a box of these sides are rounded.
+    pub fn box_radius(size: &[f64; 3], radius: Option<f64>) -> f64 {
+        radius.unwrap_or_else(|| BOX_ROUNDED * size.iter().copied().fold(f64::INFINITY, f64::min))
+    }
+
+    /// The radius by which a mesh with this diagonal is thickened.
+    pub fn mesh_radius(diagonal: f64, radius: Option<f64>) -> f64 {
+        radius.unwrap_or(MESH_ROUNDED * diagonal)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let positive = |what: &str, value: f64| match value.is_finite() && value > 0.0 {
+            true => Ok(()),
+            false => Err(format!("{what} is {value} m: a positive length is needed")),
+        };
+        match self {
+            ToolShape::Ball { radius } => positive("radius", *radius),
+            ToolShape::Capsule { radius, length } => {
+                positive("radius", *radius)?;
+                positive("length", *length)
+            }
+            ToolShape::Box { size, radius } => {
+                size.iter().try_for_each(|side| positive("a side of size", *side))?;
+                let radius = ToolShape::box_radius(size, *radius);
+                positive("radius", radius)?;
+                match size.iter().find(|side| **side < 2.0 * radius) {
+                    Some(side) => Err(format!(
+                        "radius = {radius} m rounds away its side of {side} m: at most half of it"
+                    )),
+                    None => Ok(()),
+                }
+            }
+            ToolShape::Floor => Ok(()),
+            ToolShape::Mesh { radius, .. } => radius.map_or(Ok(()), |radius| positive("radius", radius)),
+        }
+    }
+}
+
+/// Errors name the first tool that cannot be.
+pub(super) fn check(scene: &Scene) -> Result<(), SceneError> {
+    for (name, tool) in &scene.tool {
+        let wrong = |key: &str, message: String| scene.invalid(&format!("tool.{name}.{key}"), message);
+        tool.shape.check().map_err(|message| wrong("shape", message))?;
+        if tool.stylus == Some(0) {
+            return Err(wrong("stylus", "styli are counted from 1".to_owned()));
+        }
+        for (key, numbers) in [("position", tool.position), ("rotation", tool.rotation)] {
+            if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
+                return Err(wrong(key, format!("{number} is no finite number")));
+            }
+        }
+        if let Some(stiffness) = tool.stiffness.filter(|k| !(k.is_finite() && *k > 0.0)) {
+            return Err(wrong("stiffness", format!("{stiffness} N/m: a positive number is needed")));
+        }
+    }
+    Ok(())
+}
+
+impl Scene {
+    /// The closed surface of a tool's mesh file, m. The error names the file and the tool.
+    pub fn tool_surface(
+        &self,
+        name: &str,
+        file: &Path,
+        unit: Option<&'static LengthUnit>,
+    ) -> Result<TriangleSurface, SceneError> {
+        let wrong = |message: String| self.invalid(&format!("tool.{name}.shape"), message);
+        let loaded = surface_files::load(&self.resolve(file)).map_err(|error| wrong(error.to_string()))?;
+        let mut surface = loaded.surface;
+        unit.map_or(Scale::ONE, |unit| Scale(unit.metres)).apply(&mut surface.vertices);
+        Ok(surface)
+    }
+}
