@@ -17,7 +17,7 @@
 //! | What is the state of a session between two frames? | [`world::State`], plain data; [`world::World::state`] takes it, [`world::World::set_state`] continues from it |
 //! | What comes from outside in a frame? | [`world::Input`] and nothing else; a recording is a `State`, followed by one `Input` per frame |
 //! | What can a script write? | head, styli and loads: [`session::InputSource::state`] and [`session::InputSource::loads`] put them into the `Input` |
-//! | Where would contact between bodies go? | a folder of [`effect`], a line in [`effect::EFFECTS`]; its [`acts`](world::RunningEffect::acts) returns true and its [`solve`](world::RunningEffect::solve) adds energy and slopes; its `memory` is part of the `State`. `tests/pictures/breath.rs` is a complete example |
+//! | Where would another effect go? | a folder of [`effect`], a line in [`effect::EFFECTS`]; its [`acts`](world::RunningEffect::acts) returns true and its [`solve`](world::RunningEffect::solve) adds coefficients, forces at points, or energy and slopes; its `memory` is part of the `State`. `tests/pictures/breath.rs` is a complete example |
 //! | Where would a headset plug in? | one [`display::view_source::ViewSource`] and one [`display::presenter::Presenter`], which [`display::view_source::show`] joins; head and controllers come from a [`track::Source`]. `tests/pictures/headset.rs` shows the views |
 //! | How is a new model, element, file format or device added? | a file, and a line in [`deform::MODELS`], [`fem::ELEMENTS`], [`mesh::formats::FORMATS`] or [`track::SOURCES`] respectively |
 //!

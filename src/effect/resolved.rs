@@ -13,7 +13,7 @@ use crate::fem::Law;
 use crate::green::{
     self, AFFINE, COMPLIANCE, COMPRESSED, Family, KEPT_FACTOR, LOADS, Requirements, STIFFNESS, UPDATES,
 };
-use crate::scene::{Body, KeptForm, Method, Scene, SceneError};
+use crate::scene::{Body, KeptForm, Method, Scene, SceneError, SurfaceCompliance};
 use std::path::Path;
 
 impl Resolved {
@@ -23,11 +23,18 @@ impl Resolved {
     }
 
     /// Resolves a scene with other effects than those of the program.
-    pub fn among(scene: Scene, effects: &'static [EffectEntry]) -> Result<Resolved, Failure> {
+    pub fn among(mut scene: Scene, effects: &'static [EffectEntry]) -> Result<Resolved, Failure> {
         let (mut bodies, mut unknown) = (indexmap::IndexMap::new(), Vec::new());
-        for name in scene.body.keys() {
-            match ResolvedBody::new(&scene, name, effects) {
-                Ok(body) => drop(bodies.insert(name.clone(), body)),
+        for name in scene.body.keys().cloned().collect::<Vec<_>>() {
+            match ResolvedBody::new(&scene, &name, effects) {
+                Ok(body) => {
+                    let is_pressed = body.entries().any(|effect| effect.presses_points);
+                    if is_pressed && load_refusal(body.model, true).is_none() {
+                        let compliance = &mut scene.body[&name].surface_compliance;
+                        compliance.get_or_insert(SurfaceCompliance::BY_FACTOR);
+                    }
+                    bodies.insert(name, body);
+                }
                 Err(mut errors) => unknown.append(&mut errors),
             }
         }
@@ -333,12 +340,12 @@ mod tests {
         let of = |a: &str, b: &str| {
             Resolved::parse(&(body("a", a) + &body("b", b)), Path::new("two.toml")).map_err(|e| e.to_string())
         };
-        let told = of("model = \"rotatoin\"\neffects = [\"stres\"]", "effects = [\"contact\"]").unwrap_err();
+        let told = of("model = \"rotatoin\"\neffects = [\"stres\"]", "effects = [\"cut\"]").unwrap_err();
         let lines: Vec<&str> = told.lines().collect();
         let parts = [
             ["two.toml: body.a.effects: ", "did you mean \"stress\""],
             ["two.toml: body.a.model: ", "did you mean \"rotation\""],
-            ["two.toml: body.b.effects: ", "there is no effect \"contact\""],
+            ["two.toml: body.b.effects: ", "there is no effect \"cut\""],
         ];
         assert_eq!(lines.len(), parts.len(), "{told}");
         for (line, [place, fact]) in lines.iter().zip(parts) {

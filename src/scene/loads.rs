@@ -155,6 +155,16 @@ pub struct SurfaceCompliance {
     pub kept: KeptForm,
 }
 
+impl SurfaceCompliance {
+    /// Of the whole surface, by the factor: what an effect takes where the scene says nothing.
+    pub const BY_FACTOR: SurfaceCompliance = SurfaceCompliance {
+        nodes: SurfaceNodes::All(Whole::Surface),
+        take: Take::Elements,
+        spring: None,
+        kept: KeptForm::Factor,
+    };
+}
+
 /// `kept = "inverse"`, `kept = { error = 1e-4 }` or `kept = "factor"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -3,7 +3,7 @@
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
 //! | [`input`](RunningEffect::input) | the state of trackers, mouse or script; not in a replay | other poses of styli |
-//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, energy, slopes, curvatures, other triangles; poses of elements that no hand holds ([`moved`](RunningEffect::moved)) |
+//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, forces at points, energy, slopes, curvatures, other triangles; poses of elements that no hand holds ([`moved`](RunningEffect::moved)) |
 //! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, scales and errors of forces |
 //! | [`show`](RunningEffect::show) | the whole frame | drawables, plates, warnings |
 //!

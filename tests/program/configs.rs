@@ -265,6 +265,7 @@ fn scenes() {
             "hose.toml",
             "models.toml",
             "pluck.toml",
+            "press.toml",
             "steel-bar.toml",
             "stylus.toml",
             "tube.toml",

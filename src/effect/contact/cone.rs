@@ -14,16 +14,19 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Sweeps at most, and after how many a Newton step is tried.
+/// Sweeps at most, and after how many a Newton step is tried where they have not come nearer by this factor.
 const MOST_SWEEPS: usize = 300;
 const BETWEEN: usize = 6;
+const NEARER: f64 = 0.05;
 /// Newton steps one after the other, and contacts for which a step is affordable in a frame.
 const NEWTON_STEPS: usize = 8;
 const NEWTON_CONTACTS: usize = 100;
 /// Times that a step is halved at most.
 const HALVINGS: i32 = 5;
 /// Part of the largest displacement of d₀ by which the conditions may be missed.
-const TOLERANCE: f64 = 1e-10;
+const TOLERANCE: f64 = 1e-8;
+/// Part of it by which they are missed where that is told.
+const FAR: f64 = 1e-2;
 /// Steps of a single contact that slips.
 const SLIP_STEPS: usize = 30;
 
@@ -38,9 +41,17 @@ pub struct Cone<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reached {
     pub sweeps: usize,
-    /// Largest displacement by which a condition is missed, m.
+    /// Largest displacement by which a condition is missed, and largest one of d₀, m.
     pub missed: f64,
+    pub largest: f64,
     pub is_solved: bool,
+}
+
+impl Reached {
+    /// Whether more is missed than one could overlook.
+    pub fn is_far(&self) -> bool {
+        self.missed > FAR * self.largest
+    }
 }
 
 impl Cone<'_> {
@@ -54,15 +65,20 @@ impl Cone<'_> {
 
     /// Improves `f` until the conditions hold.
     pub fn solve(&self, f: &mut DVector<f64>) -> Reached {
-        let limit = TOLERANCE * self.d0.amax();
-        let mut reached = Reached { sweeps: 0, missed: self.missed(f), is_solved: false };
+        let largest = self.d0.amax();
+        let limit = TOLERANCE * largest;
+        let mut reached = Reached { sweeps: 0, missed: self.missed(f), largest, is_solved: false };
         while reached.missed > limit && reached.sweeps < MOST_SWEEPS {
-            (0..self.contacts()).for_each(|a| self.relax(a, f));
-            reached.sweeps += 1;
-            if reached.sweeps % BETWEEN == 0 {
-                self.polish(f, limit);
+            for _ in 0..BETWEEN {
+                (0..self.contacts()).for_each(|a| self.relax(a, f));
             }
+            reached.sweeps += BETWEEN;
+            let before = reached.missed;
             reached.missed = self.missed(f);
+            if reached.missed > limit.max(NEARER * before) {
+                self.polish(f, limit);
+                reached.missed = self.missed(f);
+            }
         }
         reached.is_solved = reached.missed <= limit;
         reached

@@ -35,7 +35,7 @@ pub fn distance(shape: &Shape, room_from_tool: &Isometry3<f64>, x: &V3) -> (f64,
 }
 
 /// Whether points between nodes of the body can touch the tool before the nodes do.
-pub fn is_sharp(shape: &Shape, body: &TouchedBody) -> bool {
+fn is_sharp(shape: &Shape, body: &TouchedBody) -> bool {
     shape.bluntness() < BLUNT * body.longest()
 }
 

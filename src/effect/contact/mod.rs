@@ -25,6 +25,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "tools touch the body: it yields to them, with friction, and the hand feels them",
     requirements: &[STIFFNESS],
     needs_energy: true,
+    presses_points: true,
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
     attach: Some(running::attach),

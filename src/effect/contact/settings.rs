@@ -55,7 +55,7 @@ impl Settings {
 }
 
 /// Refuses a body that nothing can touch, or whose answer to a touch is not known.
-pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
+pub fn suits(scene: &Scene, name: &str, _: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
     let settings = Settings::of(resolved);
     if scene.tool.is_empty() {
@@ -79,11 +79,6 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         );
         return wrong("model", message);
     }
-    if body.surface_compliance.is_none() {
-        let message = "\"contact\" needs to know how the surface yields: write surface_compliance = { nodes = \"surface\" }, or \
-                       for a large body kept = \"factor\" in it";
-        return wrong("effects", message.to_owned());
-    }
     Ok(())
 }
 
@@ -105,10 +100,9 @@ mod tests {
         };
         const TOOL: &str = "tool.probe = { shape = { ball = { radius = 0.1 } } }";
         const SURFACE: &str = "surface_compliance = { nodes = \"surface\" }\n";
-        body(SURFACE, TOOL).unwrap();
+        [SURFACE, ""].into_iter().for_each(|keys| body(keys, TOOL).unwrap());
         for (keys, tool, told) in [
             (SURFACE.to_owned(), "", "nothing touches the body"),
-            (String::new(), TOOL, "write surface_compliance"),
             (format!("{SURFACE}effect.contact = {{ friction = -1.0 }}"), TOOL, "no coefficient of friction"),
             (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
             (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),

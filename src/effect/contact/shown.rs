@@ -2,6 +2,7 @@
 
 use super::running::Contacts;
 use super::system::force_on_tool;
+use super::tool::Tool;
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::interact::force_arrow;
@@ -22,6 +23,7 @@ pub fn show(contacts: &Contacts, world: &World, frame: &mut Frame) {
     let radius_m = world.assets.stage.workspace.radius_m;
     for (t, (tool, placed)) in contacts.tools.iter().zip(&contacts.motion.tools).enumerate() {
         let Some(pose) = placed.surface() else { continue };
+        hide_pen(tool, world, frame);
         let room_from_shape = pose.to_homogeneous().cast();
         frame.drawables.push(Drawable::Formed(Formed {
             shape: tool.drawn.clone(),
@@ -62,4 +64,14 @@ fn middle(contacts: &Contacts, tool: usize) -> Option<Point3<f64>> {
         weight += force;
     }
     (weight > 0.0).then(|| Point3::from(sum / weight))
+}
+
+/// Takes away the pen and the ray of the stylus that carries a tool: the hand holds that instead. One that is pressed keeps its ray.
+fn hide_pen(tool: &Tool, world: &World, frame: &mut Frame) {
+    let carrier = tool.carrier(world).map(|stylus| stylus.room_from_stylus.cast::<f64>().to_homogeneous());
+    let Some(pen) = carrier.map(|pose| pose.cast::<f32>()) else { return };
+    let is_pen = |drawable: &Drawable| {
+        drawable.stylus().is_some_and(|shape| !shape.pressed && (shape.room_from_stylus - pen).norm() < 1e-5)
+    };
+    frame.drawables.retain(|drawable| !is_pen(drawable));
 }

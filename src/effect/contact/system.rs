@@ -23,7 +23,9 @@ type V3 = Vector3<f64>;
 
 /// Rounds of detection and solution at most, and the part of a tool's thickness by which a gap may be off at their end.
 const MOST_ROUNDS: usize = 12;
-const EXACT: f64 = 1e-6;
+const EXACT: f64 = 1e-5;
+/// Part of its own compliance by which a spot between nodes yields more.
+const SKIN: f64 = 1e-3;
 /// Change of a spot's weights by which it has moved.
 const SHIFT: f64 = 1e-4;
 /// Contacts at most: beyond, a step would take longer than a frame.
@@ -99,11 +101,12 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
         }
     }
     contacts.retain(|contact| contact.force != V3::zeros());
-    if let Some(Reached { missed, .. }) = outcome.reached.filter(|reached| !reached.is_solved) {
+    if let Some(Reached { missed, largest, .. }) = outcome.reached.filter(|reached| reached.is_far()) {
         outcome.warnings.push(format!(
-            "contact: the forces of {} contacts miss their conditions by {} for now",
+            "contact: no forces were found in this frame that hold {} contacts apart: they miss it by {} of {}",
             contacts.len(),
-            quantity(missed, "m")
+            quantity(missed, "m"),
+            quantity(largest, "m")
         ));
     }
     outcome
@@ -116,6 +119,16 @@ fn with_contact(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) -
         free.iter().map(|(node, x)| (*node, x + moved(*node))).collect()
     };
     bodies.iter().zip(free).enumerate().map(of).collect()
+}
+
+/// Places of the contacts' nodes with the forces of the contacts.
+fn of_contacts(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) -> Vec<Places> {
+    let own = |(number, free): (usize, &Places)| -> Places {
+        let nodes =
+            contacts.iter().filter(|contact| contact.body == number).flat_map(|contact| contact.nodes);
+        nodes.map(|node| (node, free[&node])).collect()
+    };
+    with_contact(bodies, contacts, &free.iter().enumerate().map(own).collect::<Vec<_>>())
 }
 
 /// Forces of the contacts at single nodes of a body.
@@ -243,13 +256,19 @@ fn solve(
         bases.push(basis);
     }
     let w = compliance(bodies, contacts, step, (&turns, &bases));
-    let reached = Cone { w: &w, d0: &d0, friction: &friction }.solve(&mut f);
+    let skins: Vec<f64> = (0..contacts.len()).map(|i| skin(&contacts[i], &w, i)).collect();
+    let mut with_skins = w.clone();
+    skins
+        .iter()
+        .enumerate()
+        .for_each(|(i, skin)| (0..3).for_each(|k| with_skins[(3 * i + k, 3 * i + k)] += skin));
+    let reached = Cone { w: &with_skins, d0: &d0, friction: &friction }.solve(&mut f);
     for (i, contact) in contacts.iter_mut().enumerate() {
         contact.force = turns[contact.body].tr_mul(&(bases[i] * f.fixed_rows::<3>(3 * i)));
     }
     // Whether the gaps, taken anew, are those for which the forces were found.
     let d = &w * &f + d0;
-    let after = with_contact(bodies, contacts, free);
+    let after = of_contacts(bodies, contacts, free);
     let is_exact = contacts.iter().enumerate().all(|(i, contact)| {
         let tool = &step.tools[contact.tool];
         let by = self::yielded(contact.tool, bodies, contacts, step);
@@ -258,6 +277,13 @@ fn solve(
         (gap - d[3 * i]).abs() <= EXACT * tool.shape.thickness().min(bodies[contact.body].longest())
     });
     (is_exact, reached)
+}
+
+/// By how much more a spot yields than its body: spots between nodes depend on those at the nodes, and a thin skin makes their forces
+/// unique.
+fn skin(contact: &Contact, w: &DMatrix<f64>, i: usize) -> f64 {
+    let is_node = contact.spot().corners().count() == 1;
+    if is_node { 0.0 } else { SKIN * w.fixed_view::<3, 3>(3 * i, 3 * i).trace() / 3.0 }
 }
 
 /// W, 3n × 3n, m/N.

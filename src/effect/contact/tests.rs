@@ -2,7 +2,7 @@
 
 use super::ENTRY;
 use super::running::Motion;
-use crate::deform::Deformer;
+use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
 use crate::mesh::{Block, block};
@@ -11,8 +11,8 @@ use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
 use crate::world::{State, World};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use std::f64::consts::PI;
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -412,5 +412,51 @@ fn a_state_in_the_middle_of_a_contact_goes_on_bit_by_bit() {
             assert_eq!(first.motion(), second.motion(), "step {step}");
             assert_eq!(first.world.state_hash(), second.world.state_hash(), "step {step}");
         }
+    }
+}
+
+/// A block that its hand presses onto a table is pressed as by a table that comes to it, also where the hand has turned it by a
+/// quarter first.
+#[test]
+fn a_body_that_is_moved_onto_a_table_is_pressed_like_one_that_the_table_comes_to() {
+    let press = |keys: &str, tool: &str, pose: Option<ControlPose>, table: Isometry3<f64>| {
+        let setting = Setting {
+            size: [0.3, 0.1, 0.3],
+            cells: [4, 2, 4],
+            held: "ymax",
+            poisson: 0.3,
+            tool: &format!("shape = \"floor\"\n{tool}"),
+            keys: &format!("effect.contact = {{ friction = 0.0 }}\n{keys}"),
+        };
+        let mut block = setting.touched();
+        if let Some(pose) = pose {
+            let base = block.world.fields.bodies[0].poses[0];
+            block.world.graph.set(base, pose).unwrap();
+        }
+        block.put(table);
+        (block.force().norm(), block.contacts())
+    };
+    let depth = 1e-3;
+    let at_rest = at(V3::new(0.0, -0.05, 0.0));
+    let (expected, contacts) = press("", "stylus = 1", None, at(V3::new(0.0, depth - 0.05, 0.0)));
+    assert!(expected > 1.0 && contacts == 25, "{expected} N, {contacts} contacts");
+    let down = |turn: f64, shift: V3| ControlPose {
+        translation: shift,
+        matrix: *Rotation3::from_axis_angle(&V3::z_axis(), turn).matrix(),
+    };
+    // The base lies 0.05 m above the origin, and turns about its middle; the table has come along.
+    let quarter = UnitQuaternion::from_axis_angle(&V3::z_axis(), FRAC_PI_2);
+    let middle = V3::new(0.0, 0.05, 0.0);
+    let turned = Isometry3::from_parts((middle - quarter * (middle * 2.0)).into(), quarter);
+    for (keys, pose, table) in [
+        ("", down(0.0, V3::y() * -depth), at_rest),
+        ("model = \"rotation\"", down(0.0, V3::y() * -depth), at_rest),
+        ("model = \"rotation\"", down(FRAC_PI_2, V3::x() * depth), turned),
+    ] {
+        let (force, found) = press(keys, "stylus = 1", Some(pose), table);
+        assert!(
+            (force / expected - 1.0).abs() < 1e-4 && found == contacts,
+            "{keys}: {force} N, not {expected}; {found} contacts"
+        );
     }
 }

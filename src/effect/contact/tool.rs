@@ -46,10 +46,16 @@ impl Tool {
 
     /// Where it is put in this frame; `None` while its stylus is not seen, or has no usable pose.
     pub fn place(&self, world: &World) -> Option<Isometry3<f64>> {
-        let Some(stylus) = self.stylus else { return Some(self.pose) };
-        let fields = world.fields.styli.get(stylus)?;
-        let stylus = world.graph.get(fields.stylus).as_ref()?;
-        Some(hand(stylus, &world.assets.stage.workspace)? * self.pose)
+        if self.stylus.is_none() {
+            return Some(self.pose);
+        }
+        Some(hand(self.carrier(world)?, &world.assets.stage.workspace)? * self.pose)
+    }
+
+    /// The stylus that carries it, as it is in this frame.
+    pub fn carrier<'a>(&self, world: &'a World) -> Option<&'a StylusState> {
+        let fields = world.fields.styli.get(self.stylus?)?;
+        world.graph.get(fields.stylus).as_ref()
     }
 }
 
