@@ -1,6 +1,6 @@
 #!/bin/sh
 # All that CI runs: format, lints, documentation, tests, benches once. Stops at the first failure and says how long
-# each step took. One profile (release) serves all, so dependencies are built once.
+# each step took. One profile (quick) serves all, so dependencies are built once.
 set -eu
 cd "$(dirname "$0")/.."
 # No test may skip for want of a device or of an X server.

@@ -52,7 +52,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let survey = Scene::survey(&args.scene)?;
     let mut findings: Vec<Diagnostic> = survey.faults.iter().map(SceneError::finding).collect();
     let (mut effects, mut known, mut models) = (Vec::new(), Vec::new(), Vec::new());
-    if let Some(scene) = &survey.scene {
+    let scene = survey.scene.as_ref().map(completed);
+    if let Some(scene) = &scene {
+        findings.extend(unused_tools(scene));
         let mut meshes = Vec::new();
         for ((name, body), state) in scene.body.iter().zip(&survey.states) {
             let resolved = ResolvedBody::new(scene, name, EFFECTS);
@@ -100,6 +102,28 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{}{models}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
+}
+
+/// The scene with what the effects of its bodies add to them.
+fn completed(scene: &Scene) -> Scene {
+    let mut completed = scene.clone();
+    for (name, body) in &mut completed.body {
+        if let Ok(resolved) = ResolvedBody::new(scene, name, EFFECTS) {
+            resolved.complete(body);
+        }
+    }
+    completed
+}
+
+/// Tools that touch nothing, because no body lists an effect by which they would.
+fn unused_tools(scene: &Scene) -> Vec<Diagnostic> {
+    let effect = name_of(|effect| effect.presses_points);
+    if scene.body.values().any(|body| body.effects.iter().any(|listed| listed == effect)) {
+        return Vec::new();
+    }
+    let message = format!("it touches nothing and is not shown: no body has effects = [\"{effect}\"]");
+    let of = |name: &String| Diagnostic::new(Severity::Warning, format!("tool.{name}"), message.clone());
+    scene.tool.keys().map(of).collect()
 }
 
 /// A body with its surface, in the mesh's frame.

@@ -96,6 +96,8 @@ pub struct EffectEntry {
     pub needs_energy: bool,
     /// Whether it needs the inside of the body; boundary elements have none.
     pub needs_inside: bool,
+    /// Whether it gives the body inertia.
+    pub has_inertia: bool,
     /// Whether it presses single points of the surface: a body whose scene gives it no `surface_compliance` has it by the factor.
     pub presses_points: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
@@ -130,6 +132,7 @@ impl EffectEntry {
         requirements: &[],
         needs_energy: false,
         needs_inside: false,
+        has_inertia: false,
         presses_points: false,
         shows_stress: false,
         measures_errors: false,

@@ -13,7 +13,7 @@ use crate::fem::Law;
 use crate::green::{
     self, AFFINE, COMPLIANCE, COMPRESSED, Family, KEPT_FACTOR, LOADS, Requirements, STIFFNESS, UPDATES,
 };
-use crate::scene::{Body, KeptForm, Method, Scene, SceneError, SurfaceCompliance};
+use crate::scene::{Body, KeptForm, Method, Scene, SceneError};
 use std::path::Path;
 
 impl Resolved {
@@ -28,11 +28,7 @@ impl Resolved {
         for name in scene.body.keys().cloned().collect::<Vec<_>>() {
             match ResolvedBody::new(&scene, &name, effects) {
                 Ok(body) => {
-                    let is_pressed = body.entries().any(|effect| effect.presses_points);
-                    if is_pressed && load_refusal(body.model, true).is_none() {
-                        let compliance = &mut scene.body[&name].surface_compliance;
-                        compliance.get_or_insert(SurfaceCompliance::BY_FACTOR);
-                    }
+                    body.complete(&mut scene.body[&name]);
                     bodies.insert(name, body);
                 }
                 Err(mut errors) => unknown.append(&mut errors),
@@ -193,6 +189,13 @@ impl ResolvedBody {
                 let error = |(key, message)| scene.invalid(&format!("body.{name}.{key}"), message);
                 Err(wrong.into_iter().map(error).collect())
             }
+        }
+    }
+
+    /// Adds to the body what its effects need and its scene does not say: the compliance of its surface.
+    pub fn complete(&self, body: &mut Body) {
+        if self.entries().any(|effect| effect.presses_points) && load_refusal(self.model, true).is_none() {
+            body.be_pressed();
         }
     }
 

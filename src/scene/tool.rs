@@ -2,6 +2,7 @@
 
 use super::{Color, Scene, SceneError};
 use crate::mesh::length_unit::{LengthUnit, Scale};
+use crate::mesh::surface_check;
 use crate::mesh::surface_files::{self, TriangleSurface};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -122,6 +123,12 @@ impl Scene {
         let loaded = surface_files::load(&self.resolve(file)).map_err(|error| wrong(error.to_string()))?;
         let mut surface = loaded.surface;
         unit.map_or(Scale::ONE, |unit| Scale(unit.metres)).apply(&mut surface.vertices);
+        // Turns all triangles outward.
+        let report = surface_check::check(&mut surface, &mut Vec::new());
+        if !report.is_closed() {
+            let faults = report.faults().join("; ");
+            return Err(wrong(format!("{}: the surface is not closed: {faults}", file.display())));
+        }
         Ok(surface)
     }
 }

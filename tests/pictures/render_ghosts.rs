@@ -4,6 +4,7 @@ use crate::render_common::*;
 use greenstage::render::*;
 use image::RgbaImage;
 use nalgebra::{Matrix4, Point3, Vector3};
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 64];
@@ -133,4 +134,49 @@ fn a_line_over_everything_is_not_hidden() {
         let found = light(&draw_full(&gpu, &mut renderer, SIZE, view(), &contents));
         assert_eq!(found > 0.9, is_seen, "{over}: {found}");
     }
+}
+
+/// A formed solid in the shape of a ball looks like the ball, and its pipeline is made only for it.
+#[test]
+fn a_formed_ball_looks_like_a_ball() {
+    let Some(gpu) = require_gpu() else { return };
+    let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
+    let (radius_m, color) = (0.06_f32, [0.6, 0.3, 0.2]);
+    let draw = |renderer: &mut Renderer, drawable: Drawable| {
+        let contents = FrameContents { drawables: [&[drawable], &[]], ..FrameContents::default() };
+        draw_full(&gpu, renderer, SIZE, view(), &contents)
+    };
+    let center = Point3::new(0.01, 0.02, 0.0);
+    let ball = draw(&mut renderer, Drawable::Ball(Ball { center, radius_m, color }));
+    assert!(!renderer.made().contains(&"formed"), "{:?}", renderer.made());
+
+    const RINGS: usize = 40;
+    let direction = |ring: usize, step: usize| {
+        let (high, turn) = (ring as f32 / RINGS as f32 * PI, step as f32 / RINGS as f32 * PI);
+        [high.sin() * turn.cos(), high.cos(), high.sin() * turn.sin()]
+    };
+    let around = 2 * RINGS;
+    let directions = (0..=RINGS).flat_map(|ring| (0..=around).map(move |step| direction(ring, step)));
+    let normals: Vec<[f32; 3]> = directions.collect();
+    let corner = |ring: usize, step: usize| (ring * (around + 1) + step) as u32;
+    let cells = (0..RINGS).flat_map(|ring| (0..around).map(move |step| (ring, step)));
+    let triangles = cells.flat_map(|(ring, step)| {
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| corner(ring + i, step + j));
+        [[a, c, b], [a, d, c]]
+    });
+    let shape = Arc::new(GhostShape {
+        positions: normals.clone(),
+        normals: normals.clone(),
+        triangles: triangles.collect(),
+    });
+    let room_from_shape = Matrix4::new_translation(&center.coords) * Matrix4::new_scaling(radius_m);
+    let formed = draw(&mut renderer, Drawable::Formed(Formed { shape, room_from_shape, color }));
+    assert!(renderer.made().contains(&"formed"));
+
+    let off =
+        |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| (0..3).map(|k| a.0[k].abs_diff(b.0[k])).max().unwrap();
+    let differing = ball.pixels().zip(formed.pixels()).map(off).filter(|off| *off > 6).count();
+    let drawn = ball.pixels().filter(|pixel| pixel.0[0] > pixel.0[2] + 10).count();
+    // The outlines of both are polygons.
+    assert!(drawn > 500 && differing < drawn / 20, "{differing} of {drawn} pixels differ");
 }

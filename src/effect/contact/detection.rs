@@ -14,6 +14,8 @@ type V3 = Vector3<f64>;
 const FACING: f64 = 0.2;
 /// A triangle's point counts between its corners if each has a share of at least this.
 const BETWEEN: f64 = 0.02;
+/// Part of the tool's radius by which a point between nodes must be nearer than they are: flat faces meet at nodes.
+const DEEPER: f64 = 0.01;
 /// A tool that is blunter than this many longest edges touches nodes alone.
 const BLUNT: f64 = 2.0;
 
@@ -23,8 +25,8 @@ pub struct Found {
     pub spots: Vec<SurfaceSpot>,
     /// Whether it reaches into the body, which it cannot have entered through its surface.
     pub is_within: bool,
-    /// Whether it reaches into a control element, which does not yield.
-    pub meets_held: bool,
+    /// Whether it reaches into nodes that take no forces.
+    pub meets_stiff: bool,
 }
 
 /// φ and ∇φ in the room of a tool that stands at `room_from_tool`.
@@ -57,7 +59,7 @@ pub fn find(
             continue;
         }
         if !body.takes[node as usize] {
-            found.meets_held |= gap < 0.0;
+            found.meets_stiff |= gap < 0.0;
         } else if faces(&normal, &body.outward(node, free)) {
             found.spots.push(SurfaceSpot::node(node));
         } else {
@@ -79,7 +81,10 @@ pub fn find(
             let place = at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2];
             let (gap, normal) = distance(shape, room_from_tool, &place);
             let outward = (at[1] - at[0]).cross(&(at[2] - at[0])).normalize();
-            if gap < near && faces(&normal, &outward) {
+            let at_nodes =
+                at.map(|x| distance(shape, room_from_tool, &x).0).into_iter().fold(f64::INFINITY, f64::min);
+            let is_deeper = gap < at_nodes - DEEPER * shape.bluntness();
+            if gap < near && is_deeper && faces(&normal, &outward) {
                 let spot = on_feature(corners, weights);
                 if !found.spots.contains(&spot) {
                     found.spots.push(spot);

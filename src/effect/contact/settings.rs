@@ -3,7 +3,7 @@
 use crate::config;
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
 use crate::effect::entry::{ResolvedBody, Settings as AnySettings};
-use crate::scene::{Body, Scene, SceneError};
+use crate::scene::{Body, Method, Scene, SceneError, ToolShape};
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -55,7 +55,7 @@ impl Settings {
 }
 
 /// Refuses a body that nothing can touch, or whose answer to a touch is not known.
-pub fn suits(scene: &Scene, name: &str, _: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
+pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
     let settings = Settings::of(resolved);
     if scene.tool.is_empty() {
@@ -68,6 +68,23 @@ pub fn suits(scene: &Scene, name: &str, _: &Body, resolved: &ResolvedBody) -> Re
     {
         let known = scene.tool.keys().map(String::as_str);
         return wrong("effect.contact.tools", config::unknown_name("tool", unknown, known));
+    }
+    if let Some(other) = resolved.entries().find(|effect| effect.has_inertia) {
+        let message = format!(
+            "\"{NAME}\" and \"{}\" do not know of each other yet: what vibrates would not feel the tool. List one of them",
+            other.name
+        );
+        return wrong("effects", message);
+    }
+    if body.method == Method::Bem {
+        let message = "\"contact\" solves for how the surface yields with the factor of a body of tetrahedra: leave out method = \
+                       \"bem\"";
+        return wrong("method", message.to_owned());
+    }
+    for (name, tool) in &scene.tool {
+        if let ToolShape::Mesh { file, unit, .. } = &tool.shape {
+            scene.tool_surface(name, file, *unit)?;
+        }
     }
     let model = resolved.model;
     if !TOUCHED.contains(&model) {
@@ -90,9 +107,10 @@ mod tests {
     #[test]
     fn settings_that_cannot_be_are_told() {
         let body = |keys: &str, tool: &str| {
+            let listed = if keys.starts_with("effects") { "" } else { "effects = [\"contact\"]\n" };
             let text = format!(
                 "{tool}\n[body.b]\ngenerate = {{ block = {{ size = [1.0, 1.0, 1.0], cells = [2, 2, 2] }} }}\n\
-                 material = {{ young = 1.0, poisson = 0.3 }}\neffects = [\"contact\"]\n{keys}\n\
+                 material = {{ young = 1.0, poisson = 0.3, density = 1000.0 }}\n{listed}{keys}\n\
                  control.low = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
             );
             let scene = Resolved::parse(&text, Path::new("c.toml"));
@@ -103,6 +121,7 @@ mod tests {
         [SURFACE, ""].into_iter().for_each(|keys| body(keys, TOOL).unwrap());
         for (keys, tool, told) in [
             (SURFACE.to_owned(), "", "nothing touches the body"),
+            ("effects = [\"contact\", \"dynamics\"]".to_owned(), TOOL, "do not know of each other yet"),
             (format!("{SURFACE}effect.contact = {{ friction = -1.0 }}"), TOOL, "no coefficient of friction"),
             (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
             (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),

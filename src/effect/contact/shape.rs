@@ -207,6 +207,11 @@ impl Shape {
                 }
             }
         }
+        // The two ends of a box are faces, not points.
+        let last = (RINGS * (around + 1)) as u32;
+        for step in 1..around as u32 {
+            triangles.extend([[0, step, step + 1], [last, last + step + 1, last + step]]);
+        }
         GhostShape { positions, normals, triangles }
     }
 }
@@ -276,26 +281,48 @@ mod tests {
     use crate::base::random::Random;
     use std::path::Path;
 
-    fn shapes() -> Vec<Shape> {
+    /// A tetrahedron, also with its faces turned inward, and with a face left out.
+    const FACES: [&str; 3] = [
+        "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+        "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n",
+        "f 1 3 2\nf 1 2 4\nf 1 4 3\n",
+    ];
+
+    fn made(kind: &ToolShape, faces: &str) -> Result<Shape, Failure> {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("wedge.obj");
-        // A tetrahedron.
-        let text = "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-        std::fs::write(&file, text).unwrap();
+        let text = format!("v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\n{faces}");
+        std::fs::write(folder.path().join("wedge.obj"), text).unwrap();
         let scene = Scene::parse(
             "[body.b]\nmesh = \"b.msh\"\nmaterial = { young = 1.0, poisson = 0.3 }\n[body.b.control]\n\
              a = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n",
             &folder.path().join("s.toml"),
-        )
-        .unwrap();
+        );
+        Shape::new(&scene.unwrap(), "t", kind)
+    }
+
+    fn wedge() -> ToolShape {
+        ToolShape::Mesh { file: Path::new("wedge.obj").to_owned(), unit: None, radius: Some(0.1) }
+    }
+
+    fn shapes() -> Vec<Shape> {
         let kinds = [
             ToolShape::Ball { radius: 0.7 },
             ToolShape::Capsule { radius: 0.3, length: 1.5 },
             ToolShape::Box { size: [1.0, 2.0, 1.4], radius: Some(0.2) },
             ToolShape::Floor,
-            ToolShape::Mesh { file: Path::new("wedge.obj").to_owned(), unit: None, radius: Some(0.1) },
+            wedge(),
         ];
-        kinds.iter().map(|kind| Shape::new(&scene, "t", kind).unwrap()).collect()
+        kinds.iter().map(|kind| made(kind, FACES[0]).unwrap()).collect()
+    }
+
+    #[test]
+    fn a_mesh_is_turned_outward_and_an_open_one_is_refused() {
+        let [outward, turned] = [0, 1].map(|faces| made(&wedge(), FACES[faces]).unwrap());
+        for x in [V3::new(0.3, 0.3, 0.3), V3::new(1.0, 2.0, 3.0), V3::new(-1.0, 0.1, 0.2)] {
+            assert_eq!(outward.distance(&x), turned.distance(&x));
+        }
+        let error = made(&wedge(), FACES[2]).err().unwrap().to_string();
+        assert!(error.contains("tool.t.shape: wedge.obj: the surface is not closed: 1 hole"), "{error}");
     }
 
     /// φ is a distance: |∇φ| = 1, and going by φ against ∇φ leads to the surface.
@@ -379,6 +406,23 @@ mod tests {
                     "shape {number}: a triangle faces inward"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn what_is_drawn_encloses_the_shape() {
+        let cut = |length: f64| length - 0.4;
+        let [x, y, z] = [1.0, 2.0, 1.4].map(cut);
+        let rounded =
+            x * y * z + 0.4 * (x * y + y * z + z * x) + PI * 0.04 * (x + y + z) + 4.0 / 3.0 * PI * 0.008;
+        let ball = |radius: f64| 4.0 / 3.0 * PI * radius.powi(3);
+        let capsule = ball(0.3) + PI * 0.09 * 1.5;
+        for (shape, expected) in shapes().iter().zip([ball(0.7), capsule, rounded]) {
+            let GhostShape { positions, triangles, .. } = shape.surface();
+            let at = |node: u32| V3::from(positions[node as usize].map(f64::from));
+            let volume: f64 =
+                triangles.iter().map(|[a, b, c]| at(*a).dot(&at(*b).cross(&at(*c))) / 6.0).sum();
+            assert!((volume / expected - 1.0).abs() < 0.02, "{volume} m³, not {expected}");
         }
     }
 }

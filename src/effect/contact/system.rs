@@ -174,9 +174,10 @@ fn add_new(
             let near = EXACT * tool.shape.thickness().min(body.longest());
             let found = find(&tool.shape, &pose, body, &places[number], &step.outlines[number], near);
             let name = &body.free.body;
-            if found.meets_held {
+            if found.meets_stiff {
                 outcome.warnings.push(format!(
-                    "tool.{}: it reaches into a control element of body.{name}, which is held and does not yield",
+                    "tool.{}: it reaches into nodes of body.{name} that do not yield: those of a control element, or such as \
+                     surface_compliance leaves out",
                     tool.name
                 ));
             }

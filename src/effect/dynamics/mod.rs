@@ -34,6 +34,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: true,
+    has_inertia: true,
     settings: Some(settings::Settings::read),
     suits: Some(section::suits),
     solve: Some(section::solve),
