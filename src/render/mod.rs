@@ -16,7 +16,6 @@ mod chunk;
 mod color_map;
 mod columns;
 mod composite;
-mod contact;
 mod deform;
 mod error;
 mod formed;
@@ -24,6 +23,7 @@ mod frame;
 mod ghost;
 mod gpu;
 mod grid;
+mod ground;
 #[cfg(test)]
 mod layout;
 mod lighting;

@@ -6,13 +6,13 @@
 //! when a frame holds more than any before it, and the pipelines for both eyes are made with the first such picture.
 
 use super::body::BodyPass;
-use super::contact::ContactPass;
 use super::error::RenderError;
 use super::formed::FormedPass;
 use super::frame::{FrameContents, Line, Quad};
 use super::ghost::GhostPass;
 use super::gpu::Gpu;
 use super::grid::{BackgroundPass, Floor};
+use super::ground::GroundPass;
 use super::lighting::LightingUniform;
 use super::pass::{BOTH_EYES, DrawCounts, DrawPass, DrawTo, MadeFor, ViewDraw, group_layout};
 use super::shadow::{ShadowMaps, Shadows};
@@ -33,7 +33,7 @@ pub(super) const PASSES: &[fn() -> Box<dyn DrawPass>] = &[
     || Box::<BackgroundPass>::default(),
     || Box::<StripPass<Floor>>::default(),
     || Box::<GhostPass>::default(),
-    || Box::<ContactPass>::default(),
+    || Box::<GroundPass>::default(),
     || Box::<StripPass<Quad>>::default(),
     || Box::<StripPass<Line>>::default(),
     || Box::<CustomStripsPass>::default(),

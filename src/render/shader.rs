@@ -29,10 +29,10 @@ pub(super) const IMAGE: [&str; 2] = [
     include_str!("../../shaders/common/image_none.wgsl"),
     include_str!("../../shaders/common/image_triplanar.wgsl"),
 ];
-pub(super) const CONTACT_FLOOR: &str = include_str!("../../shaders/common/contact_floor.wgsl");
+pub(super) const GROUND_FLOOR: &str = include_str!("../../shaders/common/ground_floor.wgsl");
 
 pub(super) const SHADOW: [&str; 1] = [include_str!("../../shaders/shadow.wgsl")];
-pub(super) const CONTACT_MAP: [&str; 2] = [CONTACT_FLOOR, include_str!("../../shaders/contact_map.wgsl")];
+pub(super) const GROUND_MAP: [&str; 2] = [GROUND_FLOOR, include_str!("../../shaders/ground_map.wgsl")];
 
 pub(super) const COMPOSITE: [&str; 1] = [include_str!("../../shaders/composite.wgsl")];
 
@@ -101,8 +101,8 @@ mod tests {
         }
         let shadow = stages("shadow", &SHADOW.concat(), Capabilities::empty());
         assert_eq!(shadow, [(Vertex, "vertex".to_owned())]);
-        let contact = stages("contact_map", &CONTACT_MAP.concat(), Capabilities::empty());
-        assert_eq!(contact.len(), 2);
+        let ground = stages("ground_map", &GROUND_MAP.concat(), Capabilities::empty());
+        assert_eq!(ground.len(), 2);
         let composite = stages("composite", &COMPOSITE.concat(), Capabilities::empty());
         assert_eq!(composite, [(Fragment, "fragment".to_owned()), (Vertex, "vertex".to_owned())]);
         for (name, parts) in [

@@ -5,12 +5,25 @@
 
 use super::loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, LoadEntry, LoadKind, LoadSource, LoadValue,
-    THERMAL, Thermal,
+    SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal, Whole,
 };
-use super::{Body, Nodes};
+use super::{Body, Method, Nodes};
 use std::path::Path;
 
 impl Body {
+    /// Gives its whole surface a compliance where the scene says nothing of one: by the factor, where the solver has one that can be
+    /// kept.
+    pub fn be_pressed(&mut self) {
+        if self.surface_compliance.is_some() || self.method == Method::Bem {
+            return;
+        }
+        let usual = KeptForm::default();
+        let kept = if self.solver.method.keeps_factor { KeptForm::Factor } else { usual };
+        let nodes = SurfaceNodes::All(Whole::Surface);
+        self.surface_compliance =
+            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept });
+    }
+
     /// All its loads, in the order of their columns.
     pub fn loads(&self) -> Vec<LoadEntry<'_>> {
         let mut all = Vec::new();

@@ -56,7 +56,7 @@ impl Scene {
             let of_body = |(key, message): Wrong| self.invalid(&format!("body.{name}{key}"), message);
             found.extend(body.faults().into_iter().map(of_body));
         }
-        found.extend(super::tool::check(self).err());
+        found.extend(self.faults_of_tools());
         let legend = self.legend.and_then(|legend| legend.check().err());
         found.extend(legend.map(|message| self.invalid("legend", message)));
         found

@@ -3,9 +3,7 @@
 //! In: the keys `gravity`, `centrifugal`, `thermal`, `load.NAME` and `surface_compliance`. Out: their values, and the
 //! [`LoadEntry`] that each load of a body becomes.
 
-use super::Body;
 use super::direction::DirectionFile;
-use super::method::Method;
 use super::select::Nodes;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -155,21 +153,6 @@ pub struct SurfaceCompliance {
     /// Form in which its numbers are kept in the .green file.
     #[serde(default, skip_serializing_if = "KeptForm::is_usual")]
     pub kept: KeptForm,
-}
-
-impl Body {
-    /// Gives its whole surface a compliance where the scene says nothing of one: by the factor, where the solver has one that can be
-    /// kept.
-    pub fn be_pressed(&mut self) {
-        if self.surface_compliance.is_some() || self.method == Method::Bem {
-            return;
-        }
-        let usual = KeptForm::default();
-        let kept = if self.solver.method.keeps_factor { KeptForm::Factor } else { usual };
-        let nodes = SurfaceNodes::All(Whole::Surface);
-        self.surface_compliance =
-            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept });
-    }
 }
 
 /// `kept = "inverse"`, `kept = { error = 1e-4 }` or `kept = "factor"`.

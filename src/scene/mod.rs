@@ -25,6 +25,7 @@ pub mod survey;
 #[cfg(test)]
 mod tests;
 mod tool;
+mod tools;
 mod unprepared;
 mod updates;
 mod updating;

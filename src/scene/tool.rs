@@ -1,11 +1,9 @@
 //! Tools: rigid things that touch bodies, on a stylus or at a place in the room.
 
-use super::{Color, Scene, SceneError};
-use crate::mesh::length_unit::{LengthUnit, Scale};
-use crate::mesh::surface_check;
-use crate::mesh::surface_files::{self, TriangleSurface};
+use super::look::Color;
+use crate::mesh::length_unit::LengthUnit;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// `[tool.NAME]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -91,44 +89,19 @@ impl ToolShape {
     }
 }
 
-/// Errors name the first tool that cannot be.
-pub(super) fn check(scene: &Scene) -> Result<(), SceneError> {
-    for (name, tool) in &scene.tool {
-        let wrong = |key: &str, message: String| scene.invalid(&format!("tool.{name}.{key}"), message);
-        tool.shape.check().map_err(|message| wrong("shape", message))?;
-        if tool.stylus == Some(0) {
-            return Err(wrong("stylus", "styli are counted from 1".to_owned()));
+impl Tool {
+    /// The error is a key of the tool, and what is wrong with it.
+    pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
+        self.shape.check().map_err(|message| ("shape", message))?;
+        if self.stylus == Some(0) {
+            return Err(("stylus", "styli are counted from 1".to_owned()));
         }
-        for (key, numbers) in [("position", tool.position), ("rotation", tool.rotation)] {
-            if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
-                return Err(wrong(key, format!("{number} is no finite number")));
-            }
+        if let Some(number) = self.position.iter().chain(&self.rotation).find(|number| !number.is_finite()) {
+            return Err(("position", format!("it and the turn must be finite, and {number} is not")));
         }
-        if let Some(stiffness) = tool.stiffness.filter(|k| !(k.is_finite() && *k > 0.0)) {
-            return Err(wrong("stiffness", format!("{stiffness} N/m: a positive number is needed")));
+        match self.stiffness.filter(|k| !(k.is_finite() && *k > 0.0)) {
+            Some(stiffness) => Err(("stiffness", format!("{stiffness} N/m: a positive number is needed"))),
+            None => Ok(()),
         }
-    }
-    Ok(())
-}
-
-impl Scene {
-    /// The closed surface of a tool's mesh file, m. The error names the file and the tool.
-    pub fn tool_surface(
-        &self,
-        name: &str,
-        file: &Path,
-        unit: Option<&'static LengthUnit>,
-    ) -> Result<TriangleSurface, SceneError> {
-        let wrong = |message: String| self.invalid(&format!("tool.{name}.shape"), message);
-        let loaded = surface_files::load(&self.resolve(file)).map_err(|error| wrong(error.to_string()))?;
-        let mut surface = loaded.surface;
-        unit.map_or(Scale::ONE, |unit| Scale(unit.metres)).apply(&mut surface.vertices);
-        // Turns all triangles outward.
-        let report = surface_check::check(&mut surface, &mut Vec::new());
-        if !report.is_closed() {
-            let faults = report.faults().join("; ");
-            return Err(wrong(format!("{}: the surface is not closed: {faults}", file.display())));
-        }
-        Ok(surface)
     }
 }

@@ -1,6 +1,6 @@
 //! The state of a session, taken in any frame and put into another session of the same scene: both go on alike, bit by bit.
 
-use greenstage::deform::{ControlPose, Kind, MODELS, ModelEntry};
+use greenstage::deform::{ControlPose, Kind, MODELS, ModelEntry, find_model};
 use greenstage::effect::EFFECTS;
 use greenstage::prepare::Resolved;
 use greenstage::render::Drawable;
@@ -12,23 +12,27 @@ use std::path::Path;
 /// Further frames that are compared.
 const FRAMES: usize = 1000;
 
-/// A leaf, which every model fits, with every effect that computes in frames; models that are solved anew have no dynamics.
-fn scene(folder: &Path, model: &ModelEntry) -> Resolved {
+/// A leaf, which every model fits, with every effect that computes in frames; models that are solved anew have no dynamics. Touched it
+/// lies over a table, in place of dynamics.
+fn scene(folder: &Path, model: &ModelEntry, touched: bool) -> Resolved {
     let left_out = |name: &str| match name {
         "expected_errors" => true,
-        "dynamics" => matches!(model.kind, Kind::Background(_)),
+        "dynamics" => touched || matches!(model.kind, Kind::Background(_)),
+        "contact" => !touched,
         _ => false,
     };
+    let tool = "[tool.table]\nshape = \"floor\"\nposition = [0.0, -0.045, 0.0]\n";
     let effects: Vec<String> = EFFECTS
         .iter()
         .filter(|effect| effect.attach.is_some() && !left_out(effect.name))
         .map(|effect| format!("\"{}\"", effect.name))
         .collect();
     let text = format!(
-        "[body.b]\ngenerate = {{ block = {{ size = [1.0, 0.03, 0.4], cells = [10, 1, 4] }} }}\n\
+        "{}[body.b]\ngenerate = {{ block = {{ size = [1.0, 0.03, 0.4], cells = [10, 1, 4] }} }}\n\
          material = {{ young = 1.0e6, poisson = 0.3, density = 1000 }}\nmodel = \"{model}\"\neffects = [{}]\n\
          control.left = {{ nodes = {{ box = {{ min = [-9.0, -9.0, -9.0], max = [-0.35, 9.0, 9.0] }} }}, grab = \"fixed\" }}\n\
          control.right = {{ nodes = {{ box = {{ min = [0.35, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n",
+        if touched { tool } else { "" },
         effects.join(", ")
     );
     Resolved::parse(&text, &folder.join("scene.toml")).unwrap()
@@ -67,12 +71,13 @@ fn shown(session: &mut Session, model: &ModelEntry, frame: usize) -> (String, St
 #[test]
 fn a_session_goes_on_from_its_state_with_every_model_and_effect() {
     let folder = tempfile::tempdir().unwrap();
-    for model in MODELS {
-        let scene = scene(folder.path(), model);
+    let touched = ["linear", "rotation"].map(|name| (find_model(name).unwrap(), true));
+    for (model, touched) in MODELS.iter().map(|model| (model, false)).chain(touched) {
+        let scene = scene(folder.path(), model, touched);
         let mut first = open(&scene);
         let taken = [30, 170];
         let mut others: Vec<Session> = Vec::new();
-        let mut moved = 0;
+        let (mut moved, mut pressed) = (0, 0);
         for frame in 0..taken[1] + FRAMES {
             let seen = shown(&mut first, model, frame);
             for (of, other) in taken.iter().zip(&mut others) {
@@ -86,6 +91,7 @@ fn a_session_goes_on_from_its_state_with_every_model_and_effect() {
                 }
             }
             moved += usize::from(first.world.bodies[0].deformer.largest_turn() > 0.1);
+            pressed += usize::from(!first.world.bodies[0].deformer.contribution().points.is_empty());
             if taken.contains(&frame) {
                 let text = serde_json::to_string(&first.world.state().unwrap()).unwrap();
                 let state: State = serde_json::from_str(&text).unwrap();
@@ -96,6 +102,7 @@ fn a_session_goes_on_from_its_state_with_every_model_and_effect() {
                 others.push(other);
             }
         }
+        assert!(touched == (pressed > 300), "{}: pressed in {pressed} frames", model.name);
         assert!(moved > 800, "{}: turned in {moved} frames", model.name);
     }
 }

@@ -222,7 +222,7 @@ fn the_floor_is_darker_below_a_body_than_beside_it() {
             let mut renderer = Renderer::new(&gpu, COLOR_FORMAT, 1).unwrap();
             renderer.shadows = shadows;
             let image = draw_full(&gpu, &mut renderer, SIZE, view, &contents);
-            assert_eq!(renderer.made().contains(&"contact"), shadows == Shadows::Contact);
+            assert_eq!(renderer.made().contains(&"ground"), shadows == Shadows::Contact);
             image
         });
         let left = |x: f32, z: f32| {

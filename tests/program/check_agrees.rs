@@ -112,7 +112,8 @@ fn what_is_not_there_is_said_in_one_sentence() {
         )
     };
     for (lines, part) in [
-        ("effects = [\"contact\"]", "there is no effect \"contact\": bodies pass through each other"),
+        ("effects = [\"contact\"]", "nothing touches the body: add a tool"),
+        ("effects = [\"cut\"]", "there is no effect \"cut\": bodies cannot be cut"),
         ("effects = [\"sound\"]", "there is no effect \"sound\": bodies are silent"),
         (
             "effects = [\"gravity\"]",

@@ -74,7 +74,15 @@ fn stages() {
 fn scripts() {
     holds(
         "scripts",
-        &["bend.toml", "models.toml", "pull.toml", "raise.toml", "stylus.toml", "two-hands.toml"],
+        &[
+            "bend.toml",
+            "models.toml",
+            "press.toml",
+            "pull.toml",
+            "raise.toml",
+            "stylus.toml",
+            "two-hands.toml",
+        ],
     );
     let script = Script::load(&config("scripts/bend.toml")).unwrap();
     assert_eq!(script.duration_s, 4.0);
@@ -82,7 +90,7 @@ fn scripts() {
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
     for (file, duration_s, styli) in
-        [("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)]
+        [("press.toml", 5.0, 0), ("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)]
     {
         let script = Script::load(&config("scripts").join(file)).unwrap();
         assert_eq!(script.duration_s, duration_s, "{file}");

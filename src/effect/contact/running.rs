@@ -5,7 +5,7 @@
 
 use super::detection::distance;
 use super::settings::{NAME, Settings};
-use super::shown::show;
+use super::shown::Shown;
 use super::system::{Contact, Outcome, Step, advance, at_nodes, force_on_tool, shifted};
 use super::tool::{Tool, between};
 use super::touched_body::TouchedBody;
@@ -25,9 +25,9 @@ const STEP: f64 = 0.5;
 const MOST_STEPS: usize = 64;
 
 pub struct Contacts {
-    pub bodies: Vec<TouchedBody>,
-    pub tools: Vec<Tool>,
-    pub motion: Motion,
+    bodies: Vec<TouchedBody>,
+    tools: Vec<Tool>,
+    motion: Motion,
     /// Warnings of this frame.
     warnings: Vec<String>,
 }
@@ -245,12 +245,6 @@ impl Contacts {
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }
 
-    /// Place in the room of a node of the touched body of this number.
-    pub fn place(&self, number: usize, node: u32) -> V3 {
-        let body = &self.bodies[number];
-        body.free_place(node) + body.moved(&at_nodes(&self.motion.contacts, number))(node)
-    }
-
     /// Nodes of each body that a tool can meet on its way.
     fn near(&self, last: &[Placed], way: &Way) -> Vec<Vec<u32>> {
         let of = |(b, (body, held)): (usize, (&TouchedBody, Vec<u32>))| {
@@ -354,7 +348,9 @@ impl RunningEffect for Contacts {
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
         frame.warnings.append(&mut self.warnings);
-        show(self, world, frame);
+        let places: Vec<_> = self.motion.tools.iter().map(Placed::surface).collect();
+        let (bodies, tools, contacts) = (&self.bodies, &self.tools, &self.motion.contacts);
+        Shown { bodies, tools, places: &places, contacts }.show(world, frame);
     }
 
     fn memory(&self) -> Option<Memory> {

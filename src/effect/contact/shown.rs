@@ -1,14 +1,14 @@
 //! What is seen of tools: their shapes, and the force on the hand as an arrow with its newtons.
 
-use super::running::Contacts;
-use super::system::force_on_tool;
+use super::system::{Contact, at_nodes, force_on_tool};
 use super::tool::Tool;
+use super::touched_body::TouchedBody;
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::interact::force_arrow;
 use crate::render::{Arrow, Drawable, Formed};
 use crate::world::{Frame, World};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Radius of an arrow's shaft and length of the longest arrow, against the workspace's radius.
 const SHAFT: f64 = 0.012;
@@ -18,52 +18,69 @@ const FULL_AT: f64 = 0.1;
 /// Linear.
 const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
-/// Adds the tools to a frame.
-pub fn show(contacts: &Contacts, world: &World, frame: &mut Frame) {
-    let radius_m = world.assets.stage.workspace.radius_m;
-    for (t, (tool, placed)) in contacts.tools.iter().zip(&contacts.motion.tools).enumerate() {
-        let Some(pose) = placed.surface() else { continue };
-        hide_pen(tool, world, frame);
-        let room_from_shape = pose.to_homogeneous().cast();
-        frame.drawables.push(Drawable::Formed(Formed {
-            shape: tool.drawn.clone(),
-            room_from_shape,
-            color: tool.color,
-        }));
-        let own = || contacts.motion.contacts.iter().filter(|contact| contact.tool == t);
-        let force = force_on_tool(t, &contacts.bodies, &contacts.motion.contacts);
-        let Some(place) = middle(contacts, t) else { continue };
-        let soft = own().map(|contact| {
-            let body = &contacts.bodies[contact.body];
-            let size = world.bodies[body.b].assets.ball.1 * body.room_from_body.scaling();
-            FULL_AT * size / (body.between(&contact.spot(), &contact.spot()).trace() / 3.0)
-        });
-        let full_n = soft.fold(0.0, f64::max);
-        if let Some(arrow) = force_arrow(&place, &force, full_n, LONGEST * radius_m) {
-            frame.drawables.push(Drawable::Arrow(Arrow {
-                from: arrow.from.cast(),
-                along: arrow.along.cast(),
-                radius_m: (SHAFT * radius_m) as f32,
-                color: COLOR,
-                through: true,
-            }));
-        }
-        let words = format!("{}: {}, error unknown", tool.name, quantity(force.norm(), "N"));
-        frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
-    }
+/// Tools and contacts of a frame.
+pub struct Shown<'a> {
+    pub bodies: &'a [TouchedBody],
+    pub tools: &'a [Tool],
+    /// Where the tools' surfaces are.
+    pub places: &'a [Option<Isometry3<f64>>],
+    pub contacts: &'a [Contact],
 }
 
-/// Mean of the places at which a tool touches, weighted with the forces there.
-fn middle(contacts: &Contacts, tool: usize) -> Option<Point3<f64>> {
-    let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
-    for contact in contacts.motion.contacts.iter().filter(|contact| contact.tool == tool) {
-        let force = contact.force.norm();
-        for (node, w) in contact.spot().corners() {
-            sum += contacts.place(contact.body, node) * (w * force);
+impl Shown<'_> {
+    /// Adds the tools to a frame.
+    pub fn show(&self, world: &World, frame: &mut Frame) {
+        let radius_m = world.assets.stage.workspace.radius_m;
+        for (t, (tool, pose)) in self.tools.iter().zip(self.places).enumerate() {
+            let Some(pose) = pose else { continue };
+            hide_pen(tool, world, frame);
+            let (shape, color) = (tool.drawn.clone(), tool.color);
+            let room_from_shape = pose.to_homogeneous().cast();
+            frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
+            let force = force_on_tool(t, self.bodies, self.contacts);
+            let Some(place) = self.middle(t) else { continue };
+            if let Some(arrow) = force_arrow(&place, &force, self.full_n(t, world), LONGEST * radius_m) {
+                frame.drawables.push(Drawable::Arrow(Arrow {
+                    from: arrow.from.cast(),
+                    along: arrow.along.cast(),
+                    radius_m: (SHAFT * radius_m) as f32,
+                    color: COLOR,
+                    through: true,
+                }));
+            }
+            let words = format!("{}: {}, error unknown", tool.name, quantity(force.norm(), "N"));
+            frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
         }
-        weight += force;
     }
-    (weight > 0.0).then(|| Point3::from(sum / weight))
+
+    fn of_tool(&self, tool: usize) -> impl Iterator<Item = &Contact> {
+        self.contacts.iter().filter(move |contact| contact.tool == tool)
+    }
+
+    /// The force of the longest arrow: that at which the stiffest spot yields by a part of its body's radius.
+    fn full_n(&self, tool: usize, world: &World) -> f64 {
+        let of = |contact: &Contact| {
+            let body = &self.bodies[contact.body];
+            let size = world.bodies[body.b].assets.ball.1 * body.room_from_body.scaling();
+            FULL_AT * size / (body.between(&contact.spot(), &contact.spot()).trace() / 3.0)
+        };
+        self.of_tool(tool).map(of).fold(0.0, f64::max)
+    }
+
+    /// Mean of the places at which a tool touches, weighted with the forces there.
+    fn middle(&self, tool: usize) -> Option<Point3<f64>> {
+        let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
+        for contact in self.of_tool(tool) {
+            let body = &self.bodies[contact.body];
+            let moved = body.moved(&at_nodes(self.contacts, contact.body));
+            let force = contact.force.norm();
+            for (node, w) in contact.spot().corners() {
+                sum += (body.free_place(node) + moved(node)) * (w * force);
+            }
+            weight += force;
+        }
+        (weight > 0.0).then(|| Point3::from(sum / weight))
+    }
 }
 
 /// Takes away the pen and the ray of the stylus that carries a tool: the hand holds that instead. One that is pressed keeps its ray.

@@ -1,7 +1,7 @@
 //! The bodies' shadow on the floor grid, by which their height over it is read.
 //!
 //! In: bodies and the grid of a frame. Out, once a frame for all screens and eyes: a map of the bodies' undersides as the floor
-//! sees them, from it what they hide of a lamp overhead (`shaders/contact_map.wgsl`), and a rectangle of the floor darkened
+//! sees them, from it what they hide of a lamp overhead (`shaders/ground_map.wgsl`), and a rectangle of the floor darkened
 //! by that. Made with the first frame that has bodies, a grid and shadows.
 
 use super::error::RenderError;
@@ -16,18 +16,18 @@ use nalgebra::Matrix4;
 use wgpu::BufferUsages;
 
 pub(super) const SHADER: [&str; 3] =
-    [shader::VIEW, shader::CONTACT_FLOOR, include_str!("../../shaders/contact.wgsl")];
+    [shader::VIEW, shader::GROUND_FLOOR, include_str!("../../shaders/ground.wgsl")];
 /// Pixels of the map's side.
 const MAP_PX: u32 = 256;
 /// Format of the hidden part of the lamp, in 256ths.
 const HIDDEN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
-/// Tangent of the angle from the zenith to the lamp's rim: sin² is `LAMP` of `shaders/contact_map.wgsl`.
+/// Tangent of the angle from the zenith to the lamp's rim: sin² is `LAMP` of `shaders/ground_map.wgsl`.
 const LAMP_TANGENT: f32 = 0.655;
 
-/// `ContactFloor` of `shaders/common/contact_floor.wgsl`.
+/// `GroundFloor` of `shaders/common/ground_floor.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-struct ContactFloor {
+struct GroundFloor {
     center: [f32; 3],
     height_m: f32,
     half_size: [f32; 2],
@@ -35,9 +35,9 @@ struct ContactFloor {
     end: f32,
 }
 
-impl ContactFloor {
+impl GroundFloor {
     /// The part of the floor that bodies in these bounds can shade; `None` where all of them are below it.
-    fn under(grid: &Grid, bounds: &Bounds) -> Option<ContactFloor> {
+    fn under(grid: &Grid, bounds: &Bounds) -> Option<GroundFloor> {
         let top = bounds.centre.y + bounds.half.y;
         // A little more, so that the highest place is still nearer than nothing.
         let height_m = 1.01 * (top - grid.center.y);
@@ -45,7 +45,7 @@ impl ContactFloor {
         let reach_m = (height_m * LAMP_TANGENT).min(2.0 * bounds.half.norm());
         let half_size = [bounds.half.x + reach_m, bounds.half.z + reach_m];
         let center = [bounds.centre.x, grid.center.y, bounds.centre.z];
-        (height_m > 0.0).then_some(ContactFloor { center, height_m, half_size, reach_m, end: 0.0 })
+        (height_m > 0.0).then_some(GroundFloor { center, height_m, half_size, reach_m, end: 0.0 })
     }
 
     /// The floor's view of the bodies: left to right along x, down along z, near 0 at the floor.
@@ -62,16 +62,16 @@ impl ContactFloor {
     }
 }
 
-/// The pass of contact shadows, with nothing on the device until there is a shadow to draw.
+/// The pass of shadows on the ground, with nothing on the device until there is a shadow to draw.
 #[derive(Default)]
-pub(super) struct ContactPass {
-    map: Option<ContactMap>,
+pub(super) struct GroundPass {
+    map: Option<GroundMap>,
     pipelines: EyePipelines,
     is_shown: bool,
 }
 
 /// The maps of heights and of the hidden part of the lamp.
-struct ContactMap {
+struct GroundMap {
     depth: DepthPass,
     heights: wgpu::TextureView,
     hidden: wgpu::TextureView,
@@ -84,9 +84,9 @@ struct ContactMap {
     read_hidden: wgpu::BindGroup,
 }
 
-impl DrawPass for ContactPass {
+impl DrawPass for GroundPass {
     fn name(&self) -> &'static str {
-        "contact"
+        "ground"
     }
 
     fn shader(&self) -> &'static [&'static str] {
@@ -102,10 +102,10 @@ impl DrawPass for ContactPass {
         let has_shadows = kinds.iter().any(|kind| kind.shadows != Shadows::Off);
         let grid = contents.grid.as_ref().filter(|_| has_shadows);
         let floor =
-            grid.zip(bounds_in_room(contents.bodies)).and_then(|(grid, b)| ContactFloor::under(grid, &b));
+            grid.zip(bounds_in_room(contents.bodies)).and_then(|(grid, b)| GroundFloor::under(grid, &b));
         self.is_shown = floor.is_some();
         let Some(floor) = floor else { return Ok(()) };
-        let mut map = self.map.take().map_or_else(|| ContactMap::new(gpu), Ok)?;
+        let mut map = self.map.take().map_or_else(|| GroundMap::new(gpu), Ok)?;
         let groups = &[Some(&map.layout)];
         let (label, parts) = (self.name(), self.shader());
         let recipe = Recipe { label, parts, buffers: &[], blending: Blending::Translucent, groups };
@@ -128,8 +128,8 @@ impl DrawPass for ContactPass {
     }
 }
 
-impl ContactMap {
-    fn new(gpu: &Gpu) -> Result<ContactMap, RenderError> {
+impl GroundMap {
+    fn new(gpu: &Gpu) -> Result<GroundMap, RenderError> {
         let device = &gpu.device;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let map = |format| {
@@ -138,9 +138,9 @@ impl ContactMap {
         };
         let (heights, hidden) = (map(DEPTH_FORMAT), map(HIDDEN_FORMAT));
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let floor = gpu.buffer("floor in shadow", size_of::<ContactFloor>() as u64, usage)?;
+        let floor = gpu.buffer("floor in shadow", size_of::<GroundFloor>() as u64, usage)?;
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("contact"),
+            label: Some("ground"),
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
@@ -152,13 +152,13 @@ impl ContactMap {
         let pipeline = hidden_pipeline(device, &heights_layout);
         let depth = DepthPass::new(gpu, 1)?;
         gpu.check()?;
-        Ok(ContactMap { depth, heights, hidden, floor, pipeline, read_heights, layout, read_hidden })
+        Ok(GroundMap { depth, heights, hidden, floor, pipeline, read_heights, layout, read_hidden })
     }
 
     fn draw(
         &mut self,
         gpu: &Gpu,
-        floor: &ContactFloor,
+        floor: &GroundFloor,
         bodies: &[BodyInstance<'_>],
     ) -> Result<(), RenderError> {
         gpu.queue.write_buffer(&self.floor, 0, bytemuck::bytes_of(floor));
@@ -167,7 +167,7 @@ impl ContactMap {
         self.depth.draw(gpu, &mut encoder, &self.heights, 0, bodies);
         let span = gpu.clock().and_then(|clock| clock.span("shadows"));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("contact"),
+            label: Some("ground"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: &self.hidden,
                 depth_slice: None,
@@ -223,10 +223,10 @@ fn group(
         entries.push(entry(2, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
         bound.push(wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(sampler) });
     }
-    let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("contact"), entries: &entries };
+    let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("ground"), entries: &entries };
     let layout = device.create_bind_group_layout(&descriptor);
     let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("contact"),
+        label: Some("ground"),
         layout: &layout,
         entries: &bound,
     });
@@ -234,14 +234,14 @@ fn group(
 }
 
 fn hidden_pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
-    let module = shader::module(device, "contact map", &shader::CONTACT_MAP.concat());
+    let module = shader::module(device, "ground map", &shader::GROUND_MAP.concat());
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("contact map"),
+        label: Some("ground map"),
         bind_group_layouts: &[None, Some(layout)],
         immediate_size: 0,
     });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("contact map"),
+        label: Some("ground map"),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module: &module,
@@ -271,14 +271,14 @@ mod tests {
 
     const BOUNDS: Bounds = Bounds { centre: Vector3::new(0.5, 1.2, -0.3), half: Vector3::new(0.3, 0.1, 0.2) };
 
-    fn floor(height: f32) -> Option<ContactFloor> {
-        ContactFloor::under(&Grid::new(Point3::new(0.0, height, 0.0), [1.0; 2], 0.1), &BOUNDS)
+    fn floor(height: f32) -> Option<GroundFloor> {
+        GroundFloor::under(&Grid::new(Point3::new(0.0, height, 0.0), [1.0; 2], 0.1), &BOUNDS)
     }
 
     #[test]
     fn the_floor_lies_as_the_shaders_read_it() {
         let source = SHADER.concat();
-        assert_layout!(source, "ContactFloor", ContactFloor: center, height_m, half_size, reach_m, end);
+        assert_layout!(source, "GroundFloor", GroundFloor: center, height_m, half_size, reach_m, end);
     }
 
     #[test]

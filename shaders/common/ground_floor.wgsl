@@ -1,6 +1,6 @@
-// The part of the floor that lies in the bodies' shadow. Its Rust twin is in src/render/contact.rs; a test compares the layouts.
+// The part of the floor that lies in the bodies' shadow. Its Rust twin is in src/render/ground.rs; a test compares the layouts.
 
-struct ContactFloor {
+struct GroundFloor {
     center: vec3<f32>,
     // Heights above the floor are drawn in the map up to this, m.
     height_m: f32,
@@ -10,4 +10,4 @@ struct ContactFloor {
     end: f32,
 }
 
-@group(1) @binding(0) var<uniform> contact_floor: ContactFloor;
+@group(1) @binding(0) var<uniform> ground_floor: GroundFloor;

@@ -24,12 +24,12 @@ fn hidden_within(r: f32, h: f32) -> f32 {
 @fragment
 fn fragment(@builtin(position) place: vec4<f32>) -> @location(0) vec4<f32> {
     let size = vec2<f32>(textureDimensions(heights));
-    let pixels_per_m = size / (2.0 * contact_floor.half_size);
+    let pixels_per_m = size / (2.0 * ground_floor.half_size);
     var hidden = 0.0;
     for (var ring = 0u; ring < RINGS; ring++) {
         let ends = vec2<f32>(f32(ring), f32(ring + 1u)) / f32(RINGS);
-        let inner = contact_floor.reach_m * ends.x * ends.x;
-        let outer = contact_floor.reach_m * ends.y * ends.y;
+        let inner = ground_floor.reach_m * ends.x * ends.x;
+        let outer = ground_floor.reach_m * ends.y * ends.y;
         let middle = 0.5 * (inner + outer);
         for (var k = 0u; k < TURNS; k++) {
             let turn = 6.2831853 * (f32(k) + 0.5 * f32(ring & 1u)) / f32(TURNS);
@@ -39,7 +39,7 @@ fn fragment(@builtin(position) place: vec4<f32>) -> @location(0) vec4<f32> {
             }
             let depth = textureLoad(heights, at, 0);
             if depth < 1.0 {
-                let h = depth * contact_floor.height_m;
+                let h = depth * ground_floor.height_m;
                 hidden += hidden_within(outer, h) - hidden_within(inner, h);
             }
         }
