@@ -13,7 +13,7 @@ pub struct Tool {
     /// The stylus that carries it, by its number from 1; without one, the tool stands in the room.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stylus: Option<usize>,
-    /// Its origin in the axes of the stylus, whose ray is -z, or of the room; m.
+    /// Origin in the axes of the stylus, whose ray is -z, or of the room; m.
     #[serde(default)]
     pub position: [f64; 3],
     /// Rotation vector (axis times angle) in the same axes, rad.

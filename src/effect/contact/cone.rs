@@ -37,7 +37,7 @@ pub struct Cone<'a> {
     pub friction: &'a [f64],
 }
 
-/// How near the forces are to those that the conditions ask for.
+/// Distance of the forces from those that the conditions ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reached {
     pub sweeps: usize,

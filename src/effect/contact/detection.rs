@@ -1,4 +1,4 @@
-//! Where tools meet a surface: nodes, and points of triangles that are large against the tool.
+//! Spots where tools meet a surface: nodes, and points of triangles that are large against the tool.
 //!
 //! In: places of a surface's nodes, and where the tools are. Out: for each tool the spots that are nearer than a given distance. A node or a
 //! triangle whose outside does not face the tool is passed over: the tool has come from within.
@@ -19,7 +19,7 @@ const DEEPER: f64 = 0.01;
 /// A tool that is blunter than this many longest edges touches nodes alone.
 const BLUNT: f64 = 2.0;
 
-/// What a tool found on a body.
+/// Spots of a body that a tool reaches, and what else it meets there.
 #[derive(Default)]
 pub struct Found {
     pub spots: Vec<SurfaceSpot>,

@@ -36,10 +36,10 @@ pub struct Contacts {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Where each tool was put last, and by how far its spring had yielded, m.
+    /// Last place of each tool, and by how far its spring had yielded, m.
     pub tools: Vec<Placed>,
     pub contacts: Vec<Contact>,
-    /// Where each touched body was.
+    /// Last place of each touched body.
     #[serde(with = "crate::field::numbers::list")]
     places: Vec<Similarity3<f64>>,
     /// Each touched body without contact.
@@ -58,7 +58,7 @@ pub struct Placed {
 }
 
 impl Placed {
-    /// Where its surface is.
+    /// Pose of its surface: the hand's, less what its spring yields.
     pub fn surface(&self) -> Option<Isometry3<f64>> {
         self.pose.map(|pose| shifted(&pose, &self.yielded))
     }
@@ -310,7 +310,7 @@ fn first_places(near: &[Vec<u32>], known: &[Places], shown: &[Vec<V3>]) -> Vec<P
     near.iter().zip(known).zip(shown).map(of).collect()
 }
 
-/// By how far a point of a tool moves at most, m.
+/// Longest way of a point of a tool, m.
 fn tool_way(((tool, last), new): ((&Tool, &Placed), &Option<Isometry3<f64>>)) -> f64 {
     let (Some(last), Some(new)) = (last.pose, new) else { return 0.0 };
     let turn = last.rotation.angle_to(&new.rotation);

@@ -23,7 +23,7 @@ pub struct Shape {
 
 enum Core {
     Point,
-    /// From the origin to z = length.
+    /// The line from the origin to z = length.
     Segment {
         length: f64,
     },
@@ -39,7 +39,7 @@ struct MeshCore {
     solid: TriMesh,
     vertices: Vec<V3>,
     triangles: Vec<[u32; 3]>,
-    /// Its half sides.
+    /// Half sides of its bounding box.
     half: V3,
 }
 
@@ -151,7 +151,7 @@ impl Shape {
             }
     }
 
-    /// Its surface; that of a floor is a square.
+    /// Surface for drawing; that of a floor is a square.
     pub fn surface(&self) -> GhostShape {
         let bits = |x: &V3| <[f32; 3]>::from(x.cast::<f32>());
         match &self.core {

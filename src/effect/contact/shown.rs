@@ -1,4 +1,4 @@
-//! What is seen of tools: their shapes, and the force on the hand as an arrow with its newtons.
+//! Tools in the picture: their shapes, and the force on the hand as an arrow with its newtons.
 
 use super::system::{Contact, at_nodes, force_on_tool};
 use super::tool::Tool;
@@ -22,7 +22,7 @@ const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 pub struct Shown<'a> {
     pub bodies: &'a [TouchedBody],
     pub tools: &'a [Tool],
-    /// Where the tools' surfaces are.
+    /// Poses of the tools' surfaces.
     pub places: &'a [Option<Isometry3<f64>>],
     pub contacts: &'a [Contact],
 }

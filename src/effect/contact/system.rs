@@ -51,18 +51,18 @@ impl Contact {
     }
 }
 
-/// What a step knows beside the bodies.
+/// Data of a step beside the bodies.
 pub struct Step<'a> {
     pub tools: &'a [Tool],
-    /// Where the tools' surfaces were at the start, and where hands put them at the end; `None` for one that is not there.
+    /// Poses of the tools' surfaces at the start, and of the tools as hands put them at the end; `None` for one that is not there.
     pub from: &'a [Option<Isometry3<f64>>],
     pub to: &'a [Option<Isometry3<f64>>],
-    /// For each body, places of its candidates at the start, and of all nodes without contact at about the end of the frame.
+    /// Places of each body's candidates at the start, and of all of its nodes without contact at about the end of the frame.
     pub starts: &'a [BTreeMap<u32, V3>],
     pub outlines: &'a [Vec<V3>],
 }
 
-/// What a step has found beside the contacts' forces.
+/// Results of a step beside the contacts' forces.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     pub warnings: Vec<String>,
@@ -142,7 +142,7 @@ pub fn at_nodes(contacts: &[Contact], body: usize) -> Vec<(u32, V3)> {
     all.into_iter().collect()
 }
 
-/// By how far a tool's spring has yielded to its force, in the room, m.
+/// Shift of a tool by which its spring has yielded to its force, in the room, m.
 fn yielded(tool: usize, bodies: &[TouchedBody], contacts: &[Contact], step: &Step<'_>) -> V3 {
     step.tools[tool].stiffness.map_or_else(V3::zeros, |k| force_on_tool(tool, bodies, contacts) / k)
 }
@@ -280,7 +280,7 @@ fn solve(
     (is_exact, reached)
 }
 
-/// By how much more a spot yields than its body: spots between nodes depend on those at the nodes, and a thin skin makes their forces
+/// Compliance of a spot beside that of its body, m/N: spots between nodes depend on those at the nodes, and a thin skin makes their forces
 /// unique.
 fn skin(contact: &Contact, w: &DMatrix<f64>, i: usize) -> f64 {
     let is_node = contact.spot().corners().count() == 1;

@@ -44,7 +44,7 @@ impl Tool {
         })
     }
 
-    /// Where it is put in this frame; `None` while its stylus is not seen, or has no usable pose.
+    /// Place to which it is put in this frame; `None` while its stylus is not seen, or has no usable pose.
     pub fn place(&self, world: &World) -> Option<Isometry3<f64>> {
         if self.stylus.is_none() {
             return Some(self.pose);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 type V3 = Vector3<f64>;
 
 pub struct TouchedBody {
-    /// Its index in the world.
+    /// Index in the world.
     pub b: usize,
     /// Coefficient of friction.
     pub friction: f64,
@@ -23,7 +23,7 @@ pub struct TouchedBody {
     pub around: Vec<Vec<u32>>,
     /// Longest edge at rest, in the body's metres.
     longest: f64,
-    /// Its place in this frame.
+    /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: BTreeMap<u32, Arc<Yield>>,
 }
@@ -114,14 +114,14 @@ impl TouchedBody {
         self.columns.retain(|node, _| nodes(*node));
     }
 
-    /// What a force of 1 N at a node does at another, in the axes of the columns, m/N in the room.
+    /// Compliance between two nodes, in the axes of the columns, m/N in the room.
     fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
         let Some(column) = self.columns.get(&from) else { return Matrix3::zeros() };
         let block = &column[at as usize];
         Matrix3::from_fn(|axis, force| f64::from(block[axis][force])) * self.room_from_body.scaling()
     }
 
-    /// What a force at spot `from` does at spot `at`, in the axes of the columns.
+    /// Compliance between two spots, in the axes of the columns, m/N in the room.
     pub fn between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
         let mut all = Matrix3::zeros();
         for (source, w) in from.corners() {
