@@ -334,7 +334,7 @@ fn gathered(points: &[Point], forces: &[V3]) -> Vec<(u32, V3)> {
     at_nodes.into_iter().collect()
 }
 
-/// What a force does at one node.
+/// Displacement of a node by a force, for its block of the compliance.
 fn product(block: &[[f32; 3]; 3], force: &V3) -> V3 {
     let row = |row: &[f32; 3]| {
         f64::from(row[0]) * force.x + f64::from(row[1]) * force.y + f64::from(row[2]) * force.z

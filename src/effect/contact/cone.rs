@@ -309,7 +309,7 @@ mod tests {
         }
     }
 
-    /// Without friction the forces minimise ½ fᵀ W f + d₀ᵀ f over f ≥ 0: here by trying all sets of open contacts.
+    /// The forces without friction minimise ½ fᵀ W f + d₀ᵀ f over f ≥ 0; all sets of open contacts are tried.
     #[test]
     fn without_friction_it_is_the_minimum_of_the_energy() {
         let (w, d0) = random(8, 7);

@@ -155,7 +155,10 @@ impl Contacts {
                 }
                 Some(steps) => self.go(now, &before, (&last, &near, &known, &way), steps),
                 None => {
-                    // What has jumped is put down anew.
+                    self.warnings.push(format!(
+                        "contact: a tool or a body moved in one frame by more than {MOST_STEPS} steps of half the tool's thickness; the \
+                         tool is put down anew, and may lie beyond what it passed"
+                    ));
                     self.motion.contacts.clear();
                     let starts = self.places(&near);
                     self.one_step([&now.tools, &now.tools], &starts, &way.after);

@@ -361,7 +361,7 @@ mod tests {
         }
     }
 
-    /// Of many points of a triangle none is nearer than the one found.
+    /// No point of a triangle is nearer than the one found, of many that are tried.
     #[test]
     fn the_nearest_point_of_a_triangle() {
         let mut random = Random::default();

@@ -246,7 +246,7 @@ fn a_plate_slides_off_a_block_at_the_angle_of_friction() {
     assert!((last - most).abs() < 0.5, "{last}°, friction {most}°");
 }
 
-/// At rest nothing drifts, and a tracker that says nothing usable changes nothing. A hand that trembles leaves a trace of less than a
+/// Nothing drifts at rest, and a tracker that says nothing usable changes nothing. A hand that trembles leaves a trace of less than a
 /// thousandth without friction; with it the edge of the contact slips, and friction relaxes, ever more slowly.
 #[test]
 fn contact_at_rest_stays_as_it_is() {
