@@ -26,8 +26,6 @@ const MOST_ROUNDS: usize = 12;
 const EXACT: f64 = 1e-5;
 /// Part of its own compliance by which a spot between nodes yields more.
 const SKIN: f64 = 1e-3;
-/// Change of a spot's weights by which it has moved.
-const SHIFT: f64 = 1e-4;
 /// Contacts at most: beyond, a step would take longer than a frame.
 pub const MOST_CONTACTS: usize = 600;
 
@@ -67,6 +65,8 @@ pub struct Step<'a> {
 pub struct Outcome {
     pub warnings: Vec<String>,
     pub reached: Option<Reached>,
+    /// Whether detection and solution agree at the end.
+    pub is_exact: bool,
 }
 
 /// Places of a body's candidates, in the room.
@@ -92,11 +92,13 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
             return outcome;
         }
         if contacts.is_empty() {
+            outcome.is_exact = true;
             return outcome;
         }
-        let (off, reached) = solve(bodies, contacts, step, (&free, &places, &yielded));
+        let (is_exact, reached) = solve(bodies, contacts, step, (&free, &places, &yielded));
         outcome.reached = Some(reached);
-        if !found && off && round > 0 {
+        outcome.is_exact = !found && is_exact && round > 0;
+        if outcome.is_exact {
             break;
         }
     }
@@ -131,6 +133,11 @@ fn of_contacts(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) ->
     with_contact(bodies, contacts, &free.iter().enumerate().map(own).collect::<Vec<_>>())
 }
 
+/// Place of a spot whose nodes have these places.
+fn place(places: &Places, spot: &SurfaceSpot) -> V3 {
+    spot.corners().map(|(node, w)| places[&node] * w).sum()
+}
+
 /// Forces of the contacts at single nodes of a body.
 pub fn at_nodes(contacts: &[Contact], body: usize) -> Vec<(u32, V3)> {
     let mut all: BTreeMap<u32, V3> = BTreeMap::new();
@@ -158,7 +165,7 @@ pub fn shifted(pose: &Isometry3<f64>, by: &V3) -> Isometry3<f64> {
     Translation3::from(*by) * pose
 }
 
-/// Adds contacts where a tool reaches into a body, and moves those whose nearest point has moved; whether there are any.
+/// Adds contacts where a tool reaches into a body; whether there are any.
 fn add_new(
     bodies: &[TouchedBody],
     contacts: &mut Vec<Contact>,
@@ -166,7 +173,7 @@ fn add_new(
     (places, yielded): (&[Places], &[V3]),
     outcome: &mut Outcome,
 ) -> bool {
-    let (before, mut has_moved) = (contacts.len(), false);
+    let before = contacts.len();
     for (number, body) in bodies.iter().enumerate() {
         for (t, tool) in step.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
             let Some(pose) = &step.to[t] else { continue };
@@ -188,15 +195,16 @@ fn add_new(
                 ));
             }
             for spot in found.spots {
-                let is_same = |contact: &&mut Contact| {
+                // One that stays: by where it lies, the next deepest point tells on no gap.
+                let gap = |spot: &SurfaceSpot| distance(&tool.shape, &pose, &place(&places[number], spot)).0;
+                let holds = |contact: &Contact| {
                     (contact.body, contact.tool, contact.nodes) == (number, t, spot.nodes)
+                        && gap(&contact.spot()) <= gap(&spot) + near
                 };
-                if let Some(contact) = contacts.iter_mut().find(is_same) {
-                    // The nearest point of the same triangle, or of the same edge.
-                    let shift = contact.weights.iter().zip(spot.weights).map(|(old, new)| (old - new).abs());
-                    has_moved |= shift.fold(0.0, f64::max) > SHIFT;
-                    contact.weights = spot.weights;
-                } else if contacts.len() < MOST_CONTACTS {
+                if contacts.iter().any(holds) {
+                    continue;
+                }
+                if contacts.len() < MOST_CONTACTS {
                     let SurfaceSpot { nodes, weights } = spot;
                     contacts.push(Contact { body: number, tool: t, nodes, weights, force: V3::zeros() });
                 }
@@ -208,7 +216,7 @@ fn add_new(
             "contact: more than {MOST_CONTACTS} nodes touch tools, of which the first are held back; a coarser surface has fewer"
         ));
     }
-    has_moved || contacts.len() > before
+    contacts.len() > before
 }
 
 fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), String> {
@@ -234,16 +242,14 @@ fn solve(
     (free, places, yielded): (&[Places], &[Places], &[V3]),
 ) -> (bool, Reached) {
     let turns: Vec<Matrix3<f64>> = bodies.iter().map(|body| body.turn().into_inner()).collect();
-    let at =
-        |places: &Places, spot: &SurfaceSpot| spot.corners().map(|(node, w)| places[&node] * w).sum::<V3>();
     let mut bases = Vec::with_capacity(contacts.len());
     let size = 3 * contacts.len();
     let (mut d0, mut f) = (DVector::zeros(size), DVector::zeros(size));
     let friction: Vec<f64> = contacts.iter().map(|contact| bodies[contact.body].friction).collect();
     for (i, contact) in contacts.iter().enumerate() {
         let (spot, tool) = (contact.spot(), contact.tool);
-        let [x, without] = [places, free].map(|all| at(&all[contact.body], &spot));
-        let start = at(&step.starts[contact.body], &spot);
+        let [x, without] = [places, free].map(|all| place(&all[contact.body], &spot));
+        let start = place(&step.starts[contact.body], &spot);
         let pose = step.to[tool].unwrap_or_default();
         let (gap, normal) = distance(&step.tools[tool].shape, &shifted(&pose, &yielded[tool]), &x);
         let basis = axes(&normal);
@@ -274,8 +280,10 @@ fn solve(
         let tool = &step.tools[contact.tool];
         let by = self::yielded(contact.tool, bodies, contacts, step);
         let pose = shifted(&step.to[contact.tool].unwrap_or_default(), &by);
-        let (gap, _) = distance(&tool.shape, &pose, &at(&after[contact.body], &contact.spot()));
-        (gap - d[3 * i]).abs() <= EXACT * tool.shape.thickness().min(bodies[contact.body].longest())
+        let (gap, _) = distance(&tool.shape, &pose, &place(&after[contact.body], &contact.spot()));
+        let is_open = contact.force == V3::zeros() && gap >= 0.0;
+        is_open
+            || (gap - d[3 * i]).abs() <= EXACT * tool.shape.thickness().min(bodies[contact.body].longest())
     });
     (is_exact, reached)
 }
