@@ -156,7 +156,7 @@ fn of_body<'a>(
         findings.push(found);
     }
     findings.extend(unwatched_limit(name, body, resolved));
-    findings.extend(holds(name, body));
+    findings.extend(holds(scene, name, body));
     findings.extend(in_degrees(name, body));
     let prepared = match green::prepare(scene, name) {
         Ok(prepared) => prepared,
@@ -284,8 +284,8 @@ fn in_degrees(name: &str, body: &Body) -> Option<Diagnostic> {
 }
 
 /// The consequence of a body in which nothing is fixed, or nothing can be grabbed.
-fn holds(name: &str, body: &Body) -> Option<Diagnostic> {
-    let message = body.held_by()?;
+fn holds(scene: &Scene, name: &str, body: &Body) -> Option<Diagnostic> {
+    let message = body.held_by(!scene.tool.is_empty())?;
     Some(Diagnostic::new(Severity::Note, format!("body.{name}.control"), message))
 }
 

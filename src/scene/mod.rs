@@ -184,8 +184,9 @@ impl Body {
         self.accuracy.map(AccuracyTarget::Accuracy).or(self.budget.map(AccuracyTarget::Budget))
     }
 
-    /// Consequence where no control element is fixed, or none can be grabbed; `None` for a body that has both.
-    pub fn held_by(&self) -> Option<String> {
+    /// Consequence where no control element is fixed, or none can be grabbed; `None` for a body that has both. Where tools touch bodies,
+    /// hands need not grab them.
+    pub fn held_by(&self, has_tools: bool) -> Option<String> {
         let count = |grab: Grab| self.control.values().filter(|control| control.grab == grab).count();
         Some(match (count(Grab::Fixed), count(Grab::Dragger)) {
             (0, 1) => "nothing is fixed: the body follows the hand as a whole. To hold it, add a control element with \
@@ -195,6 +196,7 @@ impl Body {
                 "nothing is fixed: all {many} control elements stay where they are let go. To hold the body, \
                  give one grab = \"fixed\""
             ),
+            (_, 0) if has_tools => return None,
             (_, 0) => "nothing can be grabbed: every control element is fixed; give one grab = \"dragger\"".to_owned(),
             _ => return None,
         })

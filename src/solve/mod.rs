@@ -6,7 +6,7 @@
 //! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`minimise`](minimise()) leads any energy to its
 //! least. [`Newton`] finds static equilibrium at large
 //! strain, with a factor for each of its iterations, and leads on beyond the critical states that [`Stability`] describes; [`Settler`]
-//! keeps a body in equilibrium that moves, with one factor for many steps.
+//! keeps a body in equilibrium that moves, with one factor for many steps. [`cone`] finds the forces of contacts with friction.
 
 mod analysis;
 mod arc;
@@ -14,6 +14,7 @@ mod auto;
 mod branch;
 mod cholesky;
 mod condition;
+pub mod cone;
 mod conjugate_gradients;
 mod dense;
 mod dense_system;

@@ -101,7 +101,10 @@ pub fn of_bodies(
             range: measured_range(file, &deformer.body),
             passing_m: PASSING_BY * stage.workspace.radius_m,
         };
-        let wrong = [wrong.map(|wrong| ("place", wrong)), body.held_by().map(|how| ("control", how))];
+        let wrong = [
+            wrong.map(|wrong| ("place", wrong)),
+            body.held_by(!scene.tool.is_empty()).map(|how| ("control", how)),
+        ];
         let warnings = wrong.into_iter().flatten();
         let warnings = warnings.map(|(key, message)| format!("body.{}.{key}: {message}", deformer.body));
         Ok((Arc::new(assets), warnings.collect()))

@@ -7,7 +7,7 @@
 
 use super::assets::{Assets, BodyAssets};
 use super::force_scale::ForceScale;
-use crate::deform::ExpectedErrors;
+use crate::deform::{ExpectedErrors, TouchPotential};
 use crate::render::Drawable;
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -39,6 +39,8 @@ pub struct BodyFrame {
     pub force_scale: Option<Arc<ForceScale>>,
     /// The errors to expect of its model, if an effect has measured them.
     pub expected: Option<Arc<ExpectedErrors>>,
+    /// Tools on styli with a force device that can touch it.
+    pub touches: Vec<TouchPotential>,
 }
 
 /// The force of the body on the hand that holds one of its control elements.

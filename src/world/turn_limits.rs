@@ -96,12 +96,12 @@ impl Verdict {
 
 /// A warning if the body is bent beyond the model's range, or its state is in doubt; else `None`.
 pub fn out_of_range(body: &PlacedBody) -> Option<String> {
-    words(TurnLimits::of_body(body), strain(&body.deformer), body.deformer.doubt(), body.assets.model)
+    words(TurnLimits::of_body(body), strained(&body.deformer), body.deformer.doubt(), body.assets.model)
 }
 
 /// [`out_of_range`] for a body that is in no world.
 pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
-    words(TurnLimits::of_deformer(deformer), strain(deformer), deformer.doubt(), deformer.entry)
+    words(TurnLimits::of_deformer(deformer), strained(deformer), deformer.doubt(), deformer.entry)
 }
 
 /// The mean strain of a body whose model is of small strain, by its poses, loads and forces at points; 0 of another.
@@ -110,9 +110,15 @@ fn strain(deformer: &Deformer) -> f64 {
     if is_small { mean_strain(deformer, STRAINED) } else { 0.0 }
 }
 
+/// [`strain`], and what bears more; no model of large strain is pressed at single points by effects.
+fn strained(deformer: &Deformer) -> (f64, &'static str) {
+    let is_pressed = !deformer.contribution().points.is_empty();
+    (strain(deformer), if is_pressed { "" } else { "; neo_hookean bears large strain" })
+}
+
 fn words(
     (turn, limits): (f64, TurnLimits),
-    strain: f64,
+    (strain, advice): (f64, &str),
     doubt: Option<Doubt>,
     ModelEntry { name, .. }: &ModelEntry,
 ) -> Option<String> {
@@ -122,7 +128,7 @@ fn words(
         Verdict::Good | Verdict::Fair => match doubt {
             Some(doubt) => Some(doubt.explain().to_owned()),
             None if strain > MOST_STRAIN => Some(format!(
-                "strained by {:.0} %: force and shape may be {:.0} % off; neo_hookean bears large strain",
+                "strained by {:.0} %: force and shape may be {:.0} % off{advice}",
                 100.0 * strain,
                 100.0 * ERROR * strain
             )),
@@ -146,13 +152,12 @@ mod tests {
     fn a_body_that_is_bent_too_far_says_how_far_and_how_far_its_model_holds() {
         let table = TurnLimits::of_model(&ROTATION);
         let measured = TurnLimits { good: 0.7, fair: 0.7, is_measured: true };
-        let told = |degrees: f64, limits| words((degrees.to_radians(), limits), 0.04, None, &ROTATION);
+        let told = |degrees: f64, limits| words((degrees.to_radians(), limits), (0.04, ""), None, &ROTATION);
         assert_eq!(told(44.0, table), None);
-        let lost = words((0.1, table), 0.5, Some(Doubt::NoEquilibrium), &ROTATION);
+        let lost = words((0.1, table), (0.5, ""), Some(Doubt::NoEquilibrium), &ROTATION);
         assert_eq!(lost.as_deref(), Some("these poses have no equilibrium; an earlier one is shown"));
-        let strained = words((0.1, table), 0.2, None, &ROTATION);
-        let strain = "strained by 20 %: force and shape may be 40 % off; neo_hookean bears large strain";
-        assert_eq!(strained.as_deref(), Some(strain));
+        let strained = words((0.1, table), (0.2, "; advice"), None, &ROTATION);
+        assert_eq!(strained.as_deref(), Some("strained by 20 %: force and shape may be 40 % off; advice"));
         let holds = "; the model rotation holds up to 45°";
         assert_eq!(told(51.0, table), Some(format!("turned by 51°{holds}")));
         assert_eq!(told(720.0, table), Some(format!("turned 2.0 times round{holds}")));

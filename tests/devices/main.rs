@@ -10,6 +10,7 @@ mod field;
 mod haptics;
 mod haptics_devices;
 mod haptics_passive;
+mod haptics_touch;
 mod interact_bend;
 mod interact_pick;
 #[path = "../render_common/mod.rs"]

@@ -4,30 +4,34 @@
 //! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
 
 use super::detection::distance;
+use super::felt::{Felt, Touching};
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
-use super::system::{Contact, Outcome, Step, advance, at_nodes, force_on_tool, shifted};
+use super::system::{Contact, Outcome, Places, Step, advance, at_nodes, force_on_tool, shifted};
 use super::tool::{Tool, between};
 use super::touched_body::TouchedBody;
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};
 use crate::effect::entry::EffectInput;
+use crate::stage::Stage;
 use crate::world::running::{Memory, read, written};
-use crate::world::{Frame, RunningEffect, World};
+use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
 
 /// Length of a step against the tool's thickness, and steps of a frame at most: a tool that moves farther is put down anew.
 const STEP: f64 = 0.5;
 const MOST_STEPS: usize = 64;
+/// Time within which a tool's stylus should be seen, s.
+const SEEN_S: f64 = 2.0;
 
 pub struct Contacts {
     bodies: Vec<TouchedBody>,
     tools: Vec<Tool>,
     motion: Motion,
+    felt: Felt,
     /// Warnings of this frame.
     warnings: Vec<String>,
 }
@@ -80,7 +84,7 @@ pub fn attach(
         let body = TouchedBody::new(b, deformer, settings.friction, touching);
         bodies.push(body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?);
     }
-    Ok(Some(Box::new(Contacts::new(bodies, tools))))
+    Ok(Some(Box::new(Contacts::new(bodies, tools, &world.assets.stage))))
 }
 
 /// The bodies in a frame, as the world has them.
@@ -90,9 +94,10 @@ struct Now {
 }
 
 impl Contacts {
-    pub fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>) -> Contacts {
+    pub fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, stage: &Stage) -> Contacts {
         let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
-        Contacts { bodies, tools, motion, warnings: Vec::new() }
+        let felt = Felt::new(&tools, stage);
+        Contacts { bodies, tools, motion, felt, warnings: Vec::new() }
     }
 
     /// Moves tools and bodies to where they are now.
@@ -121,6 +126,7 @@ impl Contacts {
             body.free.contribute(&contributions[body.b]);
             poses.push(new);
         }
+        self.felt.rests();
         if changed || !self.motion.is_settled {
             self.advance(world, &Now { tools, poses });
         }
@@ -166,6 +172,7 @@ impl Contacts {
             }
         }
         self.forget_columns(&near);
+        self.felt.moved(near, way.tools);
     }
 
     /// Goes the way in several steps.
@@ -224,6 +231,20 @@ impl Contacts {
             let force = force_on_tool(t, &self.bodies, &self.motion.contacts);
             self.motion.tools[t].yielded = tool.stiffness.map_or_else(V3::zeros, |k| force / k);
         }
+    }
+
+    /// Warnings of tools whose stylus has not been seen for a while.
+    fn unseen(&self, world: &World) -> Vec<String> {
+        let late = *world.graph.get(world.fields.time) > SEEN_S;
+        let tools =
+            self.tools.iter().zip(&self.motion.tools).filter(|(_, placed)| late && placed.pose.is_none());
+        let warning = |(tool, _): (&Tool, &Placed)| {
+            let (name, stylus) = (&tool.name, tool.stylus? + 1);
+            let count = world.fields.styli.len();
+            let there = format!("{count} {}", if count == 1 { "stylus is" } else { "styli are" });
+            Some(format!("tool.{name}: its stylus {stylus} has not been seen in {SEEN_S} s; {there} there"))
+        };
+        tools.filter_map(warning).collect()
     }
 
     /// Places in the room of all nodes of each body without contact.
@@ -293,9 +314,6 @@ impl Contacts {
     }
 }
 
-/// Places of nodes in the room.
-type Places = BTreeMap<u32, V3>;
-
 /// The way of a frame: places in the room of all nodes of each body without contact before and after, and as they were shown last; and
 /// by how far each tool moves, m.
 struct Way {
@@ -350,8 +368,26 @@ impl RunningEffect for Contacts {
         }
     }
 
+    fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
+        if self.felt.tools().is_empty() {
+            return;
+        }
+        let near = self.places(self.felt.near());
+        for &t in self.felt.tools() {
+            let placed = &self.motion.tools[t];
+            let Some((hand, surface)) = placed.pose.zip(placed.surface()) else { continue };
+            let touching = Touching { t, hand, surface, contacts: &self.motion.contacts, near: &near };
+            let touch = self.felt.touch(&touching, (&mut self.bodies, &self.tools), world);
+            let Some(touch) = touch else { continue };
+            for body in self.bodies.iter().filter(|body| body.tools[t]) {
+                bodies[body.b].touches.push(touch.clone());
+            }
+        }
+    }
+
     fn show(&mut self, world: &World, frame: &mut Frame) {
         frame.warnings.append(&mut self.warnings);
+        frame.warnings.extend(self.unseen(world));
         let places: Vec<_> = self.motion.tools.iter().map(Placed::surface).collect();
         let (bodies, tools, contacts) = (&self.bodies, &self.tools, &self.motion.contacts);
         Shown { bodies, tools, places: &places, contacts }.show(world, frame);

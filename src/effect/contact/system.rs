@@ -10,11 +10,12 @@
 //! A tool on a spring of stiffness k yields by its force over k, by which all of its contacts move together. Detection and solution
 //! alternate until the set of contacts stays and they stand where their gaps were taken.
 
-use super::cone::{Cone, Reached};
 use super::detection::{distance, find};
 use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::quantity::quantity;
+use crate::deform::contact_axes;
+use crate::solve::cone::{Cone, Reached};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -70,7 +71,7 @@ pub struct Outcome {
 }
 
 /// Places of a body's candidates, in the room.
-type Places = BTreeMap<u32, V3>;
+pub type Places = BTreeMap<u32, V3>;
 
 /// Brings the contacts to the end of a step.
 pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &Step<'_>) -> Outcome {
@@ -134,7 +135,7 @@ fn of_contacts(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) ->
 }
 
 /// Place of a spot whose nodes have these places.
-fn place(places: &Places, spot: &SurfaceSpot) -> V3 {
+pub fn place(places: &Places, spot: &SurfaceSpot) -> V3 {
     spot.corners().map(|(node, w)| places[&node] * w).sum()
 }
 
@@ -219,19 +220,13 @@ fn add_new(
     contacts.len() > before
 }
 
-fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), String> {
+/// Makes sure that the columns of all contacts are there. The error says why one cannot be read.
+pub fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), String> {
     for (number, body) in bodies.iter_mut().enumerate() {
         let own = contacts.iter().filter(|contact| contact.body == number);
         body.fetch(own.flat_map(|contact| contact.spot().corners()).map(|(node, _)| node))?;
     }
     Ok(())
-}
-
-/// Axes of a contact in columns: ∇φ, and two along the surface.
-fn axes(normal: &V3) -> Matrix3<f64> {
-    let across = if normal.x.abs() < 0.7 { V3::x() } else { V3::y() };
-    let first = normal.cross(&across).normalize();
-    Matrix3::from_columns(&[*normal, first, normal.cross(&first)])
 }
 
 /// Finds the forces for gaps that are linear about the present places; whether the gaps hold there.
@@ -241,7 +236,7 @@ fn solve(
     step: &Step<'_>,
     (free, places, yielded): (&[Places], &[Places], &[V3]),
 ) -> (bool, Reached) {
-    let turns: Vec<Matrix3<f64>> = bodies.iter().map(|body| body.turn().into_inner()).collect();
+    let turns = turns(bodies);
     let mut bases = Vec::with_capacity(contacts.len());
     let size = 3 * contacts.len();
     let (mut d0, mut f) = (DVector::zeros(size), DVector::zeros(size));
@@ -252,7 +247,7 @@ fn solve(
         let start = place(&step.starts[contact.body], &spot);
         let pose = step.to[tool].unwrap_or_default();
         let (gap, normal) = distance(&step.tools[tool].shape, &shifted(&pose, &yielded[tool]), &x);
-        let basis = axes(&normal);
+        let basis = contact_axes(&normal);
         // The point of the tool that was there at the start, where the tool would be without its spring's yielding.
         let from = step.from[tool].unwrap_or(pose);
         let carried = pose * from.inverse_transform_point(&start.into());
@@ -306,20 +301,34 @@ fn compliance(
     let mut w = DMatrix::zeros(size, size);
     for (i, a) in contacts.iter().enumerate() {
         for (j, b) in contacts.iter().enumerate().take(i + 1) {
-            let mut block = Matrix3::zeros();
-            if a.body == b.body {
-                let [one, other] =
-                    [(a, b), (b, a)].map(|(a, b)| bodies[a.body].between(&a.spot(), &b.spot()));
-                let turn = &turns[a.body];
-                block += turn * (one + other.transpose()) * turn.transpose() * 0.5;
-            }
-            if let Some(k) = step.tools[a.tool].stiffness.filter(|_| a.tool == b.tool) {
-                block += Matrix3::from_diagonal_element(1.0 / k);
-            }
-            let block = bases[i].tr_mul(&block) * bases[j];
+            let block = bases[i].tr_mul(&between(bodies, step.tools, turns, (a, b))) * bases[j];
             w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
             w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&block.transpose());
         }
     }
     w
+}
+
+/// Displacement of one contact by a force at another, along the room's axes, m/N.
+pub fn between(
+    bodies: &[TouchedBody],
+    tools: &[Tool],
+    turns: &[Matrix3<f64>],
+    (a, b): (&Contact, &Contact),
+) -> Matrix3<f64> {
+    let mut block = Matrix3::zeros();
+    if a.body == b.body {
+        let [one, other] = [(a, b), (b, a)].map(|(a, b)| bodies[a.body].between(&a.spot(), &b.spot()));
+        let turn = &turns[a.body];
+        block += turn * (one + other.transpose()) * turn.transpose() * 0.5;
+    }
+    if let Some(k) = tools[a.tool].stiffness.filter(|_| a.tool == b.tool) {
+        block += Matrix3::from_diagonal_element(1.0 / k);
+    }
+    block
+}
+
+/// Turns of the bodies from the axes of their columns to those of the room.
+pub fn turns(bodies: &[TouchedBody]) -> Vec<Matrix3<f64>> {
+    bodies.iter().map(|body| body.turn().into_inner()).collect()
 }

@@ -19,7 +19,7 @@ pub struct Tool {
     /// Linear RGB.
     pub color: [f32; 3],
     /// Stylus that carries it.
-    stylus: Option<usize>,
+    pub stylus: Option<usize>,
     /// Pose in the axes of the stylus or of the room.
     pose: Isometry3<f64>,
     /// Stiffness of the spring to the hand, N/m.

@@ -1,8 +1,8 @@
-//! The data that a frame passes to the haptic loop: the held element, how it is held, and the poses of the others.
+//! The data that a frame passes to the haptic loop: the held element, how it is held, and the poses of the others; or a tool's contacts.
 
 use super::device::Push;
 use super::elastic::ElasticResponse;
-use crate::deform::{ControlPose, ElementPotential, axial};
+use crate::deform::{ControlPose, ElementPotential, TouchPotential, axial};
 use crate::interact::Carrying;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -20,6 +20,8 @@ pub struct Grasp {
     pub homecomings: u64,
     /// Energy that other effects add to that of the held element.
     pub added: Option<ElementPotential>,
+    /// The contacts of the tool that the stylus carries, where it holds no element.
+    pub touch: Option<TouchPotential>,
     /// The hand's pose in the room, for a simulated device.
     pub room_from_hand: Option<Isometry3<f64>>,
 }

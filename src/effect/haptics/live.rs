@@ -19,7 +19,7 @@ use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::plates::Words;
 use crate::base::table::seconds;
-use crate::deform::Deformer;
+use crate::deform::{Deformer, TouchPotential};
 use crate::green::STIFFNESS;
 use crate::interact::Mode;
 use crate::stage::{Haptic, HapticDevice, Stage};
@@ -43,6 +43,8 @@ struct Link {
     /// Indices in the world of the bodies that give it forces.
     bodies: Vec<usize>,
     hold: Option<Hold>,
+    /// Index in the world of the body that its tool touches or is about to touch.
+    touches: Option<usize>,
     grips: u64,
     /// Pose of the hand of a simulated device, by the tracker or the mouse.
     room_from_hand: Option<Isometry3<f64>>,
@@ -157,6 +159,7 @@ impl HapticSession {
                 stylus,
                 bodies: bodies.clone(),
                 hold: None,
+                touches: None,
                 grips: 0,
                 room_from_hand: None,
                 told: GivenWarnings {
@@ -181,13 +184,16 @@ impl HapticSession {
     }
 
     /// Passes to the loops what is held after a frame.
-    fn tell(&mut self, world: &World) {
+    fn tell(&mut self, world: &World, frame: &Frame) {
         for link in &mut self.links {
             let held = link.held(world);
+            let touch = link.touch(frame).filter(|_| held.is_none());
+            link.touches = touch.filter(|(_, touch)| touch.points() > 0).map(|(b, _)| b);
             let body = held.map(|held| &world.bodies[link.bodies[held.body]].deformer);
             let room_from_hand = link.room_from_hand;
             link.running.tell(|grasp| {
                 (grasp.held, grasp.room_from_hand) = (held, room_from_hand);
+                grasp.touch = touch.map(|(_, touch)| touch.clone());
                 grasp.poses.clear();
                 grasp.poses.extend(body.into_iter().flat_map(|body| &body.poses));
                 grasp.added = held.zip(body).and_then(|(held, body)| {
@@ -200,7 +206,8 @@ impl HapticSession {
                     .turns
                     .extend(body.into_iter().flat_map(|b| (0..b.poses.len()).map(move |e| turn(b, e))));
             });
-            link.warn(world, held.as_ref());
+            let felt = held.map(|held| link.bodies[held.body]).or(link.touches);
+            link.warn(world, felt);
         }
     }
 }
@@ -214,8 +221,8 @@ impl RunningEffect for HapticSession {
         self.move_styli(state);
     }
 
-    fn show(&mut self, world: &World, _: &mut Frame) {
-        self.tell(world);
+    fn show(&mut self, world: &World, frame: &mut Frame) {
+        self.tell(world, frame);
     }
 
     fn source(&mut self, tracker: &str) -> Option<Box<dyn Source>> {
@@ -231,7 +238,7 @@ impl RunningEffect for HapticSession {
                 state,
                 timing,
                 max_force_n: link.haptic.max_force_n,
-                holds: link.hold.is_some(),
+                holds: link.hold.is_some() || link.touches.is_some(),
             }
             .rows()
         };
@@ -326,6 +333,12 @@ impl Link {
         })
     }
 
+    /// The contacts of the tool of its stylus, with the body that has them.
+    fn touch<'a>(&self, frame: &'a Frame) -> Option<(usize, &'a TouchPotential)> {
+        let of = |b: &usize| frame.bodies.get(*b)?.touches.iter().find(|touch| touch.stylus == self.stylus);
+        self.bodies.iter().find_map(|b| Some((*b, of(b)?)))
+    }
+
     fn holds_now(&self, world: &World) -> Option<Hold> {
         let hands = &world.graph.get(world.fields.hands).hands;
         let target = hands.grip(self.stylus)?.target;
@@ -351,7 +364,7 @@ impl Link {
     }
 
     /// Warns, once each, when a device is silent, reports slowly or late, or when a body is too stiff to be felt as it is.
-    fn warn(&mut self, world: &World, held: Option<&ElementHold>) {
+    fn warn(&mut self, world: &World, felt: Option<usize>) {
         let state = self.running.report().state;
         let Haptic { name, rate_hz, damping, .. } = &self.haptic;
         if state.room_from_handle.is_some() {
@@ -385,12 +398,12 @@ impl Link {
                 state.bearable
             );
         }
-        let Some(held) = held.filter(|_| !self.told.stiff && state.stiffer > 1.0) else { return };
+        let Some(felt) = felt.filter(|_| !self.told.stiff && state.stiffer > 1.0) else { return };
         self.told.stiff = true;
         notice!(
             "note: haptic {name}: body.{} is up to {:.0} times stiffer than the device bears ({damping} \
              N·s/m, reports every {:.1} ms, {:.1} ms old), and is felt softer",
-            world.bodies[self.bodies[held.body]].deformer.body,
+            world.bodies[felt].deformer.body,
             state.stiffer.ceil(),
             1e3 * state.spacing_s,
             1e3 * state.age_s,

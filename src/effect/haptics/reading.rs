@@ -12,7 +12,7 @@ pub struct HapticReading {
     pub state: LoopState,
     pub timing: LoopTiming,
     pub max_force_n: f64,
-    /// Whether the stylus holds something that is felt.
+    /// Whether the stylus holds something that is felt, or its tool touches something.
     pub holds: bool,
 }
 
@@ -22,10 +22,10 @@ impl HapticReading {
         let HapticReading { state, timing, .. } = self;
         let (word, ink) = match () {
             () if state.room_from_handle.is_none() => ("no device", Tone::Bad),
+            () if !self.holds => ("nothing held", Tone::Quiet),
             () if state.gain >= 1.0 => ("felt", Tone::Good),
             () if state.gain > 0.0 => ("fading in", Tone::Fair),
-            () if self.holds => ("no force", Tone::Bad),
-            () => ("nothing held", Tone::Quiet),
+            () => ("no force", Tone::Bad),
         };
         let force_n = state.push.force.norm();
         let scale = FORCE.scale(force_n.max(self.max_force_n));

@@ -4,6 +4,7 @@
 //! plus a brake if energy was generated. If anything is wrong with the pose, or if frames stop coming, the force goes to
 //! zero within [`FADE_S`]. A tick waits for no lock and allocates nothing.
 
+use super::bond::{self, Bond};
 use super::coupling::{Coupling, CouplingState};
 use super::delay::Delay;
 use super::device::{Push, Reading};
@@ -13,7 +14,7 @@ use super::haptic_source::{ActingPush, TimedPush};
 use super::loop_state::{LoopState, Measures};
 use super::passivity::{MARGIN, Motion, largest_stiffness};
 use super::stiffness::Stiffness;
-use crate::deform::se3;
+use crate::deform::{TouchPotential, se3};
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, Vector3, Vector6};
 
@@ -46,7 +47,11 @@ pub struct Control {
     /// Travel time of the device's messages both ways and its own cycle, s: the current [`super::Device::latency_s`].
     pub latency_s: f64,
     bodies: Vec<Elastic>,
-    held: Option<ElementHold>,
+    bond: Option<Bond>,
+    /// Contacts of the tool, where the handle carries one.
+    touch: TouchPotential,
+    /// Whether the coupling does not know its stiffness yet.
+    is_touch_new: bool,
     /// How often the held body had come home in the last frame.
     homecomings: u64,
     /// The hold's pose in the room at the last tick.
@@ -89,7 +94,9 @@ impl Control {
             state: LoopState::default(),
             latency_s,
             bodies,
-            held: None,
+            bond: None,
+            touch: TouchPotential::with_room(),
+            is_touch_new: false,
             homecomings: 0,
             hold_at: None,
             coupling: Coupling::new([1.0; 2], true, None),
@@ -118,16 +125,30 @@ impl Control {
         let known = |held: &ElementHold| {
             self.bodies.get(held.body).is_some_and(|body| held.element < body.elements())
         };
-        let held = grasp.held.filter(known);
-        let is_new = held.map(|held| held.grip) != self.held.map(|held| held.grip);
-        if is_new {
+        let tool = grasp.touch.as_ref().map(|_| Bond::Tool);
+        let bond = grasp.held.filter(known).map(Bond::Element).or(tool);
+        let goes_on = bond.zip(self.bond).is_some_and(|(now, last)| now.continues(&last));
+        if !goes_on {
             self.end();
             self.hold_at = None;
         }
-        self.held = held;
+        self.bond = bond;
         // The change of the push by the motion of other elements does not belong to this hold's stiffness.
         self.felt = None;
-        let Some(held) = held else { return };
+        match bond {
+            Some(Bond::Element(held)) => self.take_element(&held, grasp, !goes_on),
+            Some(Bond::Tool) => {
+                if let Some(touch) = &grasp.touch {
+                    self.touch.copy_from(touch);
+                }
+                self.is_touch_new = true;
+            }
+            None => {}
+        }
+    }
+
+    /// Takes the poses of the held body.
+    fn take_element(&mut self, held: &ElementHold, grasp: &Grasp, is_new: bool) {
         let body = &mut self.bodies[held.body];
         let pose = if is_new { grasp.poses.get(held.element).copied() } else { Some(body.held_pose()) };
         body.set(held.element, &grasp.poses);
@@ -154,9 +175,13 @@ impl Control {
         self.state.strain_energy = energy + self.bodies[held.body].add(grasp.added, &pose);
     }
 
-    /// Whether an element is held.
+    /// Whether an element is held, or the tool touches something.
     pub fn holds(&self) -> bool {
-        self.held.is_some()
+        match self.bond {
+            Some(Bond::Element(_)) => true,
+            Some(Bond::Tool) => self.touch.points() > 0,
+            None => false,
+        }
     }
 
     /// The push from now until the next tick.
@@ -167,12 +192,14 @@ impl Control {
         if std::mem::take(&mut self.news) {
             self.news_s = now_s;
         }
-        let is_attended = self.held.is_none() || now_s - self.news_s <= UNATTENDED_S;
+        let is_attended = self.bond.is_none() || now_s - self.news_s <= UNATTENDED_S;
         self.state.faults.unattended += u64::from(!is_attended);
         // A real device reports the released button before the frame does.
-        let is_open = self.haptic.device != HapticDevice::Simulated && !self.state.buttons[0];
-        let wanted = match self.held {
-            Some(held) if moved && is_attended && !is_open => self.pull(&held, dt),
+        let is_open = matches!(self.bond, Some(Bond::Element(_)))
+            && self.haptic.device != HapticDevice::Simulated
+            && !self.state.buttons[0];
+        let wanted = match self.bond {
+            Some(bond) if moved && is_attended && !is_open => self.pull(&bond, dt),
             _ => None,
         };
         let wanted = match wanted {
@@ -265,23 +292,21 @@ impl Control {
     }
 
     /// The push of the body and the dampers; `None` if it is not a number.
-    fn pull(&mut self, held: &ElementHold, dt: f64) -> Option<Push> {
+    fn pull(&mut self, bond: &Bond, dt: f64) -> Option<Push> {
         let handle = self.last?.device_from_handle;
-        self.couple(held, &handle);
+        self.couple(bond, &handle);
         let haptic = &self.haptic;
-        let scale = held.energy_scale(haptic);
+        let scale = bond.energy_scale(haptic);
         if let Some(motion) = &self.motion {
             self.give = self.coupling.follow(&motion.stacked(), &self.give);
         }
-        let body = self.bodies.get_mut(held.body)?;
         let (mut stored, mut torque, mut is_unsettled, mut energy) = (f64::NAN, Vector3::zeros(), false, 0.0);
         // Usually one step; more if the hold is far from its place.
         for _ in 0..MOST_STEPS {
             let hold = room_from_handle(haptic, &self.give.hold(&handle));
-            let reach = held.reach(&hold, &body.origin())?;
+            let response = bond.respond(haptic, &hold, &mut self.bodies, &self.touch)?;
             self.hold_at = Some(hold);
-            let response = body.respond(&reach.pose);
-            let mut push = held.push(haptic, &reach, &response)?;
+            let mut push = response.push;
             torque = push.torque;
             if haptic.max_torque_nm <= 0.0 {
                 push.torque = Vector3::zeros();
@@ -305,7 +330,12 @@ impl Control {
             }
         }
         let felt = self.felt.as_ref()?;
-        let is_found = self.stiffness.search(haptic, held, felt, body)?;
+        let is_found = match bond {
+            Bond::Element(held) => {
+                self.stiffness.search(haptic, held, felt, self.bodies.get_mut(held.body)?)?
+            }
+            Bond::Tool => false,
+        };
         if is_found {
             self.suit();
         }
@@ -370,22 +400,32 @@ impl Control {
 
     /// Makes the coupling for a new hold, rigid until the body's stiffness is found. Softens it when the lag of the force has
     /// changed.
-    fn couple(&mut self, held: &ElementHold, handle: &Isometry3<f64>) {
+    fn couple(&mut self, bond: &Bond, handle: &Isometry3<f64>) {
         let lag_s = self.lag_s();
         if self.coupled_s.is_none() {
             (self.coupling, self.stiffness) = (self.rigid(), Stiffness::default());
             (self.give, self.felt, self.stored) = (CouplingState::default(), None, None);
         }
         let last_s = *self.coupled_s.get_or_insert(lag_s);
-        if let Some(body) = self.bodies.get_mut(held.body) {
-            self.stiffness.follow(handle, body);
+        let mut is_stiffer = false;
+        match bond {
+            Bond::Element(held) => {
+                if let Some(body) = self.bodies.get_mut(held.body) {
+                    self.stiffness.follow(handle, body);
+                }
+            }
+            Bond::Tool => {
+                is_stiffer = std::mem::take(&mut self.is_touch_new) || self.stiffness.found.is_none();
+                let room = room_from_handle(&self.haptic, handle);
+                self.stiffness.found = Some(bond::stiffness(&self.haptic, &room, &self.touch));
+            }
         }
         // A coupling without energy can be replaced by a stiffer one.
         let is_replaced = self.coupling.is_too_soft && self.give.is_slack(&self.coupling.compliance);
         if is_replaced {
             self.coupling = self.rigid();
         }
-        if is_replaced || (lag_s / last_s).max(last_s / lag_s) >= SLOWER {
+        if is_replaced || is_stiffer || (lag_s / last_s).max(last_s / lag_s) >= SLOWER {
             self.suit();
         }
     }

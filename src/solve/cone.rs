@@ -187,8 +187,8 @@ fn equations(
     (by_force, by_gap, Vector3::new(gap.x, value.x, value.y))
 }
 
-/// The force of a contact by itself: `w` its compliance, `free` its displacement without its force.
-fn single(w: &Matrix3<f64>, free: &Vector3<f64>, friction: f64, old: &Vector3<f64>) -> Vector3<f64> {
+/// The force of a contact by itself: `w` its compliance, `free` its displacement without its force, `old` a force to begin with.
+pub fn single(w: &Matrix3<f64>, free: &Vector3<f64>, friction: f64, old: &Vector3<f64>) -> Vector3<f64> {
     if free.x >= 0.0 || w[(0, 0)] <= 0.0 {
         return Vector3::zeros();
     }
@@ -217,7 +217,7 @@ fn single(w: &Matrix3<f64>, free: &Vector3<f64>, friction: f64, old: &Vector3<f6
 }
 
 /// The vector, or the nearest that is no longer than `most`.
-fn within(vector: &Vector2<f64>, most: f64) -> Vector2<f64> {
+pub fn within(vector: &Vector2<f64>, most: f64) -> Vector2<f64> {
     let size = vector.norm();
     if size <= most { *vector } else { vector * (most / size) }
 }

@@ -1,0 +1,140 @@
+//! Contacts as a force device feels them: those of its tool, about the pose of a frame.
+//!
+//! In: the contacts of a frame, and the nodes near each tool. Out: a [`TouchPotential`] for each tool on a stylus with a force device:
+//! its contacts, and ahead of them the spots that it can reach before the next frame, so that the force begins where they touch.
+
+use super::detection::{distance, find};
+use super::system::{Contact, Places, at_nodes, between, fetch, place, turns};
+use super::tool::Tool;
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::deform::{TouchPoint, TouchPotential, contact_axes};
+use crate::stage::Stage;
+use crate::world::World;
+use nalgebra::{Isometry3, Vector3};
+
+/// Frames over which a tool is followed ahead, and the part of its thickness that it may move at least.
+const AHEAD: f64 = 2.0;
+const LEAST: f64 = 0.02;
+/// Spots ahead at most: each needs its column.
+const MOST_AHEAD: usize = 4;
+
+/// A tool in a frame.
+pub struct Touching<'a> {
+    pub t: usize,
+    /// Where the hand has it, and its surface, which yields to its spring.
+    pub hand: Isometry3<f64>,
+    pub surface: Isometry3<f64>,
+    /// Contacts of all tools.
+    pub contacts: &'a [Contact],
+    /// Places of the nodes near tools.
+    pub near: &'a [Places],
+}
+
+/// Tools that are felt.
+pub struct Felt {
+    tools: Vec<usize>,
+    /// Nodes of each body near a tool, and by how far each tool has moved in this frame, m.
+    near: Vec<Vec<u32>>,
+    travels: Vec<f64>,
+}
+
+impl Felt {
+    /// Of all tools those whose stylus a force device of the stage moves.
+    pub fn new(tools: &[Tool], stage: &Stage) -> Felt {
+        let names = stage.tracking.stylus_names();
+        let device_of = |stylus: usize| {
+            stage.haptics.iter().any(|device| names.get(stylus).is_some_and(|name| *name == device.stylus))
+        };
+        let is_felt = |t: &usize| tools[*t].stylus.is_some_and(device_of);
+        Felt {
+            tools: (0..tools.len()).filter(is_felt).collect(),
+            near: Vec::new(),
+            travels: vec![0.0; tools.len()],
+        }
+    }
+
+    pub fn tools(&self) -> &[usize] {
+        &self.tools
+    }
+
+    pub fn near(&self) -> &[Vec<u32>] {
+        &self.near
+    }
+
+    /// Begins a frame: nothing has moved.
+    pub fn rests(&mut self) {
+        self.travels.fill(0.0);
+    }
+
+    /// Takes the nodes near tools after a motion, and by how far each tool has moved, m.
+    pub fn moved(&mut self, near: Vec<Vec<u32>>, travels: Vec<f64>) {
+        if !self.tools.is_empty() {
+            (self.near, self.travels) = (near, travels);
+        }
+    }
+
+    /// The touch of a tool; `None` while its stylus is not seen.
+    pub fn touch(
+        &self,
+        touching: &Touching<'_>,
+        (bodies, tools): (&mut [TouchedBody], &[Tool]),
+        world: &World,
+    ) -> Option<TouchPotential> {
+        let Touching { t, hand, surface, contacts: all, .. } = *touching;
+        let stylus = tools[t].stylus?;
+        let room_from_stylus = tools[t].carrier(world)?.room_from_stylus.cast();
+        let mut contacts: Vec<Contact> = all.iter().filter(|contact| contact.tool == t).copied().collect();
+        contacts.extend(self.ahead(touching, bodies, &tools[t]));
+        fetch(bodies, &contacts).ok()?;
+        let turns = turns(bodies);
+        let points: Vec<TouchPoint> = contacts
+            .iter()
+            .map(|contact| {
+                let body = &bodies[contact.body];
+                let moved = body.moved(&at_nodes(all, contact.body));
+                let corners = contact.spot().corners();
+                let x: Vector3<f64> =
+                    corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
+                let (gap, normal) = distance(&tools[t].shape, &surface, &x);
+                TouchPoint {
+                    arm: x - surface.translation.vector,
+                    axes: contact_axes(&normal),
+                    friction: body.friction,
+                    force: turns[contact.body] * contact.force,
+                    gap,
+                }
+            })
+            .collect();
+        let compliance = |i: usize, j: usize| between(bodies, tools, &turns, (&contacts[i], &contacts[j]));
+        Some(TouchPotential::new((stylus, room_from_stylus, hand), &points, &compliance))
+    }
+
+    /// Spots without a contact that the tool can reach before the next frame, the nearest ones.
+    fn ahead(&self, touching: &Touching<'_>, bodies: &[TouchedBody], tool: &Tool) -> Vec<Contact> {
+        let Touching { t, surface, contacts, near, .. } = *touching;
+        let mut spots = Vec::new();
+        for (number, (body, places)) in
+            bodies.iter().zip(near).enumerate().filter(|(_, (body, _))| body.tools[t])
+        {
+            let reach = AHEAD * self.travels[t] + LEAST * tool.shape.thickness().min(body.longest());
+            let outline = body.summed_places(&body.free);
+            for spot in find(&tool.shape, &surface, body, places, &outline, reach).spots {
+                let is_known = |contact: &Contact| {
+                    (contact.body, contact.tool, contact.nodes) == (number, t, spot.nodes)
+                };
+                if !contacts.iter().any(is_known) {
+                    spots.push((distance(&tool.shape, &surface, &place(places, &spot)).0, number, spot));
+                }
+            }
+        }
+        spots.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
+        let contact = |(_, body, spot): (f64, usize, SurfaceSpot)| Contact {
+            body,
+            tool: t,
+            nodes: spot.nodes,
+            weights: spot.weights,
+            force: Vector3::zeros(),
+        };
+        spots.into_iter().take(MOST_AHEAD).map(contact).collect()
+    }
+}

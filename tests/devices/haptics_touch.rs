@@ -1,0 +1,183 @@
+//! A hand that feels what its tool presses: contacts of frames, sixty times a second, and the force loop between them, in virtual time.
+
+use greenstage::effect::haptics::{Control, Device, Grasp, Hand, Simulated};
+use greenstage::effect::{EFFECTS, Resolved, attach};
+use greenstage::green::{self, GreenFile};
+use greenstage::prepare;
+use greenstage::stage::{BUILT_IN, Haptic, Stage};
+use greenstage::track::{StylusState, TrackerState};
+use greenstage::world::World;
+use nalgebra::{Isometry3, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\n";
+/// Ticks of the loop, of 1 ms, in a frame.
+const FRAME: u64 = 16;
+/// Lengths of the bar, m, and radius of the ball that presses it in the middle of its upper side.
+const LENGTH: f64 = 1.0;
+const SIDE: f64 = 0.1;
+const RADIUS: f64 = 0.02;
+
+/// A bar along x that is held at one end, a ball on the stylus, and a handle whose origin is the ball's.
+struct Bar {
+    world: World,
+    control: Control,
+    device: Simulated,
+    grasp: Grasp,
+    ticks: u64,
+}
+
+impl Bar {
+    fn new(young: f64, keys: &str, hand: Hand) -> Bar {
+        let text = format!(
+            "[tool.ball]\nshape = {{ ball = {{ radius = {RADIUS} }} }}\nstylus = 1\n\
+             [body.b]\ngenerate = {{ block = {{ size = [{LENGTH:?}, {SIDE:?}, {SIDE:?}], cells = [20, 2, 2] }} }}\n\
+             material = {{ young = {young:?}, poisson = 0.0 }}\nelement = \"tet10\"\n\
+             effects = [\"haptics\", \"contact\"]\n{keys}\n\
+             place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
+             control.base = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+        );
+        let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bar.green");
+        green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
+        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let stage = Stage::parse(&format!("{}\n{DEVICE}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
+        let mut haptic: Haptic = stage.haptics[0].clone();
+        haptic.room_from_device = Isometry3::identity();
+        let mut world = World::new(&scene, &scene.models(), &file, stage).unwrap();
+        let effects = attach(EFFECTS, &scene, &file, &mut world).unwrap();
+        world.join(effects).unwrap();
+        let control = Control::new(haptic.clone(), Vec::new(), 0.0);
+        let device = Simulated::new(&haptic, hand);
+        Bar { world, control, device, grasp: Grasp::default(), ticks: 0 }
+    }
+
+    /// Where the ball just touches.
+    fn top() -> V3 {
+        V3::new(LENGTH / 2.0, SIDE / 2.0 + RADIUS, 0.0)
+    }
+
+    /// Puts the handle at rest above the bar.
+    fn start(&mut self, above: f64) {
+        self.device.device_from_handle =
+            Isometry3::from(nalgebra::Translation3::from(Bar::top() + V3::y() * above));
+        self.device.hand(&self.device.device_from_handle.clone());
+    }
+
+    fn time_s(&self) -> f64 {
+        self.ticks as f64 * 1e-3
+    }
+
+    /// One tick with the hand above the bar, and every sixteenth time a frame; returns the push.
+    fn tick(&mut self, hand: V3) -> V3 {
+        if self.ticks.is_multiple_of(FRAME) {
+            let stylus =
+                StylusState { room_from_stylus: self.device.device_from_handle.cast(), ..Default::default() };
+            let state = TrackerState { head: None, styli: vec![stylus], time_s: self.time_s() };
+            self.world.step(&state.into());
+            self.grasp.touch = self.world.frame.bodies[0].touches.first().cloned();
+            assert!(self.grasp.touch.is_some(), "a tool on the stylus of a device is felt");
+            self.control.take(&self.grasp);
+        }
+        self.ticks += 1;
+        self.device.hand(&Isometry3::from(nalgebra::Translation3::from(Bar::top() + hand)));
+        let now_s = self.time_s();
+        let reading = self.device.read(now_s);
+        let push = self.control.tick(reading.as_ref(), now_s);
+        self.device.push(&push, now_s);
+        push.force
+    }
+
+    fn above(&self) -> f64 {
+        (self.device.device_from_handle.translation.vector - Bar::top()).y
+    }
+}
+
+/// The hand's spring and the bar in series: Timoshenko's cantilever, pressed halfway.
+#[test]
+fn a_pressed_bar_pushes_the_hand_as_in_theory() {
+    let young = 1e6;
+    let mut bar = Bar::new(young, "effect.contact = { friction = 0.0 }", Hand::FINGERS);
+    bar.start(0.01);
+    let want = -0.02;
+    let mut push = V3::zeros();
+    for tick in 0..3000 {
+        let share = (f64::from(tick) / 1000.0).min(1.0);
+        push = bar.tick(V3::y() * (0.01 + (want - 0.01) * share));
+    }
+    let (arm, inertia) = (LENGTH / 2.0, SIDE.powi(4) / 12.0);
+    let soft = arm.powi(3) / (3.0 * young * inertia) + arm / (5.0 / 6.0 * SIDE * SIDE * young / 2.0);
+    let expected = -want / (soft + 1.0 / Hand::FINGERS.stiffness);
+    println!("{push:?} N, theory {expected} N; {} m", bar.above());
+    assert!((push.y / expected - 1.0).abs() < 0.02, "{push} N, theory {expected} N");
+    assert!(push.x.abs() < 1e-2 * expected && push.z.abs() < 1e-2 * expected, "{push}");
+}
+
+/// Taps, shakes and rubs, on bodies that are felt as they are and on such as are too stiff: the loop never gives more than the device's
+/// friction eats, and is calm after the hand is.
+#[test]
+fn contacts_give_no_energy() {
+    for (young, friction) in [(1e4, 0.0), (1e5, 0.5), (1e6, 0.3), (1e7, 0.0), (1e8, 0.5)] {
+        let mut bar =
+            Bar::new(young, &format!("effect.contact = {{ friction = {friction:?} }}"), Hand::FINGERS);
+        bar.start(0.01);
+        let (mut made, mut reached, mut braked) = (0.0_f64, 0.0_f64, false);
+        for tick in 0..3000 {
+            let t = f64::from(tick) * 1e-3;
+            let hand =
+                V3::new(0.01 * (5.0 * t).sin(), 0.012 * (18.0 * t).cos() - 0.004, 0.006 * (11.0 * t).sin());
+            let push = bar.tick(hand);
+            made = made.max(bar.device.push_work - bar.device.eaten);
+            reached = reached.max(push.norm());
+            braked |= bar.control.state.observer.braked > 0.0;
+        }
+        for _ in 0..1000 {
+            bar.tick(V3::y() * -0.004);
+        }
+        let speed = bar.device.velocity[0].norm();
+        println!(
+            "{young:e} Pa, friction {friction}: made {made:.2e} J, up to {reached:.2} N, deepest {:.2e} J, braked {:.2e} J, {speed:.1e} m/s \
+             at the end, {:.1} times too stiff",
+            bar.control.state.observer.deepest, bar.control.state.observer.braked, bar.control.state.stiffer
+        );
+        assert!(reached > 0.05, "{reached} N");
+        assert!(made < 1e-5, "{young:e} Pa: made {made} J");
+        assert!(speed < 1e-3, "{young:e} Pa: {speed} m/s");
+    }
+}
+
+/// A tool that comes down at 0.3 m/s, 5 mm a frame, is held back from where it touches, not from the next frame on; and one that is pulled
+/// away is let go there.
+#[test]
+fn the_force_begins_and_ends_between_frames() {
+    let mut bar = Bar::new(1e6, "effect.contact = { friction = 0.0 }", Hand::FIRM);
+    bar.start(0.05);
+    // The loop reaches its full force before anything is touched.
+    for _ in 0..500 {
+        bar.tick(V3::y() * 0.05);
+    }
+    assert!(bar.control.state.gain >= 1.0, "{:?}", bar.control.state);
+    let mut first = None;
+    let mut hand = 0.05;
+    while hand > -0.02 {
+        hand -= 0.3e-3;
+        let push = bar.tick(V3::y() * hand);
+        if first.is_none() && push.y > 1e-3 {
+            first = Some(bar.above());
+        }
+        assert!(push.y > -1e-3, "pulled by {push} N at {} m", bar.above());
+    }
+    let first = first.unwrap();
+    println!("the first force at {first} m");
+    assert!(first.abs() < 1e-3, "the first force at {first} m");
+    while hand < 0.05 {
+        hand += 0.3e-3;
+        let push = bar.tick(V3::y() * hand);
+        assert!(push.y > -1e-3, "held back by {push} N at {} m", bar.above());
+        assert!(bar.above() < 2e-3 || push.y < 1e-2, "{push} N at {} m", bar.above());
+    }
+}
