@@ -11,13 +11,19 @@
 //! contact sticks where the frame has left it. The energy is ½ fᵀ W f, J. While no contact slides, the force on the tool is its
 //! negative gradient; one that slides dissipates. It is the problem of the next frame, with gaps linear about the last one.
 //!
+//! A device that cannot bear the stiffness of the contacts feels them through a spring of compliance Γ
+//! ([`soften`](TouchPotential::soften)), which is part of W as J Γ Jᵀ, J the motion of the points by that of the tool: then the forces,
+//! not an iteration beside them, know where a point lifts off.
+//!
 //! [`respond`](TouchPotential::respond) allocates nothing: it begins with the forces that follow linearly while each contact stays as it
 //! is, and sweeps over the contacts. Contacts beyond [`MOST_POINTS`] are merged with their neighbours, which makes the touch softer,
 //! never stiffer: the energy is the greatest of all forces' (Castigliano), and fewer forces are left to choose from.
 
 use super::se3;
-use crate::solve::cone::{single, within};
-use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector2, Vector3, Vector6};
+use crate::solve::cone::{Cone, single, within};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector2, Vector3, Vector6,
+};
 
 type V3 = Vector3<f64>;
 
@@ -55,6 +61,8 @@ pub struct TouchPotential {
     /// The stiffness against the tool's motion (v, ω) about its origin, 6 × 6 in N/m, N and N·m, while all points touch and none
     /// slides: no touch is stiffer.
     pub stiffness: Matrix6<f64>,
+    /// How many times stiffer it was than the device bears, in the stiffest direction, before it was softened.
+    pub stiffer: f64,
     points: Vec<TouchPoint>,
     /// W in the points' axes, row by row, m/N, and d₀, m.
     compliance: Vec<Matrix3<f64>>,
@@ -103,6 +111,7 @@ impl TouchPotential {
             room_from_stylus,
             room_from_tool,
             stiffness: Matrix6::zeros(),
+            stiffer: 0.0,
             free: vec![V3::zeros(); n],
             points: merged,
             compliance: blocks,
@@ -113,16 +122,52 @@ impl TouchPotential {
             let gap = if touch.is_pressed(i) { 0.0 } else { touch.points[i].gap.max(0.0) };
             touch.free[i] = V3::x() * gap - touch.yields(i, &touch.forces);
         }
-        let all: Vec<usize> = (0..n).collect();
-        touch.stiffness = touch
-            .predicted(&all)
-            .iter()
-            .fold(Matrix6::zeros(), |sum, (i, slope)| sum + touch.motion_of(*i).transpose() * slope);
-        let pressed: Vec<usize> = all.into_iter().filter(|i| touch.is_pressed(*i)).collect();
-        for (i, slope) in touch.predicted(&pressed) {
-            touch.slopes[i] = slope;
-        }
+        touch.linearise();
         touch
+    }
+
+    /// Stiffness, and slopes of the forces, for the present compliance.
+    fn linearise(&mut self) {
+        let all: Vec<usize> = (0..self.points.len()).collect();
+        let slopes = self.predicted(&all);
+        self.stiffness = slopes
+            .iter()
+            .enumerate()
+            .fold(Matrix6::zeros(), |sum, (i, slope)| sum + self.motion_of(i).transpose() * slope);
+        let pressed: Vec<usize> = all.into_iter().filter(|i| self.is_pressed(*i)).collect();
+        self.slopes = self.predicted(&pressed);
+    }
+
+    /// Puts a spring of compliance Γ between the hand and the tool: 6 × 6 about the tool's origin, in m/N and so on, by force and torque
+    /// on the tool. `stiffer` is how many times too stiff it was.
+    pub fn soften(&mut self, spring: &Matrix6<f64>, stiffer: f64) {
+        self.stiffer = stiffer;
+        let n = self.points.len();
+        if n == 0 || *spring == Matrix6::zeros() {
+            return;
+        }
+        for i in 0..n {
+            for j in 0..n {
+                let more = self.motion_of(i) * spring * self.motion_of(j).transpose();
+                self.compliance[i * n + j] += more;
+            }
+        }
+        let w = DMatrix::from_fn(3 * n, 3 * n, |r, c| {
+            0.5 * (self.block(r / 3, c / 3)[(r % 3, c % 3)] + self.block(c / 3, r / 3)[(c % 3, r % 3)])
+        });
+        let d0 = DVector::from_fn(3 * n, |r, _| self.free[r / 3][r % 3]);
+        let friction: Vec<f64> = self.points.iter().map(|point| point.friction).collect();
+        let mut forces = DVector::from_fn(3 * n, |r, _| self.forces[r / 3][r % 3]);
+        Cone { w: &w, d0: &d0, friction: &friction }.solve(&mut forces);
+        for (i, force) in self.forces.iter_mut().enumerate() {
+            force.copy_from(&forces.fixed_rows::<3>(3 * i));
+        }
+        self.linearise();
+    }
+
+    /// Whether any point is pressed where nothing has moved.
+    pub fn presses(&self) -> bool {
+        (0..self.points.len()).any(|i| self.is_pressed(i))
     }
 
     /// Number of points after merging.
@@ -132,10 +177,10 @@ impl TouchPotential {
 
     /// Takes the contents of another, in the memory that it has.
     pub fn copy_from(&mut self, other: &TouchPotential) {
-        let TouchPotential { stylus, room_from_stylus, room_from_tool, stiffness, .. } = *other;
+        let TouchPotential { stylus, room_from_stylus, room_from_tool, stiffness, stiffer, .. } = *other;
         (self.stylus, self.room_from_stylus, self.room_from_tool) =
             (stylus, room_from_stylus, room_from_tool);
-        self.stiffness = stiffness;
+        (self.stiffness, self.stiffer) = (stiffness, stiffer);
         self.points.clone_from(&other.points);
         self.compliance.clone_from(&other.compliance);
         self.free.clone_from(&other.free);
@@ -176,8 +221,8 @@ impl TouchPotential {
         motion
     }
 
-    /// Slopes W⁻¹ J of the forces of these points by the tool's motion while they touch and, with friction, stick.
-    fn predicted(&self, points: &[usize]) -> Vec<(usize, Matrix3x6<f64>)> {
+    /// Slopes W⁻¹ J of the forces by the tool's motion while these points touch and, with friction, stick.
+    fn predicted(&self, points: &[usize]) -> Vec<Matrix3x6<f64>> {
         let rows: Vec<(usize, usize)> = points
             .iter()
             .flat_map(|i| (0..if self.points[*i].friction > 0.0 { 3 } else { 1 }).map(move |axis| (*i, axis)))
@@ -188,14 +233,12 @@ impl TouchPotential {
         });
         let ridge = RIDGE * w.trace() / rows.len().max(1) as f64;
         (0..rows.len()).for_each(|r| w[(r, r)] += ridge);
+        let mut slopes = vec![Matrix3x6::zeros(); self.points.len()];
         let motion = DMatrix::from_fn(rows.len(), 6, |r, c| self.motion_of(rows[r].0)[(rows[r].1, c)]);
-        let Some(factor) = w.cholesky() else { return Vec::new() };
-        let solved = factor.solve(&motion);
-        let mut slopes: Vec<(usize, Matrix3x6<f64>)> =
-            points.iter().map(|i| (*i, Matrix3x6::zeros())).collect();
-        for (r, (i, axis)) in rows.iter().enumerate() {
-            if let Some((_, slope)) = slopes.iter_mut().find(|(point, _)| point == i) {
-                slope.row_mut(*axis).copy_from(&solved.row(r));
+        if let Some(factor) = w.cholesky() {
+            let solved = factor.solve(&motion);
+            for (r, (i, axis)) in rows.iter().enumerate() {
+                slopes[*i].row_mut(*axis).copy_from(&solved.row(r));
             }
         }
         slopes
@@ -216,8 +259,7 @@ impl TouchPotential {
             if self.is_pressed(i) {
                 let predicted = self.forces[i] + self.slopes[i] * motion;
                 let normal = predicted.x.max(0.0);
-                let tangent =
-                    within(&Vector2::new(predicted.y, predicted.z), self.points[i].friction * normal);
+                let tangent = within(&Vector2::new(predicted.y, predicted.z), point.friction * normal);
                 forces[i] = V3::new(normal, tangent.x, tangent.y);
             }
         }
@@ -235,7 +277,7 @@ impl TouchPotential {
         }
         let mut response = TouchResponse { energy: 0.0, force: V3::zeros(), torque: V3::zeros() };
         for (i, point) in self.points.iter().enumerate() {
-            let on_tool = point.axes * -forces[i];
+            let on_tool = -(point.axes * forces[i]);
             response.energy += 0.5 * forces[i].dot(&self.yields(i, &forces[..n]));
             response.force += on_tool;
             response.torque += (turn * point.arm).cross(&on_tool);
@@ -423,6 +465,21 @@ mod tests {
             } else {
                 assert!((force.x + touch.stiffness[(0, 0)] * aside).abs() < 1e-6 * press, "{force}");
             }
+        }
+    }
+
+    /// A spring before the tool is one in series with its contacts, and the force stays the slope of the energy.
+    #[test]
+    fn a_softened_touch_is_two_springs_in_series() {
+        let mut touch = touch(1, 0.0, 1e-3);
+        let (alone, press) = (touch.stiffness[(1, 1)], touch.respond(&touch.room_from_tool).force.y);
+        let mut spring = Matrix6::zeros();
+        spring[(1, 1)] = 3.0 / alone;
+        touch.soften(&spring, 4.0);
+        assert!((touch.stiffness[(1, 1)] - alone / 4.0).abs() < 1e-6 * alone);
+        for (lifted, share) in [(0.0, 0.25), (0.5e-3, 0.125), (1.1e-3, 0.0), (-1e-3, 0.5)] {
+            let force = touch.respond(&Isometry3::translation(0.0, -1e-3 + lifted, 0.0)).force.y;
+            assert!((force - share * press).abs() < 1e-9, "{lifted}: {force} of {press} N");
         }
     }
 

@@ -1,6 +1,6 @@
 //! A hand that feels what its tool presses: contacts of frames, sixty times a second, and the force loop between them, in virtual time.
 
-use greenstage::effect::haptics::{Control, Device, Grasp, Hand, Simulated};
+use greenstage::effect::haptics::{Control, Device, Grasp, Hand, Simulated, TouchSpring};
 use greenstage::effect::{EFFECTS, Resolved, attach};
 use greenstage::green::{self, GreenFile};
 use greenstage::prepare;
@@ -16,7 +16,7 @@ type V3 = Vector3<f64>;
 const DEVICE: &str = "[haptic.right]\ndevice = \"simulated\"\n";
 /// Ticks of the loop, of 1 ms, in a frame.
 const FRAME: u64 = 16;
-/// Lengths of the bar, m, and radius of the ball that presses it in the middle of its upper side.
+/// Sides of the bar about the origin, m, and radius of the ball that presses it in the middle of its upper side.
 const LENGTH: f64 = 1.0;
 const SIDE: f64 = 0.1;
 const RADIUS: f64 = 0.02;
@@ -27,6 +27,7 @@ struct Bar {
     control: Control,
     device: Simulated,
     grasp: Grasp,
+    spring: TouchSpring,
     ticks: u64,
 }
 
@@ -53,12 +54,12 @@ impl Bar {
         world.join(effects).unwrap();
         let control = Control::new(haptic.clone(), Vec::new(), 0.0);
         let device = Simulated::new(&haptic, hand);
-        Bar { world, control, device, grasp: Grasp::default(), ticks: 0 }
+        Bar { world, control, device, grasp: Grasp::default(), spring: TouchSpring::default(), ticks: 0 }
     }
 
     /// Where the ball just touches.
     fn top() -> V3 {
-        V3::new(LENGTH / 2.0, SIDE / 2.0 + RADIUS, 0.0)
+        V3::new(0.0, SIDE / 2.0 + RADIUS, 0.0)
     }
 
     /// Puts the handle at rest above the bar.
@@ -80,7 +81,8 @@ impl Bar {
             let state = TrackerState { head: None, styli: vec![stylus], time_s: self.time_s() };
             self.world.step(&state.into());
             self.grasp.touch = self.world.frame.bodies[0].touches.first().cloned();
-            assert!(self.grasp.touch.is_some(), "a tool on the stylus of a device is felt");
+            let touch = self.grasp.touch.as_mut().expect("a tool on the stylus of a device is felt");
+            self.spring.soften(&self.control.haptic, self.control.state.bearable, touch);
             self.control.take(&self.grasp);
         }
         self.ticks += 1;
@@ -114,7 +116,8 @@ fn a_pressed_bar_pushes_the_hand_as_in_theory() {
     let expected = -want / (soft + 1.0 / Hand::FINGERS.stiffness);
     println!("{push:?} N, theory {expected} N; {} m", bar.above());
     assert!((push.y / expected - 1.0).abs() < 0.02, "{push} N, theory {expected} N");
-    assert!(push.x.abs() < 1e-2 * expected && push.z.abs() < 1e-2 * expected, "{push}");
+    // The bar slopes by 0.04 where it is pressed.
+    assert!(push.x.abs() < 0.1 * expected && push.z.abs() < 1e-2 * expected, "{push}");
 }
 
 /// Taps, shakes and rubs, on bodies that are felt as they are and on such as are too stiff: the loop never gives more than the device's
@@ -125,7 +128,11 @@ fn contacts_give_no_energy() {
         let mut bar =
             Bar::new(young, &format!("effect.contact = {{ friction = {friction:?} }}"), Hand::FINGERS);
         bar.start(0.01);
-        let (mut made, mut reached, mut braked) = (0.0_f64, 0.0_f64, false);
+        // A force that still fades in gives back more than it took: it is at its full size before anything is touched.
+        for _ in 0..300 {
+            bar.tick(V3::y() * 0.01);
+        }
+        let (mut made, mut reached) = (0.0_f64, 0.0_f64);
         for tick in 0..3000 {
             let t = f64::from(tick) * 1e-3;
             let hand =
@@ -133,7 +140,6 @@ fn contacts_give_no_energy() {
             let push = bar.tick(hand);
             made = made.max(bar.device.push_work - bar.device.eaten);
             reached = reached.max(push.norm());
-            braked |= bar.control.state.observer.braked > 0.0;
         }
         for _ in 0..1000 {
             bar.tick(V3::y() * -0.004);
@@ -144,8 +150,10 @@ fn contacts_give_no_energy() {
              at the end, {:.1} times too stiff",
             bar.control.state.observer.deepest, bar.control.state.observer.braked, bar.control.state.stiffer
         );
-        assert!(reached > 0.05, "{reached} N");
+        assert!(reached > 0.01, "{reached} N");
         assert!(made < 1e-5, "{young:e} Pa: made {made} J");
+        let deepest = bar.control.state.observer.deepest;
+        assert!(deepest < 3e-4, "{young:e} Pa: {deepest} J had to be taken back");
         assert!(speed < 1e-3, "{young:e} Pa: {speed} m/s");
     }
 }

@@ -12,6 +12,8 @@ use crate::stage::Stage;
 use crate::world::World;
 use nalgebra::{Isometry3, Vector3};
 
+type V3 = Vector3<f64>;
+
 /// Frames over which a tool is followed ahead, and the part of its thickness that it may move at least.
 const AHEAD: f64 = 2.0;
 const LEAST: f64 = 0.02;
@@ -93,8 +95,7 @@ impl Felt {
                 let body = &bodies[contact.body];
                 let moved = body.moved(&at_nodes(all, contact.body));
                 let corners = contact.spot().corners();
-                let x: Vector3<f64> =
-                    corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
+                let x: V3 = corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
                 let (gap, normal) = distance(&tools[t].shape, &surface, &x);
                 TouchPoint {
                     arm: x - surface.translation.vector,
@@ -133,7 +134,7 @@ impl Felt {
             tool: t,
             nodes: spot.nodes,
             weights: spot.weights,
-            force: Vector3::zeros(),
+            force: V3::zeros(),
         };
         spots.into_iter().take(MOST_AHEAD).map(contact).collect()
     }

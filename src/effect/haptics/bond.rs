@@ -3,6 +3,7 @@
 //! In: the hold's pose in the room. Out: push and energy there. Both are potentials, and everything that keeps the loop stable is the
 //! same for both.
 
+use super::coupling::Coupling;
 use super::device::Push;
 use super::elastic::Elastic;
 use super::grasp::ElementHold;
@@ -67,13 +68,21 @@ pub struct BondResponse {
     pub is_defined: bool,
 }
 
+impl BondResponse {
+    /// A part of energy and push.
+    pub fn scaled(&self, share: f64) -> BondResponse {
+        BondResponse { push: self.push.scaled(share), energy: self.energy * share, ..*self }
+    }
+}
+
 /// The tool where the handle has it.
 fn tool(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPotential) -> Isometry3<f64> {
     let stylus_from_tool = touch.room_from_stylus.inv_mul(&touch.room_from_tool);
     room_from_handle * haptic.sensor_from_body * stylus_from_tool
 }
 
-fn touched(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPotential) -> BondResponse {
+/// Push and energy of a touch with the handle at `room_from_handle`.
+pub fn touched(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPotential) -> BondResponse {
     let tool = tool(haptic, room_from_handle, touch);
     let found = touch.respond(&tool);
     let arm = tool.translation.vector - room_from_handle.translation.vector;
@@ -87,14 +96,44 @@ fn touched(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPote
 
 /// The stiffness of a touch at the handle, 6 × 6 in N/m, N and N·m of the device: the greatest that its contacts can have.
 pub fn stiffness(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPotential) -> Matrix6<f64> {
+    let motion = tool_motion(haptic, room_from_handle, touch);
+    motion.transpose() * touch.stiffness * motion * (haptic.force / haptic.motion)
+}
+
+/// The tool's motion (v, ω) in the room by the handle's in the device.
+fn tool_motion(haptic: &Haptic, room_from_handle: &Isometry3<f64>, touch: &TouchPotential) -> Matrix6<f64> {
     let arm = tool(haptic, room_from_handle, touch).translation.vector - room_from_handle.translation.vector;
     let turn = haptic.room_from_device.rotation.to_rotation_matrix();
-    // The tool's motion in the room by the handle's in the device.
     let mut motion = Matrix6::zeros();
     motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&(turn.matrix() * haptic.motion));
     motion.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-arm.cross_matrix() * turn.matrix()));
     motion.fixed_view_mut::<3, 3>(3, 3).copy_from(turn.matrix());
-    motion.transpose() * touch.stiffness * motion * (haptic.force / haptic.motion)
+    motion
+}
+
+/// The spring through which the hand feels a tool that presses bodies stiffer than the device bears: that of a [`Coupling`].
+#[derive(Default)]
+pub struct TouchSpring(Option<Coupling>);
+
+impl TouchSpring {
+    /// Softens the touch of a frame for what the loop bears: `bearable` in N/m, 0 while the loop does not know it.
+    pub fn soften(&mut self, haptic: &Haptic, bearable: f64, touch: &mut TouchPotential) {
+        // A spring without force can be replaced by a stiffer one.
+        if !touch.presses() {
+            self.0 = None;
+        }
+        if bearable <= 0.0 {
+            return;
+        }
+        let damping = [haptic.damping, haptic.rotational_damping];
+        let rigid = || Coupling::new(damping, haptic.max_torque_nm > 0.0, None);
+        let coupling = self.0.get_or_insert_with(rigid);
+        let room_from_handle = touch.room_from_stylus * haptic.sensor_from_body.inverse();
+        coupling.suit(&stiffness(haptic, &room_from_handle, touch), bearable / haptic.damping.max(1e-9));
+        let motion = tool_motion(haptic, &room_from_handle, touch);
+        let spring = motion * coupling.compliance * motion.transpose() * (haptic.force / haptic.motion);
+        touch.soften(&spring, coupling.stiffer);
+    }
 }
 
 #[cfg(test)]

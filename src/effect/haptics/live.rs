@@ -5,6 +5,7 @@
 //! device, there is no [`HapticSession`], and a frame makes no call here.
 
 use super::super::entry::{EffectEntry, EffectInput};
+use super::bond::TouchSpring;
 use super::device::Device;
 use super::elastic::Elastic;
 use super::grasp::{ElementHold, HoldConstraint};
@@ -45,6 +46,7 @@ struct Link {
     hold: Option<Hold>,
     /// Index in the world of the body that its tool touches or is about to touch.
     touches: Option<usize>,
+    spring: TouchSpring,
     grips: u64,
     /// Pose of the hand of a simulated device, by the tracker or the mouse.
     room_from_hand: Option<Isometry3<f64>>,
@@ -160,6 +162,7 @@ impl HapticSession {
                 bodies: bodies.clone(),
                 hold: None,
                 touches: None,
+                spring: TouchSpring::default(),
                 grips: 0,
                 room_from_hand: None,
                 told: GivenWarnings {
@@ -188,12 +191,18 @@ impl HapticSession {
         for link in &mut self.links {
             let held = link.held(world);
             let touch = link.touch(frame).filter(|_| held.is_none());
-            link.touches = touch.filter(|(_, touch)| touch.points() > 0).map(|(b, _)| b);
+            let bearable = link.running.report().state.bearable;
+            let touch = touch.map(|(b, touch)| {
+                let mut touch = touch.clone();
+                link.spring.soften(&link.haptic, bearable, &mut touch);
+                (b, touch)
+            });
+            link.touches = touch.as_ref().filter(|(_, touch)| touch.points() > 0).map(|(b, _)| *b);
             let body = held.map(|held| &world.bodies[link.bodies[held.body]].deformer);
             let room_from_hand = link.room_from_hand;
             link.running.tell(|grasp| {
                 (grasp.held, grasp.room_from_hand) = (held, room_from_hand);
-                grasp.touch = touch.map(|(_, touch)| touch.clone());
+                grasp.touch = touch.map(|(_, touch)| touch);
                 grasp.poses.clear();
                 grasp.poses.extend(body.into_iter().flat_map(|body| &body.poses));
                 grasp.added = held.zip(body).and_then(|(held, body)| {

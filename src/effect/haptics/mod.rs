@@ -28,6 +28,7 @@ pub mod thread;
 pub mod tick;
 pub mod vrpn;
 
+pub use bond::TouchSpring;
 pub use device::{Device, Push, Reading, SampleInfo};
 pub use elastic::{Elastic, ElasticResponse};
 pub use grasp::{ElementHold, Grasp, HoldConstraint};

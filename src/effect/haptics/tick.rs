@@ -36,6 +36,8 @@ pub const MOST_SPEED: [f64; 2] = [10.0, 100.0];
 const SLOWER: f64 = 1.01;
 /// The most steps of the hold in one tick.
 const MOST_STEPS: usize = 4;
+/// Time constant with which contacts that were not foreseen reach their full force, s.
+const SHARE_S: f64 = 0.1;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
 
@@ -52,6 +54,8 @@ pub struct Control {
     touch: TouchPotential,
     /// Whether the coupling does not know its stiffness yet.
     is_touch_new: bool,
+    /// Part of the energy and the force of the contacts that is felt.
+    share: f64,
     /// How often the held body had come home in the last frame.
     homecomings: u64,
     /// The hold's pose in the room at the last tick.
@@ -97,6 +101,7 @@ impl Control {
             bond: None,
             touch: TouchPotential::with_room(),
             is_touch_new: false,
+            share: 1.0,
             homecomings: 0,
             hold_at: None,
             coupling: Coupling::new([1.0; 2], true, None),
@@ -139,11 +144,26 @@ impl Control {
             Some(Bond::Element(held)) => self.take_element(&held, grasp, !goes_on),
             Some(Bond::Tool) => {
                 if let Some(touch) = &grasp.touch {
-                    self.touch.copy_from(touch);
+                    self.take_touch(touch, goes_on);
                 }
-                self.is_touch_new = true;
             }
             None => {}
+        }
+    }
+
+    /// Takes the contacts of a frame. Where they hold more energy than those of the last one did at the same place, as where the tool has
+    /// reached points that were not foreseen, their share is such that nothing is added; it grows with what friction eats, and in time.
+    fn take_touch(&mut self, touch: &TouchPotential, goes_on: bool) {
+        let energy = |control: &Control| {
+            let hold = control.hold_at?;
+            Some(control.share * bond::touched(&control.haptic, &hold, &control.touch).energy)
+        };
+        let before = energy(self);
+        self.touch.copy_from(touch);
+        (self.is_touch_new, self.share) = (true, 1.0);
+        if let Some((before, now)) = before.zip(energy(self)).filter(|(before, now)| goes_on && now > before)
+        {
+            self.share = before / now;
         }
     }
 
@@ -297,6 +317,10 @@ impl Control {
         self.couple(bond, &handle);
         let haptic = &self.haptic;
         let scale = bond.energy_scale(haptic);
+        if self.share < 1.0 {
+            let eaten = self.state.observer.energy.max(0.0) / self.state.stored_energy.max(f64::MIN_POSITIVE);
+            self.share = (self.share * (1.0 + eaten) + (1.0 - self.share) * dt / SHARE_S).min(1.0);
+        }
         if let Some(motion) = &self.motion {
             self.give = self.coupling.follow(&motion.stacked(), &self.give);
         }
@@ -304,8 +328,11 @@ impl Control {
         // Usually one step; more if the hold is far from its place.
         for _ in 0..MOST_STEPS {
             let hold = room_from_handle(haptic, &self.give.hold(&handle));
-            let response = bond.respond(haptic, &hold, &mut self.bodies, &self.touch)?;
+            let mut response = bond.respond(haptic, &hold, &mut self.bodies, &self.touch)?;
             self.hold_at = Some(hold);
+            if *bond == Bond::Tool {
+                response = response.scaled(self.share);
+            }
             let mut push = response.push;
             torque = push.torque;
             if haptic.max_torque_nm <= 0.0 {
@@ -443,9 +470,13 @@ impl Control {
         // Damping and stiffness in units of the device's own damping.
         let b = self.haptic.virtual_damping / self.haptic.damping.max(1e-9);
         let bearable = MARGIN * largest_stiffness(1.0, b, self.period_s(), self.age_s());
-        self.coupling.suit(stiffness, if self.measures.coupling { bearable } else { f64::INFINITY });
+        // A touch comes softened.
+        let is_tool = self.bond == Some(Bond::Tool);
+        let softens = self.measures.coupling && !is_tool;
+        self.coupling.suit(stiffness, if softens { bearable } else { f64::INFINITY });
         self.coupled_s = Some(self.lag_s());
-        (self.state.stiffer, self.state.bearable) = (self.coupling.stiffer, bearable * self.haptic.damping);
+        let stiffer = if is_tool { self.touch.stiffer } else { self.coupling.stiffer };
+        (self.state.stiffer, self.state.bearable) = (stiffer, bearable * self.haptic.damping);
     }
 
     /// The push reduced to the device's limits, in the same direction.
