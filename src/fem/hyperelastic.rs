@@ -235,17 +235,20 @@ impl Elements for Strained<'_> {
         for q in self.points.points_of(element) {
             let (c, gradients) = (&self.tangents[q], self.points.gradients_at(q));
             let g = gradients[a];
-            // Column k + 3 L of the three rows i of V G_aJ C_iJkL.
-            let rows: [Vector3<f64>; 9] = std::array::from_fn(|column| {
-                let c = c.column(column);
-                c.fixed_rows::<3>(0) * g.x + c.fixed_rows::<3>(3) * g.y + c.fixed_rows::<3>(6) * g.z
-            });
+            // Column k + 3 L of the three rows i of V G_aJ C_iJkL. Numbers one by one: views of the columns are not optimised away,
+            // and this is the innermost loop of every equilibrium.
+            let mut rows = [[0.0; 3]; 9];
+            for (row, c) in rows.iter_mut().zip(&c.data.0) {
+                for i in 0..3 {
+                    row[i] = c[i] * g.x + c[3 + i] * g.y + c[6 + i] * g.z;
+                }
+            }
             let above = out.iter_mut().zip(gradients).zip(nodes).filter(|(_, node)| **node >= nodes[a]);
             for ((block, g), _) in above {
-                for k in 0..3 {
-                    let column = rows[k] * g.x + rows[3 + k] * g.y + rows[6 + k] * g.z;
-                    let mut sum = block.column_mut(k);
-                    sum += column;
+                for (k, column) in block.data.0.iter_mut().enumerate() {
+                    for i in 0..3 {
+                        column[i] += rows[k][i] * g.x + rows[3 + k][i] * g.y + rows[6 + k][i] * g.z;
+                    }
                 }
             }
         }

@@ -215,6 +215,7 @@ fn play(model: &'static ModelEntry, frames: usize, longest: usize) -> [usize; 2]
 fn frames_of(model: &ModelEntry) -> [usize; 2] {
     match (model.name, model.kind) {
         ("plate" | "reduced" | "reduced_neo_hookean", _) | (_, Kind::Background(_)) => [400, 12],
+        ("substructured", _) => [1000, 12],
         _ => [3000, 60],
     }
 }
