@@ -235,7 +235,7 @@ impl Elements for Strained<'_> {
         for q in self.points.points_of(element) {
             let (c, gradients) = (&self.tangents[q], self.points.gradients_at(q));
             let g = gradients[a];
-            // Column k + 3 L of the three rows i of V G_aJ C_iJkL. Numbers one by one: views of the columns are not optimised away,
+            // Column k + 3 L of the three rows i of V G_aJ C_iJkL. By single numbers, because views of columns are not optimised away,
             // and this is the innermost loop of every equilibrium.
             let mut rows = [[0.0; 3]; 9];
             for (row, c) in rows.iter_mut().zip(&c.data.0) {
