@@ -240,9 +240,12 @@ impl Contacts {
             self.tools.iter().zip(&self.motion.tools).filter(|(_, placed)| late && placed.pose.is_none());
         let warning = |(tool, _): (&Tool, &Placed)| {
             let (name, stylus) = (&tool.name, tool.stylus? + 1);
-            let count = world.fields.styli.len();
-            let there = format!("{count} {}", if count == 1 { "stylus is" } else { "styli are" });
-            Some(format!("tool.{name}: its stylus {stylus} has not been seen in {SEEN_S} s; {there} there"))
+            let there = match world.fields.styli.len() {
+                0 => "there are no styli".to_owned(),
+                1 => "the only stylus is 1".to_owned(),
+                count => format!("there are styli 1 to {count}"),
+            };
+            Some(format!("tool.{name}: stylus {stylus} has not been seen in {SEEN_S} s; {there}"))
         };
         tools.filter_map(warning).collect()
     }
