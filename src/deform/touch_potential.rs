@@ -29,9 +29,13 @@ type V3 = Vector3<f64>;
 
 /// Contacts at most.
 pub const MOST_POINTS: usize = 16;
+/// Members of a merged point whose compliance is asked for.
+const MOST_MEMBERS: usize = 4;
 /// Sweeps over the contacts at most, and the part of the largest displacement at which they end.
 const MOST_SWEEPS: usize = 40;
 const NEAR: f64 = 1e-7;
+/// Least cosine between the normals of points that are merged.
+const SAME_WAY: f64 = 0.5;
 /// Part of the mean compliance that is added to the diagonal where forces are predicted: neighbours may depend on one another.
 const RIDGE: f64 = 1e-9;
 
@@ -93,9 +97,10 @@ impl TouchPotential {
         let clusters = clusters(points);
         let merged: Vec<TouchPoint> = clusters.iter().map(|members| merged(points, members)).collect();
         let n = merged.len();
+        let strongest: Vec<_> = clusters.iter().map(|members| strongest(members)).collect();
         let mut blocks = Vec::with_capacity(n * n);
-        for (i, a) in clusters.iter().enumerate() {
-            for (j, b) in clusters.iter().enumerate() {
+        for (i, a) in strongest.iter().enumerate() {
+            for (j, b) in strongest.iter().enumerate() {
                 let mut block = Matrix3::zeros();
                 for (one, v) in a {
                     for (other, w) in b {
@@ -188,7 +193,7 @@ impl TouchPotential {
         self.slopes.clone_from(&other.slopes);
     }
 
-    /// Makes room for the largest touch.
+    /// An empty touch with memory for [`MOST_POINTS`].
     pub fn with_room() -> TouchPotential {
         let mut touch = TouchPotential::default();
         touch.points.reserve(MOST_POINTS);
@@ -296,28 +301,43 @@ fn clusters(points: &[TouchPoint]) -> Vec<Vec<(usize, f64)>> {
     let strongest =
         (0..points.len()).max_by(|a, b| strength(&points[*a]).total_cmp(&strength(&points[*b]))).unwrap_or(0);
     let mut centres = vec![strongest];
-    let mut far: Vec<f64> = points.iter().map(|point| (point.arm - points[strongest].arm).norm()).collect();
+    let normal = |point: &TouchPoint| point.axes.column(0).into_owned();
+    let size = points.iter().map(|point| (point.arm - points[strongest].arm).norm()).fold(0.0, f64::max);
+    // Points that face other ways are far from one another: their forces would cancel.
+    let apart = |a: &TouchPoint, b: &TouchPoint| {
+        let faces = normal(a).dot(&normal(b)) > SAME_WAY;
+        (a.arm - b.arm).norm() + if faces { 0.0 } else { size }
+    };
+    let mut far: Vec<f64> = points.iter().map(|point| apart(point, &points[strongest])).collect();
     while centres.len() < MOST_POINTS {
         let next = (0..points.len()).max_by(|a, b| far[*a].total_cmp(&far[*b])).unwrap_or(0);
         centres.push(next);
         for (far, point) in far.iter_mut().zip(points) {
-            *far = far.min((point.arm - points[next].arm).norm());
+            *far = far.min(apart(point, &points[next]));
         }
     }
     let mut clusters = vec![Vec::new(); centres.len()];
     for (i, point) in points.iter().enumerate() {
-        let distance = |centre: &usize| (point.arm - points[*centre].arm).norm();
+        let distance = |centre: &usize| apart(point, &points[*centre]);
         let nearest =
             (0..centres.len()).min_by(|a, b| distance(&centres[*a]).total_cmp(&distance(&centres[*b])));
         clusters[nearest.unwrap_or(0)].push((i, strength(point)));
     }
     for members in &mut clusters {
+        members.sort_by(|(_, a), (_, b)| b.total_cmp(a));
         let sum: f64 = members.iter().map(|(_, share)| share).sum();
         let even = 1.0 / members.len().max(1) as f64;
         members.iter_mut().for_each(|(_, share)| *share = if sum > 0.0 { *share / sum } else { even });
     }
     clusters.retain(|members| !members.is_empty());
     clusters
+}
+
+/// The members that have most of the force, with their shares among themselves: they stand for all in the compliance.
+fn strongest(members: &[(usize, f64)]) -> Vec<(usize, f64)> {
+    let few = &members[..members.len().min(MOST_MEMBERS)];
+    let sum: f64 = few.iter().map(|(_, share)| share).sum();
+    few.iter().map(|(i, share)| (*i, share / sum)).collect()
 }
 
 /// The point with the force of its members, at the middle of it.
@@ -333,7 +353,7 @@ fn merged(points: &[TouchPoint], members: &[(usize, f64)]) -> TouchPoint {
     TouchPoint {
         arm: sum(&|point| point.arm),
         axes: contact_axes(&normal),
-        friction: first.friction,
+        friction: members.iter().map(|(i, _)| points[*i].friction).fold(f64::INFINITY, f64::min),
         force: members.iter().map(|(i, _)| points[*i].force).sum(),
         gap: members.iter().map(|(i, _)| points[*i].gap).fold(f64::INFINITY, f64::min),
     }

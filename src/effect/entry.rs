@@ -100,6 +100,8 @@ pub struct EffectEntry {
     pub has_inertia: bool,
     /// Whether it presses single points of the surface: a body whose scene gives it no `surface_compliance` has it by the factor.
     pub presses_points: bool,
+    /// Whether hands with a force device feel the body.
+    pub is_felt: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
     pub shows_stress: bool,
     /// Whether it measures how large the errors of force and shape may be.
@@ -134,6 +136,7 @@ impl EffectEntry {
         needs_inside: false,
         has_inertia: false,
         presses_points: false,
+        is_felt: false,
         shows_stress: false,
         measures_errors: false,
         table: None,

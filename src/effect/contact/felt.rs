@@ -9,6 +9,7 @@ use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;
+use crate::track::usable;
 use crate::world::World;
 use nalgebra::{Isometry3, Vector3};
 
@@ -41,13 +42,14 @@ pub struct Felt {
 }
 
 impl Felt {
-    /// Of all tools those whose stylus a force device of the stage moves.
-    pub fn new(tools: &[Tool], stage: &Stage) -> Felt {
+    /// Of all tools those whose stylus a force device of the stage moves, and that touch a body that is felt.
+    pub fn new(bodies: &[TouchedBody], tools: &[Tool], stage: &Stage) -> Felt {
         let names = stage.tracking.stylus_names();
         let device_of = |stylus: usize| {
             stage.haptics.iter().any(|device| names.get(stylus).is_some_and(|name| *name == device.stylus))
         };
-        let is_felt = |t: &usize| tools[*t].stylus.is_some_and(device_of);
+        let touches = |t: usize| bodies.iter().any(|body| body.is_felt && body.tools[t]);
+        let is_felt = |t: &usize| tools[*t].stylus.is_some_and(device_of) && touches(*t);
         Felt {
             tools: (0..tools.len()).filter(is_felt).collect(),
             near: Vec::new(),
@@ -75,26 +77,36 @@ impl Felt {
         }
     }
 
-    /// The touch of a tool; `None` while its stylus is not seen.
+    /// The touch of a tool with all bodies that are felt, and the one of them that it presses most; `None` while its stylus is not seen,
+    /// or starts at the eye, as the mouse's does: its tool does not go where the handle goes. The error says why a column cannot be
+    /// read.
     pub fn touch(
         &self,
         touching: &Touching<'_>,
         (bodies, tools): (&mut [TouchedBody], &[Tool]),
         world: &World,
-    ) -> Option<TouchPotential> {
+    ) -> Result<Option<(usize, TouchPotential)>, String> {
         let Touching { t, hand, surface, contacts: all, .. } = *touching;
-        let stylus = tools[t].stylus?;
-        let room_from_stylus = tools[t].carrier(world)?.room_from_stylus.cast();
-        let mut contacts: Vec<Contact> = all.iter().filter(|contact| contact.tool == t).copied().collect();
+        let carrier = tools[t].carrier(world).filter(|stylus| !stylus.from_eye);
+        let pose = carrier.and_then(|stylus| usable(&stylus.room_from_stylus));
+        let Some((stylus, room_from_stylus)) = tools[t].stylus.zip(pose) else { return Ok(None) };
+        let is_own = |contact: &&Contact| contact.tool == t && bodies[contact.body].is_felt;
+        let mut contacts: Vec<Contact> = all.iter().filter(is_own).copied().collect();
         contacts.extend(self.ahead(touching, bodies, &tools[t]));
-        fetch(bodies, &contacts).ok()?;
+        fetch(bodies, &contacts)?;
+        let strength = |contact: &&Contact| contact.force.norm();
+        let strongest = contacts.iter().max_by(|a, b| strength(a).total_cmp(&strength(b)));
+        let first = bodies.iter().position(|body| body.is_felt && body.tools[t]);
+        let Some(body) = strongest.map(|contact| contact.body).or(first) else { return Ok(None) };
         let turns = turns(bodies);
+        let moved: Vec<_> =
+            bodies.iter().enumerate().map(|(b, body)| body.moved(&at_nodes(all, b))).collect();
         let points: Vec<TouchPoint> = contacts
             .iter()
             .map(|contact| {
                 let body = &bodies[contact.body];
-                let moved = body.moved(&at_nodes(all, contact.body));
                 let corners = contact.spot().corners();
+                let moved = &moved[contact.body];
                 let x: V3 = corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
                 let (gap, normal) = distance(&tools[t].shape, &surface, &x);
                 TouchPoint {
@@ -107,16 +119,19 @@ impl Felt {
             })
             .collect();
         let compliance = |i: usize, j: usize| between(bodies, tools, &turns, (&contacts[i], &contacts[j]));
-        Some(TouchPotential::new((stylus, room_from_stylus, hand), &points, &compliance))
+        Ok(Some((body, TouchPotential::new((stylus, room_from_stylus, hand), &points, &compliance))))
     }
 
     /// Spots without a contact that the tool can reach before the next frame, the nearest ones.
     fn ahead(&self, touching: &Touching<'_>, bodies: &[TouchedBody], tool: &Tool) -> Vec<Contact> {
         let Touching { t, surface, contacts, near, .. } = *touching;
         let mut spots = Vec::new();
-        for (number, (body, places)) in
-            bodies.iter().zip(near).enumerate().filter(|(_, (body, _))| body.tools[t])
-        {
+        let felt = bodies
+            .iter()
+            .zip(near)
+            .enumerate()
+            .filter(|(_, (body, places))| body.is_felt && body.tools[t] && !places.is_empty());
+        for (number, (body, places)) in felt {
             let reach = AHEAD * self.travels[t] + LEAST * tool.shape.thickness().min(body.longest());
             let outline = body.summed_places(&body.free);
             for spot in find(&tool.shape, &surface, body, places, &outline, reach).spots {

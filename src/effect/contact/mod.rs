@@ -3,8 +3,8 @@
 //! In: tools of the scene, on styli or in the room; bodies with the compliance of their surface. Out: forces at single points of each
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
 //! nodes and triangles near a tool ([`detection`]), the compliance between them and Coulomb's friction make a complementarity problem
-//! ([`crate::solve::cone`]), solved in steps so short that no tool passes through a body ([`system`]). A
-//! force device feels them between two frames too ([`felt`]).
+//! ([`crate::solve::cone`]), solved in steps so short that no tool passes through a body ([`system`]). A force device feels them between
+//! two frames too ([`felt`]).
 
 mod detection;
 mod felt;

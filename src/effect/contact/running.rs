@@ -24,7 +24,7 @@ type V3 = Vector3<f64>;
 /// Length of a step against the tool's thickness, and steps of a frame at most: a tool that moves farther is put down anew.
 const STEP: f64 = 0.5;
 const MOST_STEPS: usize = 64;
-/// Time within which a tool's stylus should be seen, s.
+/// Time since the first frame within which a tool's stylus should be seen, s.
 const SEEN_S: f64 = 2.0;
 
 pub struct Contacts {
@@ -32,6 +32,8 @@ pub struct Contacts {
     tools: Vec<Tool>,
     motion: Motion,
     felt: Felt,
+    /// Time of the first frame, s.
+    first_s: Option<f64>,
     /// Warnings of this frame.
     warnings: Vec<String>,
 }
@@ -78,10 +80,11 @@ pub fn attach(
     let mut bodies = Vec::new();
     for &(b, name) in &listed.bodies {
         let settings = Settings::of(&scene.bodies[name]);
+        let is_felt = scene.bodies[name].entries().any(|effect| effect.is_felt);
         let touching = tools.iter().map(|tool| settings.touches(&tool.name)).collect();
         let deformer = &mut world.bodies[b].deformer;
         deformer.feel();
-        let body = TouchedBody::new(b, deformer, settings.friction, touching);
+        let body = TouchedBody::new(b, deformer, (settings.friction, is_felt), touching);
         bodies.push(body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?);
     }
     Ok(Some(Box::new(Contacts::new(bodies, tools, &world.assets.stage))))
@@ -96,8 +99,8 @@ struct Now {
 impl Contacts {
     pub fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, stage: &Stage) -> Contacts {
         let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
-        let felt = Felt::new(&tools, stage);
-        Contacts { bodies, tools, motion, felt, warnings: Vec::new() }
+        let felt = Felt::new(&bodies, &tools, stage);
+        Contacts { bodies, tools, motion, felt, first_s: None, warnings: Vec::new() }
     }
 
     /// Moves tools and bodies to where they are now.
@@ -233,11 +236,12 @@ impl Contacts {
         }
     }
 
-    /// Warnings of tools whose stylus has not been seen for a while.
-    fn unseen(&self, world: &World) -> Vec<String> {
-        let late = *world.graph.get(world.fields.time) > SEEN_S;
-        let tools =
-            self.tools.iter().zip(&self.motion.tools).filter(|(_, placed)| late && placed.pose.is_none());
+    /// Warnings of tools whose stylus has not been seen since the start.
+    fn unseen(&mut self, world: &World) -> Vec<String> {
+        let now_s = *world.graph.get(world.fields.time);
+        let is_late = now_s - *self.first_s.get_or_insert(now_s) > SEEN_S;
+        let placed = self.tools.iter().zip(&self.motion.tools);
+        let tools = placed.filter(|(_, placed)| is_late && placed.pose.is_none());
         let warning = |(tool, _): (&Tool, &Placed)| {
             let (name, stylus) = (&tool.name, tool.stylus? + 1);
             let there = match world.fields.styli.len() {
@@ -380,17 +384,18 @@ impl RunningEffect for Contacts {
             let placed = &self.motion.tools[t];
             let Some((hand, surface)) = placed.pose.zip(placed.surface()) else { continue };
             let touching = Touching { t, hand, surface, contacts: &self.motion.contacts, near: &near };
-            let touch = self.felt.touch(&touching, (&mut self.bodies, &self.tools), world);
-            let Some(touch) = touch else { continue };
-            for body in self.bodies.iter().filter(|body| body.tools[t]) {
-                bodies[body.b].touches.push(touch.clone());
+            match self.felt.touch(&touching, (&mut self.bodies, &self.tools), world) {
+                Ok(Some((body, touch))) => bodies[self.bodies[body].b].touches.push(touch),
+                Ok(None) => {}
+                Err(warning) => self.warnings.push(warning),
             }
         }
     }
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
         frame.warnings.append(&mut self.warnings);
-        frame.warnings.extend(self.unseen(world));
+        let unseen = self.unseen(world);
+        frame.warnings.extend(unseen);
         let places: Vec<_> = self.motion.tools.iter().map(Placed::surface).collect();
         let (bodies, tools, contacts) = (&self.bodies, &self.tools, &self.motion.contacts);
         Shown { bodies, tools, places: &places, contacts }.show(world, frame);
@@ -422,6 +427,7 @@ impl RunningEffect for Contacts {
         for (body, nodes) in self.bodies.iter_mut().zip(nodes) {
             body.fetch(nodes.into_iter())?;
         }
+        self.felt.moved(self.nodes_of_contacts(), vec![0.0; self.tools.len()]);
         Ok(())
     }
 }

@@ -166,7 +166,7 @@ pub fn shifted(pose: &Isometry3<f64>, by: &V3) -> Isometry3<f64> {
     Translation3::from(*by) * pose
 }
 
-/// Adds contacts where a tool reaches into a body; whether there are any.
+/// Adds contacts where a tool reaches into a body. True if any were added.
 fn add_new(
     bodies: &[TouchedBody],
     contacts: &mut Vec<Contact>,
@@ -196,7 +196,7 @@ fn add_new(
                 ));
             }
             for spot in found.spots {
-                // One that stays: by where it lies, the next deepest point tells on no gap.
+                // An old spot stays if it is as deep as the new one: where the deepest point lies does not change the gap.
                 let gap = |spot: &SurfaceSpot| distance(&tool.shape, &pose, &place(&places[number], spot)).0;
                 let holds = |contact: &Contact| {
                     (contact.body, contact.tool, contact.nodes) == (number, t, spot.nodes)

@@ -15,6 +15,8 @@ pub struct TouchedBody {
     pub friction: f64,
     /// Whether each tool touches it.
     pub tools: Vec<bool>,
+    /// Whether a force device feels it.
+    pub is_felt: bool,
     /// The body without contact, with everything else that acts on it.
     pub free: Deformer,
     /// Whether a node takes forces: it belongs to no control element, and has a column.
@@ -48,7 +50,12 @@ impl SurfaceSpot {
 
 impl TouchedBody {
     /// The error says why the body cannot be deformed a second time.
-    pub fn new(b: usize, body: &Deformer, friction: f64, tools: Vec<bool>) -> Result<TouchedBody, String> {
+    pub fn new(
+        b: usize,
+        body: &Deformer,
+        (friction, is_felt): (f64, bool),
+        tools: Vec<bool>,
+    ) -> Result<TouchedBody, String> {
         let free = body.another()?;
         let mut takes = vec![false; free.node_count()];
         free.takes_forces().iter().for_each(|node| takes[*node as usize] = true);
@@ -64,6 +71,7 @@ impl TouchedBody {
             b,
             friction,
             tools,
+            is_felt,
             free,
             takes,
             around,

@@ -44,7 +44,7 @@ struct Link {
     /// Indices in the world of the bodies that give it forces.
     bodies: Vec<usize>,
     hold: Option<Hold>,
-    /// Index in the world of the body that its tool touches or is about to touch.
+    /// Index in the world of the body that its tool presses.
     touches: Option<usize>,
     spring: TouchSpring,
     grips: u64,
@@ -98,6 +98,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "force and torque on every control element, by the strain energy of the body's model; felt with a device of the stage",
     requirements: &[STIFFNESS],
     needs_energy: true,
+    is_felt: true,
     attach: Some(show_forces),
     start: Some(|listed, world| {
         Ok(HapticSession::start(listed, world)?.map(|session| Box::new(session) as Box<dyn RunningEffect>))
@@ -197,7 +198,7 @@ impl HapticSession {
                 link.spring.soften(&link.haptic, bearable, &mut touch);
                 (b, touch)
             });
-            link.touches = touch.as_ref().filter(|(_, touch)| touch.points() > 0).map(|(b, _)| *b);
+            link.touches = touch.as_ref().filter(|(_, touch)| touch.presses()).map(|(b, _)| *b);
             let body = held.map(|held| &world.bodies[link.bodies[held.body]].deformer);
             let room_from_hand = link.room_from_hand;
             link.running.tell(|grasp| {
@@ -312,9 +313,11 @@ impl Link {
             return;
         };
         let was_pulled = self.room_from_hand.is_some();
-        self.room_from_hand = usable(&stylus.room_from_stylus).or(self.room_from_hand);
+        let handle_from_stylus = self.haptic.sensor_from_body;
+        let hand = usable(&stylus.room_from_stylus).map(|pose| pose * handle_from_stylus.inverse());
+        self.room_from_hand = hand.or(self.room_from_hand);
         if let Some(pose) = loop_state.room_from_handle.filter(|_| was_pulled) {
-            stylus.room_from_stylus = pose.cast();
+            stylus.room_from_stylus = (pose * handle_from_stylus).cast();
         }
     }
 

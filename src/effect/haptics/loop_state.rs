@@ -33,7 +33,7 @@ pub struct LoopFaults {
     pub jumps: u64,
     /// A reading older than the last one, which is ignored.
     pub backward: u64,
-    /// Something is held, but no frame has come for [`UNATTENDED_S`](super::tick::UNATTENDED_S).
+    /// Something is held or touched, but no frame has come for [`UNATTENDED_S`](super::tick::UNATTENDED_S).
     pub unattended: u64,
     /// The body's frame or equilibrium was not found, so the force is that of an earlier one.
     pub undefined: u64,
@@ -51,7 +51,7 @@ pub struct LoopState {
     pub gain: f64,
     /// The body pulls harder than the device can push.
     pub limited: bool,
-    /// The body's stiffness over what the device bears, in the stiffest direction; up to 1 nothing is softened.
+    /// The stiffness of the body, or of the touch, over what the device bears, in the stiffest direction; up to 1 nothing is softened.
     pub stiffer: f64,
     /// The largest stiffness that the device bears, N/m.
     pub bearable: f64,
@@ -59,7 +59,7 @@ pub struct LoopState {
     pub spacing_s: f64,
     /// The greatest age of a pose when its force begins to act, s: [`Delay::age_s`](super::delay::Delay::age_s).
     pub age_s: f64,
-    /// The body's strain energy, J.
+    /// Energy of the body, or of the contacts, J.
     pub strain_energy: f64,
     /// The energy whose gradient is the full force, J: of body and coupling in the hand's units. At the force limit it grows
     /// only by force times distance.

@@ -1,11 +1,11 @@
 //! The effect `haptics`: the force with which a body resists, rendered to the hand a thousand times a second or more.
 //!
-//! In: the device's newest pose in every tick, and from each frame the held element and the poses of the others, or the contacts of the
-//! tool in the hand. Out: force and torque on the hand. From the paper, "f_b = Bᵀu + Cb", which for control elements is S = Φᵀ(C - BᵀA⁻¹B)Φ of
-//! 12E × 12E: small enough for a thread of its own that knows no surface.
+//! In: the device's newest pose in every tick, and from each frame the held element and the poses of the others, or the
+//! contacts of the tool in the hand. Out: force and torque on the hand. From the paper, "f_b = Bᵀu + Cb", which for control
+//! elements is S = Φᵀ(C - BᵀA⁻¹B)Φ of 12E × 12E: small enough for a thread of its own that knows no surface.
 //!
-//! [`Elastic`] is the body, [`ElementHold`] the hold on it, [`TouchPotential`](crate::deform::TouchPotential) a touch, [`Control`] one tick with all safety measures, [`Loop`] the thread, and
-//! [`Device`] the force-feedback device.
+//! [`Elastic`] is the body, [`ElementHold`] the hold on it, [`TouchPotential`](crate::deform::TouchPotential) a touch,
+//! [`Control`] one tick with all safety measures, [`Loop`] the thread, and [`Device`] the force-feedback device.
 pub mod bent;
 mod bond;
 pub mod coupling;

@@ -1,6 +1,6 @@
 //! One tick of the force loop: the device's newest pose in, the push on the hand out.
 //!
-//! Pose → held element, moved by the coupling → energy and gradient → push within the limits, times a gain that ramps up;
+//! Pose → held element, moved by the coupling, or tool → energy and gradient → push within the limits, times a gain that ramps up;
 //! plus a brake if energy was generated. If anything is wrong with the pose, or if frames stop coming, the force goes to
 //! zero within [`FADE_S`]. A tick waits for no lock and allocates nothing.
 
@@ -38,6 +38,8 @@ const SLOWER: f64 = 1.01;
 const MOST_STEPS: usize = 4;
 /// Time constant with which contacts that were not foreseen reach their full force, s.
 const SHARE_S: f64 = 0.1;
+/// A stored energy below this is nothing that friction could pay for, J.
+const LEAST_J: f64 = 1e-9;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
 
@@ -52,7 +54,7 @@ pub struct Control {
     bond: Option<Bond>,
     /// Contacts of the tool, where the handle carries one.
     touch: TouchPotential,
-    /// Whether the coupling does not know its stiffness yet.
+    /// Whether the coupling still has the stiffness of an earlier touch.
     is_touch_new: bool,
     /// Part of the energy and the force of the contacts that is felt.
     share: f64,
@@ -161,8 +163,9 @@ impl Control {
         let before = energy(self);
         self.touch.copy_from(touch);
         (self.is_touch_new, self.share) = (true, 1.0);
-        if let Some((before, now)) = before.zip(energy(self)).filter(|(before, now)| goes_on && now > before)
-        {
+        let is_felt = goes_on && self.state.gain > 0.0;
+        let both = before.zip(energy(self)).filter(|(before, now)| is_felt && now > before);
+        if let Some((before, now)) = both {
             self.share = before / now;
         }
     }
@@ -212,7 +215,7 @@ impl Control {
         if std::mem::take(&mut self.news) {
             self.news_s = now_s;
         }
-        let is_attended = self.bond.is_none() || now_s - self.news_s <= UNATTENDED_S;
+        let is_attended = !self.holds() || now_s - self.news_s <= UNATTENDED_S;
         self.state.faults.unattended += u64::from(!is_attended);
         // A real device reports the released button before the frame does.
         let is_open = matches!(self.bond, Some(Bond::Element(_)))
@@ -318,7 +321,8 @@ impl Control {
         let haptic = &self.haptic;
         let scale = bond.energy_scale(haptic);
         if self.share < 1.0 {
-            let eaten = self.state.observer.energy.max(0.0) / self.state.stored_energy.max(f64::MIN_POSITIVE);
+            let surplus = self.stored.filter(|stored| *stored > LEAST_J);
+            let eaten = surplus.map_or(0.0, |stored| self.state.observer.energy.max(0.0) / stored);
             self.share = (self.share * (1.0 + eaten) + (1.0 - self.share) * dt / SHARE_S).min(1.0);
         }
         if let Some(motion) = &self.motion {
@@ -370,7 +374,12 @@ impl Control {
         self.count(stored, torque, is_unsettled);
         let haptic = &self.haptic;
         // A new hold's force grows once the coupling suits the body's stiffness and the hold has arrived at its place.
-        let is_ready = self.stiffness.found.is_some() && !is_found && !self.give.is_on_the_way;
+        let is_known = match bond {
+            Bond::Element(_) => self.stiffness.found.is_some() && !is_found,
+            // A touch comes softened once the loop knows what it bears.
+            Bond::Tool => self.touch.points() == 0 || self.touch.stiffer > 0.0,
+        };
+        let is_ready = is_known && !self.give.is_on_the_way;
         let ramp = if is_ready { dt / RAMP_S } else { 0.0 };
         let gain = (self.state.gain + ramp).min(1.0);
         (self.state.gain, self.state.strain_energy, self.state.stored_energy) = (gain, energy, stored);
@@ -434,7 +443,7 @@ impl Control {
             (self.give, self.felt, self.stored) = (CouplingState::default(), None, None);
         }
         let last_s = *self.coupled_s.get_or_insert(lag_s);
-        let mut is_stiffer = false;
+        let mut is_new_touch = false;
         match bond {
             Bond::Element(held) => {
                 if let Some(body) = self.bodies.get_mut(held.body) {
@@ -442,7 +451,7 @@ impl Control {
                 }
             }
             Bond::Tool => {
-                is_stiffer = std::mem::take(&mut self.is_touch_new) || self.stiffness.found.is_none();
+                is_new_touch = std::mem::take(&mut self.is_touch_new) || self.stiffness.found.is_none();
                 let room = room_from_handle(&self.haptic, handle);
                 self.stiffness.found = Some(bond::stiffness(&self.haptic, &room, &self.touch));
             }
@@ -452,7 +461,7 @@ impl Control {
         if is_replaced {
             self.coupling = self.rigid();
         }
-        if is_replaced || is_stiffer || (lag_s / last_s).max(last_s / lag_s) >= SLOWER {
+        if is_replaced || is_new_touch || (lag_s / last_s).max(last_s / lag_s) >= SLOWER {
             self.suit();
         }
     }
