@@ -31,8 +31,9 @@ type V3 = Vector3<f64>;
 pub const MOST_POINTS: usize = 16;
 /// Members of a merged point whose compliance is asked for.
 const MOST_MEMBERS: usize = 4;
-/// Sweeps over the contacts at most, and the part of the largest displacement at which they end.
-const MOST_SWEEPS: usize = 40;
+/// Solutions of single contacts at most, which bounds the time of a tick, and the part of the largest displacement at which they end:
+/// what is left is found by the next frame.
+const MOST_SOLUTIONS: usize = 160;
 const NEAR: f64 = 1e-7;
 /// Least cosine between the normals of points that are merged.
 const SAME_WAY: f64 = 0.5;
@@ -268,7 +269,7 @@ impl TouchPotential {
                 forces[i] = V3::new(normal, tangent.x, tangent.y);
             }
         }
-        for _ in 0..MOST_SWEEPS {
+        for _ in 0..MOST_SOLUTIONS / n.max(1) {
             let mut change = 0.0_f64;
             for i in 0..n {
                 let (own, old) = (self.block(i, i), forces[i]);
