@@ -43,7 +43,7 @@ const RIDGE: f64 = 1e-9;
 /// A contact of the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchPoint {
-    /// From the tool's origin, in the room, m.
+    /// Lever arm from the tool's origin, in the room, m.
     pub arm: V3,
     /// Axes in columns: the normal into the body, and two tangents.
     pub axes: Matrix3<f64>,
@@ -66,7 +66,7 @@ pub struct TouchPotential {
     /// The stiffness against the tool's motion (v, ω) about its origin, 6 × 6 in N/m, N and N·m, while all points touch and none
     /// slides: no touch is stiffer.
     pub stiffness: Matrix6<f64>,
-    /// How many times stiffer it was than the device bears, in the stiffest direction, before it was softened.
+    /// The stiffness before it was softened over what the device bears, in the stiffest direction.
     pub stiffer: f64,
     points: Vec<TouchPoint>,
     /// W in the points' axes, row by row, m/N, and d₀, m.

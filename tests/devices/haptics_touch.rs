@@ -57,7 +57,7 @@ impl Bar {
         Bar { world, control, device, grasp: Grasp::default(), spring: TouchSpring::default(), ticks: 0 }
     }
 
-    /// Where the ball just touches.
+    /// The place at which the ball just touches.
     fn top() -> V3 {
         V3::new(0.0, SIDE / 2.0 + RADIUS, 0.0)
     }

@@ -24,7 +24,7 @@ const MOST_AHEAD: usize = 4;
 /// A tool in a frame.
 pub struct Touching<'a> {
     pub t: usize,
-    /// Where the hand has it, and its surface, which yields to its spring.
+    /// Pose in the hand, and that of the surface, which yields to its spring.
     pub hand: Isometry3<f64>,
     pub surface: Isometry3<f64>,
     /// Contacts of all tools.
@@ -42,7 +42,7 @@ pub struct Felt {
 }
 
 impl Felt {
-    /// Of all tools those whose stylus a force device of the stage moves, and that touch a body that is felt.
+    /// The tools whose stylus a force device of the stage moves, and that touch a body that is felt.
     pub fn new(bodies: &[TouchedBody], tools: &[Tool], stage: &Stage) -> Felt {
         let names = stage.tracking.stylus_names();
         let device_of = |stylus: usize| {

@@ -1,4 +1,4 @@
-//! What the handle is bound to: a control element that it holds, or a tool that touches bodies.
+//! The bond of a handle: a control element that it holds, or a tool that touches bodies.
 //!
 //! In: the hold's pose in the room. Out: push and energy there. Both are potentials, and everything that keeps the loop stable is the
 //! same for both.
@@ -11,7 +11,7 @@ use crate::deform::TouchPotential;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix6};
 
-/// What the handle is bound to.
+/// The bond of a handle.
 #[allow(clippy::large_enum_variant, reason = "it is copied once in a frame, without a heap")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bond {
