@@ -19,7 +19,7 @@
 //! is, and sweeps over the contacts. Contacts beyond [`MOST_POINTS`] are merged with their neighbours, which makes the touch softer,
 //! never stiffer: the energy is the greatest of all forces' (Castigliano), and fewer forces are left to choose from.
 
-use super::se3;
+use super::pose::se3;
 use crate::solve::cone::{Cone, single, within};
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector2, Vector3, Vector6,
