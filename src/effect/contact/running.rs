@@ -221,15 +221,14 @@ impl Contacts {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
         let step = Step { tools: &self.tools, from: &from, to, starts, outlines };
-        let Outcome { warnings, reached, is_exact } =
-            advance(&mut self.bodies, &mut self.motion.contacts, &step);
+        let Outcome { warnings, reached } = advance(&mut self.bodies, &mut self.motion.contacts, &step);
         for warning in warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
             }
         }
         // Forces that are not found yet are sought on in the next frame.
-        self.motion.is_settled = is_exact && reached.is_none_or(|reached| reached.is_solved);
+        self.motion.is_settled = reached.is_none_or(|reached| reached.is_solved);
         for (t, tool) in self.tools.iter().enumerate() {
             let force = force_on_tool(t, &self.bodies, &self.motion.contacts);
             self.motion.tools[t].yielded = tool.stiffness.map_or_else(V3::zeros, |k| force / k);

@@ -27,6 +27,8 @@ const MOST_ROUNDS: usize = 12;
 const EXACT: f64 = 1e-5;
 /// Part of its own compliance by which a spot between nodes yields more.
 const SKIN: f64 = 1e-3;
+/// Change of a spot's weights by which it has moved.
+const SHIFT: f64 = 1e-4;
 /// Contacts at most: beyond, a step would take longer than a frame.
 pub const MOST_CONTACTS: usize = 600;
 
@@ -66,8 +68,6 @@ pub struct Step<'a> {
 pub struct Outcome {
     pub warnings: Vec<String>,
     pub reached: Option<Reached>,
-    /// Whether detection and solution agree at the end.
-    pub is_exact: bool,
 }
 
 /// Places of a body's candidates, in the room.
@@ -93,13 +93,11 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
             return outcome;
         }
         if contacts.is_empty() {
-            outcome.is_exact = true;
             return outcome;
         }
         let (is_exact, reached) = solve(bodies, contacts, step, (&free, &places, &yielded));
         outcome.reached = Some(reached);
-        outcome.is_exact = !found && is_exact && round > 0;
-        if outcome.is_exact {
+        if !found && is_exact && round > 0 {
             break;
         }
     }
@@ -166,7 +164,7 @@ pub fn shifted(pose: &Isometry3<f64>, by: &V3) -> Isometry3<f64> {
     Translation3::from(*by) * pose
 }
 
-/// Adds contacts where a tool reaches into a body. True if any were added.
+/// Adds contacts where a tool reaches into a body, and moves those whose nearest point has moved. True if there are any.
 fn add_new(
     bodies: &[TouchedBody],
     contacts: &mut Vec<Contact>,
@@ -174,7 +172,7 @@ fn add_new(
     (places, yielded): (&[Places], &[V3]),
     outcome: &mut Outcome,
 ) -> bool {
-    let before = contacts.len();
+    let (before, mut has_moved) = (contacts.len(), false);
     for (number, body) in bodies.iter().enumerate() {
         for (t, tool) in step.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
             let Some(pose) = &step.to[t] else { continue };
@@ -196,16 +194,15 @@ fn add_new(
                 ));
             }
             for spot in found.spots {
-                // An old spot stays if it is as deep as the new one: where the deepest point lies does not change the gap.
-                let gap = |spot: &SurfaceSpot| distance(&tool.shape, &pose, &place(&places[number], spot)).0;
-                let holds = |contact: &Contact| {
+                let is_same = |contact: &&mut Contact| {
                     (contact.body, contact.tool, contact.nodes) == (number, t, spot.nodes)
-                        && gap(&contact.spot()) <= gap(&spot) + near
                 };
-                if contacts.iter().any(holds) {
-                    continue;
-                }
-                if contacts.len() < MOST_CONTACTS {
+                if let Some(contact) = contacts.iter_mut().find(is_same) {
+                    // The nearest point of the same triangle, or of the same edge.
+                    let shift = contact.weights.iter().zip(spot.weights).map(|(old, new)| (old - new).abs());
+                    has_moved |= shift.fold(0.0, f64::max) > SHIFT;
+                    contact.weights = spot.weights;
+                } else if contacts.len() < MOST_CONTACTS {
                     let SurfaceSpot { nodes, weights } = spot;
                     contacts.push(Contact { body: number, tool: t, nodes, weights, force: V3::zeros() });
                 }
@@ -217,7 +214,7 @@ fn add_new(
             "contact: more than {MOST_CONTACTS} nodes touch tools, of which the first are held back; a coarser surface has fewer"
         ));
     }
-    contacts.len() > before
+    has_moved || contacts.len() > before
 }
 
 /// Makes sure that the columns of all contacts are there. The error says why one cannot be read.
@@ -276,9 +273,7 @@ fn solve(
         let by = self::yielded(contact.tool, bodies, contacts, step);
         let pose = shifted(&step.to[contact.tool].unwrap_or_default(), &by);
         let (gap, _) = distance(&tool.shape, &pose, &place(&after[contact.body], &contact.spot()));
-        let is_open = contact.force == V3::zeros() && gap >= 0.0;
-        is_open
-            || (gap - d[3 * i]).abs() <= EXACT * tool.shape.thickness().min(bodies[contact.body].longest())
+        (gap - d[3 * i]).abs() <= EXACT * tool.shape.thickness().min(bodies[contact.body].longest())
     });
     (is_exact, reached)
 }

@@ -12,7 +12,7 @@ use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix6};
 
 /// The bond of a handle.
-#[allow(clippy::large_enum_variant, reason = "it is copied once in a frame, without a heap")]
+#[allow(clippy::large_enum_variant, reason = "it is copied once in a tick, without a heap")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bond {
     Element(ElementHold),

@@ -58,7 +58,7 @@ pub struct Control {
     is_touch_new: bool,
     /// Part of the energy and the force of the contacts that is felt.
     share: f64,
-    /// How often the held body had come home in the last frame.
+    /// Count of the held body's ways home in the last frame.
     homecomings: u64,
     /// The hold's pose in the room at the last tick.
     hold_at: Option<Isometry3<f64>>,
