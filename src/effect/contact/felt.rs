@@ -3,8 +3,8 @@
 //! In: the contacts of a frame, and the nodes near each tool. Out: a [`TouchPotential`] for each tool on a stylus with a force device:
 //! its contacts, and ahead of them the spots that it can reach before the next frame, so that the force begins where they touch.
 
+use super::contact::{Against, Contact, Places, at_nodes, between, fetch, place, turns};
 use super::detection::{distance, find};
-use super::system::{Contact, Places, at_nodes, between, fetch, place, turns};
 use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
@@ -90,7 +90,7 @@ impl Felt {
         let carrier = tools[t].carrier(world).filter(|stylus| !stylus.from_eye);
         let pose = carrier.and_then(|stylus| usable(&stylus.room_from_stylus));
         let Some((stylus, room_from_stylus)) = tools[t].stylus.zip(pose) else { return Ok(None) };
-        let is_own = |contact: &&Contact| contact.tool == t && bodies[contact.body].is_felt;
+        let is_own = |contact: &&Contact| contact.tool() == Some(t) && bodies[contact.body].is_felt;
         let mut contacts: Vec<Contact> = all.iter().filter(is_own).copied().collect();
         contacts.extend(self.ahead(touching, bodies, &tools[t]));
         fetch(bodies, &contacts)?;
@@ -100,12 +100,12 @@ impl Felt {
         let Some(body) = strongest.map(|contact| contact.body).or(first) else { return Ok(None) };
         let turns = turns(bodies);
         let moved: Vec<_> =
-            bodies.iter().enumerate().map(|(b, body)| body.moved(&at_nodes(all, b))).collect();
+            bodies.iter().enumerate().map(|(b, body)| body.moved(&at_nodes(bodies, all, b))).collect();
         let points: Vec<TouchPoint> = contacts
             .iter()
             .map(|contact| {
                 let body = &bodies[contact.body];
-                let corners = contact.spot().corners();
+                let corners = contact.spot.corners();
                 let moved = &moved[contact.body];
                 let x: V3 = corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
                 let (gap, normal) = distance(&tools[t].shape, &surface, &x);
@@ -136,7 +136,7 @@ impl Felt {
             let outline = body.summed_places(&body.free);
             for spot in find(&tool.shape, &surface, body, places, &outline, reach).spots {
                 let is_known = |contact: &Contact| {
-                    (contact.body, contact.tool, contact.nodes) == (number, t, spot.nodes)
+                    (contact.body, contact.tool(), contact.spot.nodes) == (number, Some(t), spot.nodes)
                 };
                 if !contacts.iter().any(is_known) {
                     spots.push((distance(&tool.shape, &surface, &place(places, &spot)).0, number, spot));
@@ -146,9 +146,8 @@ impl Felt {
         spots.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
         let contact = |(_, body, spot): (f64, usize, SurfaceSpot)| Contact {
             body,
-            tool: t,
-            nodes: spot.nodes,
-            weights: spot.weights,
+            spot,
+            against: Against::Tool(t),
             force: V3::zeros(),
         };
         spots.into_iter().take(MOST_AHEAD).map(contact).collect()

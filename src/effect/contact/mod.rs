@@ -1,13 +1,18 @@
-//! The effect `contact`: tools press, push and rub bodies.
+//! The effect `contact`: tools press, push and rub bodies, and bodies each other and themselves.
 //!
 //! In: tools of the scene, on styli or in the room; bodies with the compliance of their surface. Out: forces at single points of each
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
-//! nodes and triangles near a tool ([`detection`]), the compliance between them and Coulomb's friction make a complementarity problem
-//! ([`crate::solve::cone`]), solved in steps so short that no tool passes through a body ([`system`]). A force device feels them between
-//! two frames too ([`felt`]).
+//! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`contact`]) and
+//! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
+//! body ([`system`]). A force device feels those of its tool between two frames too ([`felt`]).
 
+mod contact;
+mod crossing;
 mod detection;
 mod felt;
+mod meeting;
+#[cfg(test)]
+mod meeting_tests;
 mod running;
 mod settings;
 mod shape;
@@ -23,7 +28,7 @@ use crate::green::STIFFNESS;
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: settings::NAME,
-    summary: "tools touch the body: it yields to them, with friction, and the hand feels them",
+    summary: "tools and bodies touch the body: it yields to them, with friction, and the hand feels them",
     requirements: &[STIFFNESS],
     needs_energy: true,
     presses_points: true,

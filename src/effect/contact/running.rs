@@ -3,13 +3,15 @@
 //! In: where hands put the tools, and the poses of the bodies' control elements. Out: forces at points of the bodies. In a frame tools
 //! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
 
+use super::contact::{Against, Contact, Places, at_nodes, at_spots, force_on_tool, shifted};
 use super::detection::distance;
 use super::felt::{Felt, Touching};
+use super::meeting::{Meeting, meetings};
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
-use super::system::{Contact, Outcome, Places, Step, advance, at_nodes, force_on_tool, shifted};
+use super::system::{Outcome, Step, advance};
 use super::tool::{Tool, between};
-use super::touched_body::TouchedBody;
+use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};
 use crate::effect::entry::EffectInput;
@@ -21,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 type V3 = Vector3<f64>;
 
-/// Length of a step against the tool's thickness, and steps of a frame at most: a tool that moves farther is put down anew.
+/// Length of a step against the thickness of a tool or of a wall, and steps of a frame at most: what moves farther is put down anew.
 const STEP: f64 = 0.5;
 const MOST_STEPS: usize = 64;
 /// Time since the first frame within which a tool's stylus should be seen, s.
@@ -30,6 +32,8 @@ const SEEN_S: f64 = 2.0;
 pub struct Contacts {
     bodies: Vec<TouchedBody>,
     tools: Vec<Tool>,
+    /// Bodies that touch each other, or themselves.
+    pairs: Vec<[usize; 2]>,
     motion: Motion,
     felt: Felt,
     /// Time of the first frame, s.
@@ -77,9 +81,16 @@ pub fn attach(
     let scene = listed.scene;
     let tools = scene.tool.iter().map(|(name, tool)| Tool::new(scene, name, tool));
     let tools = tools.collect::<Result<Vec<_>, _>>()?;
+    let settings: Vec<Settings> =
+        listed.bodies.iter().map(|(_, name)| Settings::of(&scene.bodies[*name])).collect();
+    let names: Vec<&str> = listed.bodies.iter().map(|(_, name)| *name).collect();
+    let mut pairs = Vec::new();
+    for one in 0..names.len() {
+        let meets = |other: &usize| settings[one].meets(names[one], &settings[*other], names[*other]);
+        pairs.extend((one..names.len()).filter(meets).map(|other| [one, other]));
+    }
     let mut bodies = Vec::new();
-    for &(b, name) in &listed.bodies {
-        let settings = Settings::of(&scene.bodies[name]);
+    for (&(b, name), settings) in listed.bodies.iter().zip(&settings) {
         let is_felt = scene.bodies[name].entries().any(|effect| effect.is_felt);
         let touching = tools.iter().map(|tool| settings.touches(&tool.name)).collect();
         let deformer = &mut world.bodies[b].deformer;
@@ -87,7 +98,12 @@ pub fn attach(
         let body = TouchedBody::new(b, deformer, (settings.friction, is_felt), touching);
         bodies.push(body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?);
     }
-    Ok(Some(Box::new(Contacts::new(bodies, tools, &world.assets.stage))))
+    for (number, body) in bodies.iter_mut().enumerate() {
+        if pairs.iter().any(|pair| pair.contains(&number)) {
+            body.measure_walls();
+        }
+    }
+    Ok(Some(Box::new(Contacts::new(bodies, tools, pairs, &world.assets.stage))))
 }
 
 /// The bodies in a frame, as the world has them.
@@ -97,10 +113,10 @@ struct Now {
 }
 
 impl Contacts {
-    pub fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, stage: &Stage) -> Contacts {
+    fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, pairs: Vec<[usize; 2]>, stage: &Stage) -> Contacts {
         let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
         let felt = Felt::new(&bodies, &tools, stage);
-        Contacts { bodies, tools, motion, felt, first_s: None, warnings: Vec::new() }
+        Contacts { bodies, tools, pairs, motion, felt, first_s: None, warnings: Vec::new() }
     }
 
     /// Moves tools and bodies to where they are now.
@@ -142,7 +158,8 @@ impl Contacts {
         let shown =
             self.bodies.iter().map(|body| body.summed_places(&world.bodies[body.b].deformer)).collect();
         let last = std::mem::take(&mut self.motion.tools);
-        let mut way = Way { before: self.outlines(), shown, after: Vec::new(), tools: Vec::new() };
+        let (after, tools, meetings) = (Vec::new(), Vec::new(), Vec::new());
+        let mut way = Way { before: self.outlines(), shown, after, tools, meetings };
         for (body, poses) in self.bodies.iter_mut().zip(&now.poses) {
             if body.free.take(poses) {
                 body.free.deform();
@@ -152,6 +169,7 @@ impl Contacts {
         way.tools = self.tools.iter().zip(&last).zip(&now.tools).map(tool_way).collect();
         self.motion.tools =
             now.tools.iter().map(|pose| Placed { pose: *pose, yielded: V3::zeros() }).collect();
+        way.meetings = self.meetings(&way);
         let near = self.near(&last, &way);
         self.motion.is_settled = true;
         let nothing_meets = near.iter().all(Vec::is_empty) && self.motion.contacts.is_empty();
@@ -160,17 +178,17 @@ impl Contacts {
                 Some(1) => {
                     let starts = first_places(&near, &known, &way.shown);
                     let from: Vec<_> = last.iter().map(Placed::surface).collect();
-                    self.one_step([&from, &now.tools], &starts, &way.after);
+                    self.one_step([&from, &now.tools], &starts, &way);
                 }
                 Some(steps) => self.go(now, &before, (&last, &near, &known, &way), steps),
                 None => {
                     self.warnings.push(format!(
-                        "contact: a tool or a body moved in one frame by more than {MOST_STEPS} steps of half the tool's thickness; the \
-                         tool is put down anew, and may lie beyond what it passed"
+                        "contact: a tool or a body moved in one frame by more than {MOST_STEPS} steps of half the thickness of what \
+                         touches; it is put down anew, and may lie beyond what it passed"
                     ));
                     self.motion.contacts.clear();
                     let starts = self.places(&near);
-                    self.one_step([&now.tools, &now.tools], &starts, &way.after);
+                    self.one_step([&now.tools, &now.tools], &starts, &way);
                 }
             }
         }
@@ -202,7 +220,7 @@ impl Contacts {
             for ((body, start), end) in self.bodies.iter_mut().zip(before).zip(&now.poses) {
                 body.free.take(&on_the_way(&start.poses, end, share));
             }
-            self.one_step([&from, &to], &starts, &way.after);
+            self.one_step([&from, &to], &starts, way);
             let shifted =
                 |(to, tool): (&Option<Isometry3<f64>>, &Placed)| to.map(|to| shifted(&to, &tool.yielded));
             from = to.iter().zip(&self.motion.tools).map(shifted).collect();
@@ -216,11 +234,11 @@ impl Contacts {
         &mut self,
         [from, to]: [&[Option<Isometry3<f64>>]; 2],
         starts: &[Places],
-        outlines: &[Vec<V3>],
+        Way { after: outlines, meetings, .. }: &Way,
     ) {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
-        let step = Step { tools: &self.tools, from: &from, to, starts, outlines };
+        let step = Step { tools: &self.tools, from: &from, to, starts, outlines, meetings };
         let Outcome { warnings, reached } = advance(&mut self.bodies, &mut self.motion.contacts, &step);
         for warning in warnings {
             if !self.warnings.contains(&warning) {
@@ -258,25 +276,32 @@ impl Contacts {
         self.bodies.iter().map(|body| body.summed_places(&body.free)).collect()
     }
 
-    /// Nodes of each body that touch tools.
+    /// Nodes of each body that have a share in contacts.
     fn nodes_of_contacts(&self) -> Vec<Vec<u32>> {
-        let of = |b: usize| {
-            let own = self.motion.contacts.iter().filter(|contact| contact.body == b);
-            own.flat_map(|contact| contact.nodes).collect()
-        };
+        let of = |b: usize| self.motion.contacts.iter().flat_map(|contact| contact.nodes_of(b)).collect();
         (0..self.bodies.len()).map(of).collect()
     }
 
     /// Places of nodes with the forces of the contacts, in the states that were taken last.
     fn places(&self, nodes: &[Vec<u32>]) -> Vec<Places> {
         let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Vec<u32>))| {
-            let moved = body.moved(&at_nodes(&self.motion.contacts, b));
+            let moved = body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b));
             nodes.iter().map(|node| (*node, body.free_place(*node) + moved(*node))).collect()
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }
 
-    /// Nodes of each body that a tool can meet on its way.
+    /// Nodes that can meet surfaces on the way.
+    fn meetings(&self, way: &Way) -> Vec<Meeting> {
+        let of = |pair: &[usize; 2]| {
+            let edge = pair.map(|b| self.bodies[b].longest()).into_iter().fold(0.0, f64::max);
+            let reach = edge + pair.map(|b| way.travel(b, 0..way.after[b].len())).iter().sum::<f64>();
+            meetings(&self.bodies, *pair, &way.shown, reach + way.fastest_tool())
+        };
+        self.pairs.iter().flat_map(of).collect()
+    }
+
+    /// Nodes of each body that a tool or a surface can meet on its way.
     fn near(&self, last: &[Placed], way: &Way) -> Vec<Vec<u32>> {
         let of = |(b, (body, held)): (usize, (&TouchedBody, Vec<u32>))| {
             let is_near = |node: &u32| {
@@ -290,7 +315,12 @@ impl Contacts {
                     })
                 })
             };
-            let mut all: Vec<u32> = (0..body.takes.len() as u32).filter(is_near).chain(held).collect();
+            let meeting = way.meetings.iter().filter(|meeting| meeting.body == b);
+            let meeting = meeting.flat_map(|meeting| body.with_neighbours(meeting.node));
+            let met = way.meetings.iter().filter(|meeting| meeting.other == b);
+            let met = met.flat_map(|meeting| meeting.corners(&self.bodies));
+            let by_tools = (0..body.takes.len() as u32).filter(is_near);
+            let mut all: Vec<u32> = by_tools.chain(held).chain(meeting).chain(met).collect();
             all.sort_unstable();
             all.dedup();
             all
@@ -302,10 +332,18 @@ impl Contacts {
     fn steps(&self, near: &[Vec<u32>], way: &Way) -> Option<usize> {
         let mut most = 1.0_f64;
         for (b, body) in self.bodies.iter().enumerate().filter(|(b, _)| !near[*b].is_empty()) {
-            let travel = |node: &u32| (way.after[b][*node as usize] - way.before[b][*node as usize]).norm();
-            let travel = near[b].iter().map(travel).fold(0.0, f64::max);
+            let travel = way.travel(b, near[b].iter().map(|node| *node as usize));
             for (t, tool) in self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
                 most = most.max((way.tools[t] + travel) / (STEP * tool.shape.thickness()));
+            }
+        }
+        for [one, other] in &self.pairs {
+            let meets = |meeting: &Meeting| [meeting.body, meeting.other] == [*one, *other];
+            if way.meetings.iter().any(meets) {
+                let travel = [*one, *other].map(|b| way.travel(b, near[b].iter().map(|node| *node as usize)));
+                let wall = self.bodies[*one].thickness().min(self.bodies[*other].thickness());
+                let travel = travel.iter().sum::<f64>() + way.fastest_tool();
+                most = most.max(travel / (STEP * wall).max(f64::MIN_POSITIVE));
             }
         }
         let steps = most.ceil() as usize;
@@ -327,6 +365,21 @@ struct Way {
     shown: Vec<Vec<V3>>,
     after: Vec<Vec<V3>>,
     tools: Vec<f64>,
+    /// Nodes that can meet surfaces.
+    meetings: Vec<Meeting>,
+}
+
+impl Way {
+    /// Longest way of these nodes of a body, m.
+    fn travel(&self, b: usize, nodes: impl Iterator<Item = usize>) -> f64 {
+        let way = |node: usize| (self.after[b][node] - self.before[b][node]).norm();
+        nodes.map(way).fold(0.0, f64::max)
+    }
+
+    /// Longest way of a tool, m.
+    fn fastest_tool(&self) -> f64 {
+        self.tools.iter().copied().fold(0.0, f64::max)
+    }
 }
 
 /// Places at the start of a frame: exact where contact was, as they were shown elsewhere.
@@ -365,12 +418,14 @@ impl RunningEffect for Contacts {
 
     fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
         self.step(world, contributions);
-        for contact in &self.motion.contacts {
-            let body = &self.bodies[contact.body];
-            let in_body = body.free.state.body_from_surface().rotation * contact.force;
-            let (nodes, weights) = (contact.nodes, contact.weights);
-            let pull = Pull::Force(in_body);
-            contributions[body.b].points.push(PointLoad { nodes, weights, pull });
+        for (number, body) in self.bodies.iter().enumerate() {
+            let turn = body.free.state.body_from_surface().rotation;
+            for (SurfaceSpot { nodes, weights }, force) in
+                at_spots(&self.bodies, &self.motion.contacts, number)
+            {
+                let pull = Pull::Force(turn * force);
+                contributions[body.b].points.push(PointLoad { nodes, weights, pull });
+            }
         }
     }
 
@@ -397,7 +452,7 @@ impl RunningEffect for Contacts {
         frame.warnings.extend(unseen);
         let places: Vec<_> = self.motion.tools.iter().map(Placed::surface).collect();
         let (bodies, tools, contacts) = (&self.bodies, &self.tools, &self.motion.contacts);
-        Shown { bodies, tools, places: &places, contacts }.show(world, frame);
+        Shown { bodies, tools, pairs: &self.pairs, places: &places, contacts }.show(world, frame);
     }
 
     fn memory(&self) -> Option<Memory> {
@@ -408,9 +463,15 @@ impl RunningEffect for Contacts {
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
         let motion: Motion = read(memory)?;
         let fits = |contact: &Contact| {
-            let body = self.bodies.get(contact.body);
-            let nodes = body.map_or(0, |body| body.takes.len());
-            contact.tool < self.tools.len() && contact.nodes.iter().all(|node| (*node as usize) < nodes)
+            let spot_fits = |(body, spot, _): (usize, SurfaceSpot, f64)| {
+                let nodes = self.bodies.get(body).map_or(0, |body| body.takes.len());
+                spot.nodes.iter().all(|node| (*node as usize) < nodes)
+            };
+            let is_known = match contact.against {
+                Against::Tool(tool) => tool < self.tools.len(),
+                Against::Surface { body, .. } => self.pairs.iter().any(|pair| pair.contains(&body)),
+            };
+            is_known && contact.sides().all(spot_fits)
         };
         if (motion.tools.len(), motion.free.len()) != (self.tools.len(), self.bodies.len())
             || !motion.contacts.iter().all(fits)

@@ -16,15 +16,19 @@ pub const TOUCHED: [&ModelEntry; 2] = [&LINEAR, &ROTATION];
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Coefficient of friction between the body and every tool.
+    /// Coefficient of friction.
     pub friction: f64,
     /// Tools that touch the body; without it, all of the scene.
     pub tools: Option<Vec<String>>,
+    /// Bodies that touch it; without it, all that list the effect.
+    pub bodies: Option<Vec<String>>,
+    /// Whether it touches itself.
+    pub itself: bool,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { friction: 0.3, tools: None }
+        Settings { friction: 0.3, tools: None, bodies: None, itself: false }
     }
 }
 
@@ -52,16 +56,35 @@ impl Settings {
     pub fn touches(&self, tool: &str) -> bool {
         self.tools.as_ref().is_none_or(|tools| tools.iter().any(|name| name == tool))
     }
+
+    /// Whether the body of this name and another touch.
+    pub fn meets(&self, name: &str, other: &Settings, other_name: &str) -> bool {
+        let lists = |settings: &Settings, name: &str| {
+            settings.bodies.as_ref().is_none_or(|bodies| bodies.iter().any(|body| body == name))
+        };
+        if name == other_name { self.itself } else { lists(self, other_name) && lists(other, name) }
+    }
 }
 
 /// Refuses a body that nothing can touch, or whose answer to a touch is not known.
 pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
     let settings = Settings::of(resolved);
-    if scene.tool.is_empty() {
+    let others =
+        || scene.body.iter().filter(|(other, body)| *other != name && body.effects.iter().any(|e| e == NAME));
+    if scene.tool.is_empty() && others().next().is_none() && !settings.itself {
         let message = "nothing touches the body: add a tool, as [tool.probe] with shape = { ball = { radius = 0.01 } } \
-                       and stylus = 1";
+                       and stylus = 1, list \"contact\" in another body too, or write effect.contact = { itself = true }";
         return wrong("effects", message.to_owned());
+    }
+    let named = settings.bodies.iter().flatten();
+    if let Some(unknown) = named.into_iter().find(|body| others().all(|(other, _)| other != *body)) {
+        let message = match scene.body.contains_key(unknown.as_str()) {
+            true if unknown == name => "a body touches itself by itself = true".to_owned(),
+            true => format!("body.{unknown} lists no \"contact\": both bodies must"),
+            false => config::unknown_name("body", unknown, others().map(|(other, _)| other.as_str())),
+        };
+        return wrong("effect.contact.bodies", message);
     }
     if let Some(unknown) =
         settings.tools.iter().flatten().find(|tool| !scene.tool.contains_key(tool.as_str()))

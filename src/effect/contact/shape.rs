@@ -243,7 +243,7 @@ fn in_box(half: &V3, x: &V3) -> (f64, V3) {
 }
 
 /// Weights of the corners in the point of a triangle that is nearest to `x` (C. Ericson, Real-Time Collision Detection, section 5.1.5).
-fn nearest_weights([a, b, c]: &[V3; 3], x: &V3) -> [f64; 3] {
+pub fn nearest_weights([a, b, c]: &[V3; 3], x: &V3) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let along = |from: &V3| (ab.dot(&(x - from)), ac.dot(&(x - from)));
     let ((a1, a2), (b1, b2), (c1, c2)) = (along(a), along(b), along(c));

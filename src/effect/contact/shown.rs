@@ -1,6 +1,6 @@
-//! Tools in the picture: their shapes, and the force on the hand as an arrow with its newtons.
+//! Contact in the picture: the shapes of tools, and forces on hands and between bodies as arrows with their newtons.
 
-use super::system::{Contact, at_nodes, force_on_tool};
+use super::contact::{Contact, at_nodes, force_on_tool};
 use super::tool::Tool;
 use super::touched_body::TouchedBody;
 use crate::base::plates::{Anchor, Plate};
@@ -22,60 +22,90 @@ const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 pub struct Shown<'a> {
     pub bodies: &'a [TouchedBody],
     pub tools: &'a [Tool],
+    /// Bodies that touch each other, or themselves.
+    pub pairs: &'a [[usize; 2]],
     /// Poses of the tools' surfaces.
     pub places: &'a [Option<Isometry3<f64>>],
     pub contacts: &'a [Contact],
 }
 
-impl Shown<'_> {
-    /// Adds the tools to a frame.
+impl<'a> Shown<'a> {
+    /// Adds tools and forces to a frame.
     pub fn show(&self, world: &World, frame: &mut Frame) {
-        let radius_m = world.assets.stage.workspace.radius_m;
         for (t, (tool, pose)) in self.tools.iter().zip(self.places).enumerate() {
             let Some(pose) = pose else { continue };
             hide_pen(tool, world, frame);
             let (shape, color) = (tool.drawn.clone(), tool.color);
             let room_from_shape = pose.to_homogeneous().cast();
             frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
+            let own: Vec<&Contact> =
+                self.contacts.iter().filter(|contact| contact.tool() == Some(t)).collect();
             let force = force_on_tool(t, self.bodies, self.contacts);
-            let Some(place) = self.middle(t) else { continue };
-            if let Some(arrow) = force_arrow(&place, &force, self.full_n(t, world), LONGEST * radius_m) {
-                frame.drawables.push(Drawable::Arrow(Arrow {
-                    from: arrow.from.cast(),
-                    along: arrow.along.cast(),
-                    radius_m: (SHAFT * radius_m) as f32,
-                    color: COLOR,
-                    through: true,
-                }));
-            }
-            let words = format!("{}: {}, error unknown", tool.name, quantity(force.norm(), "N"));
-            frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
+            self.show_force(&tool.name, (&own, force), world, frame);
+        }
+        for [one, two] in self.pairs {
+            let is_own = |contact: &&Contact| {
+                contact.other().is_some_and(|(other, _)| {
+                    [contact.body, other] == [*one, *two] || [other, contact.body] == [*one, *two]
+                })
+            };
+            let own: Vec<&Contact> = self.contacts.iter().filter(is_own).collect();
+            let on_two = |contact: &&Contact| {
+                let sign = if contact.body == *two { 1.0 } else { -1.0 };
+                contact.force_in_room(self.bodies) * sign
+            };
+            let force = own.iter().map(on_two).sum::<Vector3<f64>>();
+            let [name, other] = [*one, *two].map(|body| &self.bodies[body].free.body);
+            let words = if one == two { format!("{name} on itself") } else { format!("{name} on {other}") };
+            self.show_force(&words, (&own, force), world, frame);
         }
     }
 
-    fn of_tool(&self, tool: usize) -> impl Iterator<Item = &Contact> {
-        self.contacts.iter().filter(move |contact| contact.tool == tool)
+    /// An arrow and a plate where these contacts press.
+    fn show_force(
+        &self,
+        name: &str,
+        (contacts, force): (&[&Contact], Vector3<f64>),
+        world: &World,
+        frame: &mut Frame,
+    ) {
+        let radius_m = world.assets.stage.workspace.radius_m;
+        let Some(place) = self.middle(contacts) else { return };
+        if let Some(arrow) = force_arrow(&place, &force, self.full_n(contacts, world), LONGEST * radius_m) {
+            frame.drawables.push(Drawable::Arrow(Arrow {
+                from: arrow.from.cast(),
+                along: arrow.along.cast(),
+                radius_m: (SHAFT * radius_m) as f32,
+                color: COLOR,
+                through: true,
+            }));
+        }
+        let words = format!("{name}: {}, error unknown", quantity(force.norm(), "N"));
+        frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
     }
 
     /// The force of the longest arrow: that at which the stiffest spot yields by a part of its body's radius.
-    fn full_n(&self, tool: usize, world: &World) -> f64 {
-        let of = |contact: &Contact| {
+    fn full_n(&self, contacts: &[&Contact], world: &World) -> f64 {
+        let of = |contact: &&Contact| {
             let body = &self.bodies[contact.body];
             let size = world.bodies[body.b].assets.ball.1 * body.room_from_body.scaling();
-            FULL_AT * size / (body.between(&contact.spot(), &contact.spot()).trace() / 3.0)
+            FULL_AT * size / (body.between(&contact.spot, &contact.spot).trace() / 3.0)
         };
-        self.of_tool(tool).map(of).fold(0.0, f64::max)
+        contacts.iter().map(of).fold(0.0, f64::max)
     }
 
-    /// Mean of the places at which a tool touches, weighted with the forces there.
-    fn middle(&self, tool: usize) -> Option<Point3<f64>> {
+    /// Mean of the places of contacts, weighted with their forces.
+    fn middle(&self, contacts: &[&Contact]) -> Option<Point3<f64>> {
+        let moved = |(number, body): (usize, &'a TouchedBody)| {
+            body.moved(&at_nodes(self.bodies, self.contacts, number))
+        };
+        let moved: Vec<_> = self.bodies.iter().enumerate().map(moved).collect();
         let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
-        for contact in self.of_tool(tool) {
-            let body = &self.bodies[contact.body];
-            let moved = body.moved(&at_nodes(self.contacts, contact.body));
+        for contact in contacts {
             let force = contact.force.norm();
-            for (node, w) in contact.spot().corners() {
-                sum += (body.free_place(node) + moved(node)) * (w * force);
+            for (node, w) in contact.spot.corners() {
+                let place = self.bodies[contact.body].free_place(node) + moved[contact.body](node);
+                sum += place * (w * force);
             }
             weight += force;
         }

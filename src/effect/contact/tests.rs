@@ -5,7 +5,7 @@ use super::running::Motion;
 use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
-use crate::mesh::{Block, block};
+use crate::mesh::{Block, TetMesh, block};
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-const YOUNG: f64 = 1.0e5;
+pub const YOUNG: f64 = 1.0e5;
 
 /// A world with one body, and a tool in the hand.
 struct Touched {
@@ -59,16 +59,19 @@ impl Setting<'_> {
     }
 }
 
-fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let required = scene.requirements("b").unwrap();
-    let made = precompute(scene, "b", &required, None, &Silent).unwrap();
+pub fn file(scene: &Resolved) -> Arc<GreenFile> {
+    let made = |name: &String| {
+        let required = scene.requirements(name).unwrap();
+        precompute(scene, name, &required, None, &Silent).unwrap()
+    };
+    let made: Vec<_> = scene.bodies.keys().map(made).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("b.green");
-    green::write(&path, &[made]).unwrap();
+    green::write(&path, &made).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
 
-fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
+pub fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
     let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
     let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
     world.join(effects).unwrap();
@@ -162,7 +165,7 @@ fn a_pressed_cantilever_bends_as_in_theory() {
 /// Indentation of a layer that is bonded to its base by a ball (E. Dimitriadis and others, Determination of elastic moduli of thin layers of
 /// soft material using the atomic force microscope, Biophysical Journal 82, 2002, 2798-2810, equation 12): Hertz's force times a
 /// series in √(R δ)/h.
-fn layer(radius: f64, depth: f64, thickness: f64, nu: f64) -> f64 {
+pub fn layer(radius: f64, depth: f64, thickness: f64, nu: f64) -> f64 {
     let hertz = 4.0 / 3.0 * YOUNG / (1.0 - nu * nu) * radius.sqrt() * depth.powf(1.5);
     let alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
     let beta = (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1.0 - nu);
@@ -173,11 +176,20 @@ fn layer(radius: f64, depth: f64, thickness: f64, nu: f64) -> f64 {
             + 16.0 * alpha / PI.powi(4) * (alpha.powi(3) + 3.0 * PI.powi(2) / 5.0 * beta) * chi.powi(4))
 }
 
-/// A block of half side 1 m whose cells shrink towards the middle of its top, as a file in which the bottom is told by its place.
-fn graded(cells: [u32; 3], path: &Path) {
+/// A block of half side 1 m whose cells shrink towards the middle of its top, which near there falls off by `round` (x² + z²)/2, as a file in which the
+/// bottom is told by its place.
+pub fn graded(cells: [u32; 3], round: f64, path: &Path) {
     let mesh = block(&Block { size: [2.0, 1.0, 2.0], cells }).unwrap();
     let finer = |t: f64| t.signum() * t.abs().powf(2.5);
-    let place = |x: &V3| [finer(x.x), -finer(0.5 - x.y), finer(x.z)];
+    let place = |x: &V3| {
+        let [x, y, z] = [finer(x.x), -finer(0.5 - x.y), finer(x.z)];
+        [x, y - (1.0 + y) * 0.06 * (1.0 - (-round * (x * x + z * z) / 0.12).exp()), z]
+    };
+    medit(&mesh, &place, path);
+}
+
+/// Writes a mesh whose nodes are put elsewhere.
+pub fn medit(mesh: &TetMesh, place: &dyn Fn(&V3) -> [f64; 3], path: &Path) {
     let mut text = String::from("MeshVersionFormatted 2\nDimension 3\nVertices\n");
     text += &format!("{}\n", mesh.nodes.len());
     for [x, y, z] in mesh.nodes.iter().map(place) {
@@ -199,7 +211,7 @@ fn a_ball_presses_with_hertzs_force() {
     let folder = tempfile::tempdir().unwrap();
     let mut off = Vec::new();
     for cells in [[8, 5, 8], [12, 8, 12]] {
-        graded(cells, &folder.path().join("block.mesh"));
+        graded(cells, 0.0, &folder.path().join("block.mesh"));
         let text = format!(
             "[tool.probe]\nshape = {{ ball = {{ radius = {radius} }} }}\nstylus = 1\n\
              [body.b]\nmesh = \"block.mesh\"\nelement = \"tet10\"\n\
@@ -357,8 +369,12 @@ fn a_block_is_squeezed_between_two_plates() {
         let y = 0.1 - 0.002 * f64::from(step);
         block.put(ceiling(V3::new(0.0, y, 0.0)));
         let motion = block.motion();
-        let pushed: f64 =
-            motion.contacts.iter().filter(|contact| contact.tool == 0).map(|contact| -contact.force.y).sum();
+        let pushed: f64 = motion
+            .contacts
+            .iter()
+            .filter(|contact| contact.tool() == Some(0))
+            .map(|contact| -contact.force.y)
+            .sum();
         assert!(pushed.is_finite() && pushed >= last, "{pushed} N at {y}, {last} N before");
         last = pushed;
         let held = |x: &V3| x.x < -0.149;

@@ -2,11 +2,19 @@
 
 use crate::deform::{Deformer, DeformerState};
 use crate::green::Yield;
+use crate::mesh::surface_files::TriangleSurface;
+use crate::mesh::walls::wall_thickness;
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
+
+/// Cosine of the angle between two triangles beyond which the edge between them is a crease.
+const CREASE: f64 = 0.8;
+/// Share of a surface's area under which a body may be thinner than its thickness says.
+const THINNEST: f64 = 0.02;
 
 pub struct TouchedBody {
     /// Index in the world.
@@ -25,13 +33,16 @@ pub struct TouchedBody {
     pub around: Vec<Vec<u32>>,
     /// Longest edge at rest, in the body's metres.
     longest: f64,
+    /// Thickness of its walls at rest, in the body's metres; 0 unless it meets surfaces.
+    pub wall: f64,
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: BTreeMap<u32, Arc<Yield>>,
 }
 
 /// A point of a surface: the mean of nodes with weights.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SurfaceSpot {
     pub nodes: [u32; 3],
     pub weights: [f64; 3],
@@ -76,6 +87,7 @@ impl TouchedBody {
             takes,
             around,
             longest,
+            wall: 0.0,
             room_from_body,
             columns: BTreeMap::new(),
         })
@@ -84,6 +96,18 @@ impl TouchedBody {
     /// Longest edge in the room, m.
     pub fn longest(&self) -> f64 {
         self.longest * self.room_from_body.scaling()
+    }
+
+    /// Prepares it to meet surfaces.
+    pub fn measure_walls(&mut self) {
+        let vertices = self.free.rest().iter().map(|x| V3::from(x.map(f64::from))).collect();
+        let surface = TriangleSurface { vertices, triangles: self.free.triangles().to_vec() };
+        self.wall = wall_thickness(&surface, THINNEST).unwrap_or(self.longest);
+    }
+
+    /// Thickness of its walls in the room, m.
+    pub fn thickness(&self) -> f64 {
+        self.wall * self.room_from_body.scaling()
     }
 
     /// Turn from the axes of the columns to those of the room.
@@ -158,17 +182,48 @@ impl TouchedBody {
         }
     }
 
-    /// Outward normal of the shape without contact around a node, in the room.
-    pub fn outward(&self, node: u32, places: &[V3]) -> V3 {
+    /// The corners of the triangles around a node.
+    pub fn with_neighbours(&self, node: u32) -> impl Iterator<Item = u32> {
         let triangles = self.free.triangles();
-        let normal = |number: &u32| {
-            let [a, b, c] = triangles[*number as usize].map(|corner| places[corner as usize]);
-            (b - a).cross(&(c - a))
-        };
+        self.around[node as usize].iter().flat_map(|number| triangles[*number as usize])
+    }
+
+    /// Outward normal around a node whose body's nodes have these places.
+    pub fn outward(&self, node: u32, places: &[V3]) -> V3 {
+        self.outward_by(node, &|corner| places[corner as usize])
+    }
+
+    /// Outward normal around a node at rest, in the body's axes.
+    pub fn outward_at_rest(&self, node: u32) -> V3 {
+        self.outward_by(node, &|corner| V3::from(self.free.rest()[corner as usize].map(f64::from)))
+    }
+
+    fn outward_by(&self, node: u32, place: &dyn Fn(u32) -> V3) -> V3 {
+        let triangles = self.free.triangles();
+        let normal = |number: &u32| across(triangles[*number as usize].map(place));
         self.around[node as usize].iter().map(normal).sum::<V3>().try_normalize(0.0).unwrap_or_else(V3::zeros)
+    }
+
+    /// Outward normal at a spot of one triangle, smooth across edges that are not creases.
+    pub fn normal(&self, spot: &SurfaceSpot, place: &dyn Fn(u32) -> V3) -> V3 {
+        let flat = across(spot.nodes.map(place)).try_normalize(0.0).unwrap_or_else(V3::zeros);
+        let triangles = self.free.triangles();
+        let smooth = |(node, w): (u32, f64)| {
+            let all = self.around[node as usize]
+                .iter()
+                .map(|number| across(triangles[*number as usize].map(place)));
+            let near = all.filter(|normal| normal.dot(&flat) >= CREASE * normal.norm());
+            near.sum::<V3>().try_normalize(0.0).unwrap_or(flat) * w
+        };
+        spot.corners().map(smooth).sum::<V3>().try_normalize(0.0).unwrap_or(flat)
     }
 
     pub fn state(&self) -> DeformerState {
         self.free.snapshot()
     }
+}
+
+/// Normal of a triangle, as long as twice its area.
+fn across([a, b, c]: [V3; 3]) -> V3 {
+    (b - a).cross(&(c - a))
 }

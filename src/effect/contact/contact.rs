@@ -1,0 +1,154 @@
+//! Contacts: spots of surfaces that touch tools or one another, their forces, and the compliance between them.
+//!
+//! A force at spot j, along the room's axes, moves spot i by R C R^T of each body on which both lie, with the sign of either side, and by 1/k
+//! of a tool's spring that both press.
+
+use super::tool::Tool;
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+type V3 = Vector3<f64>;
+
+/// A contact of a spot of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Index among the touched bodies.
+    pub body: usize,
+    pub spot: SurfaceSpot,
+    pub against: Against,
+    /// Force on the body along the axes of its columns, N.
+    #[serde(with = "crate::field::numbers")]
+    pub force: V3,
+}
+
+/// The other side of a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Against {
+    /// A tool, by its index.
+    Tool(usize),
+    /// A spot of a body, which may be the same one.
+    Surface { body: usize, spot: SurfaceSpot },
+}
+
+impl Contact {
+    /// The tool that it touches.
+    pub fn tool(&self) -> Option<usize> {
+        match self.against {
+            Against::Tool(tool) => Some(tool),
+            Against::Surface { .. } => None,
+        }
+    }
+
+    /// The other body that it touches, and where.
+    pub fn other(&self) -> Option<(usize, SurfaceSpot)> {
+        match self.against {
+            Against::Tool(_) => None,
+            Against::Surface { body, spot } => Some((body, spot)),
+        }
+    }
+
+    /// The spots that it presses, each with its body and the sign of the force there.
+    pub fn sides(&self) -> impl Iterator<Item = (usize, SurfaceSpot, f64)> + use<> {
+        let other = self.other().map(|(body, spot)| (body, spot, -1.0));
+        std::iter::once((self.body, self.spot, 1.0)).chain(other)
+    }
+
+    /// Nodes of a body that have a share in it.
+    pub fn nodes_of(&self, body: usize) -> impl Iterator<Item = u32> + use<> {
+        let own = self.sides().filter(move |(side, ..)| *side == body);
+        own.flat_map(|(_, spot, _)| spot.corners()).map(|(node, _)| node)
+    }
+
+    /// Force along the room's axes on the first body, N.
+    pub fn force_in_room(&self, bodies: &[TouchedBody]) -> V3 {
+        bodies[self.body].turn() * self.force
+    }
+}
+
+/// Places of a body's nodes in the room.
+pub type Places = BTreeMap<u32, V3>;
+
+/// Place of a spot whose nodes have these places.
+pub fn place(places: &Places, spot: &SurfaceSpot) -> V3 {
+    spot.corners().map(|(node, w)| places[&node] * w).sum()
+}
+
+/// Forces of the contacts at spots of a body, along the axes of its columns, N.
+pub fn at_spots(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Vec<(SurfaceSpot, V3)> {
+    let of = |contact: &Contact| {
+        let force = match contact.body == body {
+            true => contact.force,
+            false => bodies[body].turn().inverse() * contact.force_in_room(bodies),
+        };
+        contact
+            .sides()
+            .filter(move |(side, ..)| *side == body)
+            .map(move |(_, spot, sign)| (spot, force * sign))
+    };
+    contacts.iter().flat_map(of).collect()
+}
+
+/// The same at single nodes.
+pub fn at_nodes(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Vec<(u32, V3)> {
+    let mut all: BTreeMap<u32, V3> = BTreeMap::new();
+    for (spot, force) in at_spots(bodies, contacts, body) {
+        spot.corners().for_each(|(node, w)| *all.entry(node).or_default() += force * w);
+    }
+    all.into_iter().collect()
+}
+
+/// Force of the bodies on a tool, in the room, N.
+pub fn force_on_tool(tool: usize, bodies: &[TouchedBody], contacts: &[Contact]) -> V3 {
+    let own = contacts.iter().filter(|contact| contact.tool() == Some(tool));
+    -own.map(|contact| contact.force_in_room(bodies)).sum::<V3>()
+}
+
+/// A tool where its spring holds it.
+pub fn shifted(pose: &Isometry3<f64>, by: &V3) -> Isometry3<f64> {
+    Translation3::from(*by) * pose
+}
+
+/// Makes sure that the columns of all contacts are there. The error says why one cannot be read.
+pub fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), String> {
+    for (number, body) in bodies.iter_mut().enumerate() {
+        body.fetch(contacts.iter().flat_map(|contact| contact.nodes_of(number)))?;
+    }
+    Ok(())
+}
+
+/// Displacement of one contact by a force at another, along the room's axes, m/N: that of its spot against what it touches.
+pub fn between(
+    bodies: &[TouchedBody],
+    tools: &[Tool],
+    turns: &[Matrix3<f64>],
+    (a, b): (&Contact, &Contact),
+) -> Matrix3<f64> {
+    let mut block = Matrix3::zeros();
+    for (body, at, sign) in a.sides() {
+        for (_, from, other_sign) in b.sides().filter(|(other, ..)| *other == body) {
+            let [one, other] = [(&at, &from), (&from, &at)].map(|(at, from)| bodies[body].between(at, from));
+            let turn = &turns[body];
+            block += turn * (one + other.transpose()) * turn.transpose() * (0.5 * sign * other_sign);
+        }
+    }
+    let spring = a.tool().filter(|_| a.tool() == b.tool()).and_then(|tool| tools[tool].stiffness);
+    if let Some(k) = spring {
+        block += Matrix3::from_diagonal_element(1.0 / k);
+    }
+    block
+}
+
+/// Turns of the bodies from the axes of their columns to those of the room.
+pub fn turns(bodies: &[TouchedBody]) -> Vec<Matrix3<f64>> {
+    bodies.iter().map(|body| body.turn().into_inner()).collect()
+}
+
+/// Coefficient of friction of a contact; that of two bodies is the geometric mean of theirs.
+pub fn friction(bodies: &[TouchedBody], contact: &Contact) -> f64 {
+    let own = bodies[contact.body].friction;
+    contact.other().map_or(own, |(other, _)| (own * bodies[other].friction).sqrt())
+}

@@ -1,0 +1,118 @@
+//! Edges of two surfaces that cross between their nodes, as those of bars that lie across each other.
+//!
+//! In: two edges and the places of their nodes. Out: the points where their lines are nearest, with the gap d = n·(x - y) along the normal
+//! n of both, which points out of the second body.
+
+use super::meeting::{Meeting, is_across};
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use nalgebra::Vector3;
+
+type V3 = Vector3<f64>;
+
+/// Sine of the angle between two edges below which they run along each other, and do not cross.
+const CROSSING: f64 = 0.1;
+
+/// Places of a body's nodes, and the body.
+pub struct Side<'a> {
+    pub body: &'a TouchedBody,
+    pub place: &'a dyn Fn(u32) -> V3,
+}
+
+impl Side<'_> {
+    /// Corners of the triangles beside an edge.
+    fn beside(&self, [i, j]: [u32; 2]) -> impl Iterator<Item = [V3; 3]> {
+        let triangles = self.body.free.triangles();
+        let around = self.body.around[i as usize].iter().map(|number| triangles[*number as usize]);
+        around.filter(move |corners| corners.contains(&j)).map(|corners| corners.map(self.place))
+    }
+
+    /// Mean outward normal of the triangles beside an edge.
+    fn outward(&self, edge: [u32; 2]) -> V3 {
+        let normal =
+            |[a, b, c]: [V3; 3]| (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(V3::zeros);
+        self.beside(edge).map(normal).sum::<V3>().try_normalize(0.0).unwrap_or_else(V3::zeros)
+    }
+}
+
+/// Nodes of an edge on which a spot lies; `None` for a spot of a triangle or a node.
+pub fn edge_of(spot: &SurfaceSpot) -> Option<[u32; 2]> {
+    let [i, j, k] = spot.nodes;
+    (i != j && k == i).then_some([i, j])
+}
+
+fn spot_on([i, j]: [u32; 2], share: f64) -> SurfaceSpot {
+    SurfaceSpot { nodes: [i, j, i], weights: [1.0 - share, share, 0.0] }
+}
+
+/// Direction in which two edges that cross come apart: that of the first out of the second.
+pub fn apart(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> Option<V3> {
+    let [a, b] = [0, 1].map(|k| (sides[k].place)(edges[k][1]) - (sides[k].place)(edges[k][0]));
+    let across = a.cross(&b);
+    let normal = across.try_normalize(CROSSING * a.norm() * b.norm())?;
+    let outward = sides[1].outward(edges[1]);
+    let normal = if normal.dot(&outward) < 0.0 { -normal } else { normal };
+    (is_across(&normal, &sides[0].outward(edges[0])) && is_across(&-normal, &outward)).then_some(normal)
+}
+
+/// Spots at which two edges cross, and their gap; `None` where they pass each other beyond their ends.
+pub fn crossing(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> Option<([SurfaceSpot; 2], f64)> {
+    let [a, b] = [0, 1].map(|k| edges[k].map(sides[k].place));
+    let (u, v, w) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
+    let [uu, uv, vv] = [u.dot(&u), u.dot(&v), v.dot(&v)];
+    let determinant = uu * vv - uv * uv;
+    if determinant <= CROSSING * CROSSING * uu * vv {
+        return None;
+    }
+    let share = (uv * v.dot(&w) - vv * u.dot(&w)) / determinant;
+    let other = (uu * v.dot(&w) - uv * u.dot(&w)) / determinant;
+    if !((0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&other)) {
+        return None;
+    }
+    let normal = apart(sides, edges)?;
+    let gap = normal.dot(&(a[0] + u * share - b[0] - v * other));
+    Some(([spot_on(edges[0], share), spot_on(edges[1], other)], gap))
+}
+
+/// Whether each of two edges passes through a triangle beside the other.
+pub fn pass_through(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> bool {
+    let passes = |own: usize, other: usize| {
+        let ends = edges[own].map(sides[own].place);
+        sides[other].beside(edges[other]).any(|corners| pierces(&ends, &corners))
+    };
+    passes(0, 1) && passes(1, 0)
+}
+
+/// Whether a line between two points passes through a triangle, by the signs of volumes.
+fn pierces([p, q]: &[V3; 2], [a, b, c]: &[V3; 3]) -> bool {
+    let volume = |x: &V3, y: &V3, z: &V3| (x - p).cross(&(y - p)).dot(&(z - p));
+    let normal = (b - a).cross(&(c - a));
+    let sides = [normal.dot(&(p - a)), normal.dot(&(q - a))];
+    let around = [volume(q, a, b), volume(q, b, c), volume(q, c, a)];
+    sides[0] * sides[1] < 0.0 && (around.iter().all(|v| *v > 0.0) || around.iter().all(|v| *v < 0.0))
+}
+
+/// Pairs of edges of a meeting: those at its node, and those of its triangles.
+pub fn edges_of(meeting: &Meeting, bodies: &[TouchedBody]) -> Vec<[[u32; 2]; 2]> {
+    let sorted = |i: u32, j: u32| [i.min(j), i.max(j)];
+    let unique = |mut edges: Vec<[u32; 2]>| {
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    };
+    let body = &bodies[meeting.body];
+    let node = meeting.node;
+    let own = unique(
+        body.with_neighbours(node).filter(|other| *other != node).map(|other| sorted(node, other)).collect(),
+    );
+    let all: Vec<u32> = meeting.corners(bodies).collect();
+    let sides =
+        all.chunks_exact(3).flat_map(|t| [sorted(t[0], t[1]), sorted(t[1], t[2]), sorted(t[2], t[0])]);
+    let others = unique(sides.collect());
+    let is_same = meeting.body == meeting.other;
+    // Of a body itself each pair counts once, and edges with a node in common not at all.
+    let counts = |one: &[u32; 2], two: &[u32; 2]| {
+        !is_same || (one < two && !one.iter().any(|node| two.contains(node)))
+    };
+    let pairs = own.iter().flat_map(|one| others.iter().map(move |two| [*one, *two]));
+    pairs.filter(|[one, two]| counts(one, two)).collect()
+}

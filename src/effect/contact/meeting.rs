@@ -1,0 +1,190 @@
+//! Surfaces that meet: nodes of one against triangles of another, or of the same.
+//!
+//! In: places of the nodes. Out: once a frame the triangles that each node can reach ([`meetings`]); in every round the point of them that
+//! faces a node, with the gap d = n·(x - y), negative where the node has passed through ([`Meeting::met`]). The normal n is smooth across
+//! edges that are not creases, so that a node slides from triangle to triangle without a jerk.
+
+use super::contact::Places;
+use super::shape::nearest_weights;
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use glamx::Vec3;
+use nalgebra::Vector3;
+use parry3d::bounding_volume::{Aabb, BoundingVolume};
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+
+type V3 = Vector3<f64>;
+
+/// Largest cosine between the outward normals of surfaces that meet.
+const FACING: f64 = -0.2;
+/// Part of an edge by which a node may stand beside the end of a surface and still touch it, and that part of its gap.
+const BESIDE: f64 = 1e-3;
+const LEANING: f64 = 1.7;
+/// Part of an edge by which a node that is outside may seem to be within.
+const ROUNDING: f64 = 1e-6;
+/// Part of a wall's thickness up to which a surface may pass into another one, and into itself: more is taken for its own other side.
+const DEEPEST: f64 = 1.0;
+const DEEPEST_ITSELF: f64 = 0.6;
+/// Thicknesses within which two sides at rest belong to one wall.
+const ONE_WALL: f64 = 1.5;
+
+/// A node of a body, and the triangles of another that it can meet in a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meeting {
+    pub body: usize,
+    pub node: u32,
+    pub other: usize,
+    triangles: Vec<u32>,
+}
+
+/// The place where a node meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    pub spot: SurfaceSpot,
+    /// m, in the room.
+    pub gap: f64,
+    /// Whether the triangle, or the node, yields to forces.
+    pub yields: bool,
+}
+
+/// Nodes of two bodies and the triangles of the other that are nearer than `reach`, m. `places` are those of all nodes of every body, in
+/// the room.
+pub fn meetings(bodies: &[TouchedBody], [a, b]: [usize; 2], places: &[Vec<V3>], reach: f64) -> Vec<Meeting> {
+    let mut all = towards(bodies, [a, b], places, reach);
+    if a != b && !all.is_empty() {
+        all.extend(towards(bodies, [b, a], places, reach));
+    }
+    all
+}
+
+fn towards(bodies: &[TouchedBody], [a, b]: [usize; 2], places: &[Vec<V3>], reach: f64) -> Vec<Meeting> {
+    let own = around(places[a].iter().copied(), reach);
+    let triangles = bodies[b].free.triangles();
+    let boxes = (0..triangles.len() as u32).filter_map(|number| {
+        let bounds = around(triangles[number as usize].iter().map(|node| places[b][*node as usize]), reach);
+        own.intersects(&bounds).then_some((number, bounds))
+    });
+    let (numbers, boxes): (Vec<u32>, Vec<Aabb>) = boxes.unzip();
+    if numbers.is_empty() {
+        return Vec::new();
+    }
+    let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+    let root = tree.root_aabb();
+    let meeting = |node: u32| {
+        let at = around(std::iter::once(places[a][node as usize]), 0.0);
+        if !root.intersects(&at) {
+            return None;
+        }
+        let near = tree.intersect_aabb(&at).map(|leaf| numbers[leaf as usize]);
+        let is_met = |number: &u32| a != b || bodies[a].can_meet_itself(node, *number);
+        let mut triangles: Vec<u32> = near.filter(is_met).collect();
+        triangles.sort_unstable();
+        (!triangles.is_empty()).then_some(Meeting { body: a, node, other: b, triangles })
+    };
+    (0..places[a].len() as u32).filter_map(meeting).collect()
+}
+
+/// Whether two outward normals face each other.
+pub fn is_across(one: &V3, other: &V3) -> bool {
+    one.dot(other) < FACING
+}
+
+/// The box about these places, `reach` wider on all sides.
+fn around(places: impl Iterator<Item = V3>, reach: f64) -> Aabb {
+    let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
+    let (low, high) = places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    let part = |v: V3| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
+    let slack = Vec3::splat(reach as f32);
+    Aabb::new(part(low) - slack, part(high) + slack)
+}
+
+/// The nearest point of a triangle.
+struct Nearest {
+    corners: [u32; 3],
+    weights: [f64; 3],
+    /// From there to the node.
+    away: V3,
+    /// Outward.
+    face: V3,
+}
+
+impl Meeting {
+    /// Nodes of the triangles.
+    pub fn corners<'a>(&'a self, bodies: &'a [TouchedBody]) -> impl Iterator<Item = u32> + use<'a> {
+        let triangles = bodies[self.other].free.triangles();
+        self.triangles.iter().flat_map(|number| triangles[*number as usize])
+    }
+
+    /// The point that faces the node; `None` where the node stands beside the surface or came from its other side. `outlines` are the
+    /// places of nodes that have none in `places`.
+    pub fn met(&self, bodies: &[TouchedBody], places: &[Places], outlines: &[Vec<V3>]) -> Option<Met> {
+        let Meeting { body, node, other, .. } = *self;
+        let master = &bodies[other];
+        let x = places[body][&node];
+        let place = |node: u32| places[other].get(&node).copied().unwrap_or(outlines[other][node as usize]);
+        let outward = bodies[body].outward(node, &outlines[body]);
+        let (mut facing, mut nearest): (Option<Nearest>, Option<Nearest>) = (None, None);
+        for number in &self.triangles {
+            let found = nearest_of(master.free.triangles()[*number as usize], &place, &x)?;
+            let is_nearer = |than: &Nearest| found.away.norm_squared() < than.away.norm_squared();
+            let faces = is_across(&found.face, &outward);
+            // Where triangles share the nearest point, the one that the node is most in front of says whether it is outside.
+            if nearest.as_ref().is_none_or(|than| is_nearer_or_tells(&found, than)) {
+                nearest = Some(Nearest { ..found });
+            }
+            if faces && facing.as_ref().is_none_or(is_nearer) {
+                facing = Some(found);
+            }
+        }
+        let (Nearest { corners, weights, away, .. }, nearest) = facing.zip(nearest)?;
+        let spot = SurfaceSpot { nodes: corners, weights };
+        let normal = master.normal(&spot, &place);
+        let gap = normal.dot(&away);
+        let edge = master.longest().min(bodies[body].longest());
+        let aside = (away - normal * gap).norm();
+        let is_beside = aside > BESIDE * edge + LEANING * gap.abs();
+        let wall = master.thickness();
+        let (is_within, deepest) = match body == other {
+            true => (gap < 0.0, DEEPEST_ITSELF * wall),
+            false => (nearest.face.dot(&nearest.away) < 0.0, DEEPEST * wall),
+        };
+        let is_met = match is_within {
+            true => away.norm() <= deepest && (body != other || !is_beside),
+            false => gap > -ROUNDING * edge && !is_beside,
+        };
+        let takes = |node: &u32| master.takes[*node as usize];
+        let yields = bodies[body].takes[node as usize] && corners.iter().all(takes);
+        is_met.then_some(Met { spot, gap, yields })
+    }
+}
+
+fn nearest_of(corners: [u32; 3], place: &dyn Fn(u32) -> V3, x: &V3) -> Option<Nearest> {
+    let at = corners.map(place);
+    let face = (at[1] - at[0]).cross(&(at[2] - at[0])).try_normalize(0.0)?;
+    let weights = nearest_weights(&at, x);
+    let away = x - (at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2]);
+    Some(Nearest { corners, weights, away, face })
+}
+
+/// Whether a triangle is nearer than another, or as near and its plane farther from the node.
+fn is_nearer_or_tells(found: &Nearest, than: &Nearest) -> bool {
+    let (own, other) = (found.away.norm(), than.away.norm());
+    let height = |nearest: &Nearest| nearest.face.dot(&nearest.away).abs();
+    match (own - other).abs() <= 1e-9 * (own + other) {
+        true => height(found) > height(than),
+        false => own < other,
+    }
+}
+
+impl TouchedBody {
+    /// Whether a node can meet a triangle of its own body: not one around it, nor the other side of its wall.
+    fn can_meet_itself(&self, node: u32, triangle: u32) -> bool {
+        let corners = self.free.triangles()[triangle as usize];
+        if corners.contains(&node) {
+            return false;
+        }
+        let rest = |node: u32| V3::from(self.free.rest()[node as usize].map(f64::from));
+        let Some(Nearest { away, .. }) = nearest_of(corners, &rest, &rest(node)) else { return false };
+        let is_inward = self.outward_at_rest(node).dot(&away) >= 0.0;
+        !(is_inward && away.norm() <= ONE_WALL * self.wall)
+    }
+}
