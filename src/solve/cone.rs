@@ -12,6 +12,10 @@
 //! soft body moves as a whole, so that between them a Newton step for the equations of these states (P. Alart and A. Curnier, the same
 //! journal 92, 1991, 353-375) is tried, and kept where it is nearer.
 
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
+use faer::linalg::lu::partial_pivoting::solve::{solve_in_place, solve_in_place_scratch};
+use faer::{MatMut, MatRef, Par, Spec};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
 
 /// Sweeps at most, and after how many a Newton step is tried where they have not come nearer by this factor.
@@ -154,13 +158,35 @@ impl Cone<'_> {
             let mut own = jacobian.fixed_view_mut::<3, 3>(3 * i, 3 * i);
             own += by_force;
         }
-        let step = jacobian.lu().solve(&wrong).filter(|step| step.iter().all(|x| x.is_finite()))?;
+        let step = solved(jacobian, wrong)?;
         for (i, &a) in active.iter().enumerate() {
             let mut own = kept.fixed_rows_mut::<3>(3 * a);
             own -= step.fixed_rows::<3>(3 * i);
         }
         Some(kept)
     }
+}
+
+/// J⁻¹ b, in one thread; `None` where J is singular.
+fn solved(mut jacobian: DMatrix<f64>, mut b: DVector<f64>) -> Option<DVector<f64>> {
+    let size = b.len();
+    let needs = lu_in_place_scratch::<usize, f64>(size, size, Par::Seq, Spec::default())
+        .or(solve_in_place_scratch::<usize, f64>(size, 1, Par::Seq));
+    let mut memory = MemBuffer::new(needs);
+    let stack = MemStack::new(&mut memory);
+    let (mut rows, mut inverse) = (vec![0_usize; size], vec![0; size]);
+    let matrix = MatMut::from_column_major_slice_mut(jacobian.as_mut_slice(), size, size);
+    let (_, rows) = lu_in_place(matrix, &mut rows, &mut inverse, Par::Seq, stack, Spec::default());
+    let lu = MatRef::from_column_major_slice(jacobian.as_slice(), size, size);
+    solve_in_place(
+        lu,
+        lu,
+        rows,
+        MatMut::from_column_major_slice_mut(b.as_mut_slice(), size, 1),
+        Par::Seq,
+        stack,
+    );
+    b.iter().all(|x| x.is_finite()).then_some(b)
 }
 
 /// The equations of a contact that touches, in metres, and their derivatives by its force and by its displacement.

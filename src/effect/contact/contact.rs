@@ -69,14 +69,6 @@ impl Contact {
     }
 }
 
-/// Places of a body's nodes in the room.
-pub type Places = BTreeMap<u32, V3>;
-
-/// Place of a spot whose nodes have these places.
-pub fn place(places: &Places, spot: &SurfaceSpot) -> V3 {
-    spot.corners().map(|(node, w)| places[&node] * w).sum()
-}
-
 /// Forces of the contacts at spots of a body, along the axes of its columns, N.
 pub fn at_spots(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Vec<(SurfaceSpot, V3)> {
     let of = |contact: &Contact| {
@@ -130,9 +122,8 @@ pub fn between(
     let mut block = Matrix3::zeros();
     for (body, at, sign) in a.sides() {
         for (_, from, other_sign) in b.sides().filter(|(other, ..)| *other == body) {
-            let [one, other] = [(&at, &from), (&from, &at)].map(|(at, from)| bodies[body].between(at, from));
             let turn = &turns[body];
-            block += turn * (one + other.transpose()) * turn.transpose() * (0.5 * sign * other_sign);
+            block += turn * bodies[body].between(&at, &from) * turn.transpose() * (sign * other_sign);
         }
     }
     let spring = a.tool().filter(|_| a.tool() == b.tool()).and_then(|tool| tools[tool].stiffness);

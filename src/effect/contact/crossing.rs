@@ -21,9 +21,20 @@ pub struct Side<'a> {
 impl Side<'_> {
     /// Corners of the triangles beside an edge.
     fn beside(&self, [i, j]: [u32; 2]) -> impl Iterator<Item = [V3; 3]> {
-        let triangles = self.body.free.triangles();
+        let triangles = &self.body.triangles;
         let around = self.body.around[i as usize].iter().map(|number| triangles[*number as usize]);
         around.filter(move |corners| corners.contains(&j)).map(|corners| corners.map(self.place))
+    }
+
+    /// Each edge once, with its middle and half its length.
+    fn balls(&self, mut edges: Vec<[u32; 2]>) -> Vec<([u32; 2], V3, f64)> {
+        edges.sort_unstable();
+        edges.dedup();
+        let ball = |edge: [u32; 2]| {
+            let [a, b] = edge.map(self.place);
+            (edge, (a + b) * 0.5, (b - a).norm() * 0.5)
+        };
+        edges.into_iter().map(ball).collect()
     }
 
     /// Mean outward normal of the triangles beside an edge.
@@ -91,28 +102,28 @@ fn pierces([p, q]: &[V3; 2], [a, b, c]: &[V3; 3]) -> bool {
     sides[0] * sides[1] < 0.0 && (around.iter().all(|v| *v > 0.0) || around.iter().all(|v| *v < 0.0))
 }
 
-/// Pairs of edges of a meeting: those at its node, and those of its triangles.
-pub fn edges_of(meeting: &Meeting, bodies: &[TouchedBody]) -> Vec<[[u32; 2]; 2]> {
+/// Pairs of edges of a meeting, of which one is at its node and one of its triangles, that are nearer than `reach`, m.
+pub fn near_edges(meeting: &Meeting, sides: &[Side<'_>; 2], reach: f64) -> Vec<[[u32; 2]; 2]> {
     let sorted = |i: u32, j: u32| [i.min(j), i.max(j)];
-    let unique = |mut edges: Vec<[u32; 2]>| {
-        edges.sort_unstable();
-        edges.dedup();
-        edges
-    };
-    let body = &bodies[meeting.body];
     let node = meeting.node;
-    let own = unique(
-        body.with_neighbours(node).filter(|other| *other != node).map(|other| sorted(node, other)).collect(),
-    );
-    let all: Vec<u32> = meeting.corners(bodies).collect();
-    let sides =
-        all.chunks_exact(3).flat_map(|t| [sorted(t[0], t[1]), sorted(t[1], t[2]), sorted(t[2], t[0])]);
-    let others = unique(sides.collect());
+    let around = sides[0].body.with_neighbours(node).filter(|other| *other != node);
+    let own = sides[0].balls(around.map(|other| sorted(node, other)).collect());
+    let corners = meeting.triangles().map(|number| sides[1].body.triangles[number as usize]);
+    let others = corners.flat_map(|[i, j, k]| [sorted(i, j), sorted(j, k), sorted(k, i)]);
+    let others = sides[1].balls(others.collect());
     let is_same = meeting.body == meeting.other;
     // Of a body itself each pair counts once, and edges with a node in common not at all.
     let counts = |one: &[u32; 2], two: &[u32; 2]| {
         !is_same || (one < two && !one.iter().any(|node| two.contains(node)))
     };
-    let pairs = own.iter().flat_map(|one| others.iter().map(move |two| [*one, *two]));
-    pairs.filter(|[one, two]| counts(one, two)).collect()
+    let mut pairs = Vec::new();
+    for (one, middle, half) in &own {
+        for (two, centre, radius) in &others {
+            let far = half + radius + reach;
+            if (middle - centre).norm_squared() < far * far && counts(one, two) {
+                pairs.push([*one, *two]);
+            }
+        }
+    }
+    pairs
 }

@@ -3,10 +3,10 @@
 //! In: places of a surface's nodes, and where the tools are. Out: for each tool the spots that are nearer than a given distance. A node or a
 //! triangle whose outside does not face the tool is passed over: the tool has come from within.
 
+use super::candidates::Places;
 use super::shape::Shape;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use nalgebra::{Isometry3, Point3, Vector3};
-use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
 
@@ -46,15 +46,15 @@ pub fn find(
     shape: &Shape,
     room_from_tool: &Isometry3<f64>,
     body: &TouchedBody,
-    places: &BTreeMap<u32, V3>,
+    places: &Places,
     free: &[V3],
     near: f64,
 ) -> Found {
     let mut found = Found::default();
     let mut meets_back = false;
     let faces = |normal: &V3, outward: &V3| normal.dot(outward) < FACING;
-    for (&node, place) in places {
-        let (gap, normal) = distance(shape, room_from_tool, place);
+    for (node, place) in places.iter() {
+        let (gap, normal) = distance(shape, room_from_tool, &place);
         if gap >= near {
             continue;
         }
@@ -68,11 +68,11 @@ pub fn find(
     }
     if is_sharp(shape, body) {
         for triangle in triangles(body, places) {
-            let corners = body.free.triangles()[triangle as usize];
+            let corners = body.triangles[triangle as usize];
             if corners.iter().any(|node| !body.takes[*node as usize]) {
                 continue;
             }
-            let at = corners.map(|node| places[&node]);
+            let Some(at) = places_of(corners, places) else { continue };
             let in_tool = at.map(|x| room_from_tool.inverse_transform_point(&Point3::from(x)).coords);
             let weights = shape.nearest_of_triangle(&in_tool);
             if weights.iter().filter(|w| **w >= BETWEEN).count() < 2 {
@@ -96,16 +96,17 @@ pub fn find(
     found
 }
 
-/// The triangles all of whose corners have places.
-fn triangles(body: &TouchedBody, places: &BTreeMap<u32, V3>) -> Vec<u32> {
-    let around = places.keys().flat_map(|node| body.around[*node as usize].iter().copied());
+/// The triangles around nodes that have places.
+fn triangles(body: &TouchedBody, places: &Places) -> Vec<u32> {
+    let around = places.nodes().iter().flat_map(|node| body.around[node as usize].iter().copied());
     let mut all: Vec<u32> = around.collect();
     all.sort_unstable();
     all.dedup();
-    let is_known =
-        |number: &u32| body.free.triangles()[*number as usize].iter().all(|node| places.contains_key(node));
-    all.retain(is_known);
     all
+}
+
+fn places_of([a, b, c]: [u32; 3], places: &Places) -> Option<[V3; 3]> {
+    Some([places.get(a)?, places.get(b)?, places.get(c)?])
 }
 
 /// The spot of a triangle with these weights; one on an edge is the same for both triangles beside it.

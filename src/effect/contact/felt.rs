@@ -3,7 +3,8 @@
 //! In: the contacts of a frame, and the nodes near each tool. Out: a [`TouchPotential`] for each tool on a stylus with a force device:
 //! its contacts, and ahead of them the spots that it can reach before the next frame, so that the force begins where they touch.
 
-use super::contact::{Against, Contact, Places, at_nodes, between, fetch, place, turns};
+use super::candidates::{Nodes, Places};
+use super::contact::{Against, Contact, at_nodes, between, fetch, turns};
 use super::detection::{distance, find};
 use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
@@ -12,6 +13,7 @@ use crate::stage::Stage;
 use crate::track::usable;
 use crate::world::World;
 use nalgebra::{Isometry3, Vector3};
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -37,7 +39,7 @@ pub struct Touching<'a> {
 pub struct Felt {
     tools: Vec<usize>,
     /// Nodes of each body near a tool, and by how far each tool has moved in this frame, m.
-    near: Vec<Vec<u32>>,
+    near: Vec<Arc<Nodes>>,
     travels: Vec<f64>,
 }
 
@@ -61,7 +63,7 @@ impl Felt {
         &self.tools
     }
 
-    pub fn near(&self) -> &[Vec<u32>] {
+    pub fn near(&self) -> &[Arc<Nodes>] {
         &self.near
     }
 
@@ -71,7 +73,7 @@ impl Felt {
     }
 
     /// Takes the nodes near tools after a motion, and by how far each tool has moved, m.
-    pub fn moved(&mut self, near: Vec<Vec<u32>>, travels: Vec<f64>) {
+    pub fn moved(&mut self, near: Vec<Arc<Nodes>>, travels: Vec<f64>) {
         if !self.tools.is_empty() {
             (self.near, self.travels) = (near, travels);
         }
@@ -139,7 +141,7 @@ impl Felt {
                     (contact.body, contact.tool(), contact.spot.nodes) == (number, Some(t), spot.nodes)
                 };
                 if !contacts.iter().any(is_known) {
-                    spots.push((distance(&tool.shape, &surface, &place(places, &spot)).0, number, spot));
+                    spots.push((distance(&tool.shape, &surface, &places.of(&spot)).0, number, spot));
                 }
             }
         }

@@ -4,7 +4,7 @@
 //! faces a node, with the gap d = n·(x - y), negative where the node has passed through ([`Meeting::met`]). The normal n is smooth across
 //! edges that are not creases, so that a node slides from triangle to triangle without a jerk.
 
-use super::contact::Places;
+use super::candidates::Places;
 use super::shape::nearest_weights;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use glamx::Vec3;
@@ -42,6 +42,8 @@ pub struct Met {
     pub spot: SurfaceSpot,
     /// m, in the room.
     pub gap: f64,
+    /// Whether the node is in front of the place: not beside the surface, and not come from its other side.
+    pub is_before: bool,
     /// Whether the triangle, or the node, yields to forces.
     pub yields: bool,
 }
@@ -58,7 +60,7 @@ pub fn meetings(bodies: &[TouchedBody], [a, b]: [usize; 2], places: &[Vec<V3>], 
 
 fn towards(bodies: &[TouchedBody], [a, b]: [usize; 2], places: &[Vec<V3>], reach: f64) -> Vec<Meeting> {
     let own = around(places[a].iter().copied(), reach);
-    let triangles = bodies[b].free.triangles();
+    let triangles = &bodies[b].triangles;
     let boxes = (0..triangles.len() as u32).filter_map(|number| {
         let bounds = around(triangles[number as usize].iter().map(|node| places[b][*node as usize]), reach);
         own.intersects(&bounds).then_some((number, bounds))
@@ -108,82 +110,90 @@ struct Nearest {
 }
 
 impl Meeting {
+    pub fn triangles(&self) -> impl Iterator<Item = u32> + use<'_> {
+        self.triangles.iter().copied()
+    }
+
     /// Nodes of the triangles.
     pub fn corners<'a>(&'a self, bodies: &'a [TouchedBody]) -> impl Iterator<Item = u32> + use<'a> {
-        let triangles = bodies[self.other].free.triangles();
+        let triangles = &bodies[self.other].triangles;
         self.triangles.iter().flat_map(|number| triangles[*number as usize])
     }
 
-    /// The point that faces the node; `None` where the node stands beside the surface or came from its other side. `outlines` are the
-    /// places of nodes that have none in `places`.
+    /// The nearest point that faces the node, if any does. `outlines` are the places of nodes that have none in `places`.
     pub fn met(&self, bodies: &[TouchedBody], places: &[Places], outlines: &[Vec<V3>]) -> Option<Met> {
         let Meeting { body, node, other, .. } = *self;
         let master = &bodies[other];
-        let x = places[body][&node];
-        let place = |node: u32| places[other].get(&node).copied().unwrap_or(outlines[other][node as usize]);
+        let x = places[body].get(node)?;
+        let place = |node: u32| places[other].get(node).unwrap_or(outlines[other][node as usize]);
         let outward = bodies[body].outward(node, &outlines[body]);
-        let (mut facing, mut nearest): (Option<Nearest>, Option<Nearest>) = (None, None);
-        for number in &self.triangles {
-            let found = nearest_of(master.free.triangles()[*number as usize], &place, &x)?;
-            let is_nearer = |than: &Nearest| found.away.norm_squared() < than.away.norm_squared();
-            let faces = is_across(&found.face, &outward);
-            // Where triangles share the nearest point, the one that the node is most in front of says whether it is outside.
-            if nearest.as_ref().is_none_or(|than| is_nearer_or_tells(&found, than)) {
-                nearest = Some(Nearest { ..found });
-            }
-            if faces && facing.as_ref().is_none_or(is_nearer) {
-                facing = Some(found);
-            }
-        }
-        let (Nearest { corners, weights, away, .. }, nearest) = facing.zip(nearest)?;
-        let spot = SurfaceSpot { nodes: corners, weights };
+        let all = self.triangles.iter().map(|number| master.triangles[*number as usize]);
+        let faced = all.clone().filter_map(|corners| {
+            let at = corners.map(place);
+            let face = normal_of(&at)?;
+            is_across(&face, &outward).then(|| nearest_of(&at, face, &x, corners))
+        });
+        let facing = faced.min_by(|a, b| a.away.norm_squared().total_cmp(&b.away.norm_squared()))?;
+        let spot = SurfaceSpot { nodes: facing.corners, weights: facing.weights };
         let normal = master.normal(&spot, &place);
-        let gap = normal.dot(&away);
+        let gap = normal.dot(&facing.away);
         let edge = master.longest().min(bodies[body].longest());
-        let aside = (away - normal * gap).norm();
+        let aside = (facing.away - normal * gap).norm();
         let is_beside = aside > BESIDE * edge + LEANING * gap.abs();
-        let wall = master.thickness();
-        let (is_within, deepest) = match body == other {
-            true => (gap < 0.0, DEEPEST_ITSELF * wall),
-            false => (nearest.face.dot(&nearest.away) < 0.0, DEEPEST * wall),
+        let is_within = match body == other {
+            true => gap < 0.0,
+            false => {
+                let nearest = all.filter_map(|corners| {
+                    let at = corners.map(place);
+                    Some(nearest_of(&at, normal_of(&at)?, &x, corners))
+                });
+                nearest.reduce(nearer).is_some_and(|nearest| nearest.face.dot(&nearest.away) < 0.0)
+            }
         };
-        let is_met = match is_within {
-            true => away.norm() <= deepest && (body != other || !is_beside),
+        let deepest = master.thickness() * if body == other { DEEPEST_ITSELF } else { DEEPEST };
+        let is_before = match is_within {
+            true => facing.away.norm() <= deepest && (body != other || !is_beside),
             false => gap > -ROUNDING * edge && !is_beside,
         };
         let takes = |node: &u32| master.takes[*node as usize];
-        let yields = bodies[body].takes[node as usize] && corners.iter().all(takes);
-        is_met.then_some(Met { spot, gap, yields })
+        let yields = bodies[body].takes[node as usize] && facing.corners.iter().all(takes);
+        Some(Met { spot, gap, is_before, yields })
     }
 }
 
-fn nearest_of(corners: [u32; 3], place: &dyn Fn(u32) -> V3, x: &V3) -> Option<Nearest> {
-    let at = corners.map(place);
-    let face = (at[1] - at[0]).cross(&(at[2] - at[0])).try_normalize(0.0)?;
-    let weights = nearest_weights(&at, x);
+fn normal_of(at: &[V3; 3]) -> Option<V3> {
+    (at[1] - at[0]).cross(&(at[2] - at[0])).try_normalize(0.0)
+}
+
+fn nearest_of(at: &[V3; 3], face: V3, x: &V3, corners: [u32; 3]) -> Nearest {
+    let weights = nearest_weights(at, x);
     let away = x - (at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2]);
-    Some(Nearest { corners, weights, away, face })
+    Nearest { corners, weights, away, face }
 }
 
-/// Whether a triangle is nearer than another, or as near and its plane farther from the node.
-fn is_nearer_or_tells(found: &Nearest, than: &Nearest) -> bool {
-    let (own, other) = (found.away.norm(), than.away.norm());
+/// The nearer of two triangles; where they share the nearest point, the one whose plane is farther, which says whether the node is
+/// outside.
+fn nearer(one: Nearest, other: Nearest) -> Nearest {
+    let (own, than) = (one.away.norm(), other.away.norm());
     let height = |nearest: &Nearest| nearest.face.dot(&nearest.away).abs();
-    match (own - other).abs() <= 1e-9 * (own + other) {
-        true => height(found) > height(than),
-        false => own < other,
-    }
+    let is_first = match (own - than).abs() <= 1e-9 * (own + than) {
+        true => height(&one) >= height(&other),
+        false => own < than,
+    };
+    if is_first { one } else { other }
 }
 
 impl TouchedBody {
     /// Whether a node can meet a triangle of its own body: not one around it, nor the other side of its wall.
     fn can_meet_itself(&self, node: u32, triangle: u32) -> bool {
-        let corners = self.free.triangles()[triangle as usize];
+        let corners = self.triangles[triangle as usize];
         if corners.contains(&node) {
             return false;
         }
         let rest = |node: u32| V3::from(self.free.rest()[node as usize].map(f64::from));
-        let Some(Nearest { away, .. }) = nearest_of(corners, &rest, &rest(node)) else { return false };
+        let (at, x) = (corners.map(rest), rest(node));
+        let Some(face) = normal_of(&at) else { return false };
+        let away = nearest_of(&at, face, &x, corners).away;
         let is_inward = self.outward_at_rest(node).dot(&away) >= 0.0;
         !(is_inward && away.norm() <= ONE_WALL * self.wall)
     }

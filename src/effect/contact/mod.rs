@@ -4,8 +4,9 @@
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
 //! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`contact`]) and
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
-//! body ([`system`]). A force device feels those of its tool between two frames too ([`felt`]).
+//! body ([`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
 
+mod candidates;
 mod contact;
 mod crossing;
 mod detection;
@@ -13,6 +14,7 @@ mod felt;
 mod meeting;
 #[cfg(test)]
 mod meeting_tests;
+mod round;
 mod running;
 mod settings;
 mod shape;

@@ -3,13 +3,15 @@
 //! In: where hands put the tools, and the poses of the bodies' control elements. Out: forces at points of the bodies. In a frame tools
 //! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
 
-use super::contact::{Against, Contact, Places, at_nodes, at_spots, force_on_tool, shifted};
+use super::candidates::{Nodes, Places};
+use super::contact::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted};
 use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::meeting::{Meeting, meetings};
+use super::round::{Outcome, Step};
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
-use super::system::{Outcome, Step, advance};
+use super::system::advance;
 use super::tool::{Tool, between};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::failure::Failure;
@@ -20,6 +22,7 @@ use crate::world::running::{Memory, read, written};
 use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -172,7 +175,7 @@ impl Contacts {
         way.meetings = self.meetings(&way);
         let near = self.near(&last, &way);
         self.motion.is_settled = true;
-        let nothing_meets = near.iter().all(Vec::is_empty) && self.motion.contacts.is_empty();
+        let nothing_meets = near.iter().all(|nodes| nodes.is_empty()) && self.motion.contacts.is_empty();
         if !nothing_meets {
             match self.steps(&near, &way) {
                 Some(1) => {
@@ -201,7 +204,7 @@ impl Contacts {
         &mut self,
         now: &Now,
         before: &[DeformerState],
-        (last, near, known, way): (&[Placed], &[Vec<u32>], &[Places], &Way),
+        (last, near, known, way): (&[Placed], &[Arc<Nodes>], &[Places], &Way),
         steps: usize,
     ) {
         for (body, state) in self.bodies.iter_mut().zip(before) {
@@ -239,14 +242,15 @@ impl Contacts {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
         let step = Step { tools: &self.tools, from: &from, to, starts, outlines, meetings };
-        let Outcome { warnings, reached } = advance(&mut self.bodies, &mut self.motion.contacts, &step);
+        let Outcome { warnings, reached, has_passed } =
+            advance(&mut self.bodies, &mut self.motion.contacts, &step);
         for warning in warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
             }
         }
         // Forces that are not found yet are sought on in the next frame.
-        self.motion.is_settled = reached.is_none_or(|reached| reached.is_solved);
+        self.motion.is_settled = !has_passed && reached.is_none_or(|reached| reached.is_solved);
         for (t, tool) in self.tools.iter().enumerate() {
             let force = force_on_tool(t, &self.bodies, &self.motion.contacts);
             self.motion.tools[t].yielded = tool.stiffness.map_or_else(V3::zeros, |k| force / k);
@@ -277,16 +281,19 @@ impl Contacts {
     }
 
     /// Nodes of each body that have a share in contacts.
-    fn nodes_of_contacts(&self) -> Vec<Vec<u32>> {
-        let of = |b: usize| self.motion.contacts.iter().flat_map(|contact| contact.nodes_of(b)).collect();
-        (0..self.bodies.len()).map(of).collect()
+    fn nodes_of_contacts(&self) -> Vec<Arc<Nodes>> {
+        let of = |(b, body): (usize, &TouchedBody)| {
+            let nodes = self.motion.contacts.iter().flat_map(|contact| contact.nodes_of(b));
+            Nodes::new(nodes.collect(), body.takes.len())
+        };
+        self.bodies.iter().enumerate().map(of).collect()
     }
 
     /// Places of nodes with the forces of the contacts, in the states that were taken last.
-    fn places(&self, nodes: &[Vec<u32>]) -> Vec<Places> {
-        let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Vec<u32>))| {
+    fn places(&self, nodes: &[Arc<Nodes>]) -> Vec<Places> {
+        let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Arc<Nodes>))| {
             let moved = body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b));
-            nodes.iter().map(|node| (*node, body.free_place(*node) + moved(*node))).collect()
+            Places::new(nodes, |node| body.free_place(node) + moved(node))
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }
@@ -302,8 +309,8 @@ impl Contacts {
     }
 
     /// Nodes of each body that a tool or a surface can meet on its way.
-    fn near(&self, last: &[Placed], way: &Way) -> Vec<Vec<u32>> {
-        let of = |(b, (body, held)): (usize, (&TouchedBody, Vec<u32>))| {
+    fn near(&self, last: &[Placed], way: &Way) -> Vec<Arc<Nodes>> {
+        let of = |(b, (body, held)): (usize, (&TouchedBody, Arc<Nodes>))| {
             let is_near = |node: &u32| {
                 let at = *node as usize;
                 let reach = body.longest() + (way.after[b][at] - way.before[b][at]).norm();
@@ -320,19 +327,17 @@ impl Contacts {
             let met = way.meetings.iter().filter(|meeting| meeting.other == b);
             let met = met.flat_map(|meeting| meeting.corners(&self.bodies));
             let by_tools = (0..body.takes.len() as u32).filter(is_near);
-            let mut all: Vec<u32> = by_tools.chain(held).chain(meeting).chain(met).collect();
-            all.sort_unstable();
-            all.dedup();
-            all
+            let all = by_tools.chain(held.iter()).chain(meeting).chain(met).collect();
+            Nodes::new(all, body.takes.len())
         };
         self.bodies.iter().zip(self.nodes_of_contacts()).enumerate().map(of).collect()
     }
 
     /// Number of steps to this frame; `None` where something has jumped.
-    fn steps(&self, near: &[Vec<u32>], way: &Way) -> Option<usize> {
+    fn steps(&self, near: &[Arc<Nodes>], way: &Way) -> Option<usize> {
         let mut most = 1.0_f64;
         for (b, body) in self.bodies.iter().enumerate().filter(|(b, _)| !near[*b].is_empty()) {
-            let travel = way.travel(b, near[b].iter().map(|node| *node as usize));
+            let travel = way.travel(b, near[b].iter().map(|node| node as usize));
             for (t, tool) in self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
                 most = most.max((way.tools[t] + travel) / (STEP * tool.shape.thickness()));
             }
@@ -340,7 +345,7 @@ impl Contacts {
         for [one, other] in &self.pairs {
             let meets = |meeting: &Meeting| [meeting.body, meeting.other] == [*one, *other];
             if way.meetings.iter().any(meets) {
-                let travel = [*one, *other].map(|b| way.travel(b, near[b].iter().map(|node| *node as usize)));
+                let travel = [*one, *other].map(|b| way.travel(b, near[b].iter().map(|node| node as usize)));
                 let wall = self.bodies[*one].thickness().min(self.bodies[*other].thickness());
                 let travel = travel.iter().sum::<f64>() + way.fastest_tool();
                 most = most.max(travel / (STEP * wall).max(f64::MIN_POSITIVE));
@@ -351,9 +356,9 @@ impl Contacts {
     }
 
     /// Drops the columns of nodes that no tool is near.
-    fn forget_columns(&mut self, near: &[Vec<u32>]) {
+    fn forget_columns(&mut self, near: &[Arc<Nodes>]) {
         for (body, near) in self.bodies.iter_mut().zip(near) {
-            body.keep(&|node| near.binary_search(&node).is_ok());
+            body.keep(&|node| near.contains(node));
         }
     }
 }
@@ -383,10 +388,9 @@ impl Way {
 }
 
 /// Places at the start of a frame: exact where contact was, as they were shown elsewhere.
-fn first_places(near: &[Vec<u32>], known: &[Places], shown: &[Vec<V3>]) -> Vec<Places> {
-    let of = |((near, known), shown): ((&Vec<u32>, &Places), &Vec<V3>)| {
-        let place = |node: &u32| known.get(node).copied().unwrap_or(shown[*node as usize]);
-        near.iter().map(|node| (*node, place(node))).collect()
+fn first_places(near: &[Arc<Nodes>], known: &[Places], shown: &[Vec<V3>]) -> Vec<Places> {
+    let of = |((near, known), shown): ((&Arc<Nodes>, &Places), &Vec<V3>)| {
+        Places::new(near, |node| known.get(node).unwrap_or(shown[node as usize]))
     };
     near.iter().zip(known).zip(shown).map(of).collect()
 }
@@ -485,7 +489,7 @@ impl RunningEffect for Contacts {
         self.motion = Motion { free: Vec::new(), ..motion };
         let nodes = self.nodes_of_contacts();
         for (body, nodes) in self.bodies.iter_mut().zip(nodes) {
-            body.fetch(nodes.into_iter())?;
+            body.fetch(nodes.iter())?;
         }
         self.felt.moved(self.nodes_of_contacts(), vec![0.0; self.tools.len()]);
         Ok(())

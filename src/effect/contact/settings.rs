@@ -142,12 +142,15 @@ mod tests {
         const TOOL: &str = "tool.probe = { shape = { ball = { radius = 0.1 } } }";
         const SURFACE: &str = "surface_compliance = { nodes = \"surface\" }\n";
         [SURFACE, ""].into_iter().for_each(|keys| body(keys, TOOL).unwrap());
+        body("effect.contact = { itself = true }", "").unwrap();
         for (keys, tool, told) in [
             (SURFACE.to_owned(), "", "nothing touches the body"),
             ("effects = [\"contact\", \"dynamics\"]".to_owned(), TOOL, "do not know of each other yet"),
             (format!("{SURFACE}effect.contact = {{ friction = -1.0 }}"), TOOL, "no coefficient of friction"),
             (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
             (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),
+            (format!("{SURFACE}effect.contact = {{ bodies = [\"b\"] }}"), TOOL, "by itself = true"),
+            (format!("{SURFACE}effect.contact = {{ bodies = [\"c\"] }}"), TOOL, "no body \"c\""),
             ("model = \"reduced\"".to_owned(), TOOL, "write model = \"linear\" or \"rotation\""),
             (
                 SURFACE.to_owned(),

@@ -6,7 +6,6 @@ use crate::mesh::surface_files::TriangleSurface;
 use crate::mesh::walls::wall_thickness;
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -29,7 +28,8 @@ pub struct TouchedBody {
     pub free: Deformer,
     /// Whether a node takes forces: it belongs to no control element, and has a column.
     pub takes: Vec<bool>,
-    /// Triangles around each node.
+    pub triangles: Vec<[u32; 3]>,
+    /// Numbers of the triangles around each node.
     pub around: Vec<Vec<u32>>,
     /// Longest edge at rest, in the body's metres.
     longest: f64,
@@ -37,7 +37,77 @@ pub struct TouchedBody {
     pub wall: f64,
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
-    columns: BTreeMap<u32, Arc<Yield>>,
+    columns: Columns,
+}
+
+/// Columns of nodes, and the compliance between each two of these nodes.
+#[derive(Default)]
+struct Columns {
+    /// Place of each node of the body in the lists.
+    slots: Vec<Option<u32>>,
+    nodes: Vec<u32>,
+    columns: Vec<Arc<Yield>>,
+    /// Row i: blocks with nodes 0 to i, m/N.
+    blocks: Vec<Vec<Matrix3<f32>>>,
+}
+
+impl Columns {
+    fn slot(&self, node: u32) -> Option<usize> {
+        self.slots.get(node as usize)?.map(|slot| slot as usize)
+    }
+
+    fn get(&self, node: u32) -> Option<&Arc<Yield>> {
+        Some(&self.columns[self.slot(node)?])
+    }
+
+    fn add(&mut self, node: u32, column: Arc<Yield>) {
+        self.slots[node as usize] = Some(self.nodes.len() as u32);
+        self.nodes.push(node);
+        self.columns.push(column);
+        // The compliance is symmetric but for rounding.
+        let block = |at: u32, from: &Arc<Yield>| Matrix3::from(from[at as usize]).transpose();
+        let own = self.columns.last();
+        let row = self.nodes.iter().zip(&self.columns).filter_map(|(other, column)| {
+            Some((block(node, column) + block(*other, own?).transpose()) * 0.5)
+        });
+        self.blocks.push(row.collect());
+    }
+
+    /// Displacement of one node by a force at another.
+    fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
+        let Some((at, from)) = self.slot(at).zip(self.slot(from)) else { return Matrix3::zeros() };
+        match at >= from {
+            true => self.blocks[at][from].cast(),
+            false => self.blocks[from][at].transpose().cast(),
+        }
+    }
+
+    fn keep(&mut self, nodes: &dyn Fn(u32) -> bool) {
+        let stays: Vec<bool> = self.nodes.iter().map(|node| nodes(*node)).collect();
+        if stays.iter().all(|stays| *stays) {
+            return;
+        }
+        for (node, stays) in self.nodes.iter().zip(&stays) {
+            if !stays {
+                self.slots[*node as usize] = None;
+            }
+        }
+        for row in &mut self.blocks {
+            retain(row, &stays);
+        }
+        retain(&mut self.blocks, &stays);
+        retain(&mut self.columns, &stays);
+        retain(&mut self.nodes, &stays);
+        for (slot, node) in (0..).zip(&self.nodes) {
+            self.slots[*node as usize] = Some(slot);
+        }
+    }
+}
+
+/// Keeps the entries that stay.
+fn retain<T>(list: &mut Vec<T>, stays: &[bool]) {
+    let mut stays = stays.iter();
+    list.retain(|_| stays.next().is_none_or(|stays| *stays));
 }
 
 /// A point of a surface: the mean of nodes with weights.
@@ -72,7 +142,8 @@ impl TouchedBody {
         free.takes_forces().iter().for_each(|node| takes[*node as usize] = true);
         let mut around = vec![Vec::new(); free.node_count()];
         let mut longest = 0.0_f64;
-        for (number, triangle) in (0..).zip(free.triangles()) {
+        let triangles = free.triangles().to_vec();
+        for (number, triangle) in (0..).zip(&triangles) {
             triangle.iter().for_each(|node| around[*node as usize].push(number));
             let [a, b, c] = triangle.map(|node| V3::from(free.rest()[node as usize].map(f64::from)));
             longest = longest.max((a - b).norm()).max((b - c).norm()).max((c - a).norm());
@@ -85,11 +156,12 @@ impl TouchedBody {
             is_felt,
             free,
             takes,
+            triangles,
             around,
             longest,
             wall: 0.0,
             room_from_body,
-            columns: BTreeMap::new(),
+            columns: Columns::default(),
         })
     }
 
@@ -101,7 +173,7 @@ impl TouchedBody {
     /// Prepares it to meet surfaces.
     pub fn measure_walls(&mut self) {
         let vertices = self.free.rest().iter().map(|x| V3::from(x.map(f64::from))).collect();
-        let surface = TriangleSurface { vertices, triangles: self.free.triangles().to_vec() };
+        let surface = TriangleSurface { vertices, triangles: self.triangles.clone() };
         self.wall = wall_thickness(&surface, THINNEST).unwrap_or(self.longest);
     }
 
@@ -130,27 +202,21 @@ impl TouchedBody {
 
     /// Makes sure that the columns of these nodes are there. The error says why one cannot be read.
     pub fn fetch(&mut self, nodes: impl Iterator<Item = u32>) -> Result<(), String> {
-        let mut missing: Vec<u32> = nodes.filter(|node| !self.columns.contains_key(node)).collect();
+        let mut missing: Vec<u32> = nodes.filter(|node| self.columns.slot(*node).is_none()).collect();
         missing.sort_unstable();
         missing.dedup();
         if missing.is_empty() {
             return Ok(());
         }
         let columns = self.free.columns_at(&missing).map_err(|error| error.to_string())?;
-        self.columns.extend(missing.into_iter().zip(columns));
+        self.columns.slots.resize(self.takes.len(), None);
+        missing.into_iter().zip(columns).for_each(|(node, column)| self.columns.add(node, column));
         Ok(())
     }
 
     /// Drops the columns of other nodes.
     pub fn keep(&mut self, nodes: &dyn Fn(u32) -> bool) {
-        self.columns.retain(|node, _| nodes(*node));
-    }
-
-    /// Compliance between two nodes, in the axes of the columns, m/N in the room.
-    fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
-        let Some(column) = self.columns.get(&from) else { return Matrix3::zeros() };
-        let block = &column[at as usize];
-        Matrix3::from_fn(|axis, force| f64::from(block[axis][force])) * self.room_from_body.scaling()
+        self.columns.keep(nodes);
     }
 
     /// Compliance between two spots, in the axes of the columns, m/N in the room.
@@ -158,15 +224,15 @@ impl TouchedBody {
         let mut all = Matrix3::zeros();
         for (source, w) in from.corners() {
             for (target, v) in at.corners() {
-                all += self.block(target, source) * (v * w);
+                all += self.columns.block(target, source) * (v * w);
             }
         }
-        all
+        all * self.room_from_body.scaling()
     }
 
     /// Displacements of nodes in the room by forces at nodes along the axes of the columns.
     pub fn moved(&self, forces: &[(u32, V3)]) -> impl Fn(u32) -> V3 + use<'_> {
-        let known = forces.iter().filter_map(|(from, force)| Some((self.columns.get(from)?, *force)));
+        let known = forces.iter().filter_map(|(from, force)| Some((self.columns.get(*from)?, *force)));
         let pulling: Vec<(&Arc<Yield>, V3)> = known.collect();
         let (turn, scale) = (self.turn(), self.room_from_body.scaling());
         move |node| {
@@ -184,8 +250,7 @@ impl TouchedBody {
 
     /// The corners of the triangles around a node.
     pub fn with_neighbours(&self, node: u32) -> impl Iterator<Item = u32> {
-        let triangles = self.free.triangles();
-        self.around[node as usize].iter().flat_map(|number| triangles[*number as usize])
+        self.around[node as usize].iter().flat_map(|number| self.triangles[*number as usize])
     }
 
     /// Outward normal around a node whose body's nodes have these places.
@@ -199,19 +264,17 @@ impl TouchedBody {
     }
 
     fn outward_by(&self, node: u32, place: &dyn Fn(u32) -> V3) -> V3 {
-        let triangles = self.free.triangles();
-        let normal = |number: &u32| across(triangles[*number as usize].map(place));
+        let normal = |number: &u32| across(self.triangles[*number as usize].map(place));
         self.around[node as usize].iter().map(normal).sum::<V3>().try_normalize(0.0).unwrap_or_else(V3::zeros)
     }
 
     /// Outward normal at a spot of one triangle, smooth across edges that are not creases.
     pub fn normal(&self, spot: &SurfaceSpot, place: &dyn Fn(u32) -> V3) -> V3 {
         let flat = across(spot.nodes.map(place)).try_normalize(0.0).unwrap_or_else(V3::zeros);
-        let triangles = self.free.triangles();
         let smooth = |(node, w): (u32, f64)| {
             let all = self.around[node as usize]
                 .iter()
-                .map(|number| across(triangles[*number as usize].map(place)));
+                .map(|number| across(self.triangles[*number as usize].map(place)));
             let near = all.filter(|normal| normal.dot(&flat) >= CREASE * normal.norm());
             near.sum::<V3>().try_normalize(0.0).unwrap_or(flat) * w
         };

@@ -1,0 +1,88 @@
+//! Nodes of a body that may touch something in a frame, and their places.
+
+use super::touched_body::SurfaceSpot;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// A set of a body's nodes.
+#[derive(Debug, Default)]
+pub struct Nodes {
+    /// In ascending order.
+    list: Vec<u32>,
+    /// Place of each node of the body in the list; none where there is no list.
+    slots: Vec<Option<u32>>,
+}
+
+impl Nodes {
+    /// The set of these nodes of a body that has `count`.
+    pub fn new(mut list: Vec<u32>, count: usize) -> Arc<Nodes> {
+        list.sort_unstable();
+        list.dedup();
+        let mut slots = if list.is_empty() { Vec::new() } else { vec![None; count] };
+        (0..).zip(&list).for_each(|(slot, node)| slots[*node as usize] = Some(slot));
+        Arc::new(Nodes { list, slots })
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = u32> + Clone + use<'_> {
+        self.list.iter().copied()
+    }
+
+    pub fn contains(&self, node: u32) -> bool {
+        self.slot(node).is_some()
+    }
+
+    fn slot(&self, node: u32) -> Option<usize> {
+        self.slots.get(node as usize)?.map(|slot| slot as usize)
+    }
+}
+
+/// Places of a set of nodes in the room.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    nodes: Arc<Nodes>,
+    at: Vec<V3>,
+}
+
+impl Places {
+    pub fn new(nodes: &Arc<Nodes>, place: impl FnMut(u32) -> V3) -> Places {
+        Places { nodes: nodes.clone(), at: nodes.iter().map(place).collect() }
+    }
+
+    /// The same nodes elsewhere.
+    pub fn moved(&self, by: impl Fn(u32) -> V3) -> Places {
+        let at = self.iter().map(|(node, x)| x + by(node)).collect();
+        Places { nodes: self.nodes.clone(), at }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Longest way of a node to where it is in another list of the same nodes, m.
+    pub fn farthest(&self, to: &Places) -> f64 {
+        self.at.iter().zip(&to.at).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+    }
+
+    pub fn nodes(&self) -> &Arc<Nodes> {
+        &self.nodes
+    }
+
+    pub fn get(&self, node: u32) -> Option<V3> {
+        Some(self.at[self.nodes.slot(node)?])
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (u32, V3)> + use<'_> {
+        self.nodes.iter().zip(self.at.iter().copied())
+    }
+
+    /// Place of a spot, all nodes of which are in the set.
+    pub fn of(&self, spot: &SurfaceSpot) -> V3 {
+        spot.corners().filter_map(|(node, w)| Some(self.get(node)? * w)).sum()
+    }
+}

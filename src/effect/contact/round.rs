@@ -1,0 +1,354 @@
+//! One round: where the bodies are, what touches there, and the gaps.
+//!
+//! Between surfaces the nodes of the finer one are held back; nodes of the other, and edges, where they pass through nevertheless.
+
+use super::candidates::Places;
+use super::contact::{Against, Contact, shifted};
+use super::crossing::{Side, apart, crossing, edge_of, near_edges, pass_through};
+use super::detection::{distance, find};
+use super::meeting::{Meeting, Met};
+use super::tool::Tool;
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::solve::cone::Reached;
+use nalgebra::{Isometry3, Vector3};
+
+type V3 = Vector3<f64>;
+
+/// Parts of a tool's thickness, and of a surface's edges, by which a gap may be off.
+const EXACT: f64 = 1e-5;
+const EXACT_SURFACE: f64 = 2e-4;
+/// Change of a spot's weights by which it has moved.
+const SHIFT: f64 = 1e-4;
+/// Part of an edge by which nodes of the coarser of two surfaces, and edges, may pass into the other: as much as rounds one between its
+/// nodes.
+const BETWEEN_NODES: f64 = 0.02;
+/// Contacts at most: beyond, a step would take longer than a frame.
+const MOST_CONTACTS: usize = 600;
+
+/// Data of a step beside the bodies.
+pub struct Step<'a> {
+    pub tools: &'a [Tool],
+    /// Poses of the tools' surfaces at the start, and of the tools as hands put them at the end; `None` for one that is not there.
+    pub from: &'a [Option<Isometry3<f64>>],
+    pub to: &'a [Option<Isometry3<f64>>],
+    /// Places of each body's candidates at the start, and of all of its nodes without contact at about the end of the frame.
+    pub starts: &'a [Places],
+    pub outlines: &'a [Vec<V3>],
+    /// Nodes that can meet surfaces.
+    pub meetings: &'a [Meeting],
+}
+
+/// Results of a step beside the contacts' forces.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    pub warnings: Vec<String>,
+    pub reached: Option<Reached>,
+    /// Whether surfaces had passed through each other between the nodes that were held back; where they still do, the next frame finds
+    /// out.
+    pub has_passed: bool,
+}
+
+impl Outcome {
+    pub fn warn(&mut self, warning: String) {
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+}
+
+/// The bodies in a round.
+pub struct Now<'a> {
+    pub bodies: &'a [TouchedBody],
+    pub step: &'a Step<'a>,
+    pub places: &'a [Places],
+    /// Shifts of the tools.
+    pub yielded: &'a [V3],
+}
+
+impl Now<'_> {
+    /// By how much the gap of a contact may be off, m.
+    pub fn tolerance(&self, contact: &Contact) -> f64 {
+        let own = self.bodies[contact.body].longest();
+        match contact.against {
+            Against::Tool(tool) => EXACT * own.min(self.step.tools[tool].shape.thickness()),
+            Against::Surface { body, .. } => EXACT_SURFACE * own.min(self.bodies[body].longest()),
+        }
+    }
+
+    fn place_of(&self, body: usize, node: u32) -> V3 {
+        self.places[body].get(node).unwrap_or_else(|| self.step.outlines[body][node as usize])
+    }
+
+    /// The gap of a contact, and the direction in which it opens.
+    pub fn gap(&self, contact: &Contact) -> (f64, V3) {
+        let x = self.places[contact.body].of(&contact.spot);
+        match contact.against {
+            Against::Tool(tool) => {
+                let pose = shifted(&self.step.to[tool].unwrap_or_default(), &self.yielded[tool]);
+                distance(&self.step.tools[tool].shape, &pose, &x)
+            }
+            Against::Surface { body, spot } => {
+                let at = |node: u32| self.place_of(body, node);
+                let crossed = edge_of(&contact.spot).zip(edge_of(&spot)).and_then(|(own, other)| {
+                    let own_at = |node: u32| self.place_of(contact.body, node);
+                    let side = |body: usize, place| Side { body: &self.bodies[body], place };
+                    apart(&[side(contact.body, &own_at), side(body, &at)], [own, other])
+                });
+                let normal = crossed.unwrap_or_else(|| self.bodies[body].normal(&spot, &at));
+                (normal.dot(&(x - self.places[body].of(&spot))), normal)
+            }
+        }
+    }
+
+    /// How far a contact would open beyond its present gap without contact, and how far it would have slipped since the step began.
+    pub fn without(&self, contact: &Contact, free: &[Places]) -> (V3, V3) {
+        let step = self.step;
+        let all = |body: usize, spot: &SurfaceSpot| {
+            [self.places, free, step.starts].map(|places| places[body].of(spot))
+        };
+        let [now, without, start] = all(contact.body, &contact.spot);
+        match contact.against {
+            Against::Tool(tool) => {
+                let pose = step.to[tool].unwrap_or_default();
+                // The point of the tool that was there at the start, where the tool would be without its spring's yielding.
+                let from = step.from[tool].unwrap_or(pose);
+                let carried = pose * from.inverse_transform_point(&start.into());
+                (without - now + self.yielded[tool], without - carried.coords)
+            }
+            Against::Surface { body, spot } => {
+                let [other_now, other_without, other_start] = all(body, &spot);
+                (
+                    (without - now) - (other_without - other_now),
+                    (without - start) - (other_without - other_start),
+                )
+            }
+        }
+    }
+
+    /// Adds contacts where a tool reaches into a body, and moves those whose nearest point has moved. True if there are any.
+    pub fn meet_tools(&self, contacts: &mut Vec<Contact>, outcome: &mut Outcome) -> bool {
+        let (before, mut has_moved) = (contacts.len(), false);
+        let step = self.step;
+        for (number, body) in self.bodies.iter().enumerate() {
+            for (t, tool) in step.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
+                let Some(pose) = &step.to[t] else { continue };
+                let pose = shifted(pose, &self.yielded[t]);
+                let near = EXACT * tool.shape.thickness().min(body.longest());
+                let found =
+                    find(&tool.shape, &pose, body, &self.places[number], &step.outlines[number], near);
+                let name = &body.free.body;
+                if found.meets_stiff {
+                    outcome.warn(format!(
+                        "tool.{}: it reaches into nodes of body.{name} that do not yield: those of a control element, or such as \
+                         surface_compliance leaves out",
+                        tool.name
+                    ));
+                }
+                let is_of = |contact: &Contact| (contact.body, contact.tool()) == (number, Some(t));
+                if found.is_within && !contacts.iter().any(is_of) {
+                    outcome.warn(format!(
+                        "tool.{}: it is inside body.{name}, and touches it once it has come out",
+                        tool.name
+                    ));
+                }
+                for spot in found.spots {
+                    let is_same = |contact: &&mut Contact| is_of(contact) && contact.spot.nodes == spot.nodes;
+                    if let Some(contact) = contacts.iter_mut().find(is_same) {
+                        // The nearest point of the same triangle, or of the same edge.
+                        let old = contact.spot.weights.iter();
+                        let shift = old.zip(spot.weights).map(|(old, new)| (old - new).abs());
+                        has_moved |= shift.fold(0.0, f64::max) > SHIFT;
+                        contact.spot = spot;
+                    } else {
+                        add(contacts, number, spot, Against::Tool(t), outcome);
+                    }
+                }
+            }
+        }
+        has_moved || contacts.len() > before
+    }
+
+    /// Adds contacts where nodes of the finer of two surfaces reach the other, moves those whose nearest point has moved, and lets go, where
+    /// the step begins, what has slid off an end. True if there are any.
+    pub fn meet_surfaces(
+        &self,
+        contacts: &mut Vec<Contact>,
+        watch: &mut Watch,
+        begins: bool,
+        outcome: &mut Outcome,
+    ) -> bool {
+        let (before, mut has_moved) = (contacts.len(), false);
+        for (number, meeting) in self.step.meetings.iter().enumerate() {
+            let own = contacts.iter().position(|contact| is_of(contact, meeting));
+            if own.is_none() && (!self.leads(meeting) || watch.is_far(number)) {
+                continue;
+            }
+            let near = own.map_or(EXACT_SURFACE * self.edge(meeting), |_| f64::INFINITY);
+            let met = meeting.met(self.bodies, self.places, self.step.outlines);
+            if own.is_none() {
+                watch.see(number, &met);
+            }
+            match (own, met.filter(|met| met.is_before && met.gap < near)) {
+                (Some(own), Some(Met { spot, gap, yields: true, .. })) => {
+                    has_moved |= self.has_slid(&contacts[own], gap);
+                    contacts[own].against = Against::Surface { body: meeting.other, spot };
+                }
+                (Some(own), _) if begins => drop(contacts.swap_remove(own)),
+                (None, Some(met)) => self.meet(meeting, &met, contacts, outcome),
+                _ => {}
+            }
+        }
+        for i in (0..contacts.len()).rev() {
+            let contact = contacts[i];
+            let Some((bodies, edges)) = crossed_edges(&contact) else { continue };
+            match self.crossing(bodies, edges) {
+                Some(([spot, across], gap)) => {
+                    has_moved |= self.has_slid(&contact, gap);
+                    contacts[i].spot = spot;
+                    contacts[i].against = Against::Surface { body: bodies[1], spot: across };
+                }
+                None if begins => drop(contacts.swap_remove(i)),
+                None => {}
+            }
+        }
+        has_moved || contacts.len() != before
+    }
+
+    /// Adds contacts where surfaces have passed through each other between the nodes that are held back: at nodes of the coarser one, and where
+    /// edges cross. True if there are any.
+    pub fn pass_surfaces(&self, contacts: &mut Vec<Contact>, outcome: &mut Outcome) -> bool {
+        let before = contacts.len();
+        for meeting in self.step.meetings {
+            let near = -BETWEEN_NODES * self.edge(meeting);
+            if self.leads(meeting) {
+                self.cross(meeting, near, contacts, outcome);
+            } else if !contacts.iter().any(|contact| is_of(contact, meeting))
+                && let Some(met) = meeting.met(self.bodies, self.places, self.step.outlines)
+                && (met.is_before && met.gap < near)
+            {
+                self.meet(meeting, &met, contacts, outcome);
+            }
+        }
+        outcome.has_passed |= contacts.len() != before;
+        contacts.len() != before
+    }
+
+    /// Length of the edges of the finer of two surfaces, m.
+    fn edge(&self, meeting: &Meeting) -> f64 {
+        self.bodies[meeting.body].longest().min(self.bodies[meeting.other].longest())
+    }
+
+    fn leads(&self, meeting: &Meeting) -> bool {
+        leads(self.bodies, [meeting.body, meeting.other])
+    }
+
+    /// Whether the nearest point of a contact, where its gap is this, is another than it was.
+    fn has_slid(&self, contact: &Contact, gap: f64) -> bool {
+        (gap - self.gap(contact).0).abs() > self.tolerance(contact)
+    }
+
+    /// Adds the contact of a node with a surface, or tells why there can be none.
+    fn meet(&self, meeting: &Meeting, met: &Met, contacts: &mut Vec<Contact>, outcome: &mut Outcome) {
+        let Meeting { body, node, other, .. } = *meeting;
+        if met.yields {
+            let against = Against::Surface { body: other, spot: met.spot };
+            add(contacts, body, SurfaceSpot::node(node), against, outcome);
+        } else if met.gap < -BETWEEN_NODES * self.edge(meeting) {
+            let [one, two] = [body, other].map(|body| &self.bodies[body].free.body);
+            outcome.warn(format!(
+                "body.{one} reaches into body.{two} where one of them does not yield: at the nodes of a control element, or such as \
+                 surface_compliance leaves out"
+            ));
+        }
+    }
+
+    fn crossing(&self, bodies: [usize; 2], edges: [[u32; 2]; 2]) -> Option<([SurfaceSpot; 2], f64)> {
+        let places = bodies.map(|body| move |node: u32| self.place_of(body, node));
+        crossing(&[0, 1].map(|k| Side { body: &self.bodies[bodies[k]], place: &places[k] }), edges)
+    }
+
+    /// Adds contacts of edges that have passed through each other by more than `-near`, m.
+    fn cross(&self, meeting: &Meeting, near: f64, contacts: &mut Vec<Contact>, outcome: &mut Outcome) {
+        let bodies = [meeting.body, meeting.other];
+        let deepest =
+            bodies.map(|body| self.bodies[body].thickness()).into_iter().fold(f64::INFINITY, f64::min);
+        let places = bodies.map(|body| move |node: u32| self.place_of(body, node));
+        let sides = [0, 1].map(|k| Side { body: &self.bodies[bodies[k]], place: &places[k] });
+        for edges in near_edges(meeting, &sides, deepest.min(self.edge(meeting))) {
+            let Some((spots, gap)) = crossing(&sides, edges) else { continue };
+            let takes = |k: usize| edges[k].iter().all(|node| sides[k].body.takes[*node as usize]);
+            let is_through = gap < near && gap > -deepest && takes(0) && takes(1);
+            if !is_through || !pass_through(&sides, edges) {
+                continue;
+            }
+            if !contacts.iter().any(|contact| crossed_edges(contact) == Some((bodies, edges))) {
+                let against = Against::Surface { body: bodies[1], spot: spots[1] };
+                add(contacts, bodies[0], spots[0], against, outcome);
+            }
+        }
+    }
+}
+
+/// What the rounds of a step have seen of nodes that do not touch, so that those far away are not looked at again.
+#[derive(Default)]
+pub struct Watch {
+    /// For each meeting the way within which nothing touches there, m.
+    clear: Vec<f64>,
+    /// The way of all places since the step began, m: that of both sides in every round.
+    way: f64,
+}
+
+impl Watch {
+    pub fn new(meetings: usize) -> Watch {
+        Watch { clear: vec![0.0; meetings], way: 0.0 }
+    }
+
+    /// Takes note that places have moved.
+    pub fn moved(&mut self, from: &[Places], to: &[Places]) {
+        let way = |(from, to): (&Places, &Places)| from.farthest(to);
+        self.way += 2.0 * from.iter().zip(to).map(way).fold(0.0, f64::max);
+    }
+
+    fn is_far(&self, meeting: usize) -> bool {
+        self.clear[meeting] > self.way
+    }
+
+    /// Takes where a node is; one that faces nothing does not do so within a step.
+    fn see(&mut self, meeting: usize, met: &Option<Met>) {
+        self.clear[meeting] = match met {
+            Some(met) if met.is_before => self.way + met.gap.max(0.0),
+            Some(_) => self.way,
+            None => f64::INFINITY,
+        };
+    }
+}
+
+/// Whether a contact is that of a meeting's node.
+fn is_of(contact: &Contact, meeting: &Meeting) -> bool {
+    let is_node = contact.body == meeting.body && contact.spot == SurfaceSpot::node(meeting.node);
+    is_node && contact.other().is_some_and(|(other, _)| other == meeting.other)
+}
+
+/// The bodies and edges of a contact of edges.
+fn crossed_edges(contact: &Contact) -> Option<([usize; 2], [[u32; 2]; 2])> {
+    let (other, spot) = contact.other()?;
+    Some(([contact.body, other], [edge_of(&contact.spot)?, edge_of(&spot)?]))
+}
+
+/// Whether the nodes of the first body are held back by the surface of the second, and not the other way round.
+pub fn leads(bodies: &[TouchedBody], [one, two]: [usize; 2]) -> bool {
+    let fineness = |body: usize| (bodies[body].longest(), body);
+    fineness(one) <= fineness(two)
+}
+
+/// Adds a contact while there is room.
+fn add(contacts: &mut Vec<Contact>, body: usize, spot: SurfaceSpot, against: Against, outcome: &mut Outcome) {
+    if contacts.len() < MOST_CONTACTS {
+        contacts.push(Contact { body, spot, against, force: V3::zeros() });
+        return;
+    }
+    let full = format!(
+        "contact: more than {MOST_CONTACTS} nodes touch, of which the first are held back; a coarser surface has fewer"
+    );
+    outcome.warn(full);
+}
