@@ -4,9 +4,9 @@
 //! its contacts, and ahead of them the spots that it can reach before the next frame, so that the force begins where they touch.
 
 use super::candidates::{Nodes, Places};
-use super::contact::{Against, Contact, at_nodes, between, fetch, turns};
 use super::detection::{distance, find};
 use super::tool::Tool;
+use super::touch::{Against, Contact, at_nodes, between, fetch, turns};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;

@@ -1,8 +1,8 @@
 //! Bodies that press, rub and strike each other and themselves.
 
-use super::contact::Contact;
 use super::running::Motion;
 use super::tests::{YOUNG, file, graded, layer, medit, world};
+use super::touch::Contact;
 use crate::deform::ControlPose;
 use crate::effect::Resolved;
 use crate::mesh::{self, Block};

@@ -2,12 +2,11 @@
 //!
 //! In: tools of the scene, on styli or in the room; bodies with the compliance of their surface. Out: forces at single points of each
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
-//! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`contact`]) and
+//! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`touch`]) and
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
 //! body ([`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
 
 mod candidates;
-mod contact;
 mod crossing;
 mod detection;
 mod felt;
@@ -23,6 +22,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod tool;
+mod touch;
 mod touched_body;
 
 use super::entry::EffectEntry;

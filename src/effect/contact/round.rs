@@ -3,11 +3,11 @@
 //! Between surfaces the nodes of the finer one are held back; nodes of the other, and edges, where they pass through nevertheless.
 
 use super::candidates::Places;
-use super::contact::{Against, Contact, shifted};
 use super::crossing::{Side, apart, crossing, edge_of, near_edges, pass_through};
 use super::detection::{distance, find};
 use super::meeting::{Meeting, Met};
 use super::tool::Tool;
+use super::touch::{Against, Contact, shifted};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::solve::cone::Reached;
 use nalgebra::{Isometry3, Vector3};

@@ -4,7 +4,6 @@
 //! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
 
 use super::candidates::{Nodes, Places};
-use super::contact::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted};
 use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::meeting::{Meeting, meetings};
@@ -13,6 +12,7 @@ use super::settings::{NAME, Settings};
 use super::shown::Shown;
 use super::system::advance;
 use super::tool::{Tool, between};
+use super::touch::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};

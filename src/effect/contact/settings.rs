@@ -82,7 +82,7 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         let message = match scene.body.contains_key(unknown.as_str()) {
             true if unknown == name => "a body touches itself by itself = true".to_owned(),
             true => format!("body.{unknown} lists no \"contact\": both bodies must"),
-            false => config::unknown_name("body", unknown, others().map(|(other, _)| other.as_str())),
+            false => config::unknown_name("body", unknown, scene.body.keys().map(String::as_str)),
         };
         return wrong("effect.contact.bodies", message);
     }
@@ -150,7 +150,7 @@ mod tests {
             (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
             (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),
             (format!("{SURFACE}effect.contact = {{ bodies = [\"b\"] }}"), TOOL, "by itself = true"),
-            (format!("{SURFACE}effect.contact = {{ bodies = [\"c\"] }}"), TOOL, "no body \"c\""),
+            (format!("{SURFACE}effect.contact = {{ bodies = [\"c\"] }}"), TOOL, "unknown body \"c\""),
             ("model = \"reduced\"".to_owned(), TOOL, "write model = \"linear\" or \"rotation\""),
             (
                 SURFACE.to_owned(),

@@ -1,7 +1,7 @@
 //! Contact in the picture: the shapes of tools, and forces on hands and between bodies as arrows with their newtons.
 
-use super::contact::{Contact, at_nodes, force_on_tool};
 use super::tool::Tool;
+use super::touch::{Contact, at_nodes, force_on_tool};
 use super::touched_body::TouchedBody;
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;

@@ -12,8 +12,8 @@
 //! they stand where their gaps were taken.
 
 use super::candidates::Places;
-use super::contact::{Contact, at_nodes, between, fetch, force_on_tool, friction, turns};
 use super::round::{Now, Outcome, Step, Watch, leads};
+use super::touch::{Contact, at_nodes, between, fetch, force_on_tool, friction, turns};
 use super::touched_body::TouchedBody;
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
