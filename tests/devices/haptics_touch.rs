@@ -33,13 +33,18 @@ struct Bar {
 
 impl Bar {
     fn new(young: f64, keys: &str, hand: Hand) -> Bar {
+        Bar::beside(young, keys, hand, "")
+    }
+
+    /// The same with more in the scene.
+    fn beside(young: f64, keys: &str, hand: Hand, more: &str) -> Bar {
         let text = format!(
             "[tool.ball]\nshape = {{ ball = {{ radius = {RADIUS} }} }}\nstylus = 1\n\
              [body.b]\ngenerate = {{ block = {{ size = [{LENGTH:?}, {SIDE:?}, {SIDE:?}], cells = [20, 2, 2] }} }}\n\
              material = {{ young = {young:?}, poisson = 0.0 }}\nelement = \"tet10\"\n\
              effects = [\"haptics\", \"contact\"]\n{keys}\n\
              place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
-             control.base = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+             control.base = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{more}"
         );
         let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
         let folder = tempfile::tempdir().unwrap();
@@ -187,5 +192,45 @@ fn the_force_begins_and_ends_between_frames() {
         let push = bar.tick(V3::y() * hand);
         assert!(push.y > -1e-3, "held back by {push} N at {} m", bar.above());
         assert!(bar.above() < 2e-3 || push.y < 1e-2, "{push} N at {} m", bar.above());
+    }
+}
+
+/// A bar whose end lies on a pad is as stiff between two frames as it is from frame to frame: several times stiffer than without the pad.
+#[test]
+fn a_bar_on_a_pad_is_felt_with_the_pad() {
+    // Between two frames surfaces with friction are taken to stick, which makes them stiffer where they slide.
+    for (keys, most) in
+        [("effect.contact = { friction = 0.0 }", 0.01), ("effect.contact = { friction = 0.5 }", 0.25)]
+    {
+        let pad = format!(
+            "[body.pad]\ngenerate = {{ block = {{ size = [0.1, 0.1, 0.2], cells = [3, 3, 6] }} }}\n\
+             material = {{ young = 1e6, poisson = 0.0 }}\neffects = [\"contact\"]\n{keys}\n\
+             place = {{ position = [0.45, -0.1001, 0.0], scale = 1.0 }}\n\
+             control.base = {{ nodes = {{ group = \"ymin\" }}, grab = \"fixed\" }}\n"
+        );
+        let slope = |more: &str| {
+            let mut bar = Bar::beside(1e6, keys, Hand::FINGERS, more);
+            let mut touch_at = |depth: f64| {
+                bar.ticks += 16;
+                let pose = Isometry3::from(nalgebra::Translation3::from(Bar::top() - V3::y() * depth));
+                let stylus = StylusState { room_from_stylus: pose.cast(), ..Default::default() };
+                let state = TrackerState { head: None, styli: vec![stylus], time_s: bar.time_s() };
+                bar.world.step(&state.into());
+                let touch = bar.world.frame.bodies.iter().find_map(|body| body.touches.first().cloned());
+                (touch.expect("the tool is felt"), pose)
+            };
+            let step = 1e-4;
+            (0..10).for_each(|k| drop(touch_at(2e-3 * f64::from(k) / 10.0)));
+            let (first, pose) = touch_at(2e-3);
+            let (second, beyond) = touch_at(2e-3 + step);
+            let [now, foreseen, then] =
+                [first.respond(&pose), first.respond(&beyond), second.respond(&beyond)].map(|r| r.force.y);
+            println!("{keys}: {now} N, foreseen {foreseen} N, then {then} N");
+            ((foreseen - now) / step, (then - now) / step)
+        };
+        let ((foreseen, found), (_, alone)) = (slope(&pad), slope(""));
+        println!("{keys}: {foreseen} N/m foreseen, {found} N/m found, {alone} N/m without the pad");
+        assert!((foreseen / found - 1.0).abs() < most, "{foreseen} N/m foreseen, {found} N/m found");
+        assert!(found > 3.0 * alone, "{found} N/m with the pad, {alone} N/m without");
     }
 }

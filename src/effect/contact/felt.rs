@@ -3,10 +3,11 @@
 //! In: the contacts of a frame, and the nodes near each tool. Out: a [`TouchPotential`] for each tool on a stylus with a force device:
 //! its contacts, and ahead of them the spots that it can reach before the next frame, so that the force begins where they touch.
 
+use super::backing::Backed;
 use super::candidates::{Nodes, Places};
 use super::detection::{distance, find};
 use super::tool::Tool;
-use super::touch::{Against, Contact, at_nodes, between, fetch, turns};
+use super::touch::{Against, Contact, at_nodes, fetch};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;
@@ -100,7 +101,6 @@ impl Felt {
         let strongest = contacts.iter().max_by(|a, b| strength(a).total_cmp(&strength(b)));
         let first = bodies.iter().position(|body| body.is_felt && body.tools[t]);
         let Some(body) = strongest.map(|contact| contact.body).or(first) else { return Ok(None) };
-        let turns = turns(bodies);
         let moved: Vec<_> =
             bodies.iter().enumerate().map(|(b, body)| body.moved(&at_nodes(bodies, all, b))).collect();
         let points: Vec<TouchPoint> = contacts
@@ -115,12 +115,13 @@ impl Felt {
                     arm: x - surface.translation.vector,
                     axes: contact_axes(&normal),
                     friction: body.friction,
-                    force: turns[contact.body] * contact.force,
+                    force: contact.force_in_room(bodies),
                     gap,
                 }
             })
             .collect();
-        let compliance = |i: usize, j: usize| between(bodies, tools, &turns, (&contacts[i], &contacts[j]));
+        let backed = Backed::new(bodies, tools, &contacts, all);
+        let compliance = |i: usize, j: usize| backed.between(i, j);
         Ok(Some((body, TouchPotential::new((stylus, room_from_stylus, hand), &points, &compliance))))
     }
 

@@ -6,6 +6,7 @@
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
 //! body ([`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
 
+mod backing;
 mod candidates;
 mod crossing;
 mod detection;

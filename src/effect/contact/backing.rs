@@ -1,0 +1,81 @@
+//! Compliance between contacts while others hold: a body that lies on another one yields less to a tool.
+//!
+//! In: contacts between surfaces with their forces. Out: W_ij - W_ip W_pp⁻¹ W_pj for two contacts i and j of a tool, with p the directions in
+//! which surfaces hold each other: that of the force without friction, and all with it, as if they stuck.
+
+use super::tool::Tool;
+use super::touch::{Contact, between, friction, turns};
+use super::touched_body::TouchedBody;
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+type V3 = Vector3<f64>;
+
+/// Part of the mean compliance by which directions that depend on one another yield more.
+const SKIN: f64 = 1e-3;
+
+/// The compliance between contacts of tools, others of the same bodies given.
+pub struct Backed<'a> {
+    bodies: &'a [TouchedBody],
+    tools: &'a [Tool],
+    contacts: &'a [Contact],
+    turns: Vec<Matrix3<f64>>,
+    /// L⁻¹ W_pi of each contact, 3 columns, with L the factor of W_pp.
+    taken: Vec<DMatrix<f64>>,
+}
+
+impl<'a> Backed<'a> {
+    /// `contacts` are those between which it is asked for, `all` those of the frame.
+    pub fn new(
+        bodies: &'a [TouchedBody],
+        tools: &'a [Tool],
+        contacts: &'a [Contact],
+        all: &[Contact],
+    ) -> Backed<'a> {
+        let turns = turns(bodies);
+        let holding = all.iter().filter(|contact| contact.other().is_some() && contact.force != V3::zeros());
+        let directions: Vec<(&Contact, V3)> = holding
+            .flat_map(|contact| {
+                held_directions(bodies, contact).into_iter().map(move |along| (contact, along))
+            })
+            .collect();
+        let count = directions.len();
+        let mut w = DMatrix::zeros(count, count);
+        for (row, (a, along)) in directions.iter().enumerate() {
+            for (column, (b, other)) in directions.iter().enumerate().take(row + 1) {
+                let both = along.dot(&(between(bodies, tools, &turns, (a, b)) * other));
+                (w[(row, column)], w[(column, row)]) = (both, both);
+            }
+        }
+        let skin = SKIN * w.trace() / count.max(1) as f64;
+        (0..count).for_each(|i| w[(i, i)] += skin);
+        let factor = w.cholesky().map(|factor| factor.unpack());
+        let taken = |contact: &Contact| {
+            let mut rows = DMatrix::zeros(count, 3);
+            for (row, (a, along)) in directions.iter().enumerate() {
+                let moved = between(bodies, tools, &turns, (a, contact)).tr_mul(along);
+                rows.row_mut(row).copy_from(&moved.transpose());
+            }
+            factor
+                .as_ref()
+                .and_then(|factor| factor.solve_lower_triangular(&rows))
+                .unwrap_or_else(|| rows * 0.0)
+        };
+        let taken = contacts.iter().map(taken).collect();
+        Backed { bodies, tools, contacts, turns, taken }
+    }
+
+    /// Compliance between two of the contacts, along the room's axes, m/N.
+    pub fn between(&self, i: usize, j: usize) -> Matrix3<f64> {
+        let pair = (&self.contacts[i], &self.contacts[j]);
+        let taken = self.taken[i].tr_mul(&self.taken[j]);
+        between(self.bodies, self.tools, &self.turns, pair) - taken.fixed_view::<3, 3>(0, 0)
+    }
+}
+
+/// Unit vectors, in the room, along which a contact with a force holds.
+fn held_directions(bodies: &[TouchedBody], contact: &Contact) -> Vec<V3> {
+    match friction(bodies, contact) > 0.0 {
+        true => vec![V3::x(), V3::y(), V3::z()],
+        false => vec![contact.force_in_room(bodies).normalize()],
+    }
+}
