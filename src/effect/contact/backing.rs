@@ -12,6 +12,8 @@ type V3 = Vector3<f64>;
 
 /// Part of the mean compliance by which directions that depend on one another yield more.
 const SKIN: f64 = 1e-3;
+/// Contacts between surfaces that count, the strongest ones.
+const MOST: usize = 60;
 
 /// The compliance between contacts of tools, others of the same bodies given.
 pub struct Backed<'a> {
@@ -32,18 +34,16 @@ impl<'a> Backed<'a> {
         all: &[Contact],
     ) -> Backed<'a> {
         let turns = turns(bodies);
-        let holding = all.iter().filter(|contact| contact.other().is_some() && contact.force != V3::zeros());
-        let directions: Vec<(&Contact, V3)> = holding
-            .flat_map(|contact| {
-                held_directions(bodies, contact).into_iter().map(move |along| (contact, along))
-            })
-            .collect();
-        let count = directions.len();
+        let holding = strongest(all);
+        let directions: Vec<Matrix3<f64>> =
+            holding.iter().map(|contact| directions(bodies, contact)).collect();
+        let count = 3 * holding.len();
         let mut w = DMatrix::zeros(count, count);
-        for (row, (a, along)) in directions.iter().enumerate() {
-            for (column, (b, other)) in directions.iter().enumerate().take(row + 1) {
-                let both = along.dot(&(between(bodies, tools, &turns, (a, b)) * other));
-                (w[(row, column)], w[(column, row)]) = (both, both);
+        for (i, a) in holding.iter().enumerate() {
+            for (j, b) in holding.iter().enumerate().take(i + 1) {
+                let both = directions[i].tr_mul(&between(bodies, tools, &turns, (a, b))) * directions[j];
+                w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&both);
+                w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&both.transpose());
             }
         }
         let skin = SKIN * w.trace() / count.max(1) as f64;
@@ -51,9 +51,9 @@ impl<'a> Backed<'a> {
         let factor = w.cholesky().map(|factor| factor.unpack());
         let taken = |contact: &Contact| {
             let mut rows = DMatrix::zeros(count, 3);
-            for (row, (a, along)) in directions.iter().enumerate() {
-                let moved = between(bodies, tools, &turns, (a, contact)).tr_mul(along);
-                rows.row_mut(row).copy_from(&moved.transpose());
+            for (i, a) in holding.iter().enumerate() {
+                let moved = directions[i].tr_mul(&between(bodies, tools, &turns, (a, contact)));
+                rows.fixed_view_mut::<3, 3>(3 * i, 0).copy_from(&moved);
             }
             factor
                 .as_ref()
@@ -72,10 +72,21 @@ impl<'a> Backed<'a> {
     }
 }
 
-/// Unit vectors, in the room, along which a contact with a force holds.
-fn held_directions(bodies: &[TouchedBody], contact: &Contact) -> Vec<V3> {
-    match friction(bodies, contact) > 0.0 {
-        true => vec![V3::x(), V3::y(), V3::z()],
-        false => vec![contact.force_in_room(bodies).normalize()],
+/// The contacts between surfaces that press most.
+fn strongest(all: &[Contact]) -> Vec<&Contact> {
+    let mut holding: Vec<&Contact> =
+        all.iter().filter(|contact| contact.other().is_some() && contact.force != V3::zeros()).collect();
+    holding.sort_by(|a, b| b.force.norm().total_cmp(&a.force.norm()));
+    holding.truncate(MOST);
+    holding
+}
+
+/// Unit vectors in columns, in the room, along which a contact with a force holds; zero where it does not.
+fn directions(bodies: &[TouchedBody], contact: &Contact) -> Matrix3<f64> {
+    if friction(bodies, contact) > 0.0 {
+        return Matrix3::identity();
     }
+    let mut along = Matrix3::zeros();
+    along.set_column(0, &contact.force_in_room(bodies).normalize());
+    along
 }

@@ -3,7 +3,7 @@
 //! In: two edges and the places of their nodes. Out: the points where their lines are nearest, with the gap d = n·(x - y) along the normal
 //! n of both, which points out of the second body.
 
-use super::meeting::{Meeting, is_across};
+use super::meeting::{Meeting, face_each_other};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use nalgebra::Vector3;
 
@@ -56,13 +56,14 @@ fn spot_on([i, j]: [u32; 2], share: f64) -> SurfaceSpot {
 }
 
 /// Direction in which two edges that cross come apart: that of the first out of the second.
-pub fn apart(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> Option<V3> {
+pub fn apart(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> V3 {
     let [a, b] = [0, 1].map(|k| (sides[k].place)(edges[k][1]) - (sides[k].place)(edges[k][0]));
-    let across = a.cross(&b);
-    let normal = across.try_normalize(CROSSING * a.norm() * b.norm())?;
     let outward = sides[1].outward(edges[1]);
-    let normal = if normal.dot(&outward) < 0.0 { -normal } else { normal };
-    (is_across(&normal, &sides[0].outward(edges[0])) && is_across(&-normal, &outward)).then_some(normal)
+    match a.cross(&b).try_normalize(CROSSING * a.norm() * b.norm()) {
+        Some(normal) if normal.dot(&outward) < 0.0 => -normal,
+        Some(normal) => normal,
+        None => outward,
+    }
 }
 
 /// Spots at which two edges cross, and their gap; `None` where they pass each other beyond their ends.
@@ -79,7 +80,11 @@ pub fn crossing(sides: &[Side<'_>; 2], edges: [[u32; 2]; 2]) -> Option<([Surface
     if !((0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&other)) {
         return None;
     }
-    let normal = apart(sides, edges)?;
+    let normal = apart(sides, edges);
+    let [own, across] = [0, 1].map(|k| sides[k].outward(edges[k]));
+    if !(face_each_other(&normal, &own) && face_each_other(&-normal, &across)) {
+        return None;
+    }
     let gap = normal.dot(&(a[0] + u * share - b[0] - v * other));
     Some(([spot_on(edges[0], share), spot_on(edges[1], other)], gap))
 }

@@ -3,7 +3,7 @@
 //! In: places of a surface's nodes, and where the tools are. Out: for each tool the spots that are nearer than a given distance. A node or a
 //! triangle whose outside does not face the tool is passed over: the tool has come from within.
 
-use super::candidates::Places;
+use super::candidates::{Nodes, Places};
 use super::shape::Shape;
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -41,33 +41,34 @@ fn is_sharp(shape: &Shape, body: &TouchedBody) -> bool {
     shape.bluntness() < BLUNT * body.longest()
 }
 
-/// Spots of the body nearer than `near` to the tool, m. `places` are those of its candidates, `free` those of all nodes without contact.
+/// Spots of the body nearer than `near` to the tool, m. `nodes` are its candidates, `free` those of all nodes without contact.
 pub fn find(
     shape: &Shape,
     room_from_tool: &Isometry3<f64>,
     body: &TouchedBody,
-    places: &Places,
+    (nodes, places): (&Nodes, &Places),
     free: &[V3],
     near: f64,
 ) -> Found {
     let mut found = Found::default();
     let mut meets_back = false;
     let faces = |normal: &V3, outward: &V3| normal.dot(outward) < FACING;
-    for (node, place) in places.iter() {
+    for node in nodes.iter() {
+        let Some(place) = places.get(node) else { continue };
         let (gap, normal) = distance(shape, room_from_tool, &place);
         if gap >= near {
             continue;
         }
         if !body.takes[node as usize] {
             found.meets_stiff |= gap < 0.0;
-        } else if faces(&normal, &body.outward(node, free)) {
+        } else if faces(&normal, &body.outward(node, &|corner| free[corner as usize])) {
             found.spots.push(SurfaceSpot::node(node));
         } else {
             meets_back |= gap < 0.0;
         }
     }
     if is_sharp(shape, body) {
-        for triangle in triangles(body, places) {
+        for triangle in triangles(body, nodes) {
             let corners = body.triangles[triangle as usize];
             if corners.iter().any(|node| !body.takes[*node as usize]) {
                 continue;
@@ -96,9 +97,9 @@ pub fn find(
     found
 }
 
-/// The triangles around nodes that have places.
-fn triangles(body: &TouchedBody, places: &Places) -> Vec<u32> {
-    let around = places.nodes().iter().flat_map(|node| body.around[node as usize].iter().copied());
+/// The triangles around these nodes.
+fn triangles(body: &TouchedBody, nodes: &Nodes) -> Vec<u32> {
+    let around = nodes.iter().flat_map(|node| body.around[node as usize].iter().copied());
     let mut all: Vec<u32> = around.collect();
     all.sort_unstable();
     all.dedup();

@@ -137,7 +137,7 @@ impl Felt {
         for (number, (body, places)) in felt {
             let reach = AHEAD * self.travels[t] + LEAST * tool.shape.thickness().min(body.longest());
             let outline = body.summed_places(&body.free);
-            for spot in find(&tool.shape, &surface, body, places, &outline, reach).spots {
+            for spot in find(&tool.shape, &surface, body, (places.nodes(), places), &outline, reach).spots {
                 let is_known = |contact: &Contact| {
                     (contact.body, contact.tool(), contact.spot.nodes) == (number, Some(t), spot.nodes)
                 };

@@ -24,6 +24,8 @@ const ROUNDING: f64 = 1e-6;
 /// Part of a wall's thickness up to which a surface may pass into another one, and into itself: more is taken for its own other side.
 const DEEPEST: f64 = 1.0;
 const DEEPEST_ITSELF: f64 = 0.6;
+/// Sine of the angle by which a triangle beside a node may stand out of its plane by rounding.
+const FLAT: f64 = 1e-6;
 /// Thicknesses within which two sides at rest belong to one wall.
 const ONE_WALL: f64 = 1.5;
 
@@ -86,7 +88,7 @@ fn towards(bodies: &[TouchedBody], [a, b]: [usize; 2], places: &[Vec<V3>], reach
 }
 
 /// Whether two outward normals face each other.
-pub fn is_across(one: &V3, other: &V3) -> bool {
+pub fn face_each_other(one: &V3, other: &V3) -> bool {
     one.dot(other) < FACING
 }
 
@@ -126,12 +128,13 @@ impl Meeting {
         let master = &bodies[other];
         let x = places[body].get(node)?;
         let place = |node: u32| places[other].get(node).unwrap_or(outlines[other][node as usize]);
-        let outward = bodies[body].outward(node, &outlines[body]);
+        let own = |node: u32| places[body].get(node).unwrap_or(outlines[body][node as usize]);
+        let outward = bodies[body].outward(node, &own);
         let all = self.triangles.iter().map(|number| master.triangles[*number as usize]);
         let faced = all.clone().filter_map(|corners| {
             let at = corners.map(place);
             let face = normal_of(&at)?;
-            is_across(&face, &outward).then(|| nearest_of(&at, face, &x, corners))
+            face_each_other(&face, &outward).then(|| nearest_of(&at, face, &x, corners))
         });
         let facing = faced.min_by(|a, b| a.away.norm_squared().total_cmp(&b.away.norm_squared()))?;
         let spot = SurfaceSpot { nodes: facing.corners, weights: facing.weights };
@@ -194,7 +197,8 @@ impl TouchedBody {
         let (at, x) = (corners.map(rest), rest(node));
         let Some(face) = normal_of(&at) else { return false };
         let away = nearest_of(&at, face, &x, corners).away;
-        let is_inward = self.outward_at_rest(node).dot(&away) >= 0.0;
-        !(is_inward && away.norm() <= ONE_WALL * self.wall)
+        let far = away.norm();
+        let is_inward = self.outward_at_rest[node as usize].dot(&away) >= -FLAT * far;
+        !(is_inward && far <= ONE_WALL * self.wall)
     }
 }

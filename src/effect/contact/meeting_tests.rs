@@ -6,10 +6,10 @@ use super::touch::Contact;
 use crate::deform::ControlPose;
 use crate::effect::Resolved;
 use crate::mesh::{self, Block};
-use crate::track::TrackerState;
+use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
 use crate::world::{State, World};
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2};
 use std::path::Path;
 
@@ -351,6 +351,39 @@ fn a_state_in_the_middle_of_a_rub_goes_on_bit_by_bit() {
         [&mut first, &mut second].into_iter().for_each(|two| rub(two, frame));
         assert_eq!(first.contacts(), second.contacts(), "frame {frame}");
         assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {frame}");
+    }
+}
+
+/// A block that slides off another one presses nothing any more, whether it slides or jumps; a tool that flies about elsewhere changes nothing.
+#[test]
+fn what_slides_off_is_let_go() {
+    let keys = "effect.contact = { friction = 0.3 }";
+    let low = block("low", [0.0, -0.05, 0.0], [0.3, 0.1, 0.3], [5, 2, 5], "ymin", keys);
+    let high = block("high", [0.0, 0.0505, 0.0], [0.2, 0.1, 0.2], [4, 2, 4], "ymax", keys);
+    let tool = "[tool.probe]\nshape = { ball = { radius = 0.02 } }\nstylus = 1\n";
+    for steps in [1, 7, 40] {
+        let mut two = Two::of(&format!("{tool}{low}{high}"), Path::new("two.toml"));
+        two.hand(1, -V3::y() * 2e-3);
+        two.step();
+        let force = two.force(1);
+        assert!(two.contacts().len() > 8);
+        for x in [2.0, -1.0, 3.0] {
+            two.frame += 1;
+            let room_from_stylus = Isometry3::translation(x, 2.0, 0.0).cast();
+            let styli = vec![StylusState { room_from_stylus, ..Default::default() }];
+            let time_s = two.frame as f64 / 60.0;
+            two.world.step(&TrackerState { head: None, styli, time_s }.into());
+            assert!((two.force(1) - force).norm() < 1e-3 * force.norm(), "{}, not {force}", two.force(1));
+        }
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            two.hand(1, V3::new(0.4 * share, -2e-3, 0.0));
+            two.step();
+        }
+        // What slid off in the last step is found in the next frame.
+        two.step();
+        assert!(two.contacts().is_empty(), "{steps} steps: {} contacts", two.contacts().len());
+        assert_eq!(two.on_hand(0).norm(), 0.0);
     }
 }
 

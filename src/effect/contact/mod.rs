@@ -4,7 +4,7 @@
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
 //! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`touch`]) and
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
-//! body ([`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
+//! body ([`way`], [`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
 
 mod backing;
 mod candidates;
@@ -25,6 +25,7 @@ mod tests;
 mod tool;
 mod touch;
 mod touched_body;
+mod way;
 
 use super::entry::EffectEntry;
 use crate::green::STIFFNESS;

@@ -2,7 +2,7 @@
 //!
 //! Between surfaces the nodes of the finer one are held back; nodes of the other, and edges, where they pass through nevertheless.
 
-use super::candidates::Places;
+use super::candidates::{Nodes, Places};
 use super::crossing::{Side, apart, crossing, edge_of, near_edges, pass_through};
 use super::detection::{distance, find};
 use super::meeting::{Meeting, Met};
@@ -11,6 +11,8 @@ use super::touch::{Against, Contact, shifted};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::solve::cone::Reached;
 use nalgebra::{Isometry3, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -34,6 +36,8 @@ pub struct Step<'a> {
     /// Places of each body's candidates at the start, and of all of its nodes without contact at about the end of the frame.
     pub starts: &'a [Places],
     pub outlines: &'a [Vec<V3>],
+    /// Nodes of each body that tools can meet.
+    pub by_tools: &'a [Arc<Nodes>],
     /// Nodes that can meet surfaces.
     pub meetings: &'a [Meeting],
 }
@@ -43,9 +47,9 @@ pub struct Step<'a> {
 pub struct Outcome {
     pub warnings: Vec<String>,
     pub reached: Option<Reached>,
-    /// Whether surfaces had passed through each other between the nodes that were held back; where they still do, the next frame finds
-    /// out.
-    pub has_passed: bool,
+    /// Whether the next frame has to look again: surfaces had passed through each other between the nodes that were held back, or a node
+    /// has slid off an end.
+    pub is_unfinished: bool,
 }
 
 impl Outcome {
@@ -57,7 +61,7 @@ impl Outcome {
 }
 
 /// The bodies in a round.
-pub struct Now<'a> {
+pub struct Round<'a> {
     pub bodies: &'a [TouchedBody],
     pub step: &'a Step<'a>,
     pub places: &'a [Places],
@@ -65,7 +69,7 @@ pub struct Now<'a> {
     pub yielded: &'a [V3],
 }
 
-impl Now<'_> {
+impl Round<'_> {
     /// By how much the gap of a contact may be off, m.
     pub fn tolerance(&self, contact: &Contact) -> f64 {
         let own = self.bodies[contact.body].longest();
@@ -89,7 +93,7 @@ impl Now<'_> {
             }
             Against::Surface { body, spot } => {
                 let at = |node: u32| self.place_of(body, node);
-                let crossed = edge_of(&contact.spot).zip(edge_of(&spot)).and_then(|(own, other)| {
+                let crossed = edge_of(&contact.spot).zip(edge_of(&spot)).map(|(own, other)| {
                     let own_at = |node: u32| self.place_of(contact.body, node);
                     let side = |body: usize, place| Side { body: &self.bodies[body], place };
                     apart(&[side(contact.body, &own_at), side(body, &at)], [own, other])
@@ -134,8 +138,8 @@ impl Now<'_> {
                 let Some(pose) = &step.to[t] else { continue };
                 let pose = shifted(pose, &self.yielded[t]);
                 let near = EXACT * tool.shape.thickness().min(body.longest());
-                let found =
-                    find(&tool.shape, &pose, body, &self.places[number], &step.outlines[number], near);
+                let candidates = (&*step.by_tools[number], &self.places[number]);
+                let found = find(&tool.shape, &pose, body, candidates, &step.outlines[number], near);
                 let name = &body.free.body;
                 if found.meets_stiff {
                     outcome.warn(format!(
@@ -168,8 +172,8 @@ impl Now<'_> {
         has_moved || contacts.len() > before
     }
 
-    /// Adds contacts where nodes of the finer of two surfaces reach the other, moves those whose nearest point has moved, and lets go, where
-    /// the step begins, what has slid off an end. True if there are any.
+    /// Adds contacts where nodes of the finer of two surfaces reach the other, and moves those whose nearest point has moved; lets go what
+    /// nothing faces any more, where the step begins. True if any has come, gone or moved.
     pub fn meet_surfaces(
         &self,
         contacts: &mut Vec<Contact>,
@@ -177,59 +181,81 @@ impl Now<'_> {
         begins: bool,
         outcome: &mut Outcome,
     ) -> bool {
-        let (before, mut has_moved) = (contacts.len(), false);
+        let before = contacts.len();
+        let mut own = of_nodes(contacts);
+        let (mut has_moved, mut gone) = (false, Vec::new());
         for (number, meeting) in self.step.meetings.iter().enumerate() {
-            let own = contacts.iter().position(|contact| is_of(contact, meeting));
-            if own.is_none() && (!self.leads(meeting) || watch.is_far(number)) {
+            let known = own.remove(&key(meeting));
+            if known.is_none() && (!self.leads(meeting) || watch.is_far(number, 0.0)) {
                 continue;
             }
-            let near = own.map_or(EXACT_SURFACE * self.edge(meeting), |_| f64::INFINITY);
+            let near = known.map_or(EXACT_SURFACE * self.edge(meeting), |_| f64::INFINITY);
             let met = meeting.met(self.bodies, self.places, self.step.outlines);
-            if own.is_none() {
-                watch.see(number, &met);
-            }
-            match (own, met.filter(|met| met.is_before && met.gap < near)) {
-                (Some(own), Some(Met { spot, gap, yields: true, .. })) => {
-                    has_moved |= self.has_slid(&contacts[own], gap);
-                    contacts[own].against = Against::Surface { body: meeting.other, spot };
+            watch.see(number, &met);
+            match (known, met.filter(|met| met.is_before && met.gap < near)) {
+                (Some(known), Some(Met { spot, gap, yields: true, .. })) => {
+                    has_moved |= self.has_slid(&contacts[known], gap);
+                    contacts[known].against = Against::Surface { body: meeting.other, spot };
                 }
-                (Some(own), _) if begins => drop(contacts.swap_remove(own)),
+                (Some(known), _) => gone.push(known),
                 (None, Some(met)) => self.meet(meeting, &met, contacts, outcome),
-                _ => {}
+                (None, None) => {}
             }
         }
-        for i in (0..contacts.len()).rev() {
-            let contact = contacts[i];
-            let Some((bodies, edges)) = crossed_edges(&contact) else { continue };
-            match self.crossing(bodies, edges) {
+        gone.extend(own.into_values());
+        has_moved |= self.follow_edges(contacts, &mut gone);
+        outcome.is_unfinished |= !begins && !gone.is_empty();
+        has_moved |= contacts.len() != before;
+        if begins && !gone.is_empty() {
+            has_moved = true;
+            gone.sort_unstable();
+            gone.into_iter().rev().for_each(|i| {
+                contacts.remove(i);
+            });
+        }
+        has_moved
+    }
+
+    /// Moves contacts of edges to where these cross now. True if any has moved; those that cross no more are added to `gone`.
+    fn follow_edges(&self, contacts: &mut [Contact], gone: &mut Vec<usize>) -> bool {
+        let mut has_moved = false;
+        for (i, contact) in contacts.iter_mut().enumerate() {
+            let Some((bodies, edges)) = crossed_edges(contact) else { continue };
+            let places = bodies.map(|body| move |node: u32| self.place_of(body, node));
+            let sides = [0, 1].map(|k| Side { body: &self.bodies[bodies[k]], place: &places[k] });
+            match crossing(&sides, edges) {
                 Some(([spot, across], gap)) => {
-                    has_moved |= self.has_slid(&contact, gap);
-                    contacts[i].spot = spot;
-                    contacts[i].against = Against::Surface { body: bodies[1], spot: across };
+                    has_moved |= self.has_slid(contact, gap);
+                    contact.spot = spot;
+                    contact.against = Against::Surface { body: bodies[1], spot: across };
                 }
-                None if begins => drop(contacts.swap_remove(i)),
-                None => {}
+                None => gone.push(i),
             }
         }
-        has_moved || contacts.len() != before
+        has_moved
     }
 
     /// Adds contacts where surfaces have passed through each other between the nodes that are held back: at nodes of the coarser one, and where
     /// edges cross. True if there are any.
-    pub fn pass_surfaces(&self, contacts: &mut Vec<Contact>, outcome: &mut Outcome) -> bool {
+    pub fn pass_surfaces(&self, contacts: &mut Vec<Contact>, watch: &Watch, outcome: &mut Outcome) -> bool {
         let before = contacts.len();
-        for meeting in self.step.meetings {
-            let near = -BETWEEN_NODES * self.edge(meeting);
+        let own = of_nodes(contacts);
+        for (number, meeting) in self.step.meetings.iter().enumerate() {
+            let edge = self.edge(meeting);
             if self.leads(meeting) {
-                self.cross(meeting, near, contacts, outcome);
-            } else if !contacts.iter().any(|contact| is_of(contact, meeting))
+                // An edge reaches as far as its length from its node.
+                let longest = self.bodies[meeting.body].longest();
+                if !watch.is_far(number, longest + edge) {
+                    self.cross(meeting, -BETWEEN_NODES * edge, contacts, outcome);
+                }
+            } else if !own.contains_key(&key(meeting))
                 && let Some(met) = meeting.met(self.bodies, self.places, self.step.outlines)
-                && (met.is_before && met.gap < near)
+                && (met.is_before && met.gap < -BETWEEN_NODES * edge)
             {
                 self.meet(meeting, &met, contacts, outcome);
             }
         }
-        outcome.has_passed |= contacts.len() != before;
+        outcome.is_unfinished |= contacts.len() != before;
         contacts.len() != before
     }
 
@@ -262,11 +288,6 @@ impl Now<'_> {
         }
     }
 
-    fn crossing(&self, bodies: [usize; 2], edges: [[u32; 2]; 2]) -> Option<([SurfaceSpot; 2], f64)> {
-        let places = bodies.map(|body| move |node: u32| self.place_of(body, node));
-        crossing(&[0, 1].map(|k| Side { body: &self.bodies[bodies[k]], place: &places[k] }), edges)
-    }
-
     /// Adds contacts of edges that have passed through each other by more than `-near`, m.
     fn cross(&self, meeting: &Meeting, near: f64, contacts: &mut Vec<Contact>, outcome: &mut Outcome) {
         let bodies = [meeting.body, meeting.other];
@@ -289,12 +310,11 @@ impl Now<'_> {
     }
 }
 
-/// What the rounds of a step have seen of nodes that do not touch, so that those far away are not looked at again.
-#[derive(Default)]
+/// What the rounds of a step have seen of nodes, so that those far away are not looked at again.
 pub struct Watch {
-    /// For each meeting the way within which nothing touches there, m.
+    /// For each meeting the way, summed over both sides, within which nothing touches there, m.
     clear: Vec<f64>,
-    /// The way of all places since the step began, m: that of both sides in every round.
+    /// Longest way of a place since the step began, summed over both sides, m.
     way: f64,
 }
 
@@ -309,8 +329,9 @@ impl Watch {
         self.way += 2.0 * from.iter().zip(to).map(way).fold(0.0, f64::max);
     }
 
-    fn is_far(&self, meeting: usize) -> bool {
-        self.clear[meeting] > self.way
+    /// Whether a node is still farther than this from what it can meet.
+    fn is_far(&self, meeting: usize, far: f64) -> bool {
+        self.clear[meeting] > self.way + far
     }
 
     /// Takes where a node is; one that faces nothing does not do so within a step.
@@ -323,10 +344,21 @@ impl Watch {
     }
 }
 
-/// Whether a contact is that of a meeting's node.
-fn is_of(contact: &Contact, meeting: &Meeting) -> bool {
-    let is_node = contact.body == meeting.body && contact.spot == SurfaceSpot::node(meeting.node);
-    is_node && contact.other().is_some_and(|(other, _)| other == meeting.other)
+/// Body and node of a contact, and the other body.
+type Key = (usize, u32, usize);
+
+fn key(meeting: &Meeting) -> Key {
+    (meeting.body, meeting.node, meeting.other)
+}
+
+/// Places in the list of the contacts of single nodes with surfaces.
+fn of_nodes(contacts: &[Contact]) -> BTreeMap<Key, usize> {
+    let of = |(i, contact): (usize, &Contact)| {
+        let (other, _) = contact.other()?;
+        let node = contact.spot.nodes[0];
+        (contact.spot == SurfaceSpot::node(node)).then_some(((contact.body, node, other), i))
+    };
+    contacts.iter().enumerate().filter_map(of).collect()
 }
 
 /// The bodies and edges of a contact of edges.
@@ -347,8 +379,7 @@ fn add(contacts: &mut Vec<Contact>, body: usize, spot: SurfaceSpot, against: Aga
         contacts.push(Contact { body, spot, against, force: V3::zeros() });
         return;
     }
-    let full = format!(
+    outcome.warn(format!(
         "contact: more than {MOST_CONTACTS} nodes touch, of which the first are held back; a coarser surface has fewer"
-    );
-    outcome.warn(full);
+    ));
 }

@@ -1,19 +1,19 @@
 //! The effect in a world: bodies and tools from frame to frame.
 //!
-//! In: where hands put the tools, and the poses of the bodies' control elements. Out: forces at points of the bodies. In a frame tools
-//! and poses move on in steps that are short against the tool, so that none passes through a body and friction knows its way.
+//! In: where hands put the tools, and the places of the bodies and the poses of their control elements. Out: forces at points of the
+//! bodies. In a frame all of them move on in steps that are short against tools and walls ([`way`](super::way)), so that none passes
+//! through a body and friction knows its way.
 
 use super::candidates::{Nodes, Places};
-use super::detection::distance;
 use super::felt::{Felt, Touching};
-use super::meeting::{Meeting, meetings};
 use super::round::{Outcome, Step};
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
 use super::system::advance;
-use super::tool::{Tool, between};
+use super::tool::{Tool, pose_between};
 use super::touch::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted};
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use super::way::{MOST_STEPS, Near, Start, Way, are_moved_alike, place_between, poses_between, tool_way};
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};
 use crate::effect::entry::EffectInput;
@@ -26,9 +26,6 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-/// Length of a step against the thickness of a tool or of a wall, and steps of a frame at most: what moves farther is put down anew.
-const STEP: f64 = 0.5;
-const MOST_STEPS: usize = 64;
 /// Time since the first frame within which a tool's stylus should be seen, s.
 const SEEN_S: f64 = 2.0;
 
@@ -112,6 +109,7 @@ pub fn attach(
 /// The bodies in a frame, as the world has them.
 struct Now {
     tools: Vec<Option<Isometry3<f64>>>,
+    places: Vec<Similarity3<f64>>,
     poses: Vec<Vec<ControlPose>>,
 }
 
@@ -131,11 +129,13 @@ impl Contacts {
         let mut changed = tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
         let places: Vec<_> = self.bodies.iter().map(|body| world.bodies[body.b].room_from_body).collect();
         changed |= places != self.motion.places;
-        self.motion.places = places;
+        if self.motion.places.is_empty() {
+            self.put(&places);
+        }
+        self.motion.places.clone_from(&places);
         let mut poses = Vec::new();
         for body in &mut self.bodies {
             let placed = &world.bodies[body.b];
-            body.room_from_body = placed.room_from_body;
             let new: Vec<ControlPose> =
                 world.fields.bodies[body.b].poses.iter().map(|pose| *world.graph.get(*pose)).collect();
             changed |= new != body.free.poses;
@@ -150,80 +150,100 @@ impl Contacts {
         }
         self.felt.rests();
         if changed || !self.motion.is_settled {
-            self.advance(world, &Now { tools, poses });
+            self.advance(world, &Now { tools, places, poses });
         }
     }
 
     /// Goes the way from the last frame to this one.
     fn advance(&mut self, world: &World, now: &Now) {
         let before: Vec<DeformerState> = self.bodies.iter().map(TouchedBody::state).collect();
-        let known = self.places(&self.nodes_of_contacts());
+        // Bodies that are moved alike, as by navigation, are where they are now at once.
+        let placed: Vec<_> = self.bodies.iter().map(|body| body.room_from_body).collect();
+        let is_alike = are_moved_alike(&placed, &now.places);
+        let placed = if is_alike { now.places.clone() } else { placed };
+        self.put(&placed);
+        let held = self.nodes_of_contacts();
+        let known = self.places(&held);
         let shown =
             self.bodies.iter().map(|body| body.summed_places(&world.bodies[body.b].deformer)).collect();
-        let last = std::mem::take(&mut self.motion.tools);
-        let (after, tools, meetings) = (Vec::new(), Vec::new(), Vec::new());
-        let mut way = Way { before: self.outlines(), shown, after, tools, meetings };
+        let outlines = self.outlines();
+        self.put(&now.places);
         for (body, poses) in self.bodies.iter_mut().zip(&now.poses) {
             if body.free.take(poses) {
                 body.free.deform();
             }
         }
-        way.after = self.outlines();
-        way.tools = self.tools.iter().zip(&last).zip(&now.tools).map(tool_way).collect();
+        let last = std::mem::take(&mut self.motion.tools);
+        let moved = self.tools.iter().zip(&last).zip(&now.tools);
+        let tools = moved.map(|((tool, last), new)| tool_way(tool, last.pose, *new)).collect();
+        let way = Way { before: outlines, shown, after: self.outlines(), tools };
         self.motion.tools =
             now.tools.iter().map(|pose| Placed { pose: *pose, yielded: V3::zeros() }).collect();
-        way.meetings = self.meetings(&way);
-        let near = self.near(&last, &way);
+        let from: Vec<_> = last.iter().map(Placed::surface).collect();
+        let places: Vec<_> = from.iter().zip(&now.tools).map(|(from, to)| from.or(*to)).collect();
+        let (bodies, tools, pairs) = (&self.bodies, &self.tools, &self.pairs);
+        let near = Start { bodies, tools, pairs, places: &places, held: &held }.near(&way);
         self.motion.is_settled = true;
-        let nothing_meets = near.iter().all(|nodes| nodes.is_empty()) && self.motion.contacts.is_empty();
-        if !nothing_meets {
-            match self.steps(&near, &way) {
-                Some(1) => {
-                    let starts = first_places(&near, &known, &way.shown);
-                    let from: Vec<_> = last.iter().map(Placed::surface).collect();
-                    self.one_step([&from, &now.tools], &starts, &way);
+        if near.all.iter().any(|nodes| !nodes.is_empty()) {
+            match near.meetings.len() {
+                1 if near.is_followed => {
+                    let starts = first_places(&near.all, &known, &way.shown);
+                    self.one_step([&from, &now.tools], &starts, (&way, &near, 0));
                 }
-                Some(steps) => self.go(now, &before, (&last, &near, &known, &way), steps),
-                None => {
+                1 => {
                     self.warnings.push(format!(
                         "contact: a tool or a body moved in one frame by more than {MOST_STEPS} steps of half the thickness of what \
                          touches; it is put down anew, and may lie beyond what it passed"
                     ));
                     self.motion.contacts.clear();
-                    let starts = self.places(&near);
-                    self.one_step([&now.tools, &now.tools], &starts, &way);
+                    let starts = self.places(&near.all);
+                    self.one_step([&now.tools, &now.tools], &starts, (&way, &near, 0));
                 }
+                _ => self.go(now, (&before, &placed), &last, (&known, &way, &near)),
             }
         }
-        self.forget_columns(&near);
-        self.felt.moved(near, way.tools);
+        self.forget_columns(&near.all);
+        self.felt.moved(near.by_tools, way.tools);
     }
 
-    /// Goes the way in several steps.
+    fn put(&mut self, places: &[Similarity3<f64>]) {
+        self.bodies.iter_mut().zip(places).for_each(|(body, place)| body.room_from_body = *place);
+    }
+
+    /// Goes the way in several steps, from these states and places of the bodies.
     fn go(
         &mut self,
         now: &Now,
-        before: &[DeformerState],
-        (last, near, known, way): (&[Placed], &[Arc<Nodes>], &[Places], &Way),
-        steps: usize,
+        (before, placed): (&[DeformerState], &[Similarity3<f64>]),
+        last: &[Placed],
+        (known, way, near): (&[Places], &Way, &Near),
     ) {
         for (body, state) in self.bodies.iter_mut().zip(before) {
             if let Err(message) = body.free.restore(state) {
                 self.warnings.push(message);
             }
         }
+        self.put(placed);
         let mut from: Vec<Option<Isometry3<f64>>> = last.iter().map(Placed::surface).collect();
-        for number in 1..=steps {
-            let share = number as f64 / steps as f64;
-            let starts = if number == 1 { first_places(near, known, &way.shown) } else { self.places(near) };
+        let steps = near.meetings.len();
+        for number in 0..steps {
+            let share = (number + 1) as f64 / steps as f64;
+            let starts = match number {
+                0 => first_places(&near.all, known, &way.shown),
+                _ => self.places(&near.all),
+            };
             let tools = last.iter().zip(&now.tools);
             let to: Vec<_> = tools
-                .map(|(last, new)| new.map(|new| between(&last.pose.unwrap_or(new), &new, share)))
+                .map(|(last, new)| new.map(|new| pose_between(&last.pose.unwrap_or(new), &new, share)))
                 .collect();
-            for ((body, start), end) in self.bodies.iter_mut().zip(before).zip(&now.poses) {
-                body.free.take(&on_the_way(&start.poses, end, share));
+            let ends = now.poses.iter().zip(&now.places);
+            for ((body, start), (poses, place)) in
+                self.bodies.iter_mut().zip(before.iter().zip(placed)).zip(ends)
+            {
+                body.free.take(&poses_between(&start.0.poses, poses, share));
+                body.room_from_body = place_between(start.1, place, share);
             }
-            self.one_step([&from, &to], &starts, way);
+            self.one_step([&from, &to], &starts, (way, near, number));
             let shifted =
                 |(to, tool): (&Option<Isometry3<f64>>, &Placed)| to.map(|to| shifted(&to, &tool.yielded));
             from = to.iter().zip(&self.motion.tools).map(shifted).collect();
@@ -237,12 +257,20 @@ impl Contacts {
         &mut self,
         [from, to]: [&[Option<Isometry3<f64>>]; 2],
         starts: &[Places],
-        Way { after: outlines, meetings, .. }: &Way,
+        (way, near, number): (&Way, &Near, usize),
     ) {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
-        let step = Step { tools: &self.tools, from: &from, to, starts, outlines, meetings };
-        let Outcome { warnings, reached, has_passed } =
+        let step = Step {
+            tools: &self.tools,
+            from: &from,
+            to,
+            starts,
+            outlines: &way.after,
+            by_tools: &near.by_tools,
+            meetings: &near.meetings[number],
+        };
+        let Outcome { warnings, reached, is_unfinished } =
             advance(&mut self.bodies, &mut self.motion.contacts, &step);
         for warning in warnings {
             if !self.warnings.contains(&warning) {
@@ -250,7 +278,7 @@ impl Contacts {
             }
         }
         // Forces that are not found yet are sought on in the next frame.
-        self.motion.is_settled = !has_passed && reached.is_none_or(|reached| reached.is_solved);
+        self.motion.is_settled = !is_unfinished && reached.is_none_or(|reached| reached.is_solved);
         for (t, tool) in self.tools.iter().enumerate() {
             let force = force_on_tool(t, &self.bodies, &self.motion.contacts);
             self.motion.tools[t].yielded = tool.stiffness.map_or_else(V3::zeros, |k| force / k);
@@ -298,92 +326,11 @@ impl Contacts {
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }
 
-    /// Nodes that can meet surfaces on the way.
-    fn meetings(&self, way: &Way) -> Vec<Meeting> {
-        let of = |pair: &[usize; 2]| {
-            let edge = pair.map(|b| self.bodies[b].longest()).into_iter().fold(0.0, f64::max);
-            let reach = edge + pair.map(|b| way.travel(b, 0..way.after[b].len())).iter().sum::<f64>();
-            meetings(&self.bodies, *pair, &way.shown, reach + way.fastest_tool())
-        };
-        self.pairs.iter().flat_map(of).collect()
-    }
-
-    /// Nodes of each body that a tool or a surface can meet on its way.
-    fn near(&self, last: &[Placed], way: &Way) -> Vec<Arc<Nodes>> {
-        let of = |(b, (body, held)): (usize, (&TouchedBody, Arc<Nodes>))| {
-            let is_near = |node: &u32| {
-                let at = *node as usize;
-                let reach = body.longest() + (way.after[b][at] - way.before[b][at]).norm();
-                let mut tools = self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]);
-                tools.any(|(t, tool)| {
-                    let start = last[t].surface().or(self.motion.tools[t].pose);
-                    start.is_some_and(|pose| {
-                        distance(&tool.shape, &pose, &way.shown[b][at]).0 < reach + way.tools[t]
-                    })
-                })
-            };
-            let meeting = way.meetings.iter().filter(|meeting| meeting.body == b);
-            let meeting = meeting.flat_map(|meeting| body.with_neighbours(meeting.node));
-            let met = way.meetings.iter().filter(|meeting| meeting.other == b);
-            let met = met.flat_map(|meeting| meeting.corners(&self.bodies));
-            let by_tools = (0..body.takes.len() as u32).filter(is_near);
-            let all = by_tools.chain(held.iter()).chain(meeting).chain(met).collect();
-            Nodes::new(all, body.takes.len())
-        };
-        self.bodies.iter().zip(self.nodes_of_contacts()).enumerate().map(of).collect()
-    }
-
-    /// Number of steps to this frame; `None` where something has jumped.
-    fn steps(&self, near: &[Arc<Nodes>], way: &Way) -> Option<usize> {
-        let mut most = 1.0_f64;
-        for (b, body) in self.bodies.iter().enumerate().filter(|(b, _)| !near[*b].is_empty()) {
-            let travel = way.travel(b, near[b].iter().map(|node| node as usize));
-            for (t, tool) in self.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
-                most = most.max((way.tools[t] + travel) / (STEP * tool.shape.thickness()));
-            }
-        }
-        for [one, other] in &self.pairs {
-            let meets = |meeting: &Meeting| [meeting.body, meeting.other] == [*one, *other];
-            if way.meetings.iter().any(meets) {
-                let travel = [*one, *other].map(|b| way.travel(b, near[b].iter().map(|node| node as usize)));
-                let wall = self.bodies[*one].thickness().min(self.bodies[*other].thickness());
-                let travel = travel.iter().sum::<f64>() + way.fastest_tool();
-                most = most.max(travel / (STEP * wall).max(f64::MIN_POSITIVE));
-            }
-        }
-        let steps = most.ceil() as usize;
-        (steps <= MOST_STEPS).then_some(steps)
-    }
-
-    /// Drops the columns of nodes that no tool is near.
+    /// Drops the columns of nodes that nothing is near.
     fn forget_columns(&mut self, near: &[Arc<Nodes>]) {
         for (body, near) in self.bodies.iter_mut().zip(near) {
             body.keep(&|node| near.contains(node));
         }
-    }
-}
-
-/// The way of a frame: places in the room of all nodes of each body without contact before and after, and as they were shown last; and
-/// by how far each tool moves, m.
-struct Way {
-    before: Vec<Vec<V3>>,
-    shown: Vec<Vec<V3>>,
-    after: Vec<Vec<V3>>,
-    tools: Vec<f64>,
-    /// Nodes that can meet surfaces.
-    meetings: Vec<Meeting>,
-}
-
-impl Way {
-    /// Longest way of these nodes of a body, m.
-    fn travel(&self, b: usize, nodes: impl Iterator<Item = usize>) -> f64 {
-        let way = |node: usize| (self.after[b][node] - self.before[b][node]).norm();
-        nodes.map(way).fold(0.0, f64::max)
-    }
-
-    /// Longest way of a tool, m.
-    fn fastest_tool(&self) -> f64 {
-        self.tools.iter().copied().fold(0.0, f64::max)
     }
 }
 
@@ -393,22 +340,6 @@ fn first_places(near: &[Arc<Nodes>], known: &[Places], shown: &[Vec<V3>]) -> Vec
         Places::new(near, |node| known.get(node).unwrap_or(shown[node as usize]))
     };
     near.iter().zip(known).zip(shown).map(of).collect()
-}
-
-/// Longest way of a point of a tool, m.
-fn tool_way(((tool, last), new): ((&Tool, &Placed), &Option<Isometry3<f64>>)) -> f64 {
-    let (Some(last), Some(new)) = (last.pose, new) else { return 0.0 };
-    let turn = last.rotation.angle_to(&new.rotation);
-    (new.translation.vector - last.translation.vector).norm() + tool.shape.reach() * turn
-}
-
-/// Poses on the way from one list to another.
-fn on_the_way(from: &[ControlPose], to: &[ControlPose], share: f64) -> Vec<ControlPose> {
-    let of = |(from, to): (&ControlPose, &ControlPose)| ControlPose {
-        translation: from.translation.lerp(&to.translation, share),
-        matrix: from.matrix + (to.matrix - from.matrix) * share,
-    };
-    if share == 1.0 { to.to_vec() } else { from.iter().zip(to).map(of).collect() }
 }
 
 impl RunningEffect for Contacts {
@@ -466,26 +397,31 @@ impl RunningEffect for Contacts {
 
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
         let motion: Motion = read(memory)?;
+        let is_pair = |one: usize, other: usize| {
+            self.pairs.iter().any(|pair| *pair == [one, other] || *pair == [other, one])
+        };
         let fits = |contact: &Contact| {
-            let spot_fits = |(body, spot, _): (usize, SurfaceSpot, f64)| {
-                let nodes = self.bodies.get(body).map_or(0, |body| body.takes.len());
-                spot.nodes.iter().all(|node| (*node as usize) < nodes)
-            };
             let is_known = match contact.against {
                 Against::Tool(tool) => tool < self.tools.len(),
-                Against::Surface { body, .. } => self.pairs.iter().any(|pair| pair.contains(&body)),
+                Against::Surface { body, .. } => is_pair(contact.body, body),
+            };
+            let spot_fits = |(body, spot, _): (usize, SurfaceSpot, f64)| {
+                self.bodies.get(body).is_some_and(|body| body.bears(&spot))
             };
             is_known && contact.sides().all(spot_fits)
         };
-        if (motion.tools.len(), motion.free.len()) != (self.tools.len(), self.bodies.len())
+        let bodies = self.bodies.len();
+        let is_begun = !motion.places.is_empty();
+        if (motion.tools.len(), motion.free.len()) != (self.tools.len(), bodies)
+            || (is_begun && motion.places.len() != bodies)
             || !motion.contacts.iter().all(fits)
         {
             return Err("its tools and contacts are those of another scene".to_owned());
         }
-        for ((body, state), place) in self.bodies.iter_mut().zip(&motion.free).zip(&motion.places) {
+        for (body, state) in self.bodies.iter_mut().zip(&motion.free) {
             body.free.restore(state)?;
-            body.room_from_body = *place;
         }
+        self.put(&motion.places);
         self.motion = Motion { free: Vec::new(), ..motion };
         let nodes = self.nodes_of_contacts();
         for (body, nodes) in self.bodies.iter_mut().zip(nodes) {

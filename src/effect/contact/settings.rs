@@ -72,11 +72,6 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
     let settings = Settings::of(resolved);
     let others =
         || scene.body.iter().filter(|(other, body)| *other != name && body.effects.iter().any(|e| e == NAME));
-    if scene.tool.is_empty() && others().next().is_none() && !settings.itself {
-        let message = "nothing touches the body: add a tool, as [tool.probe] with shape = { ball = { radius = 0.01 } } \
-                       and stylus = 1, list \"contact\" in another body too, or write effect.contact = { itself = true }";
-        return wrong("effects", message.to_owned());
-    }
     let named = settings.bodies.iter().flatten();
     if let Some(unknown) = named.into_iter().find(|body| others().all(|(other, _)| other != *body)) {
         let message = match scene.body.contains_key(unknown.as_str()) {
@@ -91,6 +86,13 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
     {
         let known = scene.tool.keys().map(String::as_str);
         return wrong("effect.contact.tools", config::unknown_name("tool", unknown, known));
+    }
+    let lists = |other: &String| settings.bodies.as_ref().is_none_or(|bodies| bodies.contains(other));
+    let by_tools = scene.tool.keys().any(|tool| settings.touches(tool));
+    if !by_tools && !others().any(|(other, _)| lists(other)) && !settings.itself {
+        let message = "nothing touches the body: add a tool, as [tool.probe] with shape = { ball = { radius = 0.01 } } \
+                       and stylus = 1, list \"contact\" in another body too, or write effect.contact = { itself = true }";
+        return wrong("effects", message.to_owned());
     }
     if let Some(other) = resolved.entries().find(|effect| effect.has_inertia) {
         let message = format!(

@@ -50,15 +50,26 @@ impl<'a> Shown<'a> {
                 })
             };
             let own: Vec<&Contact> = self.contacts.iter().filter(is_own).collect();
-            let on_two = |contact: &&Contact| {
-                let sign = if contact.body == *two { 1.0 } else { -1.0 };
-                contact.force_in_room(self.bodies) * sign
+            let force = match one == two {
+                true => self.within_itself(&own),
+                false => own.iter().map(|contact| self.force_on(contact, *two)).sum(),
             };
-            let force = own.iter().map(on_two).sum::<Vector3<f64>>();
             let [name, other] = [*one, *two].map(|body| &self.bodies[body].free.body);
             let words = if one == two { format!("{name} on itself") } else { format!("{name} on {other}") };
             self.show_force(&words, (&own, force), world, frame);
         }
+    }
+
+    /// Force of a contact of two bodies on one of them.
+    fn force_on(&self, contact: &Contact, body: usize) -> Vector3<f64> {
+        contact.force_in_room(self.bodies) * if contact.body == body { 1.0 } else { -1.0 }
+    }
+
+    /// Force with which a body presses itself: the nodes of both walls bear a share of it, one in the other's direction.
+    fn within_itself(&self, contacts: &[&Contact]) -> Vector3<f64> {
+        let forces = || contacts.iter().map(|contact| contact.force_in_room(self.bodies));
+        let strongest = forces().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
+        forces().map(|force| if force.dot(&strongest) < 0.0 { -force } else { force }).sum()
     }
 
     /// An arrow and a plate where these contacts press.

@@ -12,7 +12,7 @@
 //! they stand where their gaps were taken.
 
 use super::candidates::Places;
-use super::round::{Now, Outcome, Step, Watch, leads};
+use super::round::{Outcome, Round, Step, Watch, leads};
 use super::touch::{Contact, at_nodes, between, fetch, force_on_tool, friction, turns};
 use super::touched_body::TouchedBody;
 use crate::base::quantity::quantity;
@@ -40,28 +40,32 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
     let mut watch = Watch::new(step.meetings.len());
     for round in 0..MOST_ROUNDS {
         let yielded = all_yielded(bodies, contacts, step);
-        let now = Now { bodies, step, places: &places, yielded: &yielded };
+        let now = Round { bodies, step, places: &places, yielded: &yielded };
         let mut found = now.meet_tools(contacts, &mut outcome);
         found |= now.meet_surfaces(contacts, &mut watch, round == 0, &mut outcome);
         let mut is_exact = true;
-        if !contacts.is_empty() {
+        // What has no normal cannot be pressed.
+        contacts.retain(|contact| now.gap(contact).1 != V3::zeros());
+        if contacts.is_empty() {
+            places.clone_from(&free);
+        } else {
             if let Err(warning) = fetch(bodies, contacts) {
                 outcome.warn(warning);
                 contacts.clear();
                 return outcome;
             }
-            let now = Now { bodies, step, places: &places, yielded: &yielded };
+            let now = Round { bodies, step, places: &places, yielded: &yielded };
             let (after, is_exact_there, reached) = solve(&now, contacts, &free);
             watch.moved(&places, &after);
             (places, is_exact, outcome.reached) = (after, is_exact_there, Some(reached));
         }
         let is_settled = !found && is_exact && (round > 0 || contacts.is_empty());
-        let now = Now { bodies, step, places: &places, yielded: &all_yielded(bodies, contacts, step) };
-        if is_settled && (outcome.has_passed || !now.pass_surfaces(contacts, &mut outcome)) {
+        let now = Round { bodies, step, places: &places, yielded: &all_yielded(bodies, contacts, step) };
+        if is_settled && (outcome.is_unfinished || !now.pass_surfaces(contacts, &watch, &mut outcome)) {
             break;
         }
     }
-    contacts.retain(|contact| contact.force != V3::zeros());
+    contacts.retain(|contact| contact.force != V3::zeros() && contact.force.iter().all(|f| f.is_finite()));
     if let Some(Reached { missed, largest, .. }) = outcome.reached.filter(|reached| reached.is_far()) {
         outcome.warn(format!(
             "contact: no forces were found in this frame that hold {} contacts apart: they miss it by {} of {}",
@@ -90,8 +94,8 @@ fn all_yielded(bodies: &[TouchedBody], contacts: &[Contact], step: &Step<'_>) ->
 }
 
 /// Finds the forces for gaps that are linear about the present places; the places to which they lead, and whether the gaps hold there.
-fn solve(now: &Now<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Places>, bool, Reached) {
-    let Now { bodies, step, .. } = *now;
+fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Places>, bool, Reached) {
+    let Round { bodies, step, .. } = *now;
     let turns = turns(bodies);
     let mut bases = Vec::with_capacity(contacts.len());
     let size = 3 * contacts.len();
@@ -122,7 +126,7 @@ fn solve(now: &Now<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Place
     let d = &w * &f + d0;
     let yielded = all_yielded(bodies, contacts, step);
     let places = with_contact(bodies, contacts, free);
-    let after = Now { places: &places, yielded: &yielded, ..*now };
+    let after = Round { places: &places, yielded: &yielded, ..*now };
     let is_exact = contacts.iter().enumerate().all(|(i, contact)| {
         let (gap, _) = after.gap(contact);
         (gap - d[3 * i]).abs() <= after.tolerance(contact)
@@ -130,8 +134,8 @@ fn solve(now: &Now<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Place
     (places, is_exact, reached)
 }
 
-/// Compliance of a contact beside that of its bodies, m/N: one between nodes depends on those at the nodes, as do both sides of two
-/// surfaces on each other, and a thin skin makes their forces unique.
+/// Compliance of a contact beside that of its bodies, m/N. Contacts between nodes, and those of both surfaces at once, depend on one
+/// another: a thin skin makes their forces unique.
 fn skin(bodies: &[TouchedBody], contact: &Contact, w: &DMatrix<f64>, i: usize) -> f64 {
     let is_node = contact.spot.corners().count() == 1;
     let is_one_way = |(other, _)| other != contact.body && leads(bodies, [contact.body, other]);

@@ -71,7 +71,7 @@ fn hand(stylus: &StylusState, workspace: &Workspace) -> Option<Isometry3<f64>> {
 }
 
 /// The pose on the way from one to another.
-pub fn between(from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
+pub fn pose_between(from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
     if share == 1.0 {
         return *to;
     }

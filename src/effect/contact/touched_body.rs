@@ -1,4 +1,4 @@
-//! A body that tools touch: its shape without contact, and how its surface yields.
+//! A body that is touched: its shape without contact, and how its surface yields.
 
 use crate::deform::{Deformer, DeformerState};
 use crate::green::Yield;
@@ -35,6 +35,8 @@ pub struct TouchedBody {
     longest: f64,
     /// Thickness of its walls at rest, in the body's metres; 0 unless it meets surfaces.
     pub wall: f64,
+    /// Outward normals at rest around its nodes, in its own axes; none unless it meets surfaces.
+    pub outward_at_rest: Vec<V3>,
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: Columns,
@@ -50,6 +52,9 @@ struct Columns {
     /// Row i: blocks with nodes 0 to i, m/N.
     blocks: Vec<Vec<Matrix3<f32>>>,
 }
+
+/// Columns that nothing needs are dropped when they are one of so many.
+const LOOSE: usize = 4;
 
 impl Columns {
     fn slot(&self, node: u32) -> Option<usize> {
@@ -84,7 +89,8 @@ impl Columns {
 
     fn keep(&mut self, nodes: &dyn Fn(u32) -> bool) {
         let stays: Vec<bool> = self.nodes.iter().map(|node| nodes(*node)).collect();
-        if stays.iter().all(|stays| *stays) {
+        let gone = stays.iter().filter(|stays| !**stays).count();
+        if gone * LOOSE <= stays.len() {
             return;
         }
         for (node, stays) in self.nodes.iter().zip(&stays) {
@@ -160,6 +166,7 @@ impl TouchedBody {
             around,
             longest,
             wall: 0.0,
+            outward_at_rest: Vec::new(),
             room_from_body,
             columns: Columns::default(),
         })
@@ -170,11 +177,20 @@ impl TouchedBody {
         self.longest * self.room_from_body.scaling()
     }
 
+    /// Whether forces can act on a spot.
+    pub fn bears(&self, spot: &SurfaceSpot) -> bool {
+        let takes = |node: &u32| self.takes.get(*node as usize) == Some(&true);
+        let sum: f64 = spot.weights.iter().sum();
+        spot.nodes.iter().all(takes) && spot.weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-6
+    }
+
     /// Prepares it to meet surfaces.
     pub fn measure_walls(&mut self) {
         let vertices = self.free.rest().iter().map(|x| V3::from(x.map(f64::from))).collect();
         let surface = TriangleSurface { vertices, triangles: self.triangles.clone() };
         self.wall = wall_thickness(&surface, THINNEST).unwrap_or(self.longest);
+        let rest = |node: u32| V3::from(self.free.rest()[node as usize].map(f64::from));
+        self.outward_at_rest = (0..self.takes.len() as u32).map(|node| self.outward(node, &rest)).collect();
     }
 
     /// Thickness of its walls in the room, m.
@@ -209,6 +225,13 @@ impl TouchedBody {
             return Ok(());
         }
         let columns = self.free.columns_at(&missing).map_err(|error| error.to_string())?;
+        if columns.len() != missing.len() {
+            return Err(format!(
+                "{} of {} nodes have no columns",
+                missing.len() - columns.len(),
+                missing.len()
+            ));
+        }
         self.columns.slots.resize(self.takes.len(), None);
         missing.into_iter().zip(columns).for_each(|(node, column)| self.columns.add(node, column));
         Ok(())
@@ -253,17 +276,8 @@ impl TouchedBody {
         self.around[node as usize].iter().flat_map(|number| self.triangles[*number as usize])
     }
 
-    /// Outward normal around a node whose body's nodes have these places.
-    pub fn outward(&self, node: u32, places: &[V3]) -> V3 {
-        self.outward_by(node, &|corner| places[corner as usize])
-    }
-
-    /// Outward normal around a node at rest, in the body's axes.
-    pub fn outward_at_rest(&self, node: u32) -> V3 {
-        self.outward_by(node, &|corner| V3::from(self.free.rest()[corner as usize].map(f64::from)))
-    }
-
-    fn outward_by(&self, node: u32, place: &dyn Fn(u32) -> V3) -> V3 {
+    /// Outward normal around a node.
+    pub fn outward(&self, node: u32, place: &dyn Fn(u32) -> V3) -> V3 {
         let normal = |number: &u32| across(self.triangles[*number as usize].map(place));
         self.around[node as usize].iter().map(normal).sum::<V3>().try_normalize(0.0).unwrap_or_else(V3::zeros)
     }
