@@ -80,6 +80,7 @@ fn scripts() {
             "press.toml",
             "pull.toml",
             "raise.toml",
+            "rub.toml",
             "stylus.toml",
             "two-hands.toml",
         ],
@@ -89,9 +90,13 @@ fn scripts() {
     let stage = Stage::find("workbench").unwrap();
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
-    for (file, duration_s, styli) in
-        [("press.toml", 5.0, 0), ("pull.toml", 6.5, 1), ("raise.toml", 5.0, 2), ("two-hands.toml", 8.5, 2)]
-    {
+    for (file, duration_s, styli) in [
+        ("press.toml", 5.0, 0),
+        ("pull.toml", 6.5, 1),
+        ("raise.toml", 5.0, 2),
+        ("rub.toml", 5.5, 1),
+        ("two-hands.toml", 8.5, 2),
+    ] {
         let script = Script::load(&config("scripts").join(file)).unwrap();
         assert_eq!(script.duration_s, duration_s, "{file}");
         assert_eq!(
@@ -274,6 +279,7 @@ fn scenes() {
             "models.toml",
             "pluck.toml",
             "press.toml",
+            "rub.toml",
             "steel-bar.toml",
             "stylus.toml",
             "tube.toml",
