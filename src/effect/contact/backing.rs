@@ -4,7 +4,7 @@
 //! which surfaces hold each other: that of the force without friction, and all with it, as if they stuck.
 
 use super::tool::Tool;
-use super::touch::{Contact, between, friction, turns};
+use super::touch::{Contact, compliance_between, friction, turns};
 use super::touched_body::TouchedBody;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -41,7 +41,8 @@ impl<'a> Backed<'a> {
         let mut w = DMatrix::zeros(count, count);
         for (i, a) in holding.iter().enumerate() {
             for (j, b) in holding.iter().enumerate().take(i + 1) {
-                let both = directions[i].tr_mul(&between(bodies, tools, &turns, (a, b))) * directions[j];
+                let both =
+                    directions[i].tr_mul(&compliance_between(bodies, tools, &turns, (a, b))) * directions[j];
                 w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&both);
                 w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&both.transpose());
             }
@@ -52,7 +53,7 @@ impl<'a> Backed<'a> {
         let taken = |contact: &Contact| {
             let mut rows = DMatrix::zeros(count, 3);
             for (i, a) in holding.iter().enumerate() {
-                let moved = directions[i].tr_mul(&between(bodies, tools, &turns, (a, contact)));
+                let moved = directions[i].tr_mul(&compliance_between(bodies, tools, &turns, (a, contact)));
                 rows.fixed_view_mut::<3, 3>(3 * i, 0).copy_from(&moved);
             }
             factor
@@ -68,7 +69,7 @@ impl<'a> Backed<'a> {
     pub fn between(&self, i: usize, j: usize) -> Matrix3<f64> {
         let pair = (&self.contacts[i], &self.contacts[j]);
         let taken = self.taken[i].tr_mul(&self.taken[j]);
-        between(self.bodies, self.tools, &self.turns, pair) - taken.fixed_view::<3, 3>(0, 0)
+        compliance_between(self.bodies, self.tools, &self.turns, pair) - taken.fixed_view::<3, 3>(0, 0)
     }
 }
 

@@ -13,7 +13,7 @@
 
 use super::candidates::Places;
 use super::round::{Outcome, Round, Step, Watch, leads};
-use super::touch::{Contact, at_nodes, between, fetch, force_on_tool, friction, turns};
+use super::touch::{Contact, at_nodes, compliance_between, fetch, force_on_tool, friction, turns};
 use super::touched_body::TouchedBody;
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
@@ -154,7 +154,7 @@ fn compliance(
     let mut w = DMatrix::zeros(size, size);
     for (i, a) in contacts.iter().enumerate() {
         for (j, b) in contacts.iter().enumerate().take(i + 1) {
-            let block = bases[i].tr_mul(&between(bodies, step.tools, turns, (a, b))) * bases[j];
+            let block = bases[i].tr_mul(&compliance_between(bodies, step.tools, turns, (a, b))) * bases[j];
             w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
             w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&block.transpose());
         }

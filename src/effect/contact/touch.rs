@@ -113,7 +113,7 @@ pub fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), Str
 }
 
 /// Displacement of one contact by a force at another, along the room's axes, m/N: that of its spot against what it touches.
-pub fn between(
+pub fn compliance_between(
     bodies: &[TouchedBody],
     tools: &[Tool],
     turns: &[Matrix3<f64>],
