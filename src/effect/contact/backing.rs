@@ -4,7 +4,7 @@
 //! which surfaces hold each other: that of the force without friction, and all with it, as if they stuck.
 
 use super::tool::Tool;
-use super::touch::{Contact, compliance_between, friction, turns};
+use super::touch::{Contact, compliance, compliance_between, friction, turns};
 use super::touched_body::TouchedBody;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -38,17 +38,10 @@ impl<'a> Backed<'a> {
         let directions: Vec<Matrix3<f64>> =
             holding.iter().map(|contact| directions(bodies, contact)).collect();
         let count = 3 * holding.len();
-        let mut w = DMatrix::zeros(count, count);
-        for (i, a) in holding.iter().enumerate() {
-            for (j, b) in holding.iter().enumerate().take(i + 1) {
-                let both =
-                    directions[i].tr_mul(&compliance_between(bodies, tools, &turns, (a, b))) * directions[j];
-                w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&both);
-                w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&both.transpose());
-            }
-        }
+        let mut w = compliance(bodies, tools, &holding, &directions);
         let skin = SKIN * w.trace() / count.max(1) as f64;
         (0..count).for_each(|i| w[(i, i)] += skin);
+        // The skin makes W_pp positive definite.
         let factor = w.cholesky().map(|factor| factor.unpack());
         let taken = |contact: &Contact| {
             let mut rows = DMatrix::zeros(count, 3);
@@ -74,9 +67,9 @@ impl<'a> Backed<'a> {
 }
 
 /// The contacts between surfaces that press most.
-fn strongest(all: &[Contact]) -> Vec<&Contact> {
-    let mut holding: Vec<&Contact> =
-        all.iter().filter(|contact| contact.other().is_some() && contact.force != V3::zeros()).collect();
+fn strongest(all: &[Contact]) -> Vec<Contact> {
+    let holds = |contact: &&Contact| contact.other().is_some() && contact.force != V3::zeros();
+    let mut holding: Vec<Contact> = all.iter().filter(holds).copied().collect();
     holding.sort_by(|a, b| b.force.norm().total_cmp(&a.force.norm()));
     holding.truncate(MOST);
     holding

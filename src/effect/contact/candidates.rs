@@ -9,7 +9,7 @@ type V3 = Vector3<f64>;
 /// A set of a body's nodes.
 #[derive(Debug, Default)]
 pub struct Nodes {
-    /// In ascending order.
+    /// Numbers in ascending order.
     list: Vec<u32>,
     /// Place of each node of the body in the list; none where there is no list.
     slots: Vec<Option<u32>>,
@@ -54,7 +54,7 @@ impl Places {
         Places { nodes: nodes.clone(), at: nodes.iter().map(place).collect() }
     }
 
-    /// The same nodes elsewhere.
+    /// Places of the same nodes after each has moved.
     pub fn moved(&self, by: impl Fn(u32) -> V3) -> Places {
         let at = self.iter().map(|(node, x)| x + by(node)).collect();
         Places { nodes: self.nodes.clone(), at }

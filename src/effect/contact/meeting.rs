@@ -105,7 +105,7 @@ fn around(places: impl Iterator<Item = V3>, reach: f64) -> Aabb {
 struct Nearest {
     corners: [u32; 3],
     weights: [f64; 3],
-    /// From there to the node.
+    /// Vector from there to the node.
     away: V3,
     /// Outward.
     face: V3,

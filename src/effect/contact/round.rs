@@ -70,7 +70,7 @@ pub struct Round<'a> {
 }
 
 impl Round<'_> {
-    /// By how much the gap of a contact may be off, m.
+    /// Error that the gap of a contact may have, m.
     pub fn tolerance(&self, contact: &Contact) -> f64 {
         let own = self.bodies[contact.body].longest();
         match contact.against {
@@ -104,7 +104,7 @@ impl Round<'_> {
         }
     }
 
-    /// How far a contact would open beyond its present gap without contact, and how far it would have slipped since the step began.
+    /// Opening of a contact beyond its present gap if there were no contact, and its slip since the step began.
     pub fn without(&self, contact: &Contact, free: &[Places]) -> (V3, V3) {
         let step = self.step;
         let all = |body: usize, spot: &SurfaceSpot| {
@@ -310,9 +310,9 @@ impl Round<'_> {
     }
 }
 
-/// What the rounds of a step have seen of nodes, so that those far away are not looked at again.
+/// Distances of nodes as the rounds of a step have found them: those far away are not looked at again.
 pub struct Watch {
-    /// For each meeting the way, summed over both sides, within which nothing touches there, m.
+    /// Way of each meeting, summed over both sides, within which nothing touches there, m.
     clear: Vec<f64>,
     /// Longest way of a place since the step began, summed over both sides, m.
     way: f64,

@@ -13,12 +13,12 @@
 
 use super::candidates::Places;
 use super::round::{Outcome, Round, Step, Watch, leads};
-use super::touch::{Contact, at_nodes, compliance_between, fetch, force_on_tool, friction, turns};
+use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, turns};
 use super::touched_body::TouchedBody;
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
 use crate::solve::cone::{Cone, Reached};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 type V3 = Vector3<f64>;
 
@@ -111,7 +111,7 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Pla
         f.fixed_rows_mut::<3>(3 * i).copy_from(&basis.tr_mul(&(turns[contact.body] * contact.force)));
         bases.push(basis);
     }
-    let w = compliance(bodies, contacts, step, (&turns, &bases));
+    let w = compliance(bodies, step.tools, contacts, &bases);
     let skins: Vec<f64> = (0..contacts.len()).map(|i| skin(bodies, &contacts[i], &w, i)).collect();
     let mut with_skins = w.clone();
     skins
@@ -141,23 +141,4 @@ fn skin(bodies: &[TouchedBody], contact: &Contact, w: &DMatrix<f64>, i: usize) -
     let is_one_way = |(other, _)| other != contact.body && leads(bodies, [contact.body, other]);
     let is_alone = is_node && contact.other().is_none_or(is_one_way);
     if is_alone { 0.0 } else { SKIN * w.fixed_view::<3, 3>(3 * i, 3 * i).trace() / 3.0 }
-}
-
-/// W, 3n × 3n, m/N.
-fn compliance(
-    bodies: &[TouchedBody],
-    contacts: &[Contact],
-    step: &Step<'_>,
-    (turns, bases): (&[Matrix3<f64>], &[Matrix3<f64>]),
-) -> DMatrix<f64> {
-    let size = 3 * contacts.len();
-    let mut w = DMatrix::zeros(size, size);
-    for (i, a) in contacts.iter().enumerate() {
-        for (j, b) in contacts.iter().enumerate().take(i + 1) {
-            let block = bases[i].tr_mul(&compliance_between(bodies, step.tools, turns, (a, b))) * bases[j];
-            w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
-            w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&block.transpose());
-        }
-    }
-    w
 }

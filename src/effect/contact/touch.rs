@@ -5,7 +5,7 @@
 
 use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
-use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -24,7 +24,7 @@ pub struct Contact {
     pub force: V3,
 }
 
-/// The other side of a contact.
+/// Partner of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Against {
@@ -43,7 +43,7 @@ impl Contact {
         }
     }
 
-    /// The other body that it touches, and where.
+    /// Touched body, and the spot there, where it is no tool.
     pub fn other(&self) -> Option<(usize, SurfaceSpot)> {
         match self.against {
             Against::Tool(_) => None,
@@ -84,7 +84,7 @@ pub fn at_spots(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Ve
     contacts.iter().flat_map(of).collect()
 }
 
-/// The same at single nodes.
+/// Forces of the contacts at single nodes of a body.
 pub fn at_nodes(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Vec<(u32, V3)> {
     let mut all: BTreeMap<u32, V3> = BTreeMap::new();
     for (spot, force) in at_spots(bodies, contacts, body) {
@@ -131,6 +131,25 @@ pub fn compliance_between(
         block += Matrix3::from_diagonal_element(1.0 / k);
     }
     block
+}
+
+/// W of these contacts, each in its own basis, 3n × 3n, m/N.
+pub fn compliance(
+    bodies: &[TouchedBody],
+    tools: &[Tool],
+    contacts: &[Contact],
+    bases: &[Matrix3<f64>],
+) -> DMatrix<f64> {
+    let (turns, size) = (turns(bodies), 3 * contacts.len());
+    let mut w = DMatrix::zeros(size, size);
+    for (i, a) in contacts.iter().enumerate() {
+        for (j, b) in contacts.iter().enumerate().take(i + 1) {
+            let block = bases[i].tr_mul(&compliance_between(bodies, tools, &turns, (a, b))) * bases[j];
+            w.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
+            w.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&block.transpose());
+        }
+    }
+    w
 }
 
 /// Turns of the bodies from the axes of their columns to those of the room.

@@ -27,7 +27,7 @@ pub struct Way {
     pub tools: Vec<f64>,
 }
 
-/// What can meet on the way.
+/// Nodes and surfaces that can meet on the way.
 pub struct Near {
     /// Nodes of each body that tools can meet.
     pub by_tools: Vec<Arc<Nodes>>,
