@@ -9,8 +9,8 @@ use crate::scene::Body;
 pub const EFFECTS: &[EffectEntry] = &[
     haptics::live::ENTRY,
     expected::ENTRY,
-    dynamics::ENTRY,
     contact::ENTRY,
+    dynamics::ENTRY,
     stress::ENTRY,
     ghost_rest::ENTRY,
     ghost_equilibrium::ENTRY,

@@ -96,8 +96,6 @@ pub struct EffectEntry {
     pub needs_energy: bool,
     /// Whether it needs the inside of the body; boundary elements have none.
     pub needs_inside: bool,
-    /// Whether it gives the body inertia.
-    pub has_inertia: bool,
     /// Whether it presses single points of the surface: a body whose scene gives it no `surface_compliance` has it by the factor.
     pub presses_points: bool,
     /// Whether hands with a force device feel the body.
@@ -134,7 +132,6 @@ impl EffectEntry {
         requirements: &[],
         needs_energy: false,
         needs_inside: false,
-        has_inertia: false,
         presses_points: false,
         is_felt: false,
         shows_stress: false,

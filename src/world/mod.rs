@@ -23,6 +23,7 @@ pub mod force;
 pub mod force_scale;
 pub mod frame;
 pub mod hand;
+pub mod inertia;
 pub mod measure;
 pub mod place;
 pub mod ruler;

@@ -14,6 +14,7 @@ use super::assets::Assets;
 use super::edit_state::EditState;
 use super::flow::{Bodies, Fields};
 use super::frame::{BodyFrame, Frame};
+use super::inertia::Inertia;
 use crate::base::output::Kind;
 use crate::base::plates::Words;
 use crate::deform::{Contribution, ControlPose};
@@ -88,8 +89,20 @@ pub trait RunningEffect {
     }
 
     /// Adds coefficients, energies and forces to the bodies in this frame, whose hands and poses are known. The bodies still have
-    /// the shape of the frame before. Effects act one after the other, in the order of the program's list of effects.
-    fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {}
+    /// the shape of the frame before. Effects act one after the other, in the order of the program's list of effects; `inertias` are those
+    /// of the effects that come later.
+    fn solve(
+        &mut self,
+        _world: &World,
+        _contributions: &mut [Contribution],
+        _inertias: &mut [&mut dyn Inertia],
+    ) {
+    }
+
+    /// The bodies to which it gives inertia.
+    fn inertias(&mut self) -> Vec<&mut dyn Inertia> {
+        Vec::new()
+    }
 
     /// The control elements to which [`RunningEffect::solve`] gave another pose. It asks [`World::is_carried`] first: what a hand
     /// holds goes where the hand is.

@@ -180,9 +180,12 @@ impl World {
         self.graph.evaluate_first(&poses, &mut self.bodies);
         let mut contributions = self.no_contributions();
         let mut effects = std::mem::take(&mut self.effects);
-        for effect in &mut effects {
-            effect.solve(self, &mut contributions);
+        let mut left = effects.as_mut_slice();
+        while let Some((effect, later)) = left.split_first_mut() {
+            let mut inertias: Vec<_> = later.iter_mut().flat_map(|effect| effect.inertias()).collect();
+            effect.solve(self, &mut contributions, &mut inertias);
             effect.moved().iter().for_each(|moved| self.move_element(moved));
+            left = later;
         }
         self.effects = effects;
         self.put(field, Contributions(contributions));

@@ -1,5 +1,6 @@
 //! A frame from stylus to control pose, without pictures.
 
+use super::inertia::Inertia;
 use super::*;
 use crate::deform::{Contribution, ControlPose};
 use crate::green::GreenFile;
@@ -63,7 +64,7 @@ impl RunningEffect for Counter {
         true
     }
 
-    fn solve(&mut self, _world: &World, _contributions: &mut [Contribution]) {
+    fn solve(&mut self, _: &World, _: &mut [Contribution], _: &mut [&mut dyn Inertia]) {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 }

@@ -11,6 +11,7 @@ use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use greenstage::stage::Stage;
 use greenstage::track::TrackerState;
+use greenstage::world::inertia::Inertia;
 use greenstage::world::running::{Memory, read, written};
 use greenstage::world::{RunningEffect, State, World};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -78,7 +79,7 @@ impl RunningEffect for Breath {
         true
     }
 
-    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
+    fn solve(&mut self, world: &World, contributions: &mut [Contribution], _: &mut [&mut dyn Inertia]) {
         let now_s = *world.graph.get(world.fields.time);
         let pose: &ControlPose = world.graph.get(world.fields.bodies[self.b].poses[1]);
         // What was done so far matters: a held body breathes faster.

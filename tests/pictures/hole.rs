@@ -15,6 +15,7 @@ use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use greenstage::stage::{Stage, rotation_towards};
 use greenstage::track::{StylusState, TrackerState};
+use greenstage::world::inertia::Inertia;
 use greenstage::world::{RunningEffect, State, World};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::path::Path;
@@ -50,7 +51,7 @@ impl RunningEffect for Hole {
         true
     }
 
-    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
+    fn solve(&mut self, world: &World, contributions: &mut [Contribution], _: &mut [&mut dyn Inertia]) {
         if *world.graph.get(world.fields.time) > 0.5 {
             contributions[self.b].triangles = Some(self.open.clone());
         }

@@ -88,6 +88,11 @@ impl Deformer {
         self.file.range_of_effect(&self.body, effect)
     }
 
+    /// Place of the effects' columns in the state's coefficients.
+    pub fn first_of_effects(&self) -> usize {
+        self.state.coefficients.len() - self.contribution.coefficients.len()
+    }
+
     /// The next evaluation has what effects add. False where that is not finite or of another body: the last one stays.
     pub fn contribute(&mut self, contribution: &Contribution) -> bool {
         let (columns, controls) = (self.contribution.coefficients.len(), self.controls.len());

@@ -1,6 +1,7 @@
 //! The surface of a deformed body: positions, normals and what is drawn, displacements.
 
 use super::Deformer;
+use crate::base::columns::ColumnGroup;
 use crate::base::creases::Creases;
 use crate::deform::kernel::parts::{PartialSum, move_parts, moved_exactly};
 use crate::deform::kernel::superposition::{Superposition, displacement};
@@ -113,6 +114,17 @@ impl Deformer {
             None => Vector3::from(self.u[i]).cast::<f64>(),
             Some(_) => displacement(&self.groups(), self.u.len(), i, &self.summed.coefficients),
         }
+    }
+
+    /// Displacement of a surface node by a coefficient of 1 of each column, in the order of the state's coefficients.
+    pub fn columns_of(&self, node: u32) -> Vec<Vector3<f64>> {
+        let (groups, nodes) = (self.groups(), self.u.len());
+        let columns =
+            groups.iter().flat_map(|group| (0..group.columns(nodes).unwrap_or(0)).map(move |k| (group, k)));
+        let value = |(group, k): (&ColumnGroup<'_>, usize)| {
+            Vector3::from_fn(|axis, _| f64::from(group.value(nodes, k, 3 * node as usize + axis)))
+        };
+        columns.map(value).collect()
     }
 
     /// Place in the body's frame of surface node `i` in the state that was taken last, whether or not the surface was summed for it;

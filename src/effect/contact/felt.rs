@@ -93,7 +93,11 @@ impl Felt {
         let carrier = tools[t].carrier(world).filter(|stylus| !stylus.from_eye);
         let pose = carrier.and_then(|stylus| usable(&stylus.room_from_stylus));
         let Some((stylus, room_from_stylus)) = tools[t].stylus.zip(pose) else { return Ok(None) };
-        let is_own = |contact: &&Contact| contact.tool() == Some(t) && bodies[contact.body].is_felt;
+        // What moves by inertia alone has no compliance by which it would be felt between frames.
+        let is_own = |contact: &&Contact| {
+            let body = &bodies[contact.body];
+            contact.tool() == Some(t) && body.is_felt && body.has_columns(&contact.spot)
+        };
         let mut contacts: Vec<Contact> = all.iter().filter(is_own).copied().collect();
         contacts.extend(self.ahead(touching, bodies, &tools[t]));
         fetch(bodies, &contacts)?;
@@ -141,7 +145,7 @@ impl Felt {
                 let is_known = |contact: &Contact| {
                     (contact.body, contact.tool(), contact.spot.nodes) == (number, Some(t), spot.nodes)
                 };
-                if !contacts.iter().any(is_known) {
+                if body.has_columns(&spot) && !contacts.iter().any(is_known) {
                     spots.push((distance(&tool.shape, &surface, &places.of(&spot)).0, number, spot));
                 }
             }

@@ -11,6 +11,9 @@ mod candidates;
 mod crossing;
 mod detection;
 mod felt;
+mod inertial;
+#[cfg(test)]
+mod inertial_tests;
 mod meeting;
 #[cfg(test)]
 mod meeting_tests;

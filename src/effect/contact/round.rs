@@ -108,7 +108,8 @@ impl Round<'_> {
     pub fn without(&self, contact: &Contact, free: &[Places]) -> (V3, V3) {
         let step = self.step;
         let all = |body: usize, spot: &SurfaceSpot| {
-            [self.places, free, step.starts].map(|places| places[body].of(spot))
+            let [now, without, start] = [self.places, free, step.starts].map(|places| places[body].of(spot));
+            [now, without - self.bodies[body].moved_by_inertia(spot), start]
         };
         let [now, without, start] = all(contact.body, &contact.spot);
         match contact.against {
@@ -127,6 +128,14 @@ impl Round<'_> {
                 )
             }
         }
+    }
+
+    /// Whether the gaps of contacts are these.
+    pub fn has_gaps(&self, contacts: &[Contact], gaps: &[f64]) -> bool {
+        contacts
+            .iter()
+            .zip(gaps)
+            .all(|(contact, gap)| (self.gap(contact).0 - gap).abs() <= self.tolerance(contact))
     }
 
     /// Adds contacts where a tool reaches into a body, and moves those whose nearest point has moved. True if there are any.

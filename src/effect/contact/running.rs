@@ -6,6 +6,7 @@
 
 use super::candidates::{Nodes, Places};
 use super::felt::{Felt, Touching};
+use super::inertial::{self, Inertias};
 use super::round::{Outcome, Step};
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
@@ -15,9 +16,10 @@ use super::touch::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted}
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use super::way::{MOST_STEPS, Near, Start, Way, are_moved_alike, place_between, poses_between, tool_way};
 use crate::base::failure::Failure;
-use crate::deform::{Contribution, ControlPose, DeformerState, PointLoad, Pull};
+use crate::deform::{Contribution, ControlPose, DeformerState};
 use crate::effect::entry::EffectInput;
 use crate::stage::Stage;
+use crate::world::inertia::{Coming, Gone, Inertia};
 use crate::world::running::{Memory, read, written};
 use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{Isometry3, Similarity3, Vector3};
@@ -26,6 +28,8 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
+/// Steps, at least, of a frame in which a body with inertia is near something: between them it moves under constant forces.
+const STEPS_OF_INERTIA: usize = 8;
 /// Time since the first frame within which a tool's stylus should be seen, s.
 const SEEN_S: f64 = 2.0;
 
@@ -110,7 +114,21 @@ pub fn attach(
 struct Now {
     tools: Vec<Option<Isometry3<f64>>>,
     places: Vec<Similarity3<f64>>,
-    poses: Vec<Vec<ControlPose>>,
+    /// Poses of control elements; of a body with inertia those to which it would fly under the forces of the last frame.
+    ends: Vec<Gone>,
+}
+
+/// What a frame begins with.
+struct Begun {
+    /// False where time stands for a body with inertia.
+    goes_on: bool,
+    /// Whether other loads act than in the last frame.
+    changed: bool,
+}
+
+/// The poses of a body's control elements in this frame, without what inertia changes of them.
+fn poses_of(world: &World, b: usize) -> Vec<ControlPose> {
+    world.fields.bodies[b].poses.iter().map(|pose| *world.graph.get(*pose)).collect()
 }
 
 impl Contacts {
@@ -121,41 +139,88 @@ impl Contacts {
     }
 
     /// Moves tools and bodies to where they are now.
-    fn step(&mut self, world: &World, contributions: &[Contribution]) {
+    fn step(&mut self, world: &World, contributions: &[Contribution], given: &mut [&mut dyn Inertia]) {
         self.warnings.clear();
-        // A tool whose stylus is not seen stays where it was.
-        let place = |(tool, last): (&Tool, &Placed)| tool.place(world).or(last.pose);
-        let tools: Vec<_> = self.tools.iter().zip(&self.motion.tools).map(place).collect();
-        let mut changed = tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
+        self.felt.rests();
+        let mut inertias = self.inertias_of(given);
+        let Begun { goes_on, mut changed } = self.begin(world, contributions, &mut inertias);
         let places: Vec<_> = self.bodies.iter().map(|body| world.bodies[body.b].room_from_body).collect();
-        changed |= places != self.motion.places;
         if self.motion.places.is_empty() {
             self.put(&places);
         }
+        if !goes_on {
+            return;
+        }
+        // A tool whose stylus is not seen stays where it was.
+        let place = |(tool, last): (&Tool, &Placed)| tool.place(world).or(last.pose);
+        let tools: Vec<_> = self.tools.iter().zip(&self.motion.tools).map(place).collect();
+        changed |= tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
+        changed |= places != self.motion.places;
         self.motion.places.clone_from(&places);
-        let mut poses = Vec::new();
-        for body in &mut self.bodies {
+        let mut ends = Vec::new();
+        for (number, inertia) in inertias.iter_mut().enumerate() {
+            let body = &self.bodies[number];
+            let end = match inertia {
+                Some(inertia) => {
+                    let turn = body.free.state.body_from_surface().rotation;
+                    let mut forces = at_nodes(&self.bodies, &self.motion.contacts, number);
+                    forces.iter_mut().for_each(|(_, force)| *force = turn * *force);
+                    inertia.go(1.0, &turn, &body.free, &forces)
+                }
+                None => Gone { poses: poses_of(world, body.b), amplitudes: Vec::new() },
+            };
+            changed |= inertia.is_some() || end.poses != body.free.poses;
+            ends.push(end);
+        }
+        if changed || !self.motion.is_settled {
+            self.advance(world, &Now { tools, places, ends }, &mut inertias);
+        }
+        self.bodies.iter_mut().for_each(|body| body.inertial = None);
+    }
+
+    /// The inertia of each body that has one.
+    fn inertias_of<'a>(&self, given: &'a mut [&mut dyn Inertia]) -> Inertias<'a> {
+        let mut found: Inertias<'a> = self.bodies.iter().map(|_| None).collect();
+        for inertia in given {
+            if let Some(number) = self.bodies.iter().position(|body| body.b == inertia.body()) {
+                found[number] = Some(&mut **inertia);
+            }
+        }
+        found
+    }
+
+    /// Takes what acts on the bodies in this frame.
+    fn begin(&mut self, world: &World, contributions: &[Contribution], inertias: &mut Inertias<'_>) -> Begun {
+        let time_s = *world.graph.get(world.fields.time);
+        let (mut goes_on, mut changed) = (true, false);
+        for (body, inertia) in self.bodies.iter_mut().zip(inertias) {
+            if let Some(inertia) = inertia {
+                body.follow(&**inertia, &inertia.now());
+            }
             let placed = &world.bodies[body.b];
-            let new: Vec<ControlPose> =
-                world.fields.bodies[body.b].poses.iter().map(|pose| *world.graph.get(*pose)).collect();
-            changed |= new != body.free.poses;
             let mut loads = placed.deformer.acting();
             // Those of effects stand last.
             let of_effects = placed.deformer.contribution().points.len();
             loads.points.truncate(loads.points.len().saturating_sub(of_effects));
             changed |= body.free.apply(&loads);
-            changed |= *body.free.contribution() != contributions[body.b];
-            body.free.contribute(&contributions[body.b]);
-            poses.push(new);
+            body.others.clone_from(&contributions[body.b]);
+            if let Some(inertia) = inertia {
+                body.free.respond();
+                let poses = poses_of(world, body.b);
+                let carried = (0..poses.len()).map(|control| world.is_carried(body.b, control)).collect();
+                let coming = Coming { time_s, poses, carried };
+                goes_on &= inertia.begin(coming, body.free.slopes()).is_some();
+            } else {
+                changed |= *body.free.contribution() != body.others;
+                body.free.contribute(&body.others);
+            }
+            body.set_inertia(inertia.as_deref());
         }
-        self.felt.rests();
-        if changed || !self.motion.is_settled {
-            self.advance(world, &Now { tools, places, poses });
-        }
+        Begun { goes_on, changed }
     }
 
     /// Goes the way from the last frame to this one.
-    fn advance(&mut self, world: &World, now: &Now) {
+    fn advance(&mut self, world: &World, now: &Now, inertias: &mut Inertias<'_>) {
         let before: Vec<DeformerState> = self.bodies.iter().map(TouchedBody::state).collect();
         // Bodies that are moved alike, as by navigation, are where they are now at once.
         let placed: Vec<_> = self.bodies.iter().map(|body| body.room_from_body).collect();
@@ -168,8 +233,12 @@ impl Contacts {
             self.bodies.iter().map(|body| body.summed_places(&world.bodies[body.b].deformer)).collect();
         let outlines = self.outlines();
         self.put(&now.places);
-        for (body, poses) in self.bodies.iter_mut().zip(&now.poses) {
-            if body.free.take(poses) {
+        for ((body, end), inertia) in self.bodies.iter_mut().zip(&now.ends).zip(inertias.iter()) {
+            let has_moved = match inertia {
+                Some(inertia) => body.follow(&**inertia, end),
+                None => body.free.take(&end.poses),
+            };
+            if has_moved {
                 body.free.deform();
             }
         }
@@ -182,13 +251,16 @@ impl Contacts {
         let from: Vec<_> = last.iter().map(Placed::surface).collect();
         let places: Vec<_> = from.iter().zip(&now.tools).map(|(from, to)| from.or(*to)).collect();
         let (bodies, tools, pairs) = (&self.bodies, &self.tools, &self.pairs);
-        let near = Start { bodies, tools, pairs, places: &places, held: &held }.near(&way);
+        let least = if inertias.iter().any(Option::is_some) { STEPS_OF_INERTIA } else { 1 };
+        let near = Start { bodies, tools, pairs, places: &places, held: &held, least }.near(&way);
         self.motion.is_settled = true;
-        if near.all.iter().any(|nodes| !nodes.is_empty()) {
+        if near.all.iter().all(|nodes| nodes.is_empty()) {
+            inertial::keep(inertias);
+        } else {
             match near.meetings.len() {
                 1 if near.is_followed => {
                     let starts = first_places(&near.all, &known, &way.shown);
-                    self.one_step([&from, &now.tools], &starts, (&way, &near, 0));
+                    self.one_step([&from, &now.tools], &starts, (&way, &near, 0), (inertias, 1.0));
                 }
                 1 => {
                     self.warnings.push(format!(
@@ -197,9 +269,14 @@ impl Contacts {
                     ));
                     self.motion.contacts.clear();
                     let starts = self.places(&near.all);
-                    self.one_step([&now.tools, &now.tools], &starts, (&way, &near, 0));
+                    for (body, inertia) in self.bodies.iter_mut().zip(inertias.iter()) {
+                        if let Some(inertia) = inertia {
+                            body.follow(&**inertia, &inertia.now());
+                        }
+                    }
+                    self.one_step([&now.tools, &now.tools], &starts, (&way, &near, 0), (inertias, 1.0));
                 }
-                _ => self.go(now, (&before, &placed), &last, (&known, &way, &near)),
+                _ => self.go(now, (&before, &placed), &last, (&known, &way, &near), inertias),
             }
         }
         self.forget_columns(&near.all);
@@ -217,6 +294,7 @@ impl Contacts {
         (before, placed): (&[DeformerState], &[Similarity3<f64>]),
         last: &[Placed],
         (known, way, near): (&[Places], &Way, &Near),
+        inertias: &mut Inertias<'_>,
     ) {
         for (body, state) in self.bodies.iter_mut().zip(before) {
             if let Err(message) = body.free.restore(state) {
@@ -236,14 +314,16 @@ impl Contacts {
             let to: Vec<_> = tools
                 .map(|(last, new)| new.map(|new| pose_between(&last.pose.unwrap_or(new), &new, share)))
                 .collect();
-            let ends = now.poses.iter().zip(&now.places);
-            for ((body, start), (poses, place)) in
+            let ends = now.ends.iter().zip(&now.places);
+            for ((body, start), (end, place)) in
                 self.bodies.iter_mut().zip(before.iter().zip(placed)).zip(ends)
             {
-                body.free.take(&poses_between(&start.0.poses, poses, share));
+                if body.inertial.is_none() {
+                    body.free.take(&poses_between(&start.0.poses, &end.poses, share));
+                }
                 body.room_from_body = place_between(start.1, place, share);
             }
-            self.one_step([&from, &to], &starts, (way, near, number));
+            self.one_step([&from, &to], &starts, (way, near, number), (&mut *inertias, share));
             let shifted =
                 |(to, tool): (&Option<Isometry3<f64>>, &Placed)| to.map(|to| shifted(&to, &tool.yielded));
             from = to.iter().zip(&self.motion.tools).map(shifted).collect();
@@ -258,6 +338,7 @@ impl Contacts {
         [from, to]: [&[Option<Isometry3<f64>>]; 2],
         starts: &[Places],
         (way, near, number): (&Way, &Near, usize),
+        (inertias, share): (&mut Inertias<'_>, f64),
     ) {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
@@ -271,7 +352,8 @@ impl Contacts {
             meetings: &near.meetings[number],
         };
         let Outcome { warnings, reached, is_unfinished } =
-            advance(&mut self.bodies, &mut self.motion.contacts, &step);
+            advance(&mut self.bodies, (&mut *inertias, share), &mut self.motion.contacts, &step);
+        inertial::keep(inertias);
         for warning in warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
@@ -351,15 +433,16 @@ impl RunningEffect for Contacts {
         true
     }
 
-    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
-        self.step(world, contributions);
+    fn solve(
+        &mut self,
+        world: &World,
+        contributions: &mut [Contribution],
+        inertias: &mut [&mut dyn Inertia],
+    ) {
+        self.step(world, contributions, inertias);
         for (number, body) in self.bodies.iter().enumerate() {
-            let turn = body.free.state.body_from_surface().rotation;
-            for (SurfaceSpot { nodes, weights }, force) in
-                at_spots(&self.bodies, &self.motion.contacts, number)
-            {
-                let pull = Pull::Force(turn * force);
-                contributions[body.b].points.push(PointLoad { nodes, weights, pull });
+            for (spot, force) in at_spots(&self.bodies, &self.motion.contacts, number) {
+                body.press(&spot, force, &mut contributions[body.b]);
             }
         }
     }
@@ -420,6 +503,7 @@ impl RunningEffect for Contacts {
         }
         for (body, state) in self.bodies.iter_mut().zip(&motion.free) {
             body.free.restore(state)?;
+            body.others.clone_from(body.free.contribution());
         }
         self.put(&motion.places);
         self.motion = Motion { free: Vec::new(), ..motion };

@@ -94,13 +94,6 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
                        and stylus = 1, list \"contact\" in another body too, or write effect.contact = { itself = true }";
         return wrong("effects", message.to_owned());
     }
-    if let Some(other) = resolved.entries().find(|effect| effect.has_inertia) {
-        let message = format!(
-            "\"{NAME}\" and \"{}\" do not know of each other yet: what vibrates would not feel the tool. List one of them",
-            other.name
-        );
-        return wrong("effects", message);
-    }
     if body.method == Method::Bem {
         let message = "\"contact\" solves for how the surface yields with the factor of a body of tetrahedra: leave out method = \
                        \"bem\"";
@@ -147,7 +140,6 @@ mod tests {
         body("effect.contact = { itself = true }", "").unwrap();
         for (keys, tool, told) in [
             (SURFACE.to_owned(), "", "nothing touches the body"),
-            ("effects = [\"contact\", \"dynamics\"]".to_owned(), TOOL, "do not know of each other yet"),
             (format!("{SURFACE}effect.contact = {{ friction = -1.0 }}"), TOOL, "no coefficient of friction"),
             (format!("{SURFACE}effect.contact = {{ tools = [\"prode\"] }}"), TOOL, "did you mean \"probe\""),
             (format!("{SURFACE}effect.contact = {{ fritcion = 0.1 }}"), TOOL, "fritcion"),

@@ -12,9 +12,10 @@
 //! they stand where their gaps were taken.
 
 use super::candidates::Places;
+use super::inertial::{self, Inertias};
 use super::round::{Outcome, Round, Step, Watch, leads};
-use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, turns};
-use super::touched_body::TouchedBody;
+use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, nodes_of, turns};
+use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
 use crate::solve::cone::{Cone, Reached};
@@ -27,15 +28,22 @@ const MOST_ROUNDS: usize = 12;
 /// Part of its own compliance by which a spot yields more that is not independent of the others.
 const SKIN: f64 = 1e-3;
 
-/// Brings the contacts to the end of a step.
-pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &Step<'_>) -> Outcome {
+/// Brings the contacts to the end of a step, at this share of the frame.
+pub fn advance(
+    bodies: &mut [TouchedBody],
+    (inertias, share): (&mut Inertias<'_>, f64),
+    contacts: &mut Vec<Contact>,
+    step: &Step<'_>,
+) -> Outcome {
     let mut outcome = Outcome::default();
-    contacts.retain(|contact| contact.tool().is_none_or(|tool| step.to[tool].is_some()));
-    let free: Vec<Places> = bodies
-        .iter()
-        .zip(step.starts)
-        .map(|(body, starts)| Places::new(starts.nodes(), |node| body.free_place(node)))
-        .collect();
+    contacts.retain(|contact| {
+        contact.tool().is_none_or(|tool| step.to[tool].is_some())
+            && contact.sides().all(|(body, spot, _)| bodies[body].takes(&spot))
+    });
+    inertial::begin(bodies, inertias, share);
+    inertial::go(bodies, inertias, share, contacts);
+    let mut free: Vec<Places> =
+        bodies.iter().zip(step.starts).map(|(body, starts)| free_places(body, starts)).collect();
     let mut places = with_contact(bodies, contacts, &free);
     let mut watch = Watch::new(step.meetings.len());
     for round in 0..MOST_ROUNDS {
@@ -47,6 +55,12 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
         // What has no normal cannot be pressed.
         contacts.retain(|contact| now.gap(contact).1 != V3::zeros());
         if contacts.is_empty() {
+            inertial::go(bodies, inertias, share, contacts);
+            for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
+                if inertia.is_some() {
+                    *free = free_places(body, free);
+                }
+            }
             places.clone_from(&free);
         } else {
             if let Err(warning) = fetch(bodies, contacts) {
@@ -54,10 +68,24 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
                 contacts.clear();
                 return outcome;
             }
+            for (number, (body, inertia)) in bodies.iter_mut().zip(inertias.iter()).enumerate() {
+                if let (Some(inertial), Some(inertia)) = (&mut body.inertial, inertia) {
+                    inertial.fetch(&**inertia, &body.free, nodes_of(contacts, number));
+                }
+            }
             let now = Round { bodies, step, places: &places, yielded: &yielded };
-            let (after, is_exact_there, reached) = solve(&now, contacts, &free);
+            let (gaps, reached) = solve(&now, contacts, &free);
+            inertial::go(bodies, inertias, share, contacts);
+            for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
+                if inertia.is_some() {
+                    *free = free_places(body, free);
+                }
+            }
+            let after = with_contact(bodies, contacts, &free);
+            let yielded = all_yielded(bodies, contacts, step);
+            is_exact = (Round { bodies, step, places: &after, yielded: &yielded }).has_gaps(contacts, &gaps);
             watch.moved(&places, &after);
-            (places, is_exact, outcome.reached) = (after, is_exact_there, Some(reached));
+            (places, outcome.reached) = (after, Some(reached));
         }
         let is_settled = !found && is_exact && (round > 0 || contacts.is_empty());
         let now = Round { bodies, step, places: &places, yielded: &all_yielded(bodies, contacts, step) };
@@ -77,6 +105,11 @@ pub fn advance(bodies: &mut [TouchedBody], contacts: &mut Vec<Contact>, step: &S
     outcome
 }
 
+/// Places of candidates without contact, in the state that was taken last.
+fn free_places(body: &TouchedBody, like: &Places) -> Places {
+    Places::new(like.nodes(), |node| body.free_place(node))
+}
+
 /// Places of all candidates with the forces of the contacts.
 fn with_contact(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) -> Vec<Places> {
     let of = |(number, (body, free)): (usize, (&TouchedBody, &Places))| {
@@ -93,8 +126,8 @@ fn all_yielded(bodies: &[TouchedBody], contacts: &[Contact], step: &Step<'_>) ->
     step.tools.iter().map(|tool| tool.stiffness).enumerate().map(yielded).collect()
 }
 
-/// Finds the forces for gaps that are linear about the present places; the places to which they lead, and whether the gaps hold there.
-fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Places>, bool, Reached) {
+/// Finds the forces for gaps that are linear about the present places; the normal gaps to which they lead.
+fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64>, Reached) {
     let Round { bodies, step, .. } = *now;
     let turns = turns(bodies);
     let mut bases = Vec::with_capacity(contacts.len());
@@ -105,39 +138,30 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<Pla
         let (gap, normal) = now.gap(contact);
         let basis = contact_axes(&normal);
         let (opened, slip) = now.without(contact, free);
-        d0[3 * i] = gap + normal.dot(&opened);
         let slip = basis.tr_mul(&slip);
-        (d0[3 * i + 1], d0[3 * i + 2]) = (slip.y, slip.z);
+        d0.fixed_rows_mut::<3>(3 * i).copy_from(&V3::new(gap + normal.dot(&opened), slip.y, slip.z));
         f.fixed_rows_mut::<3>(3 * i).copy_from(&basis.tr_mul(&(turns[contact.body] * contact.force)));
         bases.push(basis);
     }
     let w = compliance(bodies, step.tools, contacts, &bases);
-    let skins: Vec<f64> = (0..contacts.len()).map(|i| skin(bodies, &contacts[i], &w, i)).collect();
     let mut with_skins = w.clone();
-    skins
-        .iter()
-        .enumerate()
-        .for_each(|(i, skin)| (0..3).for_each(|k| with_skins[(3 * i + k, 3 * i + k)] += skin));
+    for (i, contact) in contacts.iter().enumerate() {
+        let skin = skin(bodies, contact, &w, i);
+        (0..3).for_each(|k| with_skins[(3 * i + k, 3 * i + k)] += skin);
+    }
     let reached = Cone { w: &with_skins, d0: &d0, friction: &friction }.solve(&mut f);
     for (i, contact) in contacts.iter_mut().enumerate() {
         contact.force = turns[contact.body].tr_mul(&(bases[i] * f.fixed_rows::<3>(3 * i)));
     }
-    // Whether the gaps, taken anew, are those for which the forces were found.
-    let d = &w * &f + d0;
-    let yielded = all_yielded(bodies, contacts, step);
-    let places = with_contact(bodies, contacts, free);
-    let after = Round { places: &places, yielded: &yielded, ..*now };
-    let is_exact = contacts.iter().enumerate().all(|(i, contact)| {
-        let (gap, _) = after.gap(contact);
-        (gap - d[3 * i]).abs() <= after.tolerance(contact)
-    });
-    (places, is_exact, reached)
+    let gaps = w * f + d0;
+    (gaps.iter().step_by(3).copied().collect(), reached)
 }
 
 /// Compliance of a contact beside that of its bodies, m/N. Contacts between nodes, and those of both surfaces at once, depend on one
 /// another: a thin skin makes their forces unique.
 fn skin(bodies: &[TouchedBody], contact: &Contact, w: &DMatrix<f64>, i: usize) -> f64 {
-    let is_node = contact.spot.corners().count() == 1;
+    let yields = |(body, spot, _): (usize, SurfaceSpot, f64)| bodies[body].has_columns(&spot);
+    let is_node = contact.spot.corners().count() == 1 && contact.sides().all(yields);
     let is_one_way = |(other, _)| other != contact.body && leads(bodies, [contact.body, other]);
     let is_alone = is_node && contact.other().is_none_or(is_one_way);
     if is_alone { 0.0 } else { SKIN * w.fixed_view::<3, 3>(3 * i, 3 * i).trace() / 3.0 }

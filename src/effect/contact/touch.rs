@@ -107,9 +107,14 @@ pub fn shifted(pose: &Isometry3<f64>, by: &V3) -> Isometry3<f64> {
 /// Makes sure that the columns of all contacts are there. The error says why one cannot be read.
 pub fn fetch(bodies: &mut [TouchedBody], contacts: &[Contact]) -> Result<(), String> {
     for (number, body) in bodies.iter_mut().enumerate() {
-        body.fetch(contacts.iter().flat_map(|contact| contact.nodes_of(number)))?;
+        body.fetch(nodes_of(contacts, number))?;
     }
     Ok(())
+}
+
+/// Nodes of a body that have a share in contacts.
+pub fn nodes_of(contacts: &[Contact], body: usize) -> impl Iterator<Item = u32> + use<'_> {
+    contacts.iter().flat_map(move |contact| contact.nodes_of(body))
 }
 
 /// Displacement of one contact by a force at another, along the room's axes, m/N: that of its spot against what it touches.

@@ -1,6 +1,7 @@
 //! A body that is touched: its shape without contact, and how its surface yields.
 
-use crate::deform::{Deformer, DeformerState};
+use super::inertial::Inertial;
+use crate::deform::{Contribution, Deformer, DeformerState, PointLoad, Pull};
 use crate::green::Yield;
 use crate::mesh::surface_files::TriangleSurface;
 use crate::mesh::walls::wall_thickness;
@@ -26,8 +27,13 @@ pub struct TouchedBody {
     pub is_felt: bool,
     /// The body without contact, with everything else that acts on it.
     pub free: Deformer,
-    /// Whether a node takes forces: it belongs to no control element, and has a column.
+    /// Whether a node takes forces in this frame: it has a column, or belongs to a control element that moves by inertia.
     pub takes: Vec<bool>,
+    /// Whether it has a column.
+    yields: Vec<bool>,
+    /// Contribution of other effects, without inertia, and how the body moves by inertia in this frame.
+    pub others: Contribution,
+    pub inertial: Option<Inertial>,
     pub triangles: Vec<[u32; 3]>,
     /// Numbers of the triangles around each node.
     pub around: Vec<Vec<u32>>,
@@ -144,8 +150,8 @@ impl TouchedBody {
         tools: Vec<bool>,
     ) -> Result<TouchedBody, String> {
         let free = body.another()?;
-        let mut takes = vec![false; free.node_count()];
-        free.takes_forces().iter().for_each(|node| takes[*node as usize] = true);
+        let mut yields = vec![false; free.node_count()];
+        free.takes_forces().iter().for_each(|node| yields[*node as usize] = true);
         let mut around = vec![Vec::new(); free.node_count()];
         let mut longest = 0.0_f64;
         let triangles = free.triangles().to_vec();
@@ -160,8 +166,11 @@ impl TouchedBody {
             friction,
             tools,
             is_felt,
+            takes: yields.clone(),
+            yields,
+            others: free.no_contribution(),
+            inertial: None,
             free,
-            takes,
             triangles,
             around,
             longest,
@@ -177,9 +186,31 @@ impl TouchedBody {
         self.longest * self.room_from_body.scaling()
     }
 
-    /// Whether forces can act on a spot.
+    /// Whether a node belongs to a control element, or has no column for another reason.
+    pub fn is_stiff(&self, node: u32) -> bool {
+        self.yields.get(node as usize) != Some(&true)
+    }
+
+    /// Whether all nodes of a spot have columns.
+    pub fn has_columns(&self, spot: &SurfaceSpot) -> bool {
+        spot.corners().all(|(node, _)| !self.is_stiff(node))
+    }
+
+    /// The control element to which a node belongs.
+    pub fn element_of(&self, node: u32) -> Option<usize> {
+        (0..self.free.controls.len()).find(|e| self.free.control_nodes(*e).contains(&node))
+    }
+
+    /// Whether forces can act on a spot in this frame.
+    pub fn takes(&self, spot: &SurfaceSpot) -> bool {
+        spot.corners().all(|(node, _)| self.takes[node as usize])
+    }
+
+    /// Whether forces can act on a spot, in this frame or in another.
     pub fn bears(&self, spot: &SurfaceSpot) -> bool {
-        let takes = |node: &u32| self.takes.get(*node as usize) == Some(&true);
+        let takes = |node: &u32| {
+            (*node as usize) < self.takes.len() && (!self.is_stiff(*node) || self.element_of(*node).is_some())
+        };
         let sum: f64 = spot.weights.iter().sum();
         spot.nodes.iter().all(takes) && spot.weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-6
     }
@@ -218,7 +249,8 @@ impl TouchedBody {
 
     /// Makes sure that the columns of these nodes are there. The error says why one cannot be read.
     pub fn fetch(&mut self, nodes: impl Iterator<Item = u32>) -> Result<(), String> {
-        let mut missing: Vec<u32> = nodes.filter(|node| self.columns.slot(*node).is_none()).collect();
+        let is_missing = |node: &u32| !self.is_stiff(*node) && self.columns.slot(*node).is_none();
+        let mut missing: Vec<u32> = nodes.filter(is_missing).collect();
         missing.sort_unstable();
         missing.dedup();
         if missing.is_empty() {
@@ -248,6 +280,9 @@ impl TouchedBody {
         for (source, w) in from.corners() {
             for (target, v) in at.corners() {
                 all += self.columns.block(target, source) * (v * w);
+                if let Some(inertial) = &self.inertial {
+                    all += inertial.block(target, source) * (v * w);
+                }
             }
         }
         all * self.room_from_body.scaling()
@@ -293,6 +328,31 @@ impl TouchedBody {
             near.sum::<V3>().try_normalize(0.0).unwrap_or(flat) * w
         };
         spot.corners().map(smooth).sum::<V3>().try_normalize(0.0).unwrap_or(flat)
+    }
+
+    /// Adds a force at a spot, along the axes of the columns, to what effects add: at nodes as a load, on control elements as a slope.
+    pub fn press(&self, spot: &SurfaceSpot, force: V3, to: &mut Contribution) {
+        let force = self.free.state.body_from_surface().rotation * force;
+        if self.has_columns(spot) {
+            let SurfaceSpot { nodes, weights } = *spot;
+            to.points.push(PointLoad { nodes, weights, pull: Pull::Force(force) });
+            return;
+        }
+        for (node, w) in spot.corners() {
+            let force = force * w;
+            match self.element_of(node) {
+                Some(e) => {
+                    let arm = V3::from(self.free.rest()[node as usize].map(f64::from))
+                        - self.free.controls[e].origin;
+                    to.slopes[e].translation -= force;
+                    to.slopes[e].matrix -= force * arm.transpose();
+                }
+                None => {
+                    let SurfaceSpot { nodes, weights } = SurfaceSpot::node(node);
+                    to.points.push(PointLoad { nodes, weights, pull: Pull::Force(force) });
+                }
+            }
+        }
     }
 
     pub fn state(&self) -> DeformerState {

@@ -48,6 +48,8 @@ pub struct Start<'a> {
     pub places: &'a [Option<Isometry3<f64>>],
     /// Nodes of contacts.
     pub held: &'a [Arc<Nodes>],
+    /// Steps at least.
+    pub least: usize,
 }
 
 impl Start<'_> {
@@ -63,6 +65,7 @@ impl Start<'_> {
             travel / (STEP * wall).max(f64::MIN_POSITIVE)
         });
         let steps = walls.fold(self.steps_of_tools(&by_tools, &reaching, way), f64::max).ceil() as usize;
+        let steps = steps.max(self.least);
         let is_followed = steps <= MOST_STEPS;
         let meetings = match is_followed {
             true => (0..steps).map(|step| self.meetings(&together, way, [step, steps])).collect(),

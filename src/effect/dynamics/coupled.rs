@@ -117,6 +117,16 @@ impl Coupled {
         Phase { place: &self.shapes * x, speed: &self.shapes * v }
     }
 
+    /// Ψ, a row for each coordinate.
+    pub fn shapes(&self) -> &DMatrix<f64> {
+        &self.shapes
+    }
+
+    /// The displacement of each mode after a step of `dt_s` under a load of 1 on it.
+    pub fn yields(&self, dt_s: f64) -> impl Iterator<Item = f64> {
+        self.modes.iter().map(move |mode| mode.responses(dt_s).step[0])
+    }
+
     /// The factor of the speeds after a step of `dt_s` under loads of which the potential has risen by `raised`, J, with which the
     /// kinetic energy at the end is that at the beginning less this and what damping takes; `None` where so much is not there.
     pub fn balance(&self, [from, to]: [&Phase; 2], loads: &StepLoads, raised: f64, dt_s: f64) -> Option<f64> {

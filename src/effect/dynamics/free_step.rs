@@ -6,9 +6,8 @@
 use super::coupled::{Phase, StepLoads};
 #[cfg(doc)]
 use super::flying::Inertia;
-use super::forces::difference;
 use super::free_body::FreeBody;
-use super::moving::{Motion, Moving, Now};
+use super::moving::{Motion, Moving, Stride};
 use super::system::System;
 use super::tables::squared;
 use crate::deform::{ControlPose, PoseSlope};
@@ -16,14 +15,13 @@ use nalgebra::{DVector, DVectorView, Rotation3, Vector3};
 
 impl Moving {
     /// The whole step at once.
-    pub(super) fn flown(&self, system: &System, whole: &FreeBody, now: &Now<'_>, dt_s: f64) -> Motion {
-        let last = &self.motion;
-        let turn = now.turn().to_rotation_matrix();
+    pub(super) fn flown(&self, system: &System, whole: &FreeBody, stride: &Stride<'_>) -> Motion {
+        let Stride { last, dt_s, .. } = *stride;
+        let turn = stride.turn.to_rotation_matrix();
         let (out, into) = (turn.matrix(), turn.matrix().transpose());
         let Phase { place, speed } = self.phase(system, last, &into);
         let (twist, speed) = whole.split(&speed);
-        let slopes = now.deformer.slopes().map(|slopes| difference(slopes, &last.slopes)).unwrap_or_default();
-        let ([force, torque], load) = whole.split_force(&self.load(system, &slopes, &last.poses, &into));
+        let ([force, torque], load) = whole.split_force(&self.stride_load(system, stride, &into));
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&twist.spin), 9);
         let (_, outward) = whole.split_force(&system.all_from_own.tr_mul(&centrifugal));
         let loads = StepLoads { load: load - &outward, ..StepLoads::none(outward.len()) };
@@ -53,14 +51,15 @@ impl Moving {
         }
         let count = 6 * poses.len();
         Motion {
-            time_s: Some(now.time_s),
+            time_s: last.time_s.map(|time_s| time_s + dt_s),
             step_s: dt_s,
             slopes: vec![PoseSlope::default(); poses.len()],
             poses,
             speeds,
             places: to.place.as_slice()[count..].to_vec(),
             rates: to.speed.as_slice()[count..].to_vec(),
-            turn: Some(now.turn()),
+            turn: Some(stride.turn),
+            pressed: self.pressing(stride),
         }
     }
 }

@@ -4,8 +4,7 @@
 //! serve [`Moving::advanced`], where one step goes through the frame, and [`swing`](super::swing), where many do.
 
 use super::coupled::{Phase, StepLoads};
-use super::forces::difference;
-use super::moving::{Motion, Moving, Now};
+use super::moving::{Motion, Moving, Stride};
 use super::system::System;
 use super::tables::{seen, squared};
 use crate::deform::{ControlPose, PoseSlope, axial};
@@ -43,17 +42,14 @@ impl Leg<'_> {
 
 impl Moving {
     /// The whole step at once, with K of the body at rest.
-    pub(super) fn advanced(&self, system: &System, now: &Now<'_>, dt_s: f64) -> Motion {
-        let last = &self.motion;
-        let axes = now.turn();
-        let leg = Leg { last, poses: now.poses, held: now.held, axes, dt_s };
+    pub(super) fn advanced(&self, system: &System, stride: &Stride<'_>) -> Motion {
+        let Stride { last, poses, held, turn: axes, dt_s, .. } = *stride;
+        let leg = Leg { last, poses, held, axes, dt_s };
         let [_, into] = leg.matrices();
         let carried = self.carried(system, &leg);
-        let spin = self.spin(now);
+        let spin = self.spin(stride);
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&spin), 9);
-        // Without the inertia of elements that were held until now.
-        let slopes = now.deformer.slopes().map(|slopes| difference(slopes, &last.slopes));
-        let load = self.load(system, &slopes.unwrap_or_default(), &last.poses, &into);
+        let load = self.stride_load(system, stride, &into);
         let slope = -(&system.stiffness * &carried.even);
         let loads = StepLoads {
             impulse: -(&system.mass * &carried.jumps),
@@ -64,7 +60,27 @@ impl Moving {
         };
         let from = self.phase(system, last, &into);
         let to = system.coupled.advanced(&from, &loads, dt_s);
-        self.ended(system, &leg, carried, [&from, &to], centrifugal)
+        let ended = self.ended(system, &leg, carried, [&from, &to], centrifugal);
+        Motion { pressed: self.pressing(stride), ..ended }
+    }
+
+    /// -∂V/∂z where a stride begins, with what presses the body, in the axes `into`⁻¹.
+    pub(super) fn stride_load(
+        &self,
+        system: &System,
+        stride: &Stride<'_>,
+        into: &Matrix3<f64>,
+    ) -> DVector<f64> {
+        let load = self.load(system, stride.acting, &stride.last.poses, into);
+        match stride.pressed {
+            [] => load,
+            pressed => load + system.all_from_own.tr_mul(&DVectorView::from_slice(pressed, pressed.len())),
+        }
+    }
+
+    /// Φᵀf of what presses the body in a stride.
+    pub(super) fn pressing(&self, stride: &Stride<'_>) -> Vec<f64> {
+        stride.pressed.get(self.tables.fields()..).unwrap_or(&[]).to_vec()
     }
 
     /// Moves the elements that are not released.
@@ -134,6 +150,7 @@ impl Moving {
             rates: to.speed.as_slice()[count..].to_vec(),
             turn: Some(leg.axes),
             slopes,
+            pressed: Vec::new(),
         }
     }
 
@@ -143,10 +160,11 @@ impl Moving {
     }
 
     /// ω of the frame, in its own axes, in the mean over the last step, rad/s.
-    fn spin(&self, now: &Now<'_>) -> Vector3<f64> {
-        match self.motion.turn {
-            Some(before) if self.motion.step_s > 0.0 && !self.is_linear => {
-                (before.inverse() * now.turn()).scaled_axis() / self.motion.step_s
+    fn spin(&self, stride: &Stride<'_>) -> Vector3<f64> {
+        let Stride { last, turn, .. } = *stride;
+        match last.turn {
+            Some(before) if last.step_s > 0.0 && !self.is_linear => {
+                (before.inverse() * turn).scaled_axis() / last.step_s
             }
             _ => Vector3::zeros(),
         }

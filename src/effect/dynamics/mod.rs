@@ -4,9 +4,11 @@
 //! vibration beside the columns ([`section`]), their amplitudes in every frame, the inertial force on what a hand holds, and the
 //! poses of elements that no hand holds, where the scene releases them ([`moving`]). Each mode is stepped exactly
 //! ([`oscillator`]), together with the released elements ([`coupled`]): in one step a frame ([`held_step`]) or, by the model's own
-//! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`free_step`]).
+//! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`free_step`]). An effect that presses the body takes it through
+//! the frame in steps of its own ([`course`]).
 
 mod coupled;
+mod course;
 mod flying;
 mod forces;
 mod free_body;
@@ -34,7 +36,6 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: true,
-    has_inertia: true,
     settings: Some(settings::Settings::read),
     suits: Some(section::suits),
     solve: Some(section::solve),

@@ -20,9 +20,10 @@
 //! A released element moves by all its fields in `linear`, as the theory has it, and is rigid in other models.
 
 use super::coupled::Damping;
+use super::course::Course;
 #[cfg(test)]
 use super::flying::Twist;
-use super::forces::Forces;
+use super::forces::{Forces, difference};
 use super::system::System;
 use super::tables::{Tables, seen};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseCurvature, PoseSlope};
@@ -51,9 +52,28 @@ pub struct Motion {
     pub(super) turn: Option<UnitQuaternion<f64>>,
     /// The inertial part of the slope of each element.
     pub(super) slopes: Vec<PoseSlope>,
+    /// Φᵀf of the forces that press the body, N/√kg; nothing where none does. The columns of these forces contain what they move the
+    /// modes by at rest.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) pressed: Vec<f64>,
 }
 
-/// The beginning of a step.
+/// A step whose axes R stand still.
+pub struct Stride<'a> {
+    pub last: &'a Motion,
+    /// Poses at its end, and whether each is prescribed.
+    pub poses: &'a [ControlPose],
+    pub held: &'a [bool],
+    /// R where it begins.
+    pub turn: UnitQuaternion<f64>,
+    /// ∂V/∂P where it begins, of all but inertia and pressing forces.
+    pub acting: &'a [PoseSlope],
+    /// Pressing forces on all coordinates, in the axes R; empty without.
+    pub pressed: &'a [f64],
+    pub dt_s: f64,
+}
+
+/// The beginning of a frame.
 pub struct Now<'a> {
     pub time_s: f64,
     pub poses: &'a [ControlPose],
@@ -80,11 +100,13 @@ pub struct Moving {
     /// Forces of a body whose elements may swing in a model whose frame turns.
     forces: Option<Forces>,
     /// The modes for the elements that were released last.
-    system: Option<System>,
+    pub(super) system: Option<System>,
+    /// The frame that it goes through in steps.
+    pub(super) course: Option<Course>,
     /// Poses to which the last step brought elements that nothing holds.
     pub moved: Vec<(usize, ControlPose)>,
     /// Whether each element was held in the last step.
-    held: Vec<bool>,
+    pub(super) held: Vec<bool>,
 }
 
 impl Moving {
@@ -104,6 +126,7 @@ impl Moving {
             motion: Motion::default(),
             forces: if swings { Some(Forces::new(deformer)?) } else { None },
             system: None,
+            course: None,
             moved: Vec::new(),
             held: Vec::new(),
         })
@@ -112,75 +135,114 @@ impl Moving {
     /// Goes on from a motion. The error says why it cannot.
     pub fn set_motion(&mut self, motion: Motion) -> Result<(), String> {
         let (modes, elements) = (self.tables.modes(), self.tables.fields() / FIELDS);
-        let Motion { poses, speeds, places, rates, slopes, .. } = &motion;
+        let Motion { poses, speeds, places, rates, slopes, pressed, .. } = &motion;
         let lists = [poses.len() * FIELDS, slopes.len() * FIELDS, speeds.len()];
         let is_begun = motion.time_s.is_some();
-        if is_begun && (lists != [elements * FIELDS; 3] || [places.len(), rates.len()] != [modes; 2]) {
+        let of_modes = [places.len(), rates.len(), pressed.len().max(modes)];
+        if is_begun && (lists != [elements * FIELDS; 3] || of_modes != [modes; 3]) {
             let found = format!("{} control elements and {} modes", poses.len(), places.len());
             return Err(format!(
                 "its motion is that of another body, with {found}; this one has {elements} and {modes}"
             ));
         }
-        (self.motion, self.system) = (motion, None);
+        (self.motion, self.system, self.course) = (motion, None, None);
         self.moved.clear();
         Ok(())
     }
 
     /// Moves the body on to the poses of this frame. A time that does not go on moves nothing and excites nothing.
     pub fn step(&mut self, now: &Now<'_>) {
-        self.moved.clear();
-        self.held.clear();
-        self.held.extend(now.held);
-        let Some(last_s) = self.motion.time_s else {
-            self.begin(now);
-            return;
-        };
-        let dt_s = now.time_s - last_s;
-        if !(dt_s > 0.0 && dt_s.is_finite()) {
-            // The script began anew, or the clock stands: what was put elsewhere meanwhile rests there.
-            self.motion.time_s = Some(if now.time_s.is_finite() { now.time_s } else { last_s });
-            self.motion.poses.iter_mut().zip(now.poses).for_each(|(last, pose)| {
-                if pose.is_finite() {
-                    *last = *pose;
-                }
-            });
-            return;
-        }
-        let released: Vec<bool> = (0..now.poses.len())
-            .map(|e| !now.held[e] && now.deformer.slopes().is_some() && now.poses[e] == self.motion.poses[e])
-            .collect();
-        let system = match self.system.take() {
-            Some(system) if system.released == released => system,
-            _ => System::new(&self.tables, released, self.is_linear, self.damping),
-        };
+        let Some(dt_s) = self.time_to(now.time_s, now.poses, now.held) else { return };
+        let slopes = now.deformer.slopes();
+        let system = self.system_of(now.poses, slopes.is_some());
         let mut forces = self.forces.take();
-        let after = match (&system.whole, &mut forces) {
-            (Some(whole), _) => self.flown(&system, whole, now, dt_s),
-            (None, Some(forces)) if system.released.contains(&true) => self.swung(forces, &system, now, dt_s),
-            _ => self.advanced(&system, now, dt_s),
+        let after = match &mut forces {
+            Some(forces) if system.released.contains(&true) => self.swung(forces, &system, now, dt_s),
+            _ => {
+                // Without the inertia of elements that were held until now.
+                let acting = slopes.map(|slopes| difference(slopes, &self.motion.slopes)).unwrap_or_default();
+                self.strode(
+                    &system,
+                    &Stride {
+                        last: &self.motion,
+                        poses: now.poses,
+                        held: now.held,
+                        turn: now.turn(),
+                        acting: &acting,
+                        pressed: &[],
+                        dt_s,
+                    },
+                )
+            }
         };
         (self.system, self.forces) = (Some(system), forces);
+        self.take(after, now.time_s, now.poses);
+    }
+
+    /// The system in which elements move that are not held and stand where the last step left them, if there are forces on them.
+    pub(super) fn system_of(&mut self, poses: &[ControlPose], has_forces: bool) -> System {
+        let is_released = |e: usize| !self.held[e] && has_forces && poses[e] == self.motion.poses[e];
+        let released: Vec<bool> = (0..poses.len()).map(is_released).collect();
+        match self.system.take() {
+            Some(system) if system.released == released => system,
+            _ => System::new(&self.tables, released, self.is_linear, self.damping),
+        }
+    }
+
+    /// The motion after a step of a body of which nothing swings in a model that turns.
+    pub(super) fn strode(&self, system: &System, stride: &Stride<'_>) -> Motion {
+        match &system.whole {
+            Some(whole) => self.flown(system, whole, stride),
+            None => self.advanced(system, stride),
+        }
+    }
+
+    /// Goes on from the motion at the end of a frame.
+    pub(super) fn take(&mut self, after: Motion, time_s: f64, poses: &[ControlPose]) {
         if after.is_finite() {
-            self.motion = Motion { time_s: Some(now.time_s), ..after };
+            self.motion = Motion { time_s: Some(time_s), ..after };
         } else {
             // Poses that no number can follow: it stands where it is, without a memory of them.
-            self.begin(now);
+            self.begin(time_s, poses);
         }
         let released = self.system.iter().flat_map(|system| system.released.iter().enumerate());
         let moved = released.filter(|(_, released)| **released).map(|(e, _)| (e, self.motion.poses[e]));
         self.moved = moved.collect();
     }
 
+    /// Time from the last step to this frame, s; `None` where it does not go on, and nothing moves by itself.
+    pub(super) fn time_to(&mut self, time_s: f64, poses: &[ControlPose], held: &[bool]) -> Option<f64> {
+        self.moved.clear();
+        self.held.clear();
+        self.held.extend(held);
+        let Some(last_s) = self.motion.time_s else {
+            self.begin(time_s, poses);
+            return None;
+        };
+        let dt_s = time_s - last_s;
+        if dt_s > 0.0 && dt_s.is_finite() {
+            return Some(dt_s);
+        }
+        // The script began anew, or the clock stands: what was put elsewhere meanwhile rests there.
+        self.motion.time_s = Some(if time_s.is_finite() { time_s } else { last_s });
+        self.motion.poses.iter_mut().zip(poses).for_each(|(last, pose)| {
+            if pose.is_finite() {
+                *last = *pose;
+            }
+        });
+        None
+    }
+
     /// Rests at these poses.
-    fn begin(&mut self, now: &Now<'_>) {
-        let (elements, modes) = (now.poses.len(), self.tables.modes());
+    fn begin(&mut self, time_s: f64, poses: &[ControlPose]) {
+        let (elements, modes) = (poses.len(), self.tables.modes());
         let place = |(e, pose): (usize, &ControlPose)| match self.motion.poses.get(e) {
             Some(last) if !pose.is_finite() => *last,
             _ => *pose,
         };
         self.motion = Motion {
-            time_s: Some(now.time_s).filter(|time| time.is_finite()),
-            poses: now.poses.iter().enumerate().map(place).collect(),
+            time_s: Some(time_s).filter(|time| time.is_finite()),
+            poses: poses.iter().enumerate().map(place).collect(),
             speeds: vec![0.0; FIELDS * elements],
             places: vec![0.0; modes],
             rates: vec![0.0; modes],
@@ -202,13 +264,21 @@ impl Moving {
     /// stiffness. `turn` is that of the step.
     pub fn add(&self, columns: Range<usize>, turn: &UnitQuaternion<f64>, to: &mut Contribution) {
         let motion = &self.motion;
-        to.coefficients[columns].iter_mut().zip(&motion.places).for_each(|(c, q)| *c += q);
+        to.coefficients[columns].iter_mut().zip(self.amplitudes(motion)).for_each(|(c, q)| *c += q);
         to.energy += self.energy();
         for e in (0..motion.slopes.len()).filter(|e| self.held[*e]) {
             to.slopes[e].translation += motion.slopes[e].translation;
             to.slopes[e].matrix += motion.slopes[e].matrix;
             to.curvatures[e] += self.curvature(e, turn);
         }
+    }
+
+    /// q, less what pressing forces move the modes by at rest: their columns contain that.
+    pub(super) fn amplitudes(&self, motion: &Motion) -> Vec<f64> {
+        let mut amplitudes = motion.places.clone();
+        let pressed = motion.pressed.iter().zip(&self.tables.squares);
+        amplitudes.iter_mut().zip(pressed).for_each(|(q, (force, square))| *q -= force / square);
+        amplitudes
     }
 
     /// Elastic energy of the modes, J.
@@ -236,6 +306,10 @@ impl Moving {
 }
 
 impl Motion {
+    pub fn poses(&self) -> &[ControlPose] {
+        &self.poses
+    }
+
     /// ċ, then q̇.
     #[cfg(test)]
     pub fn all_speeds(&self) -> Vec<f64> {
@@ -244,7 +318,7 @@ impl Motion {
 
     pub(super) fn is_finite(&self) -> bool {
         let slopes = self.slopes.iter().flat_map(|slope| slope.numbers());
-        let numbers = self.speeds.iter().chain(&self.places).chain(&self.rates).copied();
+        let numbers = self.speeds.iter().chain(&self.places).chain(&self.rates).chain(&self.pressed).copied();
         self.poses.iter().all(ControlPose::is_finite) && numbers.chain(slopes).all(f64::is_finite)
     }
 }

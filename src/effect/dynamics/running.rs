@@ -4,11 +4,16 @@ use super::moving::{Motion, Moving, Now};
 use super::settings::{NAME, Settings};
 use super::tables::Tables;
 use crate::base::failure::Failure;
-use crate::deform::{Contribution, ControlPose, Deformer};
+use crate::deform::{Contribution, ControlPose, Deformer, PoseSlope};
 use crate::effect::entry::EffectInput;
+use crate::world::inertia::{Coming, Gone, Inertia, NodeForces};
 use crate::world::running::{Memory, MovedElement, read, written};
 use crate::world::{RunningEffect, World};
-use nalgebra::UnitQuaternion;
+use nalgebra::{DMatrix, UnitQuaternion};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// The bodies that list the effect.
 struct Dynamics {
@@ -20,6 +25,12 @@ struct DynamicBody {
     /// Whether each control element is released while no hand holds it.
     free: Vec<bool>,
     moving: Moving,
+    /// Whether another effect has begun this frame.
+    is_begun: bool,
+    /// Place of the modes' columns among those of effects.
+    columns: Range<usize>,
+    /// N of nodes that forces press.
+    shapes: RefCell<BTreeMap<u32, Arc<DMatrix<f64>>>>,
 }
 
 pub fn attach(
@@ -36,12 +47,19 @@ pub fn attach(
         let tables = Tables::read(listed.file, name)?;
         let moving = Moving::new(tables, settings.damping(), deformer, free.contains(&true));
         let moving = moving.map_err(|m| Failure::request(anyhow::anyhow!("body.{name}: {m}")))?;
-        bodies.push(DynamicBody { b, free, moving });
+        let columns = deformer.coefficients_of(NAME);
+        bodies.push(DynamicBody { b, free, moving, is_begun: false, columns, shapes: RefCell::default() });
     }
     Ok(Some(Box::new(Dynamics { bodies })))
 }
 
 impl DynamicBody {
+    fn shapes(&self, deformer: &Deformer, node: u32) -> Arc<DMatrix<f64>> {
+        let first = deformer.first_of_effects() + self.columns.start;
+        let make = || Arc::new(self.moving.shapes_at(deformer, first, node));
+        self.shapes.borrow_mut().entry(node).or_insert_with(make).clone()
+    }
+
     fn step(&mut self, world: &World) {
         let fields = &world.fields.bodies[self.b];
         let poses: Vec<ControlPose> = fields.poses.iter().map(|pose| *world.graph.get(*pose)).collect();
@@ -54,6 +72,59 @@ impl DynamicBody {
             held: &held,
             deformer,
         });
+    }
+}
+
+impl Inertia for DynamicBody {
+    fn body(&self) -> usize {
+        self.b
+    }
+
+    fn begin(&mut self, coming: Coming, acting: Option<&[PoseSlope]>) -> Option<f64> {
+        self.is_begun = true;
+        let held: Vec<bool> =
+            coming.carried.iter().zip(&self.free).map(|(held, free)| *held || !free).collect();
+        self.moving.set_out(coming.time_s, (coming.poses, &held), acting)
+    }
+
+    fn moves(&self, control: usize) -> bool {
+        self.moving.releases(control)
+    }
+
+    fn columns(&self) -> Range<usize> {
+        self.columns.clone()
+    }
+
+    fn now(&self) -> Gone {
+        let motion = &self.moving.motion;
+        Gone { poses: motion.poses().to_vec(), amplitudes: self.moving.amplitudes(motion) }
+    }
+
+    fn rows(&self, deformer: &Deformer, node: u32) -> DMatrix<f64> {
+        self.moving.rows(&self.shapes(deformer, node))
+    }
+
+    fn weights(&self, share: f64) -> Vec<f64> {
+        self.moving.weights(share)
+    }
+
+    fn go(
+        &mut self,
+        share: f64,
+        turn: &UnitQuaternion<f64>,
+        deformer: &Deformer,
+        forces: &NodeForces,
+    ) -> Gone {
+        let shapes: Vec<_> =
+            forces.iter().map(|(node, force)| (self.shapes(deformer, *node), *force)).collect();
+        let each = shapes.iter().map(|(shapes, force)| (&**shapes, *force));
+        let pressed = self.moving.pressing_forces(turn, each);
+        let motion = self.moving.tried(share, turn, &pressed).clone();
+        Gone { poses: motion.poses().to_vec(), amplitudes: self.moving.amplitudes(&motion) }
+    }
+
+    fn keep(&mut self) {
+        self.moving.keep();
     }
 }
 
@@ -71,13 +142,24 @@ impl RunningEffect for Dynamics {
         true
     }
 
-    fn solve(&mut self, world: &World, contributions: &mut [Contribution]) {
+    fn solve(
+        &mut self,
+        world: &World,
+        contributions: &mut [Contribution],
+        _inertias: &mut [&mut dyn Inertia],
+    ) {
         for body in &mut self.bodies {
-            body.step(world);
+            match std::mem::take(&mut body.is_begun) {
+                true => body.moving.arrive(),
+                false => body.step(world),
+            }
             let deformer = &world.bodies[body.b].deformer;
-            let columns = deformer.coefficients_of(NAME);
-            body.moving.add(columns, &turn(deformer), &mut contributions[body.b]);
+            body.moving.add(body.columns.clone(), &turn(deformer), &mut contributions[body.b]);
         }
+    }
+
+    fn inertias(&mut self) -> Vec<&mut dyn Inertia> {
+        self.bodies.iter_mut().map(|body| body as &mut dyn Inertia).collect()
     }
 
     fn moved(&self) -> Vec<MovedElement> {

@@ -61,7 +61,7 @@ struct Start {
 }
 
 /// The pose on the way from one to another: the turn along the shortest way, all else evenly.
-fn between(from: &ControlPose, to: &ControlPose, share: f64) -> ControlPose {
+pub(super) fn between(from: &ControlPose, to: &ControlPose, share: f64) -> ControlPose {
     if from == to || share >= 1.0 {
         return *to;
     }

@@ -1,0 +1,158 @@
+//! The frame of a body that another effect presses: in steps, each tried until the forces fit.
+//!
+//! In: the beginning of a frame, and for each step the forces at nodes. Out: the motion at the end of the frame, as [`Moving::step`]
+//! leaves it without such forces.
+//!
+//! A force f at a node i acts on the coordinates by Nᵢᵀf with Nᵢ = (u⁽ᵏ⁾, φ) there, and on what the m modes leave out at once: the columns
+//! of the compliance A⁻¹ less Φ ω⁻² Φᵀ.
+
+use super::moving::{Motion, Moving, Stride};
+use super::swing::between;
+use crate::deform::{ControlPose, Deformer, PoseSlope};
+use crate::green::FIELDS;
+use nalgebra::{DMatrix, DVector, DVectorView, UnitQuaternion, Vector3};
+
+/// A frame on its way.
+pub struct Course {
+    /// Time of its end, and its length, s.
+    time_s: f64,
+    dt_s: f64,
+    start: Vec<ControlPose>,
+    poses: Vec<ControlPose>,
+    acting: Vec<PoseSlope>,
+    /// Share of the frame that is behind.
+    share: f64,
+    /// The step that was tried last, and the share at its end.
+    tried: Option<(f64, Motion)>,
+    /// Inertial part of the slopes, in the mean over the frame.
+    slopes: Vec<PoseSlope>,
+}
+
+impl Moving {
+    /// Begins a frame; its length, s, or `None` where time does not go on.
+    pub fn set_out(
+        &mut self,
+        time_s: f64,
+        (poses, held): (Vec<ControlPose>, &[bool]),
+        acting: Option<&[PoseSlope]>,
+    ) -> Option<f64> {
+        let dt_s = self.time_to(time_s, &poses, held)?;
+        let system = self.system_of(&poses, acting.is_some());
+        self.system = Some(system);
+        self.course = Some(Course {
+            time_s,
+            dt_s,
+            start: self.motion.poses.clone(),
+            acting: acting.unwrap_or_default().to_vec(),
+            share: 0.0,
+            tried: None,
+            slopes: vec![PoseSlope::default(); poses.len()],
+            poses,
+        });
+        Some(dt_s)
+    }
+
+    /// Whether an element moves by inertia in this frame.
+    pub fn releases(&self, control: usize) -> bool {
+        self.system.as_ref().is_some_and(|system| system.released.get(control) == Some(&true))
+    }
+
+    /// N of a node, 3 × coordinates; the columns of the modes begin at `first_mode`.
+    pub fn shapes_at(&self, deformer: &Deformer, first_mode: usize, node: u32) -> DMatrix<f64> {
+        let (columns, fields) = (deformer.columns_of(node), self.tables.fields());
+        let column = |k: usize| columns.get(if k < fields { k } else { first_mode + k - fields });
+        DMatrix::from_fn(3, self.tables.mass.nrows(), |axis, k| column(k).map_or(0.0, |column| column[axis]))
+    }
+
+    /// Motion of a node in each mode of what nothing prescribes, then in each φ.
+    pub fn rows(&self, shapes: &DMatrix<f64>) -> DMatrix<f64> {
+        let Some(system) = &self.system else { return DMatrix::zeros(3, 0) };
+        let of_modes = shapes * &system.all_from_own * system.coupled.shapes();
+        let held = shapes.columns(self.tables.fields(), self.tables.modes());
+        let mut all = DMatrix::zeros(3, of_modes.ncols() + held.ncols());
+        all.columns_mut(0, of_modes.ncols()).copy_from(&of_modes);
+        all.columns_mut(of_modes.ncols(), held.ncols()).copy_from(&held);
+        all
+    }
+
+    /// The weights of [`Moving::rows`] in a step up to this share of the frame.
+    pub fn weights(&self, share: f64) -> Vec<f64> {
+        let (Some(system), Some(course)) = (&self.system, &self.course) else { return Vec::new() };
+        let at_rest = self.tables.squares.iter().map(|square| -1.0 / square);
+        system.coupled.yields((share - course.share) * course.dt_s).chain(at_rest).collect()
+    }
+
+    /// Tries a step up to this share under these forces on all coordinates, in axes R that are turned by `turn` where it begins.
+    pub fn tried(&mut self, share: f64, turn: &UnitQuaternion<f64>, pressed: &[f64]) -> &Motion {
+        if let (Some(system), Some(mut course)) = (self.system.take(), self.course.take()) {
+            let last = &self.motion;
+            let goal = |e: usize| match (system.released[e], self.held[e] && course.poses[e].is_finite()) {
+                (true, _) => last.poses[e],
+                (false, true) => between(&course.start[e], &course.poses[e], share),
+                (false, false) => course.poses[e],
+            };
+            let poses: Vec<ControlPose> = (0..course.poses.len()).map(goal).collect();
+            let acting = self.acting(&course);
+            let dt_s = (share - course.share) * course.dt_s;
+            let (held, turn) = (&self.held, *turn);
+            let stride = Stride { last, poses: &poses, held, turn, acting: &acting, pressed, dt_s };
+            course.tried = Some((share, self.strode(&system, &stride)));
+            (self.system, self.course) = (Some(system), Some(course));
+        }
+        let tried = self.course.as_ref().and_then(|course| course.tried.as_ref());
+        tried.map_or(&self.motion, |(_, motion)| motion)
+    }
+
+    /// ∂V/∂P at the last poses, with V of the frame's beginning: in `linear` what the way from there adds by S.
+    fn acting(&self, course: &Course) -> Vec<PoseSlope> {
+        if !self.is_linear || course.share == 0.0 {
+            return course.acting.clone();
+        }
+        let numbers = |poses: &[ControlPose]| -> DVector<f64> {
+            DVector::from_iterator(FIELDS * poses.len(), poses.iter().flat_map(|pose| pose.coefficients()))
+        };
+        let way = numbers(&self.motion.poses) - numbers(&course.start);
+        let fields = self.tables.fields();
+        let more = self.tables.stiffness.view((0, 0), (fields, fields)) * way;
+        let mut acting = course.acting.clone();
+        for (slope, more) in acting.iter_mut().zip(more.as_slice().chunks_exact(FIELDS)) {
+            let more = PoseSlope::of_numbers(more);
+            slope.translation += more.translation;
+            slope.matrix += more.matrix;
+        }
+        acting
+    }
+
+    /// Goes on from the step that was tried last.
+    pub fn keep(&mut self) {
+        let Some(course) = &mut self.course else { return };
+        let Some((share, motion)) = course.tried.take() else { return };
+        for (mean, own) in course.slopes.iter_mut().zip(&motion.slopes) {
+            mean.translation += own.translation * (share - course.share);
+            mean.matrix += own.matrix * (share - course.share);
+        }
+        (course.share, self.motion) = (share, motion);
+    }
+
+    /// Ends the frame, if one was begun.
+    pub fn arrive(&mut self) {
+        let Some(Course { time_s, start, poses, slopes, .. }) = self.course.take() else { return };
+        let motion = Motion { slopes, ..std::mem::take(&mut self.motion) };
+        self.motion.poses = start;
+        self.take(motion, time_s, &poses);
+    }
+
+    /// Forces on all coordinates, in axes that are turned by `turn`, of forces at nodes with these N.
+    pub fn pressing_forces<'a>(
+        &self,
+        turn: &UnitQuaternion<f64>,
+        forces: impl Iterator<Item = (&'a DMatrix<f64>, Vector3<f64>)>,
+    ) -> Vec<f64> {
+        let mut sum = DVector::zeros(self.tables.mass.nrows());
+        for (shapes, force) in forces {
+            let force = turn.inverse() * force;
+            sum += shapes.tr_mul(&DVectorView::from_slice(force.as_slice(), 3));
+        }
+        sum.as_slice().to_vec()
+    }
+}
