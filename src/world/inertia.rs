@@ -1,16 +1,24 @@
 //! Bodies that move by their own inertia, for an effect that presses them in the course of a frame.
 //!
 //! In: forces at nodes of the surface. Out: poses of control elements that nothing holds and amplitudes of modes, at the end of each of
-//! several steps into which the effect divides the frame; within a step the forces are constant. With r_ik the motion of node i in
-//! coordinate k and the weights w_k of a step, a force f at node j moves node i by Σ_k w_k r_ik r_jkᵀ f until its end, beyond what the
-//! columns of the forces say.
+//! several steps into which the effect divides the frame. With r_ik the motion of node i in coordinate k and the weights w_k of a step, a
+//! force f at node j moves node i by Σ_k w_k r_ik r_jkᵀ f until its end, beyond what the columns of the forces say.
 
 use crate::deform::{ControlPose, Deformer, PoseSlope};
-use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Forces at nodes of the surface.
+/// Forces at nodes of the surface, along the body's axes.
 pub type NodeForces = [(u32, Vector3<f64>)];
+
+/// Forces in a step.
+#[derive(Clone, Copy, Debug)]
+pub struct StepForces<'a> {
+    /// In the mean over the step, as which they act on the motion.
+    pub mean: &'a NodeForces,
+    /// At its end, as which the columns show them.
+    pub end: &'a NodeForces,
+}
 
 /// Poses and amplitudes of a body at the end of a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,20 +53,19 @@ pub trait Inertia {
     /// Poses and amplitudes where the last step ended.
     fn now(&self) -> Gone;
 
-    /// r of a node, 3 × coordinates, along the axes of the columns.
-    fn rows(&self, deformer: &Deformer, node: u32) -> DMatrix<f64>;
+    /// r of a node for each coordinate, along the axes of the columns.
+    fn rows(&self, deformer: &Deformer, node: u32) -> Vec<Vector3<f64>>;
 
-    /// w of a step from the last one's end to this share of the frame.
-    fn weights(&self, share: f64) -> Vec<f64>;
+    /// w of a step from the last one's end to this share of the frame, if a force at its end acts with `part` of it in the mean.
+    fn weights(&self, share: f64, part: f64) -> Vec<f64>;
 
-    /// Tries a step to this share of the frame. `turn` is the axes of the columns where it begins, body_from_columns, `deformer` the body;
-    /// the forces are along the body's axes.
+    /// Tries a step to this share of the frame. `turn` is the axes of the columns where it begins, body_from_columns.
     fn go(
         &mut self,
         share: f64,
         turn: &UnitQuaternion<f64>,
         deformer: &Deformer,
-        forces: &NodeForces,
+        forces: StepForces<'_>,
     ) -> Gone;
 
     /// Ends the step that was tried last.

@@ -156,6 +156,7 @@ impl Felt {
             spot,
             against: Against::Tool(t),
             force: V3::zeros(),
+            before: V3::zeros(),
         };
         spots.into_iter().take(MOST_AHEAD).map(contact).collect()
     }

@@ -19,7 +19,7 @@ use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState};
 use crate::effect::entry::EffectInput;
 use crate::stage::Stage;
-use crate::world::inertia::{Coming, Gone, Inertia};
+use crate::world::inertia::{Coming, Gone, Inertia, StepForces};
 use crate::world::running::{Memory, read, written};
 use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{Isometry3, Similarity3, Vector3};
@@ -165,7 +165,7 @@ impl Contacts {
                     let turn = body.free.state.body_from_surface().rotation;
                     let mut forces = at_nodes(&self.bodies, &self.motion.contacts, number);
                     forces.iter_mut().for_each(|(_, force)| *force = turn * *force);
-                    inertia.go(1.0, &turn, &body.free, &forces)
+                    inertia.go(1.0, &turn, &body.free, StepForces { mean: &forces, end: &forces })
                 }
                 None => Gone { poses: poses_of(world, body.b), amplitudes: Vec::new() },
             };

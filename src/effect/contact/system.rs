@@ -40,6 +40,7 @@ pub fn advance(
         contact.tool().is_none_or(|tool| step.to[tool].is_some())
             && contact.sides().all(|(body, spot, _)| bodies[body].takes(&spot))
     });
+    contacts.iter_mut().for_each(|contact| contact.before = contact.force);
     inertial::begin(bodies, inertias, share);
     inertial::go(bodies, inertias, share, contacts);
     let mut free: Vec<Places> =
@@ -75,6 +76,7 @@ pub fn advance(
             }
             let now = Round { bodies, step, places: &places, yielded: &yielded };
             let (gaps, reached) = solve(&now, contacts, &free);
+            let has_left = let_go(contacts);
             inertial::go(bodies, inertias, share, contacts);
             for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
                 if inertia.is_some() {
@@ -83,7 +85,8 @@ pub fn advance(
             }
             let after = with_contact(bodies, contacts, &free);
             let yielded = all_yielded(bodies, contacts, step);
-            is_exact = (Round { bodies, step, places: &after, yielded: &yielded }).has_gaps(contacts, &gaps);
+            let then = Round { bodies, step, places: &after, yielded: &yielded };
+            is_exact = !has_left && then.has_gaps(contacts, &gaps);
             watch.moved(&places, &after);
             (places, outcome.reached) = (after, Some(reached));
         }
@@ -103,6 +106,12 @@ pub fn advance(
         ));
     }
     outcome
+}
+
+/// What touches no more at the end of a step was let go where it began: what lasted would push it on. True if there is any.
+fn let_go(contacts: &mut [Contact]) -> bool {
+    let gone = |contact: &&mut Contact| contact.force == V3::zeros() && contact.before != V3::zeros();
+    contacts.iter_mut().filter(gone).map(|contact| contact.before = V3::zeros()).count() > 0
 }
 
 /// Places of candidates without contact, in the state that was taken last.

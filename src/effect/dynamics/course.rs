@@ -6,7 +6,7 @@
 //! A force f at a node i acts on the coordinates by Nᵢᵀf with Nᵢ = (u⁽ᵏ⁾, φ) there, and on what the m modes leave out at once: the columns
 //! of the compliance A⁻¹ less Φ ω⁻² Φᵀ.
 
-use super::moving::{Motion, Moving, Stride};
+use super::moving::{Motion, Moving, Pressed, Stride};
 use super::swing::between;
 use crate::deform::{ControlPose, Deformer, PoseSlope};
 use crate::green::FIELDS;
@@ -65,25 +65,24 @@ impl Moving {
     }
 
     /// Motion of a node in each mode of what nothing prescribes, then in each φ.
-    pub fn rows(&self, shapes: &DMatrix<f64>) -> DMatrix<f64> {
-        let Some(system) = &self.system else { return DMatrix::zeros(3, 0) };
+    pub fn rows(&self, shapes: &DMatrix<f64>) -> Vec<Vector3<f64>> {
+        let Some(system) = &self.system else { return Vec::new() };
         let of_modes = shapes * &system.all_from_own * system.coupled.shapes();
         let held = shapes.columns(self.tables.fields(), self.tables.modes());
-        let mut all = DMatrix::zeros(3, of_modes.ncols() + held.ncols());
-        all.columns_mut(0, of_modes.ncols()).copy_from(&of_modes);
-        all.columns_mut(of_modes.ncols(), held.ncols()).copy_from(&held);
-        all
+        let vector = |column: DVectorView<'_, f64>| Vector3::new(column[0], column[1], column[2]);
+        of_modes.column_iter().map(vector).chain(held.column_iter().map(vector)).collect()
     }
 
-    /// The weights of [`Moving::rows`] in a step up to this share of the frame.
-    pub fn weights(&self, share: f64) -> Vec<f64> {
+    /// The weights of [`Moving::rows`] in a step up to this share of the frame, if a force at its end acts with `part` of it in the mean.
+    pub fn weights(&self, share: f64, part: f64) -> Vec<f64> {
         let (Some(system), Some(course)) = (&self.system, &self.course) else { return Vec::new() };
         let at_rest = self.tables.squares.iter().map(|square| -1.0 / square);
-        system.coupled.yields((share - course.share) * course.dt_s).chain(at_rest).collect()
+        let dt_s = (share - course.share) * course.dt_s;
+        system.coupled.yields(dt_s).map(|by| by * part).chain(at_rest).collect()
     }
 
-    /// Tries a step up to this share under these forces on all coordinates, in axes R that are turned by `turn` where it begins.
-    pub fn tried(&mut self, share: f64, turn: &UnitQuaternion<f64>, pressed: &[f64]) -> &Motion {
+    /// Tries a step up to this share under pressing forces, in axes R that are turned by `turn` where it begins.
+    pub fn tried(&mut self, share: f64, turn: &UnitQuaternion<f64>, pressed: &Pressed) -> &Motion {
         if let (Some(system), Some(mut course)) = (self.system.take(), self.course.take()) {
             let last = &self.motion;
             let goal = |e: usize| match (system.released[e], self.held[e] && course.poses[e].is_finite()) {
@@ -143,7 +142,7 @@ impl Moving {
     }
 
     /// Forces on all coordinates, in axes that are turned by `turn`, of forces at nodes with these N.
-    pub fn pressing_forces<'a>(
+    pub fn pressing<'a>(
         &self,
         turn: &UnitQuaternion<f64>,
         forces: impl Iterator<Item = (&'a DMatrix<f64>, Vector3<f64>)>,

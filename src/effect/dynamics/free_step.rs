@@ -59,7 +59,7 @@ impl Moving {
             places: to.place.as_slice()[count..].to_vec(),
             rates: to.speed.as_slice()[count..].to_vec(),
             turn: Some(stride.turn),
-            pressed: self.pressing(stride),
+            pressed: self.pressed_modes(stride),
         }
     }
 }

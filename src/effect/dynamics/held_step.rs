@@ -61,7 +61,7 @@ impl Moving {
         let from = self.phase(system, last, &into);
         let to = system.coupled.advanced(&from, &loads, dt_s);
         let ended = self.ended(system, &leg, carried, [&from, &to], centrifugal);
-        Motion { pressed: self.pressing(stride), ..ended }
+        Motion { pressed: self.pressed_modes(stride), ..ended }
     }
 
     /// -∂V/∂z where a stride begins, with what presses the body, in the axes `into`⁻¹.
@@ -72,15 +72,15 @@ impl Moving {
         into: &Matrix3<f64>,
     ) -> DVector<f64> {
         let load = self.load(system, stride.acting, &stride.last.poses, into);
-        match stride.pressed {
+        match stride.pressed.mean.as_slice() {
             [] => load,
             pressed => load + system.all_from_own.tr_mul(&DVectorView::from_slice(pressed, pressed.len())),
         }
     }
 
-    /// Φᵀf of what presses the body in a stride.
-    pub(super) fn pressing(&self, stride: &Stride<'_>) -> Vec<f64> {
-        stride.pressed.get(self.tables.fields()..).unwrap_or(&[]).to_vec()
+    /// Φᵀf of what presses the body at the end of a stride.
+    pub(super) fn pressed_modes(&self, stride: &Stride<'_>) -> Vec<f64> {
+        stride.pressed.end.get(self.tables.fields()..).unwrap_or(&[]).to_vec()
     }
 
     /// Moves the elements that are not released.

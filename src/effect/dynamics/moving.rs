@@ -52,8 +52,8 @@ pub struct Motion {
     pub(super) turn: Option<UnitQuaternion<f64>>,
     /// The inertial part of the slope of each element.
     pub(super) slopes: Vec<PoseSlope>,
-    /// Φᵀf of the forces that press the body, N/√kg; nothing where none does. The columns of these forces contain what they move the
-    /// modes by at rest.
+    /// Φᵀf of the forces that press the body at the end of the step, N/√kg; nothing where none does. The columns of these forces contain
+    /// what they move the modes by at rest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) pressed: Vec<f64>,
 }
@@ -68,9 +68,15 @@ pub struct Stride<'a> {
     pub turn: UnitQuaternion<f64>,
     /// ∂V/∂P where it begins, of all but inertia and pressing forces.
     pub acting: &'a [PoseSlope],
-    /// Pressing forces on all coordinates, in the axes R; empty without.
-    pub pressed: &'a [f64],
+    pub pressed: &'a Pressed,
     pub dt_s: f64,
+}
+
+/// Pressing forces on all coordinates, in the axes R, in the mean over a step and at its end; empty without.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pressed {
+    pub mean: Vec<f64>,
+    pub end: Vec<f64>,
 }
 
 /// The beginning of a frame.
@@ -169,7 +175,7 @@ impl Moving {
                         held: now.held,
                         turn: now.turn(),
                         acting: &acting,
-                        pressed: &[],
+                        pressed: &Pressed::default(),
                         dt_s,
                     },
                 )

@@ -1,15 +1,15 @@
 //! The effect in a world: its bodies, and what they add to a frame.
 
-use super::moving::{Motion, Moving, Now};
+use super::moving::{Motion, Moving, Now, Pressed};
 use super::settings::{NAME, Settings};
 use super::tables::Tables;
 use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, Deformer, PoseSlope};
 use crate::effect::entry::EffectInput;
-use crate::world::inertia::{Coming, Gone, Inertia, NodeForces};
+use crate::world::inertia::{Coming, Gone, Inertia, NodeForces, StepForces};
 use crate::world::running::{Memory, MovedElement, read, written};
 use crate::world::{RunningEffect, World};
-use nalgebra::{DMatrix, UnitQuaternion};
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -100,12 +100,12 @@ impl Inertia for DynamicBody {
         Gone { poses: motion.poses().to_vec(), amplitudes: self.moving.amplitudes(motion) }
     }
 
-    fn rows(&self, deformer: &Deformer, node: u32) -> DMatrix<f64> {
+    fn rows(&self, deformer: &Deformer, node: u32) -> Vec<Vector3<f64>> {
         self.moving.rows(&self.shapes(deformer, node))
     }
 
-    fn weights(&self, share: f64) -> Vec<f64> {
-        self.moving.weights(share)
+    fn weights(&self, share: f64, part: f64) -> Vec<f64> {
+        self.moving.weights(share, part)
     }
 
     fn go(
@@ -113,12 +113,14 @@ impl Inertia for DynamicBody {
         share: f64,
         turn: &UnitQuaternion<f64>,
         deformer: &Deformer,
-        forces: &NodeForces,
+        forces: StepForces<'_>,
     ) -> Gone {
-        let shapes: Vec<_> =
-            forces.iter().map(|(node, force)| (self.shapes(deformer, *node), *force)).collect();
-        let each = shapes.iter().map(|(shapes, force)| (&**shapes, *force));
-        let pressed = self.moving.pressing_forces(turn, each);
+        let acting = |forces: &NodeForces| {
+            let shapes: Vec<_> =
+                forces.iter().map(|(node, force)| (self.shapes(deformer, *node), *force)).collect();
+            self.moving.pressing(turn, shapes.iter().map(|(shapes, force)| (&**shapes, *force)))
+        };
+        let pressed = Pressed { mean: acting(forces.mean), end: acting(forces.end) };
         let motion = self.moving.tried(share, turn, &pressed).clone();
         Gone { poses: motion.poses().to_vec(), amplitudes: self.moving.amplitudes(&motion) }
     }
