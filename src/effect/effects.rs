@@ -9,6 +9,7 @@ use crate::scene::Body;
 pub const EFFECTS: &[EffectEntry] = &[
     haptics::live::ENTRY,
     expected::ENTRY,
+    // Before what gives bodies inertia, which it presses.
     contact::ENTRY,
     dynamics::ENTRY,
     stress::ENTRY,

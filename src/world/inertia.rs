@@ -2,7 +2,7 @@
 //!
 //! In: forces at nodes of the surface. Out: poses of control elements that nothing holds and amplitudes of modes, at the end of each of
 //! several steps into which the effect divides the frame. With r_ik the motion of node i in coordinate k and the weights w_k of a step, a
-//! force f at node j moves node i by Σ_k w_k r_ik r_jkᵀ f until its end, beyond what the columns of the forces say.
+//! force f at node j moves node i by Σ_k w_k r_ik r_jkᵀ f until its end, beyond what the columns of the compliance give.
 
 use crate::deform::{ControlPose, Deformer, PoseSlope};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -11,12 +11,12 @@ use std::ops::Range;
 /// Forces at nodes of the surface, along the body's axes.
 pub type NodeForces = [(u32, Vector3<f64>)];
 
-/// Forces in a step.
+/// Forces on a body in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepForces<'a> {
-    /// In the mean over the step, as which they act on the motion.
+    /// Their mean over the step: what acts on the motion.
     pub mean: &'a NodeForces,
-    /// At its end, as which the columns show them.
+    /// At its end: what the columns show.
     pub end: &'a NodeForces,
 }
 

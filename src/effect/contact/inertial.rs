@@ -121,9 +121,18 @@ impl TouchedBody {
         self.free.take(&gone.poses)
     }
 
+    /// Axes of the columns, body_from_columns, of a body with inertia.
+    pub fn turn_of_inertia(&self) -> Option<UnitQuaternion<f64>> {
+        self.inertial.as_ref().map(|_| self.free.state.body_from_surface().rotation)
+    }
+
     /// Begins a frame with inertia, or without.
     pub fn set_inertia(&mut self, inertia: Option<&dyn Inertia>) {
         self.inertial = inertia.map(|_| Inertial::default());
+        if inertia.is_none() && !std::mem::take(&mut self.has_lived) {
+            return;
+        }
+        self.has_lived = inertia.is_some();
         for e in 0..self.free.controls.len() {
             let moves = inertia.is_some_and(|inertia| inertia.moves(e));
             for node in self.free.control_nodes(e) {

@@ -277,3 +277,20 @@ fn a_state_in_the_middle_of_a_bounce_goes_on_bit_by_bit() {
         assert_eq!(second.world.state_hash(), first.world.state_hash());
     }
 }
+
+/// A cube that begins half inside the floor comes out of it slowly, and does not leave it.
+#[test]
+fn what_begins_inside_the_floor_comes_out_slowly() {
+    let keys = free("ymax", 0.05);
+    let cube = cube("cube", [0.0, 0.045, 0.0], "ymax", &keys);
+    let mut scene = Scene::of(&(FLOOR.to_owned() + &cube.text()), 1.0 / 60.0);
+    let mut lowest: Vec<f64> = Vec::new();
+    for _ in 0..120 {
+        scene.step();
+        lowest.push(scene.lowest(0));
+    }
+    let fastest = lowest.windows(2).map(|pair| (pair[1] - pair[0]) * 60.0).fold(0.0, f64::max);
+    println!("from {} to {} m, at {fastest} m/s at most", lowest[0], lowest[119]);
+    assert!(lowest[0] < -4e-3 && lowest[119].abs() < 1e-4, "{} {}", lowest[0], lowest[119]);
+    assert!(fastest < 0.15 && lowest.iter().all(|y| *y < 2e-3), "{fastest} m/s");
+}

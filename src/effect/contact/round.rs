@@ -27,8 +27,13 @@ const BETWEEN_NODES: f64 = 0.02;
 /// Contacts at most: beyond, a step would take longer than a frame.
 const MOST_CONTACTS: usize = 600;
 
+/// Speed with which bodies with inertia that reach into each other are brought apart, m/s.
+const RECOVERY: f64 = 0.05;
+
 /// Data of a step beside the bodies.
 pub struct Step<'a> {
+    /// s; 0 where no body has inertia.
+    pub length_s: f64,
     pub tools: &'a [Tool],
     /// Poses of the tools' surfaces at the start, and of the tools as hands put them at the end; `None` for one that is not there.
     pub from: &'a [Option<Isometry3<f64>>],
@@ -128,6 +133,26 @@ impl Round<'_> {
                 )
             }
         }
+    }
+
+    /// Gap to which a step leads a contact at least: of a body with inertia that was pressed in before the step, less than 0, so that
+    /// it comes out no faster than [`RECOVERY`].
+    pub fn wanted(&self, contact: &Contact) -> f64 {
+        if !contact.lives(self.bodies) {
+            return 0.0;
+        }
+        let start = self.step.starts[contact.body].of(&contact.spot);
+        let gap = match contact.against {
+            Against::Tool(tool) => {
+                let pose = self.step.from[tool].or(self.step.to[tool]).unwrap_or_default();
+                distance(&self.step.tools[tool].shape, &pose, &start).0
+            }
+            Against::Surface { body, spot } => {
+                let (_, normal) = self.gap(contact);
+                normal.dot(&(start - self.step.starts[body].of(&spot)))
+            }
+        };
+        (gap + RECOVERY * self.step.length_s).min(0.0)
     }
 
     /// Whether the gaps of contacts are these.

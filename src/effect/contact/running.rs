@@ -28,8 +28,6 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-/// Steps, at least, of a frame in which a body with inertia is near something: between them it moves under constant forces.
-const STEPS_OF_INERTIA: usize = 8;
 /// Time since the first frame within which a tool's stylus should be seen, s.
 const SEEN_S: f64 = 2.0;
 
@@ -44,6 +42,8 @@ pub struct Contacts {
     first_s: Option<f64>,
     /// Warnings of this frame.
     warnings: Vec<String>,
+    /// Length of this frame for bodies with inertia, s.
+    frame_s: f64,
 }
 
 /// All that lasts from frame to frame.
@@ -60,6 +60,18 @@ pub struct Motion {
     free: Vec<DeformerState>,
     /// Whether the forces are those of the last frame's poses, loads and tools.
     is_settled: bool,
+    /// Forces on each touched body with inertia in the mean over the last frame, along its axes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pushed: Vec<Vec<Push>>,
+}
+
+/// A force at a node, N.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Push {
+    node: u32,
+    #[serde(with = "crate::field::numbers")]
+    force: V3,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -118,14 +130,6 @@ struct Now {
     ends: Vec<Gone>,
 }
 
-/// What a frame begins with.
-struct Begun {
-    /// False where time stands for a body with inertia.
-    goes_on: bool,
-    /// Whether other loads act than in the last frame.
-    changed: bool,
-}
-
 /// The poses of a body's control elements in this frame, without what inertia changes of them.
 fn poses_of(world: &World, b: usize) -> Vec<ControlPose> {
     world.fields.bodies[b].poses.iter().map(|pose| *world.graph.get(*pose)).collect()
@@ -135,7 +139,7 @@ impl Contacts {
     fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, pairs: Vec<[usize; 2]>, stage: &Stage) -> Contacts {
         let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
         let felt = Felt::new(&bodies, &tools, stage);
-        Contacts { bodies, tools, pairs, motion, felt, first_s: None, warnings: Vec::new() }
+        Contacts { bodies, tools, pairs, motion, felt, first_s: None, warnings: Vec::new(), frame_s: 0.0 }
     }
 
     /// Moves tools and bodies to where they are now.
@@ -143,13 +147,10 @@ impl Contacts {
         self.warnings.clear();
         self.felt.rests();
         let mut inertias = self.inertias_of(given);
-        let Begun { goes_on, mut changed } = self.begin(world, contributions, &mut inertias);
+        let mut changed = self.begin(world, contributions, &mut inertias);
         let places: Vec<_> = self.bodies.iter().map(|body| world.bodies[body.b].room_from_body).collect();
         if self.motion.places.is_empty() {
             self.put(&places);
-        }
-        if !goes_on {
-            return;
         }
         // A tool whose stylus is not seen stays where it was.
         let place = |(tool, last): (&Tool, &Placed)| tool.place(world).or(last.pose);
@@ -163,8 +164,8 @@ impl Contacts {
             let end = match inertia {
                 Some(inertia) => {
                     let turn = body.free.state.body_from_surface().rotation;
-                    let mut forces = at_nodes(&self.bodies, &self.motion.contacts, number);
-                    forces.iter_mut().for_each(|(_, force)| *force = turn * *force);
+                    let pushed = self.motion.pushed.get(number).map_or(&[][..], Vec::as_slice);
+                    let forces: Vec<_> = pushed.iter().map(|push| (push.node, push.force)).collect();
                     inertia.go(1.0, &turn, &body.free, StepForces { mean: &forces, end: &forces })
                 }
                 None => Gone { poses: poses_of(world, body.b), amplitudes: Vec::new() },
@@ -172,6 +173,7 @@ impl Contacts {
             changed |= inertia.is_some() || end.poses != body.free.poses;
             ends.push(end);
         }
+        self.motion.pushed = vec![Vec::new(); self.bodies.len()];
         if changed || !self.motion.is_settled {
             self.advance(world, &Now { tools, places, ends }, &mut inertias);
         }
@@ -189,12 +191,12 @@ impl Contacts {
         found
     }
 
-    /// Takes what acts on the bodies in this frame.
-    fn begin(&mut self, world: &World, contributions: &[Contribution], inertias: &mut Inertias<'_>) -> Begun {
+    /// Takes what acts on the bodies in this frame; one for which time stands is held as one without inertia. True if anything has changed.
+    fn begin(&mut self, world: &World, contributions: &[Contribution], inertias: &mut Inertias<'_>) -> bool {
         let time_s = *world.graph.get(world.fields.time);
-        let (mut goes_on, mut changed) = (true, false);
-        for (body, inertia) in self.bodies.iter_mut().zip(inertias) {
-            if let Some(inertia) = inertia {
+        let mut changed = false;
+        for (body, slot) in self.bodies.iter_mut().zip(inertias) {
+            if let Some(inertia) = slot {
                 body.follow(&**inertia, &inertia.now());
             }
             let placed = &world.bodies[body.b];
@@ -204,19 +206,27 @@ impl Contacts {
             loads.points.truncate(loads.points.len().saturating_sub(of_effects));
             changed |= body.free.apply(&loads);
             body.others.clone_from(&contributions[body.b]);
-            if let Some(inertia) = inertia {
-                body.free.respond();
-                let poses = poses_of(world, body.b);
-                let carried = (0..poses.len()).map(|control| world.is_carried(body.b, control)).collect();
-                let coming = Coming { time_s, poses, carried };
-                goes_on &= inertia.begin(coming, body.free.slopes()).is_some();
-            } else {
-                changed |= *body.free.contribution() != body.others;
-                body.free.contribute(&body.others);
+            match slot {
+                Some(inertia) => {
+                    body.free.respond();
+                    let poses = poses_of(world, body.b);
+                    let carried = (0..poses.len()).map(|control| world.is_carried(body.b, control)).collect();
+                    let begun = inertia.begin(Coming { time_s, poses, carried }, body.free.slopes());
+                    self.frame_s = begun.unwrap_or(self.frame_s);
+                    if begun.is_none() {
+                        let now = inertia.now();
+                        changed |= body.follow(&**inertia, &now);
+                        *slot = None;
+                    }
+                }
+                None => {
+                    changed |= *body.free.contribution() != body.others;
+                    body.free.contribute(&body.others);
+                }
             }
-            body.set_inertia(inertia.as_deref());
+            body.set_inertia(slot.as_deref());
         }
-        Begun { goes_on, changed }
+        changed
     }
 
     /// Goes the way from the last frame to this one.
@@ -245,14 +255,13 @@ impl Contacts {
         let last = std::mem::take(&mut self.motion.tools);
         let moved = self.tools.iter().zip(&last).zip(&now.tools);
         let tools = moved.map(|((tool, last), new)| tool_way(tool, last.pose, *new)).collect();
-        let way = Way { before: outlines, shown, after: self.outlines(), tools };
+        let mut way = Way { before: outlines, shown, after: self.outlines(), tools };
         self.motion.tools =
             now.tools.iter().map(|pose| Placed { pose: *pose, yielded: V3::zeros() }).collect();
         let from: Vec<_> = last.iter().map(Placed::surface).collect();
         let places: Vec<_> = from.iter().zip(&now.tools).map(|(from, to)| from.or(*to)).collect();
         let (bodies, tools, pairs) = (&self.bodies, &self.tools, &self.pairs);
-        let least = if inertias.iter().any(Option::is_some) { STEPS_OF_INERTIA } else { 1 };
-        let near = Start { bodies, tools, pairs, places: &places, held: &held, least }.near(&way);
+        let near = Start { bodies, tools, pairs, places: &places, held: &held }.near(&way);
         self.motion.is_settled = true;
         if near.all.iter().all(|nodes| nodes.is_empty()) {
             inertial::keep(inertias);
@@ -260,6 +269,7 @@ impl Contacts {
             match near.meetings.len() {
                 1 if near.is_followed => {
                     let starts = first_places(&near.all, &known, &way.shown);
+                    self.go_back(inertias);
                     self.one_step([&from, &now.tools], &starts, (&way, &near, 0), (inertias, 1.0));
                 }
                 1 => {
@@ -268,19 +278,27 @@ impl Contacts {
                          touches; it is put down anew, and may lie beyond what it passed"
                     ));
                     self.motion.contacts.clear();
+                    self.go_back(inertias);
+                    inertial::begin(&mut self.bodies, inertias, 1.0);
+                    inertial::go(&mut self.bodies, inertias, 1.0, &mut []);
                     let starts = self.places(&near.all);
-                    for (body, inertia) in self.bodies.iter_mut().zip(inertias.iter()) {
-                        if let Some(inertia) = inertia {
-                            body.follow(&**inertia, &inertia.now());
-                        }
-                    }
+                    self.go_back(inertias);
                     self.one_step([&now.tools, &now.tools], &starts, (&way, &near, 0), (inertias, 1.0));
                 }
-                _ => self.go(now, (&before, &placed), &last, (&known, &way, &near), inertias),
+                _ => self.go(now, (&before, &placed), &last, (&known, &mut way, &near), inertias),
             }
         }
         self.forget_columns(&near.all);
         self.felt.moved(near.by_tools, way.tools);
+    }
+
+    /// Puts bodies with inertia where the last step left them.
+    fn go_back(&mut self, inertias: &Inertias<'_>) {
+        for (body, inertia) in self.bodies.iter_mut().zip(inertias) {
+            if let Some(inertia) = inertia {
+                body.follow(&**inertia, &inertia.now());
+            }
+        }
     }
 
     fn put(&mut self, places: &[Similarity3<f64>]) {
@@ -293,7 +311,7 @@ impl Contacts {
         now: &Now,
         (before, placed): (&[DeformerState], &[Similarity3<f64>]),
         last: &[Placed],
-        (known, way, near): (&[Places], &Way, &Near),
+        (known, way, near): (&[Places], &mut Way, &Near),
         inertias: &mut Inertias<'_>,
     ) {
         for (body, state) in self.bodies.iter_mut().zip(before) {
@@ -323,6 +341,12 @@ impl Contacts {
                 }
                 body.room_from_body = place_between(start.1, place, share);
             }
+            for (body, outline) in self.bodies.iter_mut().zip(&mut way.after) {
+                if body.inertial.is_some() {
+                    body.free.deform();
+                    *outline = body.summed_places(&body.free);
+                }
+            }
             self.one_step([&from, &to], &starts, (way, near, number), (&mut *inertias, share));
             let shifted =
                 |(to, tool): (&Option<Isometry3<f64>>, &Placed)| to.map(|to| shifted(&to, &tool.yielded));
@@ -343,6 +367,7 @@ impl Contacts {
         // A tool that was nowhere comes from where it is.
         let from: Vec<_> = from.iter().zip(to).map(|(from, to)| from.or(*to)).collect();
         let step = Step {
+            length_s: self.frame_s / near.meetings.len() as f64,
             tools: &self.tools,
             from: &from,
             to,
@@ -354,6 +379,13 @@ impl Contacts {
         let Outcome { warnings, reached, is_unfinished } =
             advance(&mut self.bodies, (&mut *inertias, share), &mut self.motion.contacts, &step);
         inertial::keep(inertias);
+        let part = 1.0 / near.meetings.len() as f64;
+        for number in 0..self.bodies.len() {
+            let Some(turn) = self.bodies[number].turn_of_inertia() else { continue };
+            for (node, force) in at_nodes(&self.bodies, &self.motion.contacts, number) {
+                self.motion.pushed[number].push(Push { node, force: turn * force * part });
+            }
+        }
         for warning in warnings {
             if !self.warnings.contains(&warning) {
                 self.warnings.push(warning);
@@ -498,11 +530,17 @@ impl RunningEffect for Contacts {
         if (motion.tools.len(), motion.free.len()) != (self.tools.len(), bodies)
             || (is_begun && motion.places.len() != bodies)
             || !motion.contacts.iter().all(fits)
+            || !motion
+                .pushed
+                .iter()
+                .zip(&self.bodies)
+                .all(|(pushed, body)| pushed.iter().all(|push| (push.node as usize) < body.takes.len()))
         {
             return Err("its tools and contacts are those of another scene".to_owned());
         }
         for (body, state) in self.bodies.iter_mut().zip(&motion.free) {
             body.free.restore(state)?;
+            // With the last amplitudes, which those of the next frame replace.
             body.others.clone_from(body.free.contribution());
         }
         self.put(&motion.places);

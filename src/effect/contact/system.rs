@@ -27,6 +27,8 @@ type V3 = Vector3<f64>;
 const MOST_ROUNDS: usize = 12;
 /// Part of its own compliance by which a spot yields more that is not independent of the others.
 const SKIN: f64 = 1e-3;
+/// Part of the force at the beginning of a step below which a contact is open at its end.
+const GONE: f64 = 1e-9;
 
 /// Brings the contacts to the end of a step, at this share of the frame.
 pub fn advance(
@@ -67,6 +69,7 @@ pub fn advance(
             if let Err(warning) = fetch(bodies, contacts) {
                 outcome.warn(warning);
                 contacts.clear();
+                inertial::go(bodies, inertias, share, contacts);
                 return outcome;
             }
             for (number, (body, inertia)) in bodies.iter_mut().zip(inertias.iter()).enumerate() {
@@ -76,7 +79,7 @@ pub fn advance(
             }
             let now = Round { bodies, step, places: &places, yielded: &yielded };
             let (gaps, reached) = solve(&now, contacts, &free);
-            let has_left = let_go(contacts);
+            let has_left = let_go(bodies, contacts);
             inertial::go(bodies, inertias, share, contacts);
             for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
                 if inertia.is_some() {
@@ -108,9 +111,14 @@ pub fn advance(
     outcome
 }
 
-/// What touches no more at the end of a step was let go where it began: what lasted would push it on. True if there is any.
-fn let_go(contacts: &mut [Contact]) -> bool {
-    let gone = |contact: &&mut Contact| contact.force == V3::zeros() && contact.before != V3::zeros();
+/// Lets what touches a body with inertia no more at the end of a step go where the step began: otherwise the force of its beginning would
+/// still push it away. True if there is any.
+fn let_go(bodies: &[TouchedBody], contacts: &mut [Contact]) -> bool {
+    let gone = |contact: &&mut Contact| {
+        contact.before != V3::zeros()
+            && contact.force.norm() <= GONE * contact.before.norm()
+            && contact.lives(bodies)
+    };
     contacts.iter_mut().filter(gone).map(|contact| contact.before = V3::zeros()).count() > 0
 }
 
@@ -139,7 +147,7 @@ fn all_yielded(bodies: &[TouchedBody], contacts: &[Contact], step: &Step<'_>) ->
 fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64>, Reached) {
     let Round { bodies, step, .. } = *now;
     let turns = turns(bodies);
-    let mut bases = Vec::with_capacity(contacts.len());
+    let (mut bases, mut wanted) = (Vec::with_capacity(contacts.len()), Vec::new());
     let size = 3 * contacts.len();
     let (mut d0, mut f) = (DVector::zeros(size), DVector::zeros(size));
     let friction: Vec<f64> = contacts.iter().map(|contact| friction(bodies, contact)).collect();
@@ -147,8 +155,9 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
         let (gap, normal) = now.gap(contact);
         let basis = contact_axes(&normal);
         let (opened, slip) = now.without(contact, free);
-        let slip = basis.tr_mul(&slip);
-        d0.fixed_rows_mut::<3>(3 * i).copy_from(&V3::new(gap + normal.dot(&opened), slip.y, slip.z));
+        let (slip, gap) = (basis.tr_mul(&slip), gap + normal.dot(&opened));
+        wanted.push(now.wanted(contact));
+        d0.fixed_rows_mut::<3>(3 * i).copy_from(&V3::new(gap - wanted[i], slip.y, slip.z));
         f.fixed_rows_mut::<3>(3 * i).copy_from(&basis.tr_mul(&(turns[contact.body] * contact.force)));
         bases.push(basis);
     }
@@ -163,7 +172,7 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
         contact.force = turns[contact.body].tr_mul(&(bases[i] * f.fixed_rows::<3>(3 * i)));
     }
     let gaps = w * f + d0;
-    (gaps.iter().step_by(3).copied().collect(), reached)
+    (gaps.iter().step_by(3).zip(&wanted).map(|(gap, wanted)| gap + wanted).collect(), reached)
 }
 
 /// Compliance of a contact beside that of its bodies, m/N. Contacts between nodes, and those of both surfaces at once, depend on one

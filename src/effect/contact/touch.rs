@@ -22,7 +22,7 @@ pub struct Contact {
     /// Force on the body along the axes of its columns, N.
     #[serde(with = "crate::field::numbers")]
     pub force: V3,
-    /// The same at the beginning of the step, where it lasts into it.
+    /// The same force where the step began; zero for a contact that is new or was let go.
     #[serde(skip)]
     pub before: V3,
 }
@@ -38,6 +38,11 @@ pub enum Against {
 }
 
 impl Contact {
+    /// Whether it presses a body that moves by inertia.
+    pub fn lives(&self, bodies: &[TouchedBody]) -> bool {
+        self.sides().any(|(body, ..)| bodies[body].inertial.is_some())
+    }
+
     /// The tool that it touches.
     pub fn tool(&self) -> Option<usize> {
         match self.against {
@@ -66,8 +71,9 @@ impl Contact {
         own.flat_map(|(_, spot, _)| spot.corners()).map(|(node, _)| node)
     }
 
-    /// Part with which the force at the end of a step acts in the mean over it, beside that at its beginning. With a half or more no
-    /// contact gives energy to a body, with a half none takes any, and forces that change from step to step do not fade.
+    /// Part with which the force at the end of a step acts in the mean over it, beside that at its beginning. Normal forces on surfaces that
+    /// were apart give a body no energy if it is a half or more; with a half they take none, but forces that jump from step to step do
+    /// not fade.
     pub const PART_OF_END: f64 = 0.6;
 
     /// The same contact with its force in the mean over the step.

@@ -25,15 +25,18 @@ pub struct TouchedBody {
     pub tools: Vec<bool>,
     /// Whether a force device feels it.
     pub is_felt: bool,
-    /// The body without contact, with everything else that acts on it.
+    /// The body without what the columns of its contacts show, with everything else that acts on it.
     pub free: Deformer,
     /// Whether a node takes forces in this frame: it has a column, or belongs to a control element that moves by inertia.
     pub takes: Vec<bool>,
     /// Whether it has a column.
     yields: Vec<bool>,
-    /// Contribution of other effects, without inertia, and how the body moves by inertia in this frame.
+    /// Contribution of other effects, without inertia.
     pub others: Contribution,
+    /// Response of a body with inertia in a step; `None` of one that has none, or for which time stands.
     pub inertial: Option<Inertial>,
+    /// Whether it had inertia in the last frame.
+    pub has_lived: bool,
     pub triangles: Vec<[u32; 3]>,
     /// Numbers of the triangles around each node.
     pub around: Vec<Vec<u32>>,
@@ -170,6 +173,7 @@ impl TouchedBody {
             yields,
             others: free.no_contribution(),
             inertial: None,
+            has_lived: false,
             free,
             triangles,
             around,
@@ -186,14 +190,14 @@ impl TouchedBody {
         self.longest * self.room_from_body.scaling()
     }
 
-    /// Whether a node belongs to a control element, or has no column for another reason.
-    pub fn is_stiff(&self, node: u32) -> bool {
+    /// Whether a node has no column: it belongs to a control element, or surface_compliance leaves it out.
+    pub fn has_no_column(&self, node: u32) -> bool {
         self.yields.get(node as usize) != Some(&true)
     }
 
     /// Whether all nodes of a spot have columns.
     pub fn has_columns(&self, spot: &SurfaceSpot) -> bool {
-        spot.corners().all(|(node, _)| !self.is_stiff(node))
+        spot.corners().all(|(node, _)| !self.has_no_column(node))
     }
 
     /// The control element to which a node belongs.
@@ -209,7 +213,8 @@ impl TouchedBody {
     /// Whether forces can act on a spot, in this frame or in another.
     pub fn bears(&self, spot: &SurfaceSpot) -> bool {
         let takes = |node: &u32| {
-            (*node as usize) < self.takes.len() && (!self.is_stiff(*node) || self.element_of(*node).is_some())
+            (*node as usize) < self.takes.len()
+                && (!self.has_no_column(*node) || self.element_of(*node).is_some())
         };
         let sum: f64 = spot.weights.iter().sum();
         spot.nodes.iter().all(takes) && spot.weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-6
@@ -249,7 +254,7 @@ impl TouchedBody {
 
     /// Makes sure that the columns of these nodes are there. The error says why one cannot be read.
     pub fn fetch(&mut self, nodes: impl Iterator<Item = u32>) -> Result<(), String> {
-        let is_missing = |node: &u32| !self.is_stiff(*node) && self.columns.slot(*node).is_none();
+        let is_missing = |node: &u32| !self.has_no_column(*node) && self.columns.slot(*node).is_none();
         let mut missing: Vec<u32> = nodes.filter(is_missing).collect();
         missing.sort_unstable();
         missing.dedup();

@@ -18,6 +18,9 @@ type V3 = Vector3<f64>;
 const STEP: f64 = 0.5;
 pub const MOST_STEPS: usize = 64;
 
+/// Steps, at least, of a frame in which a body with inertia is near something.
+const STEPS_OF_INERTIA: usize = 8;
+
 /// Places in the room of all nodes of each body without contact before and after the frame, and as they were shown last; and by how far each
 /// tool moves, m.
 pub struct Way {
@@ -48,8 +51,6 @@ pub struct Start<'a> {
     pub places: &'a [Option<Isometry3<f64>>],
     /// Nodes of contacts.
     pub held: &'a [Arc<Nodes>],
-    /// Steps at least.
-    pub least: usize,
 }
 
 impl Start<'_> {
@@ -65,7 +66,11 @@ impl Start<'_> {
             travel / (STEP * wall).max(f64::MIN_POSITIVE)
         });
         let steps = walls.fold(self.steps_of_tools(&by_tools, &reaching, way), f64::max).ceil() as usize;
-        let steps = steps.max(self.least);
+        let has_inertia = |b: usize| self.bodies[b].inertial.is_some();
+        let lives = (0..self.bodies.len())
+            .any(|b| has_inertia(b) && (!by_tools[b].is_empty() || !self.held[b].is_empty()))
+            || together.iter().any(|(pair, _)| pair.iter().any(|b| has_inertia(*b)));
+        let steps = if lives { steps.max(STEPS_OF_INERTIA) } else { steps };
         let is_followed = steps <= MOST_STEPS;
         let meetings = match is_followed {
             true => (0..steps).map(|step| self.meetings(&together, way, [step, steps])).collect(),

@@ -1,4 +1,4 @@
-//! The frame of a body that another effect presses: in steps, each tried until the forces fit.
+//! The frame of a body that another effect presses: in steps, each tried again until the forces fit.
 //!
 //! In: the beginning of a frame, and for each step the forces at nodes. Out: the motion at the end of the frame, as [`Moving::step`]
 //! leaves it without such forces.
@@ -135,20 +135,21 @@ impl Moving {
 
     /// Ends the frame, if one was begun.
     pub fn arrive(&mut self) {
-        let Some(Course { time_s, start, poses, slopes, .. }) = self.course.take() else { return };
-        let motion = Motion { slopes, ..std::mem::take(&mut self.motion) };
+        let Some(Course { time_s, dt_s, start, poses, slopes, .. }) = self.course.take() else { return };
+        let motion = Motion { frame_s: dt_s, slopes, ..std::mem::take(&mut self.motion) };
         self.motion.poses = start;
         self.take(motion, time_s, &poses);
     }
 
-    /// Forces on all coordinates, in axes that are turned by `turn`, of forces at nodes with these N.
+    /// Forces on all coordinates, in axes that are turned by `turn`, of forces at nodes with these N; nothing without.
     pub fn pressing<'a>(
         &self,
         turn: &UnitQuaternion<f64>,
         forces: impl Iterator<Item = (&'a DMatrix<f64>, Vector3<f64>)>,
     ) -> Vec<f64> {
-        let mut sum = DVector::zeros(self.tables.mass.nrows());
+        let mut sum = DVector::zeros(0);
         for (shapes, force) in forces {
+            sum.resize_vertically_mut(self.tables.mass.nrows(), 0.0);
             let force = turn.inverse() * force;
             sum += shapes.tr_mul(&DVectorView::from_slice(force.as_slice(), 3));
         }

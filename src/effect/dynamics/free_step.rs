@@ -53,6 +53,7 @@ impl Moving {
         Motion {
             time_s: last.time_s.map(|time_s| time_s + dt_s),
             step_s: dt_s,
+            frame_s: last.frame_s,
             slopes: vec![PoseSlope::default(); poses.len()],
             poses,
             speeds,

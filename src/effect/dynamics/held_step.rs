@@ -144,6 +144,7 @@ impl Moving {
         Motion {
             time_s: leg.last.time_s.map(|time_s| time_s + leg.dt_s),
             step_s: leg.dt_s,
+            frame_s: leg.last.frame_s,
             poses,
             speeds,
             places: to.place.as_slice()[count..].to_vec(),

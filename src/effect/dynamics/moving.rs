@@ -39,8 +39,9 @@ use std::ops::Range;
 pub struct Motion {
     /// Time of the last step, s; `None` before the first.
     pub(super) time_s: Option<f64>,
-    /// Length of the last step, s; 0 before the first.
+    /// Length of the last step, and of the last frame, s; 0 before the first.
     pub(super) step_s: f64,
+    pub(super) frame_s: f64,
     pub(super) poses: Vec<ControlPose>,
     /// Ṫ and Ṁ of each element, row by row.
     pub(super) speeds: Vec<f64>,
@@ -163,7 +164,9 @@ impl Moving {
         let system = self.system_of(now.poses, slopes.is_some());
         let mut forces = self.forces.take();
         let after = match &mut forces {
-            Some(forces) if system.released.contains(&true) => self.swung(forces, &system, now, dt_s),
+            Some(forces) if system.whole.is_none() && system.released.contains(&true) => {
+                self.swung(forces, &system, now, dt_s)
+            }
             _ => {
                 // Without the inertia of elements that were held until now.
                 let acting = slopes.map(|slopes| difference(slopes, &self.motion.slopes)).unwrap_or_default();
@@ -182,7 +185,7 @@ impl Moving {
             }
         };
         (self.system, self.forces) = (Some(system), forces);
-        self.take(after, now.time_s, now.poses);
+        self.take(Motion { frame_s: dt_s, ..after }, now.time_s, now.poses);
     }
 
     /// The system in which elements move that are not held and stand where the last step left them, if there are forces on them.
@@ -289,18 +292,18 @@ impl Moving {
 
     /// Elastic energy of the modes, J.
     fn energy(&self) -> f64 {
-        let pairs = self.motion.places.iter().zip(&self.tables.squares);
-        pairs.map(|(q, square)| 0.5 * square * q * q).sum()
+        let amplitudes = self.amplitudes(&self.motion);
+        amplitudes.iter().zip(&self.tables.squares).map(|(q, square)| 0.5 * square * q * q).sum()
     }
 
-    /// The stiffness with which modes resist a motion of a held element, in the mean over a step as long as the last: q takes up
-    /// all of a sudden motion at first, and swings back. Modes of more than half a period in a step resist nothing in the mean.
+    /// The stiffness with which modes resist a motion of a held element, in the mean over a frame as long as the last: q takes up
+    /// all of a sudden motion at first, and swings back. Modes of more than half a period in a frame resist nothing in the mean.
     fn curvature(&self, e: usize, turn: &UnitQuaternion<f64>) -> PoseCurvature {
         let (mut sum, fields) = (PoseCurvature::zeros(), self.tables.fields());
         let out = turn.to_rotation_matrix();
         for (k, square) in self.tables.squares.iter().enumerate() {
-            let angle = square.sqrt() * self.motion.step_s;
-            if angle >= PI || self.motion.step_s == 0.0 {
+            let angle = square.sqrt() * self.motion.frame_s;
+            if angle >= PI || self.motion.frame_s == 0.0 {
                 continue;
             }
             let own = self.tables.mass.column(fields + k).rows(FIELDS * e, FIELDS).into_owned();
