@@ -76,6 +76,7 @@ fn scripts() {
         "scripts",
         &[
             "bend.toml",
+            "drop.toml",
             "models.toml",
             "press.toml",
             "pull.toml",
@@ -91,6 +92,7 @@ fn scripts() {
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
     for (file, duration_s, styli) in [
+        ("drop.toml", 3.0, 0),
         ("press.toml", 5.0, 0),
         ("pull.toml", 6.5, 1),
         ("raise.toml", 5.0, 2),
@@ -274,6 +276,7 @@ fn scenes() {
         &[
             "bar.toml",
             "bear.toml",
+            "drop.toml",
             "ghosts.toml",
             "hose.toml",
             "models.toml",

@@ -141,6 +141,20 @@ impl Deformer {
         }
     }
 
+    /// [`Deformer::place_in_state`] of several nodes.
+    pub fn places_in_state(&self, nodes: impl Iterator<Item = u32>) -> Vec<Vector3<f64>> {
+        if self.model.field().is_some() || self.weights.is_some() {
+            return nodes.map(|node| self.place_in_state(node as usize)).collect();
+        }
+        let (groups, motion) = (self.groups(), self.state.body_from_surface());
+        let place = |node: u32| {
+            let rest = Vector3::from(self.rest()[node as usize]).cast::<f64>();
+            let u = displacement(&groups, self.u.len(), node as usize, &self.state.coefficients);
+            (motion * Point3::from(rest + u)).coords
+        };
+        nodes.map(place).collect()
+    }
+
     /// u of surface node `i` but for a rigid motion of the whole body: all that strains it, m.
     pub fn straining_part(&self, i: usize) -> Vector3<f64> {
         match &self.weights {

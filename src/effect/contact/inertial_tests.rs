@@ -278,11 +278,11 @@ fn a_state_in_the_middle_of_a_bounce_goes_on_bit_by_bit() {
     }
 }
 
-/// A cube that begins half inside the floor comes out of it slowly, and does not leave it.
+/// A cube that begins with its control element inside the floor comes out of it slowly, and does not leave it.
 #[test]
 fn what_begins_inside_the_floor_comes_out_slowly() {
-    let keys = free("ymax", 0.05);
-    let cube = cube("cube", [0.0, 0.045, 0.0], "ymax", &keys);
+    let keys = free("ymin", 0.05);
+    let cube = cube("cube", [0.0, 0.045, 0.0], "ymin", &keys);
     let mut scene = Scene::of(&(FLOOR.to_owned() + &cube.text()), 1.0 / 60.0);
     let mut lowest: Vec<f64> = Vec::new();
     for _ in 0..120 {

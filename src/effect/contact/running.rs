@@ -434,8 +434,7 @@ impl Contacts {
     /// Places of nodes with the forces of the contacts, in the states that were taken last.
     fn places(&self, nodes: &[Arc<Nodes>]) -> Vec<Places> {
         let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Arc<Nodes>))| {
-            let moved = body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b));
-            Places::new(nodes, |node| body.free_place(node) + moved(node))
+            body.free_places(nodes).moved(body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b)))
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }

@@ -46,7 +46,7 @@ pub fn advance(
     inertial::begin(bodies, inertias, share);
     inertial::go(bodies, inertias, share, contacts);
     let mut free: Vec<Places> =
-        bodies.iter().zip(step.starts).map(|(body, starts)| free_places(body, starts)).collect();
+        bodies.iter().zip(step.starts).map(|(body, starts)| body.free_places(starts.nodes())).collect();
     let mut places = with_contact(bodies, contacts, &free);
     let mut watch = Watch::new(step.meetings.len());
     for round in 0..MOST_ROUNDS {
@@ -61,7 +61,7 @@ pub fn advance(
             inertial::go(bodies, inertias, share, contacts);
             for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
                 if inertia.is_some() {
-                    *free = free_places(body, free);
+                    *free = body.free_places(free.nodes());
                 }
             }
             places.clone_from(&free);
@@ -83,7 +83,7 @@ pub fn advance(
             inertial::go(bodies, inertias, share, contacts);
             for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
                 if inertia.is_some() {
-                    *free = free_places(body, free);
+                    *free = body.free_places(free.nodes());
                 }
             }
             let after = with_contact(bodies, contacts, &free);
@@ -120,11 +120,6 @@ fn let_go(bodies: &[TouchedBody], contacts: &mut [Contact]) -> bool {
             && contact.lives(bodies)
     };
     contacts.iter_mut().filter(gone).map(|contact| contact.before = V3::zeros()).count() > 0
-}
-
-/// Places of candidates without contact, in the state that was taken last.
-fn free_places(body: &TouchedBody, like: &Places) -> Places {
-    Places::new(like.nodes(), |node| body.free_place(node))
 }
 
 /// Places of all candidates with the forces of the contacts.

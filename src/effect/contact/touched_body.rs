@@ -1,5 +1,6 @@
 //! A body that is touched: its shape without contact, and how its surface yields.
 
+use super::candidates::{Nodes, Places};
 use super::inertial::Inertial;
 use crate::deform::{Contribution, Deformer, DeformerState, PointLoad, Pull};
 use crate::green::Yield;
@@ -243,6 +244,14 @@ impl TouchedBody {
     /// Place in the room of a node without contact, in the state that was taken last.
     pub fn free_place(&self, node: u32) -> V3 {
         (self.room_from_body * Point3::from(self.free.place_in_state(node as usize))).coords
+    }
+
+    /// [`TouchedBody::free_place`] of candidates.
+    pub fn free_places(&self, nodes: &Arc<Nodes>) -> Places {
+        let mut places = self.free.places_in_state(nodes.iter()).into_iter();
+        let next =
+            |_| places.next().map_or_else(V3::zeros, |x| (self.room_from_body * Point3::from(x)).coords);
+        Places::new(nodes, next)
     }
 
     /// Places in the room of all nodes of a deformer of this body, as they were summed last.
