@@ -16,7 +16,7 @@ pub type NodeForces = [(u32, Vector3<f64>)];
 pub struct StepForces<'a> {
     /// Their mean over the step: what acts on the motion.
     pub mean: &'a NodeForces,
-    /// At its end: what the columns show.
+    /// Those at its end: what the columns show.
     pub end: &'a NodeForces,
 }
 

@@ -1,7 +1,7 @@
 //! Nodes of a body that may touch something in a frame, and their places.
 
-use super::touched_body::SurfaceSpot;
-use nalgebra::Vector3;
+use super::touched_body::{SurfaceSpot, TouchedBody};
+use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -52,6 +52,13 @@ pub struct Places {
 impl Places {
     pub fn new(nodes: &Arc<Nodes>, place: impl FnMut(u32) -> V3) -> Places {
         Places { nodes: nodes.clone(), at: nodes.iter().map(place).collect() }
+    }
+
+    /// Places of nodes of a body without what the columns of contacts show, in the state that was taken last.
+    pub fn free(body: &TouchedBody, nodes: &Arc<Nodes>) -> Places {
+        let places = body.free.places_in_state(nodes.iter()).into_iter();
+        let at = places.map(|x| (body.room_from_body * Point3::from(x)).coords).collect();
+        Places { nodes: nodes.clone(), at }
     }
 
     /// Places of the same nodes after each has moved.

@@ -3,61 +3,16 @@
 //! In: what gives a body its inertia, and the forces of contacts. Out: the body at the end of a step under these forces, and how it
 //! yields to them until then, beside the columns of its nodes.
 
-use super::touch::{Contact, at_nodes};
+use super::response::Response;
+use super::touch::{Contact, at_nodes, nodes_of};
 use super::touched_body::{SurfaceSpot, TouchedBody};
-use crate::deform::Deformer;
 use crate::world::inertia::{Gone, Inertia, StepForces};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use std::collections::BTreeMap;
+use nalgebra::{UnitQuaternion, Vector3};
 
 type V3 = Vector3<f64>;
 
 /// The inertia of each touched body; `None` of one that has none, or for which time stands.
 pub type Inertias<'a> = Vec<Option<&'a mut dyn Inertia>>;
-
-/// Response of a body in a step.
-#[derive(Default)]
-pub struct Inertial {
-    /// r of nodes.
-    rows: BTreeMap<u32, Vec<V3>>,
-    /// w.
-    weights: Vec<f64>,
-    /// Axes of the columns where the step begins, body_from_columns.
-    turn: UnitQuaternion<f64>,
-    /// Forces at the end of the step under which it has come to where it is, along the axes of the columns.
-    forces: Vec<(u32, V3)>,
-    /// Σ_j w_k r_jkᵀ f_j of these forces, once their rows are there.
-    moved: Vec<f64>,
-}
-
-impl Inertial {
-    /// Displacement of one node by a force at another until the end of the step, beyond that of the columns, m/N.
-    pub fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
-        let Some((at, from)) = self.rows.get(&at).zip(self.rows.get(&from)) else { return Matrix3::zeros() };
-        let each = at.iter().zip(from).zip(&self.weights);
-        each.fold(Matrix3::zeros(), |sum, ((at, from), w)| sum + at * (from * *w).transpose())
-    }
-
-    /// Makes sure that the rows of these nodes are there, and of those at which forces act.
-    pub fn fetch(&mut self, inertia: &dyn Inertia, deformer: &Deformer, nodes: impl Iterator<Item = u32>) {
-        let pressed = self.forces.iter().map(|(node, _)| *node);
-        for node in nodes.chain(pressed) {
-            self.rows.entry(node).or_insert_with(|| inertia.rows(deformer, node));
-        }
-        self.moved.clear();
-        self.moved.resize(self.weights.len(), 0.0);
-        for (node, force) in &self.forces {
-            let of_node = self.moved.iter_mut().zip(&self.rows[node]).zip(&self.weights);
-            of_node.for_each(|((sum, row), w)| *sum += w * row.dot(force));
-        }
-    }
-
-    /// Displacement of a node by the present forces, m.
-    fn displacement(&self, node: u32) -> V3 {
-        let rows = self.rows.get(&node).map_or(&[][..], Vec::as_slice);
-        rows.iter().zip(&self.moved).map(|(row, moved)| row * *moved).sum()
-    }
-}
 
 /// Begins a step of all bodies with inertia that ends at this share of the frame.
 pub fn begin(bodies: &mut [TouchedBody], inertias: &Inertias<'_>, share: f64) {
@@ -65,6 +20,15 @@ pub fn begin(bodies: &mut [TouchedBody], inertias: &Inertias<'_>, share: f64) {
         if let (Some(inertial), Some(inertia)) = (&mut body.inertial, inertia) {
             inertial.turn = body.free.state.body_from_surface().rotation;
             inertial.weights = inertia.weights(share, Contact::PART_OF_END);
+        }
+    }
+}
+
+/// Makes sure that what moves the nodes of all contacts by inertia is there.
+pub fn fetch(bodies: &mut [TouchedBody], inertias: &Inertias<'_>, contacts: &[Contact]) {
+    for (number, (body, inertia)) in bodies.iter_mut().zip(inertias).enumerate() {
+        if let (Some(inertial), Some(inertia)) = (&mut body.inertial, inertia) {
+            inertial.fetch(&**inertia, &body.free, nodes_of(contacts, number));
         }
     }
 }
@@ -128,7 +92,7 @@ impl TouchedBody {
 
     /// Begins a frame with inertia, or without.
     pub fn set_inertia(&mut self, inertia: Option<&dyn Inertia>) {
-        self.inertial = inertia.map(|_| Inertial::default());
+        self.inertial = inertia.map(|_| Response::default());
         if inertia.is_none() && !std::mem::take(&mut self.has_lived) {
             return;
         }

@@ -222,7 +222,7 @@ fn a_cube_lies_on_another() {
     assert!((between / GRAVITY - 1.0).abs() < 0.02, "{between}");
 }
 
-/// What is pressed for a while is pressed as without inertia.
+/// A bar that is pressed for a while is pressed as without inertia.
 #[test]
 fn a_body_that_has_come_to_rest_is_pressed_as_without_inertia() {
     let text = |effects: &str| {

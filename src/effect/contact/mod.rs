@@ -4,7 +4,8 @@
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
 //! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`touch`]) and
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
-//! body ([`way`], [`system`], [`round`]). A force device feels those of its tool between two frames too ([`felt`]).
+//! body ([`way`], [`system`], [`round`]). A body with inertia is moved by these forces meanwhile ([`inertial`], [`response`]). A force
+//! device feels those of its tool between two frames too ([`felt`]).
 
 mod backing;
 mod candidates;
@@ -17,6 +18,7 @@ mod inertial_tests;
 mod meeting;
 #[cfg(test)]
 mod meeting_tests;
+mod response;
 mod round;
 mod running;
 mod settings;

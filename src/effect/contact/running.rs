@@ -434,7 +434,7 @@ impl Contacts {
     /// Places of nodes with the forces of the contacts, in the states that were taken last.
     fn places(&self, nodes: &[Arc<Nodes>]) -> Vec<Places> {
         let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Arc<Nodes>))| {
-            body.free_places(nodes).moved(body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b)))
+            Places::free(body, nodes).moved(body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b)))
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }

@@ -14,7 +14,7 @@
 use super::candidates::Places;
 use super::inertial::{self, Inertias};
 use super::round::{Outcome, Round, Step, Watch, leads};
-use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, nodes_of, turns};
+use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, turns};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
@@ -46,7 +46,7 @@ pub fn advance(
     inertial::begin(bodies, inertias, share);
     inertial::go(bodies, inertias, share, contacts);
     let mut free: Vec<Places> =
-        bodies.iter().zip(step.starts).map(|(body, starts)| body.free_places(starts.nodes())).collect();
+        bodies.iter().zip(step.starts).map(|(body, starts)| Places::free(body, starts.nodes())).collect();
     let mut places = with_contact(bodies, contacts, &free);
     let mut watch = Watch::new(step.meetings.len());
     for round in 0..MOST_ROUNDS {
@@ -58,12 +58,7 @@ pub fn advance(
         // What has no normal cannot be pressed.
         contacts.retain(|contact| now.gap(contact).1 != V3::zeros());
         if contacts.is_empty() {
-            inertial::go(bodies, inertias, share, contacts);
-            for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
-                if inertia.is_some() {
-                    *free = body.free_places(free.nodes());
-                }
-            }
+            go(bodies, (&mut *inertias, share), contacts, &mut free);
             places.clone_from(&free);
         } else {
             if let Err(warning) = fetch(bodies, contacts) {
@@ -72,20 +67,11 @@ pub fn advance(
                 inertial::go(bodies, inertias, share, contacts);
                 return outcome;
             }
-            for (number, (body, inertia)) in bodies.iter_mut().zip(inertias.iter()).enumerate() {
-                if let (Some(inertial), Some(inertia)) = (&mut body.inertial, inertia) {
-                    inertial.fetch(&**inertia, &body.free, nodes_of(contacts, number));
-                }
-            }
+            inertial::fetch(bodies, inertias, contacts);
             let now = Round { bodies, step, places: &places, yielded: &yielded };
             let (gaps, reached) = solve(&now, contacts, &free);
             let has_left = let_go(bodies, contacts);
-            inertial::go(bodies, inertias, share, contacts);
-            for ((body, free), inertia) in bodies.iter().zip(&mut free).zip(inertias.iter()) {
-                if inertia.is_some() {
-                    *free = body.free_places(free.nodes());
-                }
-            }
+            go(bodies, (&mut *inertias, share), contacts, &mut free);
             let after = with_contact(bodies, contacts, &free);
             let yielded = all_yielded(bodies, contacts, step);
             let then = Round { bodies, step, places: &after, yielded: &yielded };
@@ -109,6 +95,19 @@ pub fn advance(
         ));
     }
     outcome
+}
+
+/// Moves all bodies with inertia to the end of the step under the forces of the contacts, and takes their places without contact anew.
+fn go(
+    bodies: &mut [TouchedBody],
+    (inertias, share): (&mut Inertias<'_>, f64),
+    contacts: &mut [Contact],
+    free: &mut [Places],
+) {
+    inertial::go(bodies, inertias, share, contacts);
+    for ((body, free), _) in bodies.iter().zip(free).zip(inertias).filter(|(_, inertia)| inertia.is_some()) {
+        *free = Places::free(body, free.nodes());
+    }
 }
 
 /// Lets what touches a body with inertia no more at the end of a step go where the step began: otherwise the force of its beginning would

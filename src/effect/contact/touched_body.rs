@@ -1,7 +1,6 @@
 //! A body that is touched: its shape without contact, and how its surface yields.
 
-use super::candidates::{Nodes, Places};
-use super::inertial::Inertial;
+use super::response::Response;
 use crate::deform::{Contribution, Deformer, DeformerState, PointLoad, Pull};
 use crate::green::Yield;
 use crate::mesh::surface_files::TriangleSurface;
@@ -35,7 +34,7 @@ pub struct TouchedBody {
     /// Contribution of other effects, without inertia.
     pub others: Contribution,
     /// Response of a body with inertia in a step; `None` of one that has none, or for which time stands.
-    pub inertial: Option<Inertial>,
+    pub inertial: Option<Response>,
     /// Whether it had inertia in the last frame.
     pub has_lived: bool,
     pub triangles: Vec<[u32; 3]>,
@@ -244,14 +243,6 @@ impl TouchedBody {
     /// Place in the room of a node without contact, in the state that was taken last.
     pub fn free_place(&self, node: u32) -> V3 {
         (self.room_from_body * Point3::from(self.free.place_in_state(node as usize))).coords
-    }
-
-    /// [`TouchedBody::free_place`] of candidates.
-    pub fn free_places(&self, nodes: &Arc<Nodes>) -> Places {
-        let mut places = self.free.places_in_state(nodes.iter()).into_iter();
-        let next =
-            |_| places.next().map_or_else(V3::zeros, |x| (self.room_from_body * Point3::from(x)).coords);
-        Places::new(nodes, next)
     }
 
     /// Places in the room of all nodes of a deformer of this body, as they were summed last.

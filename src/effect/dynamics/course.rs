@@ -6,27 +6,11 @@
 //! A force f at a node i acts on the coordinates by Nᵢᵀf with Nᵢ = (u⁽ᵏ⁾, φ) there, and on what the m modes leave out at once: the columns
 //! of the compliance A⁻¹ less Φ ω⁻² Φᵀ.
 
-use super::moving::{Motion, Moving, Pressed, Stride};
+use super::moving::{Course, Motion, Moving, Pressed, Stride};
 use super::swing::between;
 use crate::deform::{ControlPose, Deformer, PoseSlope};
 use crate::green::FIELDS;
 use nalgebra::{DMatrix, DVector, DVectorView, UnitQuaternion, Vector3};
-
-/// A frame on its way.
-pub struct Course {
-    /// Time of its end, and its length, s.
-    time_s: f64,
-    dt_s: f64,
-    start: Vec<ControlPose>,
-    poses: Vec<ControlPose>,
-    acting: Vec<PoseSlope>,
-    /// Share of the frame that is behind.
-    share: f64,
-    /// The step that was tried last, and the share at its end.
-    tried: Option<(f64, Motion)>,
-    /// Inertial part of the slopes, in the mean over the frame.
-    slopes: Vec<PoseSlope>,
-}
 
 impl Moving {
     /// Begins a frame; its length, s, or `None` where time does not go on.

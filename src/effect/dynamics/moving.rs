@@ -20,7 +20,6 @@
 //! A released element moves by all its fields in `linear`, as the theory has it, and is rigid in other models.
 
 use super::coupled::Damping;
-use super::course::Course;
 #[cfg(test)]
 use super::flying::Twist;
 use super::forces::{Forces, difference};
@@ -78,6 +77,22 @@ pub struct Stride<'a> {
 pub struct Pressed {
     pub mean: Vec<f64>,
     pub end: Vec<f64>,
+}
+
+/// A frame that the body goes through in steps ([`course`](super::course)).
+pub struct Course {
+    /// Time of its end, and its length, s.
+    pub(super) time_s: f64,
+    pub(super) dt_s: f64,
+    pub(super) start: Vec<ControlPose>,
+    pub(super) poses: Vec<ControlPose>,
+    pub(super) acting: Vec<PoseSlope>,
+    /// Share of the frame that is behind.
+    pub(super) share: f64,
+    /// The step that was tried last, and the share at its end.
+    pub(super) tried: Option<(f64, Motion)>,
+    /// Inertial part of the slopes, in the mean over the frame.
+    pub(super) slopes: Vec<PoseSlope>,
 }
 
 /// The beginning of a frame.
