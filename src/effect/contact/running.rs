@@ -173,7 +173,8 @@ impl Contacts {
             changed |= inertia.is_some() || end.poses != body.free.poses;
             ends.push(end);
         }
-        self.motion.pushed = vec![Vec::new(); self.bodies.len()];
+        let is_living = inertias.iter().any(Option::is_some);
+        self.motion.pushed = if is_living { vec![Vec::new(); self.bodies.len()] } else { Vec::new() };
         if changed || !self.motion.is_settled {
             self.advance(world, &Now { tools, places, ends }, &mut inertias);
         }
