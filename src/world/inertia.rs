@@ -14,9 +14,9 @@ pub type NodeForces = [(u32, Vector3<f64>)];
 /// Forces on a body in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepForces<'a> {
-    /// Their mean over the step: what acts on the motion.
+    /// Mean over the step: what acts on the motion.
     pub mean: &'a NodeForces,
-    /// Those at its end: what the columns show.
+    /// Forces at its end: what the columns show.
     pub end: &'a NodeForces,
 }
 

@@ -130,8 +130,18 @@ impl Deformer {
     /// Place in the body's frame of surface node `i` in the state that was taken last, whether or not the surface was summed for it;
     /// f64, m.
     pub fn place_in_state(&self, i: usize) -> Vector3<f64> {
+        self.place_by(&self.groups(), i)
+    }
+
+    /// [`Deformer::place_in_state`] of several nodes.
+    pub fn places_in_state(&self, nodes: impl Iterator<Item = u32>) -> Vec<Vector3<f64>> {
+        let groups = self.groups();
+        nodes.map(|node| self.place_by(&groups, node as usize)).collect()
+    }
+
+    fn place_by(&self, groups: &[ColumnGroup<'_>], i: usize) -> Vector3<f64> {
         let mut place = Vector3::from(self.rest()[i]).cast::<f64>();
-        place += displacement(&self.groups(), self.u.len(), i, &self.state.coefficients);
+        place += displacement(groups, self.u.len(), i, &self.state.coefficients);
         if let Some(field) = self.model.field() {
             place += Vector3::from(field[i]).cast::<f64>();
         }
@@ -139,20 +149,6 @@ impl Deformer {
             Some(weights) => moved_exactly(weights.at(i), &self.state.parts, place),
             None => (self.state.body_from_surface() * Point3::from(place)).coords,
         }
-    }
-
-    /// [`Deformer::place_in_state`] of several nodes.
-    pub fn places_in_state(&self, nodes: impl Iterator<Item = u32>) -> Vec<Vector3<f64>> {
-        if self.model.field().is_some() || self.weights.is_some() {
-            return nodes.map(|node| self.place_in_state(node as usize)).collect();
-        }
-        let (groups, motion) = (self.groups(), self.state.body_from_surface());
-        let place = |node: u32| {
-            let rest = Vector3::from(self.rest()[node as usize]).cast::<f64>();
-            let u = displacement(&groups, self.u.len(), node as usize, &self.state.coefficients);
-            (motion * Point3::from(rest + u)).coords
-        };
-        nodes.map(place).collect()
     }
 
     /// u of surface node `i` but for a rigid motion of the whole body: all that strains it, m.

@@ -7,7 +7,7 @@
 //! d_n = d_n(x') + n·(x - x')        d_t = what x has moved against what it touches since the start of the step
 //! ```
 //!
-//! with φ(x') and ∇φ of a tool, and n·(x' - y') to a spot y of a surface, which moves too. A tool on a spring of stiffness k yields by
+//! where C is that of the step for a body with inertia ([`inertial`]), with φ(x') and ∇φ of a tool, and n·(x' - y') to a spot y of a surface, which moves too. A tool on a spring of stiffness k yields by
 //! its force over k, by which all of its contacts move together. Detection and solution alternate until the set of contacts stays and
 //! they stand where their gaps were taken.
 

@@ -22,7 +22,7 @@ pub struct Contact {
     /// Force on the body along the axes of its columns, N.
     #[serde(with = "crate::field::numbers")]
     pub force: V3,
-    /// The same force where the step began; zero for a contact that is new or was let go.
+    /// Force where the step began; zero for a contact that is new or was let go.
     #[serde(skip)]
     pub before: V3,
 }
@@ -76,7 +76,7 @@ impl Contact {
     /// not fade.
     pub const PART_OF_END: f64 = 0.6;
 
-    /// The same contact with its force in the mean over the step.
+    /// Contact with its force in the mean over the step.
     pub fn in_the_mean(&self) -> Contact {
         let force = self.force * Contact::PART_OF_END + self.before * (1.0 - Contact::PART_OF_END);
         Contact { force, ..*self }

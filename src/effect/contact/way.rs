@@ -35,7 +35,7 @@ pub struct Way {
 pub struct Near {
     /// Nodes of each body that tools can meet.
     pub by_tools: Vec<Arc<Nodes>>,
-    /// These, those of contacts, and those that surfaces can meet.
+    /// Nodes that tools or surfaces can meet, and those of contacts.
     pub all: Vec<Arc<Nodes>>,
     /// Nodes that can meet surfaces in each step.
     pub meetings: Vec<Vec<Meeting>>,
