@@ -100,6 +100,8 @@ pub struct EffectEntry {
     pub presses_points: bool,
     /// Whether hands with a force device feel the body.
     pub is_felt: bool,
+    /// Whether it makes the vibration of the body heard.
+    pub is_heard: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
     pub shows_stress: bool,
     /// Whether it measures how large the errors of force and shape may be.
@@ -134,6 +136,7 @@ impl EffectEntry {
         needs_inside: false,
         presses_points: false,
         is_felt: false,
+        is_heard: false,
         shows_stress: false,
         measures_errors: false,
         table: None,

@@ -7,6 +7,7 @@
 
 use super::assets::{Assets, BodyAssets};
 use super::force_scale::ForceScale;
+use super::vibration::Vibration;
 use crate::deform::{ExpectedErrors, TouchPotential};
 use crate::render::Drawable;
 use nalgebra::Vector3;
@@ -41,6 +42,8 @@ pub struct BodyFrame {
     pub expected: Option<Arc<ExpectedErrors>>,
     /// Tools on styli with a force device that can touch it.
     pub touches: Vec<TouchPotential>,
+    /// Its vibration, if it is to be heard.
+    pub vibration: Option<Arc<Vibration>>,
 }
 
 /// The force of the body on the hand that holds one of its control elements.

@@ -33,6 +33,7 @@ pub mod step;
 pub mod touch;
 pub mod touching;
 pub mod turn_limits;
+pub mod vibration;
 
 pub use assets::{Assets, BodyAssets};
 pub use body::PlacedBody;

@@ -5,6 +5,7 @@
 //! fields that vanish, do not move. With nothing released M = 1 and K = diag ω², and Ψ = 1.
 
 use super::oscillator::Oscillator;
+use crate::world::vibration::ModeStep;
 use nalgebra::{DMatrix, DVector};
 
 /// A direction with less than this part of the mass of its coordinates has none.
@@ -103,16 +104,30 @@ impl Coupled {
 
     /// The state after a step of `dt_s`.
     pub fn advanced(&self, from: &Phase, loads: &StepLoads, dt_s: f64) -> Phase {
+        self.ended(&self.begun(from, loads, dt_s), dt_s)
+    }
+
+    /// Each mode where a step of `dt_s` begins.
+    pub fn begun(&self, from: &Phase, loads: &StepLoads, dt_s: f64) -> Vec<ModeStep> {
         let force = |force: &DVector<f64>| self.shapes.tr_mul(force);
-        let (mut x, mut v) = (&self.amplitudes * &from.place, &self.amplitudes * &from.speed);
+        let (x, v) = (&self.amplitudes * &from.place, &self.amplitudes * &from.speed);
         let (impulse, load) = (force(&loads.impulse), force(&loads.load));
         let (slope, bend) = (force(&loads.slope), force(&loads.bend));
         let [carried, rate] = loads.carried.each_ref().map(|speed| &self.amplitudes * speed);
-        for (k, mode) in self.modes.iter().enumerate() {
+        let of = |(k, mode): (usize, &Oscillator)| {
             let damping = 2.0 * mode.decay;
             let load = load[k] + damping * (carried[k] - 0.5 * dt_s * rate[k]);
             let load = [load, slope[k] + damping * rate[k], bend[k]];
-            [x[k], v[k]] = mode.advanced([x[k], v[k] + impulse[k]], load, dt_s);
+            ModeStep { state: [x[k], v[k] + impulse[k]], load }
+        };
+        self.modes.iter().enumerate().map(of).collect()
+    }
+
+    /// The state where a step of `dt_s` ends that begins so.
+    pub fn ended(&self, begun: &[ModeStep], dt_s: f64) -> Phase {
+        let (mut x, mut v) = (DVector::zeros(self.modes.len()), DVector::zeros(self.modes.len()));
+        for (k, (mode, begun)) in self.modes.iter().zip(begun).enumerate() {
+            [x[k], v[k]] = mode.advanced(begun.state, begun.load, dt_s);
         }
         Phase { place: &self.shapes * x, speed: &self.shapes * v }
     }

@@ -6,10 +6,12 @@
 //! A force f at a node i acts on the coordinates by Nᵢᵀf with Nᵢ = (u⁽ᵏ⁾, φ) there, and on what the m modes leave out at once: the columns
 //! of the compliance A⁻¹ less Φ ω⁻² Φᵀ.
 
-use super::moving::{Course, Motion, Moving, Pressed, Stride};
+use super::moving::{Course, Motion, Moving, Pressed, Stride, Strode};
 use super::swing::between;
+use super::system::System;
 use crate::deform::{ControlPose, Deformer, PoseSlope};
 use crate::green::FIELDS;
+use crate::world::vibration::VibrationModes;
 use nalgebra::{DMatrix, DVector, DVectorView, UnitQuaternion, Vector3};
 
 impl Moving {
@@ -57,6 +59,24 @@ impl Moving {
         of_modes.column_iter().map(vector).chain(held.column_iter().map(vector)).collect()
     }
 
+    /// The modes of all that nothing prescribes, at every node of the surface.
+    pub fn vibration_modes(&self, system: &System, deformer: &Deformer, first_mode: usize) -> VibrationModes {
+        let modes = &system.coupled.modes;
+        let all_from_modes = &system.all_from_own * system.coupled.shapes();
+        let mut shapes = vec![Vec::with_capacity(deformer.node_count()); modes.len()];
+        for node in 0..deformer.node_count() as u32 {
+            let of_node = self.shapes_at(deformer, first_mode, node) * &all_from_modes;
+            for (shape, column) in shapes.iter_mut().zip(of_node.column_iter()) {
+                shape.push(Vector3::from_fn(|axis, _| column[axis] as f32));
+            }
+        }
+        VibrationModes {
+            squares: modes.iter().map(|mode| mode.square).collect(),
+            decays: modes.iter().map(|mode| mode.decay).collect(),
+            shapes,
+        }
+    }
+
     /// The weights of [`Moving::rows`] in a step up to this share of the frame, if a force at its end acts with `part` of it in the mean.
     pub fn weights(&self, share: f64, part: f64) -> Vec<f64> {
         let (Some(system), Some(course)) = (&self.system, &self.course) else { return Vec::new() };
@@ -83,7 +103,7 @@ impl Moving {
             (self.system, self.course) = (Some(system), Some(course));
         }
         let tried = self.course.as_ref().and_then(|course| course.tried.as_ref());
-        tried.map_or(&self.motion, |(_, motion)| motion)
+        tried.map_or(&self.motion, |(_, strode)| &strode.motion)
     }
 
     /// ∂V/∂P at the last poses, with V of the frame's beginning: in `linear` what the way from there adds by S.
@@ -109,7 +129,8 @@ impl Moving {
     /// Goes on from the step that was tried last.
     pub fn keep(&mut self) {
         let Some(course) = &mut self.course else { return };
-        let Some((share, motion)) = course.tried.take() else { return };
+        let Some((share, Strode { motion, vibration })) = course.tried.take() else { return };
+        self.vibration.push(vibration);
         for (mean, own) in course.slopes.iter_mut().zip(&motion.slopes) {
             mean.translation += own.translation * (share - course.share);
             mean.matrix += own.matrix * (share - course.share);

@@ -7,15 +7,16 @@ use super::coupled::{Phase, StepLoads};
 #[cfg(doc)]
 use super::flying::Inertia;
 use super::free_body::FreeBody;
-use super::moving::{Motion, Moving, Stride};
+use super::moving::{Motion, Moving, Stride, Strode};
 use super::system::System;
 use super::tables::squared;
 use crate::deform::{ControlPose, PoseSlope};
+use crate::world::vibration::VibrationStep;
 use nalgebra::{DVector, DVectorView, Rotation3, Vector3};
 
 impl Moving {
     /// The whole step at once.
-    pub(super) fn flown(&self, system: &System, whole: &FreeBody, stride: &Stride<'_>) -> Motion {
+    pub(super) fn flown(&self, system: &System, whole: &FreeBody, stride: &Stride<'_>) -> Strode {
         let Stride { last, dt_s, .. } = *stride;
         let turn = stride.turn.to_rotation_matrix();
         let (out, into) = (turn.matrix(), turn.matrix().transpose());
@@ -25,7 +26,8 @@ impl Moving {
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&twist.spin), 9);
         let (_, outward) = whole.split_force(&system.all_from_own.tr_mul(&centrifugal));
         let loads = StepLoads { load: load - &outward, ..StepLoads::none(outward.len()) };
-        let to = system.coupled.advanced(&Phase { place, speed }, &loads, dt_s);
+        let modes = system.coupled.begun(&Phase { place, speed }, &loads, dt_s);
+        let to = system.coupled.ended(&modes, dt_s);
         let flight = whole.inertia.flown(&twist, &force, &torque, dt_s);
 
         let turned = out * flight.turn.to_rotation_matrix().matrix() * into;
@@ -50,7 +52,7 @@ impl Moving {
             speeds.extend(rate.numbers());
         }
         let count = 6 * poses.len();
-        Motion {
+        let motion = Motion {
             time_s: last.time_s.map(|time_s| time_s + dt_s),
             step_s: dt_s,
             frame_s: last.frame_s,
@@ -61,6 +63,7 @@ impl Moving {
             rates: to.speed.as_slice()[count..].to_vec(),
             turn: Some(stride.turn),
             pressed: self.pressed_modes(stride),
-        }
+        };
+        Strode { motion, vibration: VibrationStep { dt_s, modes } }
     }
 }

@@ -4,11 +4,12 @@
 //! serve [`Moving::advanced`], where one step goes through the frame, and [`swing`](super::swing), where many do.
 
 use super::coupled::{Phase, StepLoads};
-use super::moving::{Motion, Moving, Stride};
+use super::moving::{Motion, Moving, Stride, Strode};
 use super::system::System;
 use super::tables::{seen, squared};
 use crate::deform::{ControlPose, PoseSlope, axial};
 use crate::green::FIELDS;
+use crate::world::vibration::VibrationStep;
 use nalgebra::{DVector, DVectorView, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// A step, or a part of one.
@@ -42,7 +43,7 @@ impl Leg<'_> {
 
 impl Moving {
     /// The whole step at once, with K of the body at rest.
-    pub(super) fn advanced(&self, system: &System, stride: &Stride<'_>) -> Motion {
+    pub(super) fn advanced(&self, system: &System, stride: &Stride<'_>) -> Strode {
         let Stride { last, poses, held, turn: axes, dt_s, .. } = *stride;
         let leg = Leg { last, poses, held, axes, dt_s };
         let [_, into] = leg.matrices();
@@ -59,9 +60,11 @@ impl Moving {
             ..StepLoads::none(system.mass.nrows())
         };
         let from = self.phase(system, last, &into);
-        let to = system.coupled.advanced(&from, &loads, dt_s);
+        let modes = system.coupled.begun(&from, &loads, dt_s);
+        let to = system.coupled.ended(&modes, dt_s);
         let ended = self.ended(system, &leg, carried, [&from, &to], centrifugal);
-        Motion { pressed: self.pressed_modes(stride), ..ended }
+        let motion = Motion { pressed: self.pressed_modes(stride), ..ended };
+        Strode { motion, vibration: VibrationStep { dt_s, modes } }
     }
 
     /// -∂V/∂z where a stride begins, with what presses the body, in the axes `into`⁻¹.

@@ -27,6 +27,7 @@ use super::system::System;
 use super::tables::{Tables, seen};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseCurvature, PoseSlope};
 use crate::green::FIELDS;
+use crate::world::vibration::VibrationStep;
 use nalgebra::{SVector, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -72,6 +73,12 @@ pub struct Stride<'a> {
     pub dt_s: f64,
 }
 
+/// A motion at the end of a stride, and the modes in it.
+pub struct Strode {
+    pub motion: Motion,
+    pub vibration: VibrationStep,
+}
+
 /// Pressing forces on all coordinates, in the axes R, in the mean over a step and at its end; empty without.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pressed {
@@ -90,7 +97,7 @@ pub struct Course {
     /// Share of the frame that is behind.
     pub(super) share: f64,
     /// The step that was tried last, and the share at its end.
-    pub(super) tried: Option<(f64, Motion)>,
+    pub(super) tried: Option<(f64, Strode)>,
     /// Inertial part of the slopes, in the mean over the frame.
     pub(super) slopes: Vec<PoseSlope>,
 }
@@ -129,6 +136,8 @@ pub struct Moving {
     pub moved: Vec<(usize, ControlPose)>,
     /// Whether each element was held in the last step.
     pub(super) held: Vec<bool>,
+    /// The modes in each step of the last frame, in those of `system`.
+    pub(super) vibration: Vec<VibrationStep>,
 }
 
 impl Moving {
@@ -151,6 +160,7 @@ impl Moving {
             course: None,
             moved: Vec::new(),
             held: Vec::new(),
+            vibration: Vec::new(),
         })
     }
 
@@ -169,6 +179,7 @@ impl Moving {
         }
         (self.motion, self.system, self.course) = (motion, None, None);
         self.moved.clear();
+        self.vibration.clear();
         Ok(())
     }
 
@@ -185,7 +196,7 @@ impl Moving {
             _ => {
                 // Without the inertia of elements that were held until now.
                 let acting = slopes.map(|slopes| difference(slopes, &self.motion.slopes)).unwrap_or_default();
-                self.strode(
+                let strode = self.strode(
                     &system,
                     &Stride {
                         last: &self.motion,
@@ -196,7 +207,9 @@ impl Moving {
                         pressed: &Pressed::default(),
                         dt_s,
                     },
-                )
+                );
+                self.vibration.push(strode.vibration);
+                strode.motion
             }
         };
         (self.system, self.forces) = (Some(system), forces);
@@ -214,7 +227,7 @@ impl Moving {
     }
 
     /// The motion after a step of a body of which nothing swings in a model that turns.
-    pub(super) fn strode(&self, system: &System, stride: &Stride<'_>) -> Motion {
+    pub(super) fn strode(&self, system: &System, stride: &Stride<'_>) -> Strode {
         match &system.whole {
             Some(whole) => self.flown(system, whole, stride),
             None => self.advanced(system, stride),
@@ -237,6 +250,7 @@ impl Moving {
     /// Time from the last step to this frame, s; `None` where it does not go on, and nothing moves by itself.
     pub(super) fn time_to(&mut self, time_s: f64, poses: &[ControlPose], held: &[bool]) -> Option<f64> {
         self.moved.clear();
+        self.vibration.clear();
         self.held.clear();
         self.held.extend(held);
         let Some(last_s) = self.motion.time_s else {

@@ -8,7 +8,8 @@ use crate::deform::{Contribution, ControlPose, Deformer, PoseSlope};
 use crate::effect::entry::EffectInput;
 use crate::world::inertia::{Coming, Gone, Inertia, NodeForces, StepForces};
 use crate::world::running::{Memory, MovedElement, read, written};
-use crate::world::{RunningEffect, World};
+use crate::world::vibration::{Vibration, VibrationModes};
+use crate::world::{BodyFrame, RunningEffect, World};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -27,6 +28,8 @@ struct DynamicBody {
     moving: Moving,
     /// Whether another effect has begun this frame.
     is_begun: bool,
+    /// The modes of its surface for each set of released elements, if another effect makes them heard.
+    heard: Option<BTreeMap<Vec<bool>, Arc<VibrationModes>>>,
     /// Place of the modes' columns among those of effects.
     columns: Range<usize>,
     /// N of nodes that forces press.
@@ -48,7 +51,10 @@ pub fn attach(
         let moving = Moving::new(tables, settings.damping(), deformer, free.contains(&true));
         let moving = moving.map_err(|m| Failure::request(anyhow::anyhow!("body.{name}: {m}")))?;
         let columns = deformer.coefficients_of(NAME);
-        bodies.push(DynamicBody { b, free, moving, is_begun: false, columns, shapes: RefCell::default() });
+        let is_heard = listed.scene.bodies[name].entries().any(|effect| effect.is_heard);
+        let heard = is_heard.then(BTreeMap::new);
+        let shapes = RefCell::default();
+        bodies.push(DynamicBody { b, free, moving, is_begun: false, heard, columns, shapes });
     }
     Ok(Some(Box::new(Dynamics { bodies })))
 }
@@ -58,6 +64,16 @@ impl DynamicBody {
         let first = deformer.first_of_effects() + self.columns.start;
         let make = || Arc::new(self.moving.shapes_at(deformer, first, node));
         self.shapes.borrow_mut().entry(node).or_insert_with(make).clone()
+    }
+
+    /// The vibration in the frame, if it is to be heard.
+    fn vibration(&mut self, deformer: &Deformer) -> Option<Arc<Vibration>> {
+        let (moving, known) = (&self.moving, self.heard.as_mut()?);
+        let system = moving.system.as_ref().filter(|_| !moving.vibration.is_empty())?;
+        let first = deformer.first_of_effects() + self.columns.start;
+        let make = || Arc::new(moving.vibration_modes(system, deformer, first));
+        let modes = known.entry(system.released.clone()).or_insert_with(make).clone();
+        Some(Arc::new(Vibration { modes, steps: moving.vibration.clone() }))
     }
 
     fn step(&mut self, world: &World) {
@@ -162,6 +178,12 @@ impl RunningEffect for Dynamics {
 
     fn inertias(&mut self) -> Vec<&mut dyn Inertia> {
         self.bodies.iter_mut().map(|body| body as &mut dyn Inertia).collect()
+    }
+
+    fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
+        for body in &mut self.bodies {
+            bodies[body.b].vibration = body.vibration(&world.bodies[body.b].deformer);
+        }
     }
 
     fn moved(&self) -> Vec<MovedElement> {
