@@ -116,8 +116,18 @@ fn unfold(stage: &Unfolded, pictures: &Pictures) -> RgbImage {
     sheet
 }
 
+/// Levels of 255 by which two drivers may round a colour differently. In the smooth background structural similarity sees nothing but
+/// rounding: an NVIDIA H200 drew a third of all pixels one level off, and was 0.949 like the golden workbench.
+const ROUNDING: u8 = 2;
+
 pub fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    image_compare::rgb_hybrid_compare(a, b).unwrap().score
+    let mut b = b.clone();
+    for (own, other) in a.pixels().zip(b.pixels_mut()) {
+        if own.0.iter().zip(other.0).all(|(own, other)| own.abs_diff(other) <= ROUNDING) {
+            *other = *own;
+        }
+    }
+    image_compare::rgb_hybrid_compare(a, &b).unwrap().score
 }
 
 fn swap_eyes(pictures: &Pictures) -> Pictures {

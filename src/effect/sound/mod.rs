@@ -1,0 +1,5 @@
+//! The effect `sound`.
+
+mod radiation;
+mod tones;
+mod voice;
