@@ -48,7 +48,8 @@
 //! | [`fem`] | elements, material laws, assembly → `StiffnessMatrix`, partition into A, B, C |
 //! | [`track`] | where poses come from: VRPN, DTrack, OSC, FASTRAK, gamepad, mouse, script |
 //! | [`render`] | wgpu: device, shaders, passes, windows, offscreen images |
-//! | [`stage`] | screens, viewer, off-axis projection, stereo, windows of a stage |
+//! | [`audio`] | sound in the room: amplitude panning over loudspeakers, binaural for headphones, mixer, audio device, WAV files |
+//! | [`stage`] | screens, loudspeakers, viewer, off-axis projection, stereo, windows of a stage |
 //! | [`field`] | typed fields, connections, evaluated once per frame: the data-flow graph |
 //! | [`mesh`] | `TetMesh`, `Surface`, regions, quality, file formats, generators |
 //! | [`config`] | strict TOML: every error names file, line and the nearest known key |
@@ -79,6 +80,7 @@
 //! Conventions: SI units, radians, right-handed, Y up in the stage; transforms are named `a_from_b`;
 //! offline arithmetic is f64, online f32.
 
+pub mod audio;
 pub mod base;
 pub mod bem;
 pub mod cli;

@@ -1,8 +1,9 @@
-//! The parts of a stage (screens, windows, viewer, workspace, trackers and force-feedback devices), the built-in stages, and
-//! the space before the screens: the ball in which a body is placed, and the grid that shows depth.
+//! The parts of a stage (screens, windows, viewer, workspace, trackers, force-feedback devices and sound), the built-in stages,
+//! and the space before the screens: the ball in which a body is placed, and the grid that shows depth.
 
 use super::error::StageError;
 use super::haptic::Haptic;
+use super::loudspeaker::Sound;
 use super::screen::Screen;
 use super::stereo::Stereo;
 use super::tracking::Tracking;
@@ -13,7 +14,8 @@ use nalgebra::{Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// A display installation: its screens, the viewer, the workspace before the screens, windows, trackers and devices.
+/// A display installation: its screens, the viewer, the workspace before the screens, windows, trackers, devices
+/// and sound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     pub name: String,
@@ -34,6 +36,8 @@ pub struct Stage {
     pub tracking: Tracking,
     /// Force-feedback devices; most stages have none.
     pub haptics: Vec<Haptic>,
+    /// Loudspeakers or headphones.
+    pub sound: Sound,
 }
 
 impl Stage {

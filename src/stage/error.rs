@@ -137,6 +137,10 @@ pub enum StageFault {
     Source(String),
     #[error("haptic `{name}`: {message}")]
     Haptic { name: String, message: String },
+    #[error("loudspeaker {number}: {message}")]
+    Loudspeaker { number: usize, message: String },
+    #[error("the stage's sound: {message}")]
+    Sound { message: String },
 }
 
 /// The largest texture on common devices, pixels.

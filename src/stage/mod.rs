@@ -1,4 +1,5 @@
-//! The place of pictures: screens in a room, the viewer's eyes, and the off-axis projection between them.
+//! The place of pictures and sound: screens and loudspeakers in a room, the viewer's eyes, and the off-axis projection between
+//! eyes and screens.
 //!
 //! In: a stage file (strict TOML, or one that is built in). Out: a checked [`Stage`], whose screens give an
 //! [`EyeView`] for any eye. Lengths in metres in the room's frame: x right, y up, right-handed; f64 until the
@@ -9,6 +10,7 @@ mod file;
 mod haptic;
 mod layout;
 mod lint;
+mod loudspeaker;
 mod overlap;
 mod posture;
 mod screen;
@@ -25,6 +27,7 @@ pub use error::{LocatedFault, StageError, StageFault};
 pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};
 pub use lint::{errors, lint};
+pub use loudspeaker::{Loudspeaker, MOST_LOUDSPEAKERS, Sound, SoundOutput, most_open};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, NEAR_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use seam::{Apart, Edge, Seam};
 pub use standing::{GivenPlace, HiddenPart, place_line};

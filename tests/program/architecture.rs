@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The rooms that the world and all above it may use.
-const BELOW_WORLD: &str = "deform interact green scene mesh fem solve stage track field render config";
+const BELOW_WORLD: &str = "deform interact green scene mesh fem solve stage audio track field render config";
 
 /// Imports go only to the right; tests and documentation links keep to it as well. Every room may use `base`.
 const IMPORTS: &[(&str, &[&str])] = &[
@@ -16,6 +16,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("render", &[]),
     ("mesh", &["config"]),
     ("stage", &["config"]),
+    ("audio", &["stage", "config"]),
     ("field", &["config"]),
     ("track", &["stage", "field", "config"]),
     ("fem", &["mesh", "config"]),

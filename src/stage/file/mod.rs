@@ -6,18 +6,21 @@ mod haptic;
 mod mount;
 mod screen;
 mod sides;
+mod sound;
 mod tracking;
 mod values;
 mod window;
 
 use self::haptic::HapticFile;
 use self::screen::{ScreenFile, TapedScreen, screen};
+use self::sound::{LoudspeakerFile, SoundFile};
 use self::tracking::{SensorFile, StylusFile, TrackerFile};
 use self::values::{check_name, length, point};
 use self::window::{MonitorFile, WindowFile};
 use super::description::{Grid, Stage, Workspace, text_of};
 use super::error::{IPD_M, LocatedFault, MAX_SIDE_M, StageError, StageFault, TrackingFault};
 use super::haptic::Haptic;
+use super::loudspeaker::{Loudspeaker, Sound};
 use super::screen::{ROOM_LIMIT_M, Screen};
 use super::stereo::Stereo;
 use super::tracking::Tracking;
@@ -56,6 +59,9 @@ struct StageFile {
     stylus: IndexMap<String, Spanned<StylusFile>>,
     #[serde(default)]
     haptic: IndexMap<String, Spanned<HapticFile>>,
+    sound: Option<Spanned<SoundFile>>,
+    #[serde(default, rename = "loudspeaker")]
+    loudspeakers: Vec<Spanned<LoudspeakerFile>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -198,6 +204,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
         faults.keep(*start, haptic::check_stylus(haptic, others, &tracking));
     }
     let haptics = haptics.into_iter().map(|(_, haptic)| haptic).collect();
+    let sound = sound(file.sound, file.loudspeakers, &mut faults);
     let StageFile { name, description, stereo, swap_eyes, .. } = file;
     let stage = match (viewer, workspace) {
         (Some(viewer), Some(workspace)) if !screens.is_empty() => Some(Stage {
@@ -213,6 +220,7 @@ pub fn survey(text: &str, path: &Path) -> Result<Survey, StageError> {
             monitors,
             tracking: tracking.clone(),
             haptics,
+            sound,
         }),
         _ => None,
     };
@@ -252,6 +260,21 @@ fn screens(
         }
     }
     screens.into_iter().map(|(_, measured)| measured.screen).collect()
+}
+
+/// The loudspeakers that can be used, and the rest of the sound as it usually is where it is at fault.
+fn sound(
+    file: Option<Spanned<SoundFile>>,
+    loudspeakers: Vec<Spanned<LoudspeakerFile>>,
+    faults: &mut FaultList<'_>,
+) -> Sound {
+    let mut usable: Vec<Loudspeaker> = Vec::new();
+    for (i, found) in loudspeakers.iter().enumerate() {
+        usable.extend(faults.keep(found.span().start, sound::loudspeaker(found.get_ref(), i + 1)));
+    }
+    let start = file.as_ref().map_or(0, |found| found.span().start);
+    let file = file.map(Spanned::into_inner).unwrap_or_default();
+    faults.keep(start, sound::sound(&file, usable, loudspeakers.len())).unwrap_or_default()
 }
 
 /// The windows of usable screens; `names` are those of all screens in the file.
