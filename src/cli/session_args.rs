@@ -2,6 +2,7 @@
 
 use super::opening::Guess;
 use super::print::print;
+use crate::audio::WAV;
 use crate::base::failure::Failure;
 use crate::base::output::{self, Kind};
 use crate::display::pictures::PictureRequest;
@@ -32,6 +33,9 @@ pub struct SessionArgs {
     /// Write the last hold's force and displacement into this CSV file at the end, of bodies with the effect force_curve
     #[arg(long)]
     pub curve: Option<PathBuf>,
+    /// Write what is heard of bodies with the effect sound into this WAV file, with a channel for each loudspeaker of the stage
+    #[arg(long)]
+    pub sound: Option<PathBuf>,
     /// Use this .green file, never rewrite it; default: the scene's own, rebuilt if missing or stale
     #[arg(long)]
     pub green: Option<PathBuf>,
@@ -63,6 +67,7 @@ impl SessionArgs {
             replay: self.replay.as_deref(),
             record: self.record.as_deref(),
             curve: self.curve.as_deref(),
+            sound: self.sound.as_deref(),
         }
     }
 
@@ -74,6 +79,10 @@ impl SessionArgs {
         prepare::try_green(scene, self.green.as_deref())?;
         if let Some(path) = &self.curve {
             output::try_path(path, curve_kind(scene)?, &inputs)?;
+        }
+        if let Some(path) = &self.sound {
+            try_sound(scene)?;
+            output::try_path(path, &WAV, &inputs)?;
         }
         if let Some(path) = &self.record {
             recording::try_path(path, &inputs)?;
@@ -91,6 +100,17 @@ fn curve_kind(scene: &Resolved) -> Result<&'static Kind, Failure> {
             "--curve: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body whose curve you want"
         ))
     })
+}
+
+/// Refuses a scene of which nothing is heard.
+fn try_sound(scene: &Resolved) -> Result<(), Failure> {
+    if scene.bodies.values().any(|body| body.entries().any(|effect| effect.is_heard)) {
+        return Ok(());
+    }
+    let (path, name) = (scene.path.display(), name_of(|effect| effect.is_heard));
+    Err(Failure::wrong(format!(
+        "--sound: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body that you want to hear"
+    )))
 }
 
 /// Draws pictures of a session, and prints how it went.

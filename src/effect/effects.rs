@@ -1,7 +1,7 @@
 //! The list of effects.
 
 use super::entry::{EffectEntry, ResolvedBody};
-use super::{contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, stress};
+use super::{contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, sound, stress};
 use crate::config;
 use crate::scene::Body;
 
@@ -12,6 +12,7 @@ pub const EFFECTS: &[EffectEntry] = &[
     // Before what gives bodies inertia, which it presses.
     contact::ENTRY,
     dynamics::ENTRY,
+    sound::ENTRY,
     stress::ENTRY,
     ghost_rest::ENTRY,
     ghost_equilibrium::ENTRY,
@@ -56,5 +57,5 @@ const ABSENT: &[(&[&str], &str)] = &[
     (&["collision", "touch"], "tools touch bodies by the effect \"contact\""),
     (&["inertia", "vibration", "modes"], "inertia and vibration are in the effect \"dynamics\""),
     (&["cut", "cutting"], "bodies cannot be cut"),
-    (&["sound", "audio"], "bodies are silent"),
+    (&["audio", "acoustics"], "bodies are heard by the effect \"sound\""),
 ];

@@ -100,7 +100,8 @@ pub struct EffectEntry {
     pub presses_points: bool,
     /// Whether hands with a force device feel the body.
     pub is_felt: bool,
-    /// Whether it makes the vibration of the body heard.
+    /// Whether the body vibrates by it, and whether it makes that heard.
+    pub vibrates: bool,
     pub is_heard: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
     pub shows_stress: bool,
@@ -136,6 +137,7 @@ impl EffectEntry {
         needs_inside: false,
         presses_points: false,
         is_felt: false,
+        vibrates: false,
         is_heard: false,
         shows_stress: false,
         measures_errors: false,

@@ -4,6 +4,7 @@ use super::input::{InputSource, Leader, ScriptChange};
 use super::keys;
 use super::presses::ScriptPresses;
 use super::recording::{Origin, Recorder, Replay};
+use super::sound_file::SoundFile;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::effect::{self, Resolved};
@@ -35,6 +36,8 @@ pub struct Session {
     pub(super) presses: ScriptPresses,
     /// The file for the recorded curve.
     pub(super) curve: Option<PathBuf>,
+    /// The file for what is heard.
+    pub(super) sound: Option<SoundFile>,
     /// Whether a curve was cleared by its key.
     is_cleared: bool,
 }
@@ -64,6 +67,7 @@ impl Session {
             warnings: Vec::new(),
             presses: ScriptPresses::default(),
             curve: None,
+            sound: None,
             is_cleared: false,
         }
     }
@@ -103,6 +107,7 @@ impl Session {
         let (actions, warnings) = (std::mem::take(&mut self.actions), std::mem::take(&mut self.warnings));
         let input = Input { clock_s: time_s, actions, arrivals: self.world.arrivals(), warnings, trackers };
         self.world.step(&input);
+        self.hear()?;
         if self.input.leader() == Leader::Script {
             self.warnings.extend(self.presses.watch(&self.world, &input.trackers));
         }
@@ -172,12 +177,13 @@ impl Session {
 
     /// Plays all frames of the recording up to `time_s` after its first.
     fn replay_until(&mut self, time_s: f64) -> Result<SessionProgress, Failure> {
-        let Some(replay) = &mut self.input.replay else { return Ok(SessionProgress::Ended) };
-        while let Some(frame_s) = replay.next_time_s()? {
+        while let Some(replay) = &mut self.input.replay
+            && let Some(frame_s) = replay.next_time_s()?
+        {
             if frame_s > time_s {
                 return Ok(SessionProgress::Running);
             }
-            replay.play_next(&mut self.world)?;
+            self.play_frame()?;
         }
         Ok(SessionProgress::Ended)
     }
@@ -185,7 +191,16 @@ impl Session {
     /// Plays the next frame of the recording; false at its end.
     pub fn play_frame(&mut self) -> Result<bool, Failure> {
         let Some(replay) = &mut self.input.replay else { return Ok(false) };
-        replay.play_next(&mut self.world)
+        let is_played = replay.play_next(&mut self.world)?;
+        if is_played {
+            self.hear()?;
+        }
+        Ok(is_played)
+    }
+
+    /// Adds the sound of the last frame to its file, if there is one.
+    fn hear(&mut self) -> Result<(), Failure> {
+        self.sound.as_mut().map_or(Ok(()), |file| file.hear(&mut self.world))
     }
 
     /// Takes what a person does with the mouse. A press takes over from a script.
@@ -260,6 +275,7 @@ impl Session {
         let recorded = self.stop_recording()?;
         let replayed = self.input.replay.as_ref().map_or(Ok(String::new()), Replay::report)?;
         let curve = self.write_curve()?;
-        Ok(format!("{replayed}{recorded}{curve}"))
+        let sound = self.sound.take().map_or(Ok(String::new()), SoundFile::end)?;
+        Ok(format!("{replayed}{recorded}{curve}{sound}"))
     }
 }

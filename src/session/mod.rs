@@ -13,6 +13,7 @@ pub mod open;
 pub mod playback;
 mod presses;
 pub mod recording;
+mod sound_file;
 pub mod trackers;
 
 pub use advance::{Session, SessionProgress};

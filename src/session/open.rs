@@ -1,6 +1,7 @@
 //! Opens a session from the options of a command: scene, stage, script, .green file, recordings. [`Making`] finds or makes a
 //! scene's .green file while windows are already open.
 
+use super::sound_file::SoundFile;
 use super::advance::Session;
 use super::change::Steps;
 use super::recording::{Origin, Replay};
@@ -34,12 +35,23 @@ pub struct Request<'a> {
     pub record: Option<&'a Path>,
     /// The table of what its effects have recorded.
     pub curve: Option<&'a Path>,
+    /// The WAV file of what is heard.
+    pub sound: Option<&'a Path>,
 }
 
 impl<'a> Request<'a> {
     /// A request with everything as the scene has it.
     pub fn new(scene: &'a Resolved) -> Request<'a> {
-        Request { scene, stage: None, script: None, green: None, replay: None, record: None, curve: None }
+        Request {
+            scene,
+            stage: None,
+            script: None,
+            green: None,
+            replay: None,
+            record: None,
+            curve: None,
+            sound: None,
+        }
     }
 
     /// The stage on which the session is.
@@ -85,6 +97,7 @@ impl Session {
         let mut session = Session::new(world, script);
         session.input.replay = replay;
         session.curve = request.curve.map(Path::to_owned);
+        session.sound = request.sound.map(SoundFile::new);
         session.file = Some(file);
         session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
         request.record.map_or(Ok(()), |path| session.record(path))?;

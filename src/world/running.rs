@@ -65,6 +65,19 @@ pub struct World {
     pub(super) told: BTreeSet<String>,
 }
 
+/// The sound of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sound<'a> {
+    pub rate_hz: u32,
+    pub channels: usize,
+    /// Samples of all channels, one after the other for each moment; 1 is full scale.
+    pub samples: &'a [f32],
+    /// Amplitude of a sound at full scale, Pa.
+    pub full_scale_pa: f64,
+    /// Moments since the start that were turned down, for they were beyond full scale.
+    pub limited: u64,
+}
+
 /// A control element that an effect moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovedElement {
@@ -135,6 +148,11 @@ pub trait RunningEffect {
 
     /// The table that it has recorded, as CSV.
     fn table(&self) -> Option<(&'static Kind, String)> {
+        None
+    }
+
+    /// The sound of the last frame, made where it is asked for.
+    fn sound(&mut self) -> Option<Sound<'_>> {
         None
     }
 

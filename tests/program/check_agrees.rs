@@ -114,7 +114,7 @@ fn what_is_not_there_is_said_in_one_sentence() {
     for (lines, part) in [
         ("effects = [\"contact\"]", "nothing touches the body: add a tool"),
         ("effects = [\"cut\"]", "there is no effect \"cut\": bodies cannot be cut"),
-        ("effects = [\"sound\"]", "there is no effect \"sound\": bodies are silent"),
+        ("effects = [\"audio\"]", "there is no effect \"audio\": bodies are heard by the effect \"sound\""),
         (
             "effects = [\"gravity\"]",
             "\"gravity\" is no effect but a key: write gravity = … below [body.NAME]",

@@ -36,6 +36,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     needs_inside: true,
+    vibrates: true,
     settings: Some(settings::Settings::read),
     suits: Some(section::suits),
     solve: Some(section::solve),

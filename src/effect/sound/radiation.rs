@@ -14,11 +14,11 @@
 //! exact for these motions of a ball; of another shape it tells the level within the few decibels by which a ball differs from it, and
 //! nothing of how it radiates more in some directions than in others.
 
+use crate::audio::SPEED_OF_SOUND;
 use nalgebra::{Matrix3, Vector3};
 
-/// Density of air, kg/m³, and speed of sound in it, m/s, at 20 °C.
+/// Density of air at 20 °C, kg/m³.
 const AIR: f64 = 1.204;
-pub const SPEED_OF_SOUND: f64 = 343.2;
 
 /// The surface that radiates.
 pub struct Radiator {

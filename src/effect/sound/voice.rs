@@ -74,7 +74,7 @@ impl Voice {
         self.slow = [begin + slope * late_s, slope / self.rate_hz];
     }
 
-    /// Ends a frame: its loads hold on until the next begins.
+    /// Ends a frame: no load changes until the next begins.
     pub fn rest(&mut self) {
         self.slow = [0.0; 2];
     }

@@ -1,0 +1,162 @@
+//! The voices of all bodies, mixed into the channels of a stage.
+//!
+//! In: frames, one after the other, each as long as the world's frame. Out: as many samples as are asked for, wherever a frame begins or ends
+//! meanwhile. Where the next frame is late, bodies ring on; where frames have piled up, they are played in half of their time. It runs in
+//! the audio thread: no lock, no allocation, and what is done with is handed back.
+
+use super::tones::Phrase;
+use super::voice::Voice;
+use crate::audio::{Listening, Mixer, Paths};
+
+/// Samples that are played at once.
+const BLOCK: usize = 256;
+/// Frames that may wait before time is made up for.
+const PILE: usize = 2;
+
+/// Part of a sample by which the beginning of a step is rounded.
+const EXACT: f64 = 1e-6;
+
+/// A frame of all bodies.
+#[derive(Debug, Default)]
+pub struct SoundFrame {
+    /// Its length.
+    pub samples: usize,
+    /// Of each body, and how it reaches the channels.
+    pub phrases: Vec<Phrase>,
+    pub paths: Vec<Paths>,
+}
+
+/// Where a player's frames come from, and where they go when they were played.
+pub trait Frames {
+    fn next(&mut self) -> Option<Box<SoundFrame>>;
+    fn done(&mut self, frame: Box<SoundFrame>);
+    /// Frames that are there after the next.
+    fn waiting(&self) -> usize;
+}
+
+/// The voices of all bodies.
+pub struct Player {
+    rate_hz: f64,
+    channels: usize,
+    bodies: Vec<Body>,
+    mixer: Mixer,
+    block: Vec<f32>,
+    now: Option<Playing>,
+}
+
+struct Body {
+    voice: Voice,
+    paths: Paths,
+    /// Beats of the frame that have begun.
+    begun: usize,
+}
+
+/// The frame that is being played.
+struct Playing {
+    frame: Box<SoundFrame>,
+    /// Samples that are behind, of how many.
+    at: usize,
+    samples: usize,
+    /// Time in the player over that in the frame.
+    pace: f64,
+}
+
+impl Player {
+    pub fn new(listening: &Listening, rate_hz: f64, bodies: usize) -> Player {
+        let body = |_| Body { voice: Voice::new(rate_hz), paths: Paths::SILENT, begun: 0 };
+        Player {
+            rate_hz,
+            channels: listening.channels(),
+            bodies: (0..bodies).map(body).collect(),
+            mixer: Mixer::new(listening, rate_hz, bodies),
+            block: vec![0.0; BLOCK],
+            now: None,
+        }
+    }
+
+    /// Fills all channels, whose samples alternate.
+    pub fn fill(&mut self, out: &mut [f32], frames: &mut dyn Frames) {
+        out.fill(0.0);
+        let mut rest = &mut out[..];
+        while rest.len() >= self.channels {
+            if self.now.is_none() {
+                self.begin(frames);
+            }
+            let wanted = (rest.len() / self.channels).min(BLOCK);
+            let count = self.now.as_ref().map_or(wanted, |playing| wanted.min(playing.samples - playing.at));
+            let (block, after) = rest.split_at_mut(count * self.channels);
+            self.play(block, count);
+            rest = after;
+            if self.now.as_ref().is_some_and(|playing| playing.at == playing.samples) {
+                self.end(frames);
+            }
+        }
+        self.mixer.finish(out);
+    }
+
+    /// Samples that were turned down, for they were louder than the output can be.
+    pub fn limited(&self) -> u64 {
+        self.mixer.limited()
+    }
+
+    /// Begins the next frame, if there is one.
+    fn begin(&mut self, frames: &mut dyn Frames) {
+        let Some(mut frame) = frames.next() else { return };
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            if let Some(phrase) = frame.phrases.get_mut(number) {
+                body.voice.begin(phrase);
+            }
+            body.paths = frame.paths.get(number).copied().unwrap_or(body.paths);
+            body.begun = 0;
+        }
+        let is_late = frames.waiting() > PILE && frame.samples > 1;
+        let samples = if is_late { frame.samples / 2 } else { frame.samples };
+        let pace = samples as f64 / frame.samples.max(1) as f64;
+        self.now = Some(Playing { frame, at: 0, samples, pace });
+    }
+
+    fn end(&mut self, frames: &mut dyn Frames) {
+        let Some(playing) = self.now.take() else { return };
+        for (body, phrase) in self.bodies.iter_mut().zip(&playing.frame.phrases) {
+            phrase.beats.iter().skip(body.begun).for_each(|beat| body.voice.beat(beat, 0.0));
+            body.voice.rest();
+        }
+        frames.done(playing.frame);
+    }
+
+    /// Plays samples of all bodies, within the frame if there is one.
+    fn play(&mut self, out: &mut [f32], count: usize) {
+        let Player { rate_hz, bodies, mixer, block, now, .. } = self;
+        let block = &mut block[..count];
+        for (number, body) in bodies.iter_mut().enumerate() {
+            match now {
+                Some(playing) => body.play(number, playing, *rate_hz, block),
+                None => body.voice.fill(block),
+            }
+            mixer.add(number, &body.paths, block, out);
+        }
+        if let Some(playing) = now {
+            playing.at += count;
+        }
+    }
+}
+
+impl Body {
+    /// Plays samples within a frame.
+    fn play(&mut self, number: usize, playing: &Playing, rate_hz: f64, block: &mut [f32]) {
+        let beats = playing.frame.phrases.get(number).map_or(&[][..], |phrase| &phrase.beats);
+        let mut done = 0;
+        for beat in &beats[self.begun.min(beats.len())..] {
+            let begins = beat.at_s * playing.pace * rate_hz;
+            let first = (begins - EXACT).ceil().max(0.0) as usize;
+            if first >= playing.at + block.len() {
+                break;
+            }
+            let here = first.saturating_sub(playing.at).max(done);
+            self.voice.fill(&mut block[done..here]);
+            self.voice.beat(beat, ((playing.at + here) as f64 - begins) / rate_hz);
+            (done, self.begun) = (here, self.begun + 1);
+        }
+        self.voice.fill(&mut block[done..]);
+    }
+}

@@ -1,0 +1,181 @@
+//! The effect in a world: the sound of each frame, when somebody asks for it.
+
+use super::player::{Frames, Player, SoundFrame};
+use super::radiation::Radiator;
+use super::settings::{NAME, Settings};
+use super::tones::Listener;
+use crate::audio::{Listening, Paths};
+use crate::base::failure::Failure;
+use crate::effect::entry::EffectInput;
+use crate::world::running::Sound;
+use crate::world::{Frame, RunningEffect, World};
+use nalgebra::{Point3, Vector3};
+
+/// Samples of a second in files.
+const RATE_HZ: u32 = 48_000;
+
+/// Time for which a moving body may be without its modes before that is told, s.
+const SILENT_S: f64 = 0.5;
+
+/// All bodies that are heard.
+pub struct Ensemble {
+    bodies: Vec<HeardBody>,
+    listening: Listening,
+    rate_hz: f64,
+    /// Time of all frames, s, and their samples.
+    time_s: f64,
+    samples: u64,
+}
+
+pub struct HeardBody {
+    b: usize,
+    name: String,
+    radiator: Radiator,
+    gain: f64,
+    listener: Listener,
+    /// Time since its modes were heard, s.
+    silent_s: f64,
+}
+
+impl Ensemble {
+    pub fn new(listed: &EffectInput<'_>, world: &World, rate_hz: f64) -> Ensemble {
+        let body = |&(b, name): &(usize, &str)| {
+            let deformer = &world.bodies[b].deformer;
+            HeardBody {
+                b,
+                name: name.to_owned(),
+                radiator: Radiator::new(deformer.rest(), deformer.triangles()),
+                gain: Settings::of(&listed.scene.bodies[name]).gain(),
+                listener: Listener::new(rate_hz),
+                silent_s: 0.0,
+            }
+        };
+        Ensemble {
+            bodies: listed.bodies.iter().map(body).collect(),
+            listening: Listening::new(&world.assets.stage),
+            rate_hz,
+            time_s: 0.0,
+            samples: 0,
+        }
+    }
+
+    /// The sound of a frame, and a warning for each body that is silent though it moves.
+    pub fn frame(&mut self, world: &World, frame: &Frame) -> (SoundFrame, Vec<String>) {
+        let dt_s = if frame.dt_s.is_finite() { frame.dt_s.clamp(0.0, 1.0) } else { 0.0 };
+        self.time_s += dt_s;
+        let samples = (self.time_s * self.rate_hz).round() as u64;
+        let mut of_frame =
+            SoundFrame { samples: (samples - self.samples) as usize, ..SoundFrame::default() };
+        self.samples = samples;
+        let mut warnings = Vec::new();
+        for body in &mut self.bodies {
+            let mut paths = self.listening.paths(&world.room_from_head, &middle(world, body.b));
+            paths.0.iter_mut().for_each(|path| path.gain *= body.gain as f32);
+            of_frame.paths.push(paths);
+            of_frame.phrases.push(match &frame.bodies[body.b].vibration {
+                Some(vibration) => {
+                    body.silent_s = 0.0;
+                    body.listener.phrase(vibration, &body.radiator)
+                }
+                None => {
+                    body.listener.break_off();
+                    let was_told = body.silent_s > SILENT_S;
+                    body.silent_s += dt_s;
+                    if !was_told && body.silent_s > SILENT_S {
+                        warnings.push(body.silence(world));
+                    }
+                    Default::default()
+                }
+            });
+        }
+        (of_frame, warnings)
+    }
+
+    /// Forgets what was heard last.
+    pub fn break_off(&mut self) {
+        self.bodies.iter_mut().for_each(|body| body.listener.break_off());
+    }
+
+    pub fn listening(&self) -> &Listening {
+        &self.listening
+    }
+
+    /// A player for all bodies.
+    pub fn player(&self) -> Player {
+        Player::new(&self.listening, self.rate_hz, self.bodies.len())
+    }
+}
+
+impl HeardBody {
+    fn silence(&self, world: &World) -> String {
+        let (name, model) = (&self.name, world.bodies[self.b].deformer.entry.name);
+        format!(
+            "body.{name} makes no sound while released elements of it move: its model \"{model}\" has other modes in every step. In \
+             \"linear\" it is heard, and so it is while all elements are held, or all released"
+        )
+    }
+}
+
+/// The middle of a body's surface in the room.
+fn middle(world: &World, b: usize) -> Point3<f64> {
+    let body = &world.bodies[b];
+    let places = body.deformer.positions();
+    let sum: Vector3<f64> = places.iter().map(|place| Vector3::from(place.map(f64::from))).sum();
+    body.room_from_body * Point3::from(sum / places.len().max(1) as f64)
+}
+
+/// The sound of the last frame, kept until somebody asks for it.
+struct Sounding {
+    ensemble: Ensemble,
+    player: Option<Player>,
+    last: Option<Box<SoundFrame>>,
+    samples: Vec<f32>,
+}
+
+pub fn attach(
+    listed: &EffectInput<'_>,
+    world: &mut World,
+) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
+    let ensemble = Ensemble::new(listed, world, f64::from(RATE_HZ));
+    Ok(Some(Box::new(Sounding { ensemble, player: None, last: None, samples: Vec::new() })))
+}
+
+/// A frame that is played at once.
+struct Single(Option<Box<SoundFrame>>);
+
+impl Frames for Single {
+    fn next(&mut self) -> Option<Box<SoundFrame>> {
+        self.0.take()
+    }
+
+    fn done(&mut self, _: Box<SoundFrame>) {}
+
+    fn waiting(&self) -> usize {
+        0
+    }
+}
+
+impl RunningEffect for Sounding {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn show(&mut self, world: &World, frame: &mut Frame) {
+        let (of_frame, warnings) = self.ensemble.frame(world, frame);
+        self.last = Some(Box::new(of_frame));
+        frame.warnings.extend(warnings);
+    }
+
+    fn sound(&mut self) -> Option<Sound<'_>> {
+        let channels = self.ensemble.listening.channels();
+        let player = self.player.get_or_insert_with(|| self.ensemble.player());
+        self.samples.clear();
+        if let Some(frame) = self.last.take() {
+            self.samples.resize(frame.samples * channels, 0.0);
+            player.fill(&mut self.samples, &mut Single(Some(frame)));
+        }
+        let full_scale_pa = self.ensemble.listening.full_scale_pa;
+        let limited = player.limited();
+        Some(Sound { rate_hz: RATE_HZ, channels, samples: &self.samples, full_scale_pa, limited })
+    }
+}
