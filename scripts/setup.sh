@@ -21,6 +21,10 @@ fi
 command -v cc >/dev/null 2>&1 || need gcc "Rust links with it, and METIS is compiled by it"
 [ -e /usr/include/stdlib.h ] || need libc6-dev "the C library's headers"
 
+# The feature `audio`, which is built by default, links with ALSA.
+command -v pkg-config >/dev/null 2>&1 || need pkg-config "the build finds ALSA by it"
+[ -e /usr/include/alsa/asoundlib.h ] || need libasound2-dev "sound is played by ALSA; \`--no-default-features\` builds without"
+
 # A Vulkan driver: a real GPU's is left alone, whatever it is.
 drivers=$(ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json /usr/local/share/vulkan/icd.d/*.json \
     /usr/local/*/share/vulkan/icd.d/*.json 2>/dev/null || true)

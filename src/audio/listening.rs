@@ -8,7 +8,7 @@
 use super::ears::{SPEED_OF_SOUND, ears};
 use super::panning::Panner;
 use super::paths::{MOST_DELAY_S, Path, Paths};
-use crate::stage::{Loudspeaker, SoundOutput, Stage};
+use crate::stage::{SoundOutput, Stage};
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::f64::consts::SQRT_2;
 
@@ -89,13 +89,10 @@ impl Listening {
     }
 }
 
-/// The loudspeakers of the stage; for stereo these if there are two, else those of a desk.
 fn loudspeakers(stage: &Stage) -> Output {
     let head = stage.viewer.room_from_head;
     let viewer = Point3::from(head.translation.vector);
-    let own = &stage.sound.loudspeakers;
-    let is_desk = stage.sound.output == SoundOutput::Stereo && own.len() != 2;
-    let used = if is_desk { Loudspeaker::of_desk(&head) } else { own.clone() };
+    let used = stage.sound.used(&head);
     let places: Vec<Point3<f64>> = used.iter().map(|one| one.position).collect();
     let panner = Box::new(Panner::new(&places, viewer));
     // One in the viewer's place is calibrated beside it.

@@ -23,6 +23,7 @@ mod opening;
 mod pack;
 mod parsers;
 mod pattern;
+mod pattern_sound;
 mod precompute;
 mod print;
 mod render;

@@ -1,7 +1,7 @@
-//! `greenstage pattern`: shows the test pattern on every screen of a stage, for installing a display.
+//! `greenstage pattern`: shows the test pattern on every screen of a stage, or lets its loudspeakers sound, for installing a display.
 
-use super::parsers;
 use super::print::print;
+use super::{parsers, pattern_sound};
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::output;
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 /// Show a test pattern on every screen of a stage: grid and rulers in centimetres, border, corners, eyes
 ///
-/// `greenstage manual stages` explains each part of the pattern.
+/// `greenstage manual stages` explains each part of the pattern. With `--sound` the loudspeakers sound one after the other instead.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file
@@ -30,13 +30,22 @@ pub struct Args {
     /// Size of the windows against the screens' own pixels
     #[arg(long, value_parser = parsers::scale, default_value_t = 1.0)]
     pub window_scale: f64,
-    /// Close the windows after so many seconds
+    /// Close the windows, or end the tones, after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
+    /// Let each loudspeaker sound instead: loudspeaker k gives k short tones and a long one, and its name is printed
+    #[arg(long, conflicts_with = "output")]
+    pub sound: bool,
+    /// WAV file with a channel for each loudspeaker, instead of the audio device; overwrites a WAV file of this name
+    #[arg(long, value_name = "FILE", requires = "sound")]
+    pub wav: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = crate::track::find_stage(&args.stage).map_err(Failure::request)?;
+    if args.sound {
+        return pattern_sound::run(&stage, args.wav.as_deref(), args.seconds);
+    }
     if let Some(folder) = &args.output {
         return pictures(&stage, &args.stage, folder);
     }

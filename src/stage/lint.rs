@@ -1,7 +1,7 @@
 //! Finds mistakes in a stage that loads without an error, as they occur with display walls.
 //!
 //! In: a [`Stage`], and the monitors of its desktop if they are known. Out: [`Diagnostic`]s with their numbers: how edges meet,
-//! shapes of pixels, where the viewer stands, windows on their monitors.
+//! shapes of pixels, where the viewer stands, windows on their monitors, loudspeakers.
 
 use super::description::Stage;
 use super::error::{IPD_M, MAX_SKEW, STRAIGHTENED_M};
@@ -66,6 +66,7 @@ pub fn lint(stage: &Stage, monitors: &[Monitor]) -> Vec<Diagnostic> {
         turned::lint(stage, &mut found);
     }
     tracking::lint(stage, &mut found);
+    loudspeakers::lint(stage, &mut found);
     found
 }
 
@@ -419,6 +420,7 @@ fn common(at: [i32; 2], size: [u32; 2], other_at: [i32; 2], other_size: [u32; 2]
     along(0) * along(1)
 }
 
+mod loudspeakers;
 mod tracking;
 mod turned;
 mod upright;

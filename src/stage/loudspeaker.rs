@@ -1,9 +1,10 @@
 //! Where a stage sounds from: its loudspeakers, or headphones, and how loud the loudest sound is.
 //!
-//! In: places in the room. Out: [`Sound`], the directions from the viewer to each loudspeaker, and the directions from which
-//! nothing can sound ([`most_open`]).
+//! In: places in the room. Out: [`Sound`], the directions from the viewer to each loudspeaker ([`Bearing`]), and the directions
+//! from which nothing can sound ([`most_open`]).
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
+use std::fmt;
 
 /// The largest number of loudspeakers, and so of channels.
 pub const MOST_LOUDSPEAKERS: usize = 16;
@@ -70,15 +71,64 @@ impl SoundOutput {
     }
 }
 
+impl Sound {
+    /// The loudspeakers that sound for a viewer with this head by the stage file, in the order of the channels; none for
+    /// headphones. Stereo takes the stage's own if there are two, else those of a desk.
+    pub fn used(&self, room_from_head: &Isometry3<f64>) -> Vec<Loudspeaker> {
+        match self.output {
+            SoundOutput::Headphones => Vec::new(),
+            SoundOutput::Stereo if self.loudspeakers.len() != 2 => Loudspeaker::of_desk(room_from_head),
+            SoundOutput::Stereo | SoundOutput::Loudspeakers => self.loudspeakers.clone(),
+        }
+    }
+}
+
 impl Loudspeaker {
     /// The two of a desk, 30° to the left and right of where the head looks, 1 m away.
-    pub fn of_desk(room_from_head: &nalgebra::Isometry3<f64>) -> Vec<Loudspeaker> {
+    pub fn of_desk(room_from_head: &Isometry3<f64>) -> Vec<Loudspeaker> {
         let (sin, cos) = DESK_DEGREES.to_radians().sin_cos();
         let at = |(name, side): (&str, f64)| Loudspeaker {
             name: name.to_owned(),
             position: room_from_head * Point3::new(side * sin * DESK_M, 0.0, -cos * DESK_M),
         };
         [("left", -1.0), ("right", 1.0)].map(at).into()
+    }
+}
+
+/// Where the viewer sees something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bearing {
+    pub distance_m: f64,
+    /// Angle in the horizontal plane from where the viewer looks, to the right; -180 to 180.
+    pub azimuth_degrees: f64,
+    /// Angle above the horizontal plane.
+    pub elevation_degrees: f64,
+}
+
+impl Bearing {
+    /// The bearing of a place from a head, which may look up or down.
+    pub fn new(room_from_head: &Isometry3<f64>, place: &Point3<f64>) -> Bearing {
+        let away = place.coords - room_from_head.translation.vector;
+        let gaze = room_from_head.rotation * -Vector3::z();
+        let turn = |way: &Vector3<f64>| way.x.atan2(-way.z);
+        let azimuth = (turn(&away) - turn(&gaze)).to_degrees();
+        Bearing {
+            distance_m: away.norm(),
+            azimuth_degrees: azimuth - 360.0 * (azimuth / 360.0).round(),
+            elevation_degrees: away.y.atan2(away.x.hypot(away.z)).to_degrees(),
+        }
+    }
+}
+
+impl fmt::Display for Bearing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let side = |degrees: f64, [less, more]: [&'static str; 2]| match degrees.round() {
+            0.0 => String::new(),
+            degrees => format!(", {:.0}° {}", degrees.abs(), if degrees < 0.0 { less } else { more }),
+        };
+        write!(f, "{:.2} m away", self.distance_m)?;
+        f.write_str(&side(self.azimuth_degrees, ["left", "right"]))?;
+        f.write_str(&side(self.elevation_degrees, ["down", "up"]))
     }
 }
 
@@ -124,6 +174,17 @@ mod tests {
         for (seen, side) in [(seen(left), -1.0), (seen(right), 1.0)] {
             assert!((seen - Vector3::new(side * 0.5, 0.0, -0.75f64.sqrt())).norm() < 1e-12, "{seen}");
         }
+    }
+
+    #[test]
+    fn bearings_are_those_from_where_the_viewer_looks() {
+        let stage = Stage::find("cyberstage").unwrap();
+        let of =
+            |place: [f64; 3]| Bearing::new(&stage.viewer.room_from_head, &Point3::from(place)).to_string();
+        assert_eq!(of([0.0, 1.7, -1.6]), "2.00 m away");
+        assert_eq!(of([1.0, 1.7, 0.4]), "1.00 m away, 90° right");
+        assert_eq!(of([-1.0, 0.7, 0.4]), "1.41 m away, 90° left, 45° down");
+        assert_eq!(of([0.001, 3.7, 2.4]), "2.83 m away, 180° right, 45° up");
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub use error::{LocatedFault, StageError, StageFault};
 pub use file::{Survey, survey};
 pub use haptic::{GripButton, Haptic, HapticDevice};
 pub use lint::{errors, lint};
-pub use loudspeaker::{Loudspeaker, MOST_LOUDSPEAKERS, Sound, SoundOutput, most_open};
+pub use loudspeaker::{Bearing, Loudspeaker, MOST_LOUDSPEAKERS, Sound, SoundOutput, most_open};
 pub use screen::{EyeView, Frustum, MIN_EYE_DISTANCE_M, NEAR_M, ROOM_LIMIT_M, Screen, Unseen};
 pub use seam::{Apart, Edge, Seam};
 pub use standing::{GivenPlace, HiddenPart, place_line};

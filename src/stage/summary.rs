@@ -1,7 +1,9 @@
-//! A stage described as text: sizes, pixels, distances, fields of view, tilts, seams, windows, trackers and sensors.
+//! A stage described as text: sizes, pixels, distances, fields of view, tilts, seams, windows, trackers, sensors and
+//! loudspeakers.
 
 use super::description::Stage;
 use super::lint::CLOSED_M;
+use super::loudspeaker::{Bearing, Sound};
 use super::tracking::{ButtonId, TrackerFrame};
 use super::window::{Monitor, Tile, Window};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -73,7 +75,8 @@ impl fmt::Display for Stage {
         for Monitor { name, at: [x, y], size: [width, height] } in &self.monitors {
             writeln!(f, "monitor {name}: {width} × {height} at ({x}, {y})")?;
         }
-        self.write_tracking(f)
+        self.write_tracking(f)?;
+        self.write_sound(f)
     }
 }
 
@@ -95,6 +98,22 @@ impl Stage {
         let tiles: Vec<String> = window.tiles.iter().map(tile).collect();
         let size = if window.fills { "fills it".to_owned() } else { format!("{width} × {height}") };
         writeln!(f, "window {}: {size}{at}{on}: {}", window.name, tiles.join("; "))
+    }
+
+    /// Nothing for a stage that says nothing about sound.
+    fn write_sound(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.sound == Sound::default() {
+            return Ok(());
+        }
+        let device = self.sound.device.as_ref().map_or(String::new(), |name| format!(", device {name}"));
+        let output = self.sound.output.name();
+        writeln!(f, "sound: {output}, {:.0} dB at digital full scale{device}", self.sound.loudest_db)?;
+        let head = &self.viewer.room_from_head;
+        for (k, one) in self.sound.used(head).iter().enumerate() {
+            let (place, bearing) = (numbers(&one.position.coords, 3), Bearing::new(head, &one.position));
+            writeln!(f, "loudspeaker {} {}: at {place} m, {bearing}", k + 1, one.name)?;
+        }
+        Ok(())
     }
 
     fn write_tracking(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -12,6 +12,7 @@ mod common;
 mod memory;
 #[path = "../meshes/mesh_formats/small.rs"]
 mod meshes;
+mod mixer;
 mod mutate;
 mod readers;
 #[path = "../meshes/surface_files/small.rs"]

@@ -356,3 +356,43 @@ fn a_table_that_hangs_below_its_wall_is_told_to_face_up() {
         "{told}"
     );
 }
+
+/// The findings about the loudspeakers of the CyberStage with a piece of its text replaced.
+fn heard(from: &str, to: &str) -> Vec<String> {
+    let text = with("cyberstage", "");
+    assert!(text.contains(from), "`{from}` is not in the file");
+    let found = found_on(&[], &text.replacen(from, to, 1));
+    found.into_iter().filter(|line| line.contains("loudspeaker") || line.contains("sound")).collect()
+}
+
+#[test]
+fn loudspeakers_are_listed_as_the_viewer_hears_them() {
+    let found = heard("[sound]", "[sound]");
+    assert_eq!((found.len(), worse_than_notes(&found).len()), (8, 0), "{found:#?}");
+    has(
+        &found,
+        &["loudspeaker.1: floor front left at [-1.5000, 0.0000, -1.5000] m, 2.96 m away, 38° left, 35° down"],
+    );
+    has(&heard("output = \"loudspeakers\"", "output = \"stereo\""), &["note: sound.output", "leaves the 8"]);
+}
+
+#[test]
+fn loudspeakers_that_cannot_be_right_are_named_with_the_remedy() {
+    let left = "position = [-1.5, 2.4, -1.5]";
+    has(
+        &heard(left, "position = [1.5, 2.4, -1.5]"),
+        &["warning: loudspeaker.5", "says left", "38° right", "exchange"],
+    );
+    has(&heard(left, "position = [1.5, 2.4, -1.5]"), &["loudspeaker.6", "where loudspeaker 5 stands"]);
+    has(
+        &heard(left, "position = [-1.45, 0.1, -1.5]"),
+        &["loudspeaker.5", "1.5° from loudspeaker 1, below 5°"],
+    );
+    has(&heard(left, "position = [-0.1, 1.7, 0.3]"), &["loudspeaker.5", "0.14 m from the viewer"]);
+    let low = with("cyberstage", "").replace("2.4, -1.5]\n\n[[loudspeaker", "1.6, -1.5]\n\n[[loudspeaker");
+    let low = low.replace("position = [1.5, 2.4, -1.5]", "position = [1.5, 1.6, -1.5]");
+    let low = low
+        .replace("2.4, 1.5]\n\n[[loud", "1.6, 1.5]\n\n[[loud")
+        .replace("[1.5, 2.4, 1.5]", "[1.5, 1.6, 1.5]");
+    has(&found_on(&[], &low), &["warning: loudspeakers: nothing sounds from above", "° aside"]);
+}
