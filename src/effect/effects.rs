@@ -1,7 +1,9 @@
 //! The list of effects.
 
 use super::entry::{EffectEntry, ResolvedBody};
-use super::{contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, sound, stress};
+use super::{
+    contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, sound, stress,
+};
 use crate::config;
 use crate::scene::Body;
 

@@ -1,10 +1,10 @@
 //! Opens a session from the options of a command: scene, stage, script, .green file, recordings. [`Making`] finds or makes a
 //! scene's .green file while windows are already open.
 
-use super::sound_file::SoundFile;
 use super::advance::Session;
 use super::change::Steps;
 use super::recording::{Origin, Replay};
+use super::sound_file::SoundFile;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::progress::{Bars, Progress};

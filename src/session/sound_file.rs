@@ -61,7 +61,9 @@ impl SoundFile {
     /// Puts the file in its place; a line about it.
     pub fn end(self) -> Result<String, Failure> {
         let path = self.path.display();
-        let Some(file) = self.file else { return Ok(format!("note: no frame was played: {path} is not written\n")) };
+        let Some(file) = self.file else {
+            return Ok(format!("note: no frame was played: {path} is not written\n"));
+        };
         file.finish()?;
         let Format { rate_hz, channels, full_scale_pa } = self.format;
         let seconds = self.moments as f64 / f64::from(rate_hz.max(1));
@@ -72,7 +74,9 @@ impl SoundFile {
         };
         let limited = match self.limited {
             0 => String::new(),
-            limited => format!("; {limited} samples were turned down to full scale: raise loudest_db in [sound] of the stage"),
+            limited => format!(
+                "; {limited} samples were turned down to full scale: raise loudest_db in [sound] of the stage"
+            ),
         };
         Ok(format!("sound {path}: {seconds:.2} s, {channels} channels of {rate_hz} Hz, {level}{limited}\n"))
     }

@@ -4,7 +4,7 @@ use super::player::{Frames, Player, SoundFrame};
 use super::radiation::Radiator;
 use super::settings::{NAME, Settings};
 use super::tones::Listener;
-use crate::audio::{Listening, Paths};
+use crate::audio::Listening;
 use crate::base::failure::Failure;
 use crate::effect::entry::EffectInput;
 use crate::world::running::Sound;
@@ -64,8 +64,7 @@ impl Ensemble {
         let dt_s = if frame.dt_s.is_finite() { frame.dt_s.clamp(0.0, 1.0) } else { 0.0 };
         self.time_s += dt_s;
         let samples = (self.time_s * self.rate_hz).round() as u64;
-        let mut of_frame =
-            SoundFrame { samples: (samples - self.samples) as usize, ..SoundFrame::default() };
+        let mut of_frame = SoundFrame { samples: (samples - self.samples) as usize, ..SoundFrame::default() };
         self.samples = samples;
         let mut warnings = Vec::new();
         for body in &mut self.bodies {

@@ -26,7 +26,9 @@ impl Settings {
         let settings: Settings = table.map_or_else(|| Ok(Settings::default()), config::from_table)?;
         let gain_db = settings.gain_db;
         if !(gain_db.abs() <= MOST_DB) {
-            return Err(format!("gain_db = {gain_db} is not within -{MOST_DB} and {MOST_DB} dB; 0 is the true level"));
+            return Err(format!(
+                "gain_db = {gain_db} is not within -{MOST_DB} and {MOST_DB} dB; 0 is the true level"
+            ));
         }
         Ok(Arc::new(settings))
     }
@@ -66,7 +68,9 @@ mod tests {
         let read = |text: &str| Settings::read(Some(&text.parse().unwrap()));
         let gain = |text: &str| read(text).unwrap().downcast_ref::<Settings>().unwrap().gain();
         assert_eq!((gain(""), gain("gain_db = 20")), (1.0, 10.0));
-        for (text, told) in [("gain_db = nan", "not within"), ("gain_db = 500.0", "not within"), ("gain = 1", "gain")] {
+        for (text, told) in
+            [("gain_db = nan", "not within"), ("gain_db = 500.0", "not within"), ("gain = 1", "gain")]
+        {
             let error = read(text).unwrap_err();
             assert!(error.contains(told), "{text}: {error}");
         }
