@@ -78,6 +78,13 @@ impl StiffnessMatrix {
         });
     }
 
+    /// |K|, entry by entry: |K| |x| are the sizes of the terms of which K x is the sum.
+    pub fn magnitudes(&self) -> StiffnessMatrix {
+        let mut sizes = self.clone();
+        sizes.diagonal.iter_mut().chain(&mut sizes.blocks).for_each(|block| *block = block.abs());
+        sizes
+    }
+
     /// The principal submatrix on `keep` (ascending node indices), numbered in that order.
     pub fn restrict(&self, keep: &[u32]) -> StiffnessMatrix {
         let mut index = vec![u32::MAX; self.nodes()];

@@ -21,8 +21,10 @@ const FOUND: f64 = 1e-10;
 const DEPENDENT: f64 = 1e-10;
 /// The most rounds of inverse iteration.
 const ROUNDS: usize = 6;
-/// Largest ‖A φ - ω² M φ‖ / ‖A φ‖ of a mode.
+/// Largest residual of a mode.
 pub const MODE_RESIDUAL: f64 = 1e-8;
+/// Part of its terms below which a sum is rounding and little else: a slender body of stiff material has modes whose forces are so small.
+const CANCELLED: f64 = 1e-7;
 
 /// The lowest modes at the free nodes.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +33,7 @@ pub struct Modes {
     pub squares: Vec<f64>,
     /// φ, a column for each, 1/√kg.
     pub shapes: NodeFields,
-    /// ‖A φ - ω² M φ‖ / ‖A φ‖ of each.
+    /// ‖A φ - ω² M φ‖ of each over ‖A φ‖, or over 1e-7 ‖|A| |φ|‖ where that is more.
     pub residuals: Vec<f64>,
 }
 
@@ -261,7 +263,11 @@ fn ritz(a: &StiffnessMatrix, m: &StiffnessMatrix, fields: &NodeFields, count: us
         let force = forces.row(row);
         off.row_mut(row).iter_mut().zip(force).zip(&squares).for_each(|((off, f), w)| *off = f - w * *off);
     }
-    let residuals = off.norms().iter().zip(forces.norms()).map(|(off, force)| off / force).collect();
+    let mut sizes = shapes.clone();
+    sizes.data.iter_mut().for_each(|value| *value = value.abs());
+    let terms = multiplied(&a.magnitudes(), &sizes).norms();
+    let scales = forces.norms().into_iter().zip(terms).map(|(force, terms)| force.max(CANCELLED * terms));
+    let residuals = off.norms().iter().zip(scales).map(|(off, scale)| off / scale).collect();
     Modes { squares, shapes, residuals }
 }
 
