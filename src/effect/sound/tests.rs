@@ -1,1 +1,204 @@
+//! A steel strip that is struck, and what is heard of it.
 
+use crate::effect::{EFFECTS, Resolved, attach, precompute};
+use crate::green::{self, GreenFile};
+use crate::solve::Silent;
+use crate::stage::Stage;
+use crate::track::{StylusState, TrackerState};
+use crate::world::World;
+use nalgebra::{Isometry3, Translation3};
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::Arc;
+
+const RATE_HZ: f64 = 48_000.0;
+
+/// Where the strip is held, in the room.
+const ROOT: [f64; 3] = [-0.6, 1.0, -0.9];
+
+/// A strip of 0.1 × 0.004 × 0.02 m along x, held at its left end, and a ball of 10 mm on a stylus.
+fn strip(keys: &str) -> (Resolved, Arc<GreenFile>) {
+    let text = format!(
+        "[tool.hammer]\nshape = {{ ball = {{ radius = 0.01 }} }}\nstylus = 1\n\
+         [body.strip]\ngenerate = {{ block = {{ size = [0.1, 0.004, 0.02], cells = [12, 1, 2] }} }}\nelement = \"tet10\"\n\
+         material = {{ young = 2.1e11, poisson = 0.0, density = 7850.0 }}\neffects = [\"contact\", \"dynamics\", \"sound\"]\n\
+         place = {{ position = {ROOT:?}, scale = 1.0 }}\n{keys}\n\
+         control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
+    );
+    let scene = Resolved::parse(&text, Path::new("strip.toml")).unwrap();
+    let made = precompute(&scene, "strip", &scene.requirements("strip").unwrap(), None, &Silent).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("strip.green");
+    green::write(&path, &[made]).unwrap();
+    (scene, Arc::new(GreenFile::open(&path).unwrap()))
+}
+
+/// A session that is heard.
+struct Heard {
+    world: World,
+    frame: u32,
+    channels: Vec<Vec<f64>>,
+}
+
+impl Heard {
+    fn new((scene, file): &(Resolved, Arc<GreenFile>), stage: &str) -> Heard {
+        let stage = Stage::find(stage).unwrap();
+        let mut world = World::new(scene, &scene.models(), file, stage).unwrap();
+        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
+        world.join(effects).unwrap();
+        Heard { world, frame: 0, channels: Vec::new() }
+    }
+
+    /// A frame with the hammer this far above where it touches the strip's free end.
+    fn step(&mut self, above: f64) {
+        let top = self.world.bodies[0].deformer.rest().iter().map(|x| x[1]).fold(f32::MIN, f32::max);
+        let end = self.world.bodies[0].deformer.rest().iter().map(|x| x[0]).fold(f32::MIN, f32::max);
+        let place = [ROOT[0] + f64::from(end), ROOT[1] + f64::from(top) + 0.01 + above, ROOT[2]];
+        let room_from_stylus = Isometry3::from_parts(Translation3::from(place), nalgebra::one()).cast();
+        let stylus = StylusState { room_from_stylus, ..Default::default() };
+        let time_s = f64::from(self.frame) / 60.0;
+        self.frame += 1;
+        self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
+        let sound = self.world.effects.iter_mut().find_map(|effect| effect.sound()).unwrap();
+        assert_eq!(f64::from(sound.rate_hz), RATE_HZ);
+        self.channels.resize(sound.channels, Vec::new());
+        for moment in sound.samples.chunks_exact(sound.channels) {
+            let pa = |sample: &f32| f64::from(*sample) * sound.full_scale_pa;
+            self.channels.iter_mut().zip(moment).for_each(|(all, sample)| all.push(pa(sample)));
+        }
+    }
+
+    /// A blow of 0.3 m/s, and `frames` after it.
+    fn strike(&mut self, frames: usize) {
+        for above in [0.01, 0.005, -0.0003, 0.005].into_iter().chain(std::iter::repeat_n(0.02, frames)) {
+            self.step(above);
+        }
+    }
+}
+
+/// Amplitude of a part of the sound at this frequency, under Hann's window.
+fn at(samples: &[f64], hertz: f64) -> f64 {
+    let count = samples.len() as f64;
+    let (mut re, mut im) = (0.0, 0.0);
+    for (n, sample) in samples.iter().enumerate() {
+        let window = 1.0 - (TAU * n as f64 / count).cos();
+        let (sine, cosine) = (TAU * hertz * n as f64 / RATE_HZ).sin_cos();
+        (re, im) = (re + window * sample * cosine, im - window * sample * sine);
+    }
+    2.0 * re.hypot(im) / count
+}
+
+/// The frequency near this one at which the sound is loudest.
+fn peak(samples: &[f64], near: f64) -> f64 {
+    let off = |k: i32| near * (1.0 + 0.0005 * f64::from(k));
+    let all = (-60..=60).map(off);
+    all.max_by(|a, b| at(samples, *a).total_cmp(&at(samples, *b))).unwrap()
+}
+
+fn rms(samples: &[f64]) -> f64 {
+    (samples.iter().map(|p| p * p).sum::<f64>() / samples.len().max(1) as f64).sqrt()
+}
+
+/// f = β² h √(E/12ρ)/(2π L²), of Euler and Bernoulli (L. Meirovitch, Fundamentals of Vibrations, McGraw-Hill 2001, section 8.3).
+fn bernoulli(beta: f64) -> f64 {
+    beta * beta * 0.004 * (2.1e11 / 12.0 / 7850.0_f64).sqrt() / (TAU * 0.01)
+}
+
+#[test]
+fn a_struck_strip_is_heard_at_its_frequencies_and_fades_as_it_is_damped() {
+    let mut heard = Heard::new(&strip("effect.dynamics = { modes = 12, damping = 0.002 }"), "desktop");
+    heard.strike(60);
+    let ringing = &heard.channels[0][12_000..44_768];
+    let first = bernoulli(1.87510);
+    let found = peak(ringing, first);
+    let modes = heard.world.frame.bodies[0].vibration.as_ref().unwrap().modes.squares.clone();
+    let own = modes
+        .iter()
+        .map(|square| square.sqrt() / TAU)
+        .min_by(|a, b| (a - found).abs().total_cmp(&(b - found).abs()));
+    assert!((found / own.unwrap() - 1.0).abs() < 1e-3, "heard at {found} Hz, the mode is at {own:?}");
+    assert!((found / first - 1.0).abs() < 0.01, "heard at {found} Hz, theory says {first}");
+    // e^(-ζωt) over a fifth of a second.
+    let level = |from: usize| at(&heard.channels[0][from..from + 9600], found);
+    let fading = (-0.002 * TAU * found * 0.2).exp();
+    assert!((level(21_600) / level(12_000) / fading - 1.0).abs() < 0.02, "{}", level(21_600) / level(12_000));
+    // Away from its modes there is nothing.
+    assert!(at(ringing, found) > 300.0 * at(ringing, 1.3 * found));
+}
+
+#[test]
+fn what_is_at_rest_is_silent_and_so_is_what_is_pressed_slowly() {
+    let mut heard = Heard::new(&strip("gravity = true\neffect.dynamics = { modes = 12 }"), "desktop");
+    (0..90).for_each(|_| heard.step(0.05));
+    // The weight sets in with the first frame, and rings out.
+    let rest = rms(&heard.channels[0][60_000..]);
+    assert!(rest < 2e-5, "below the threshold of hearing: {rest} Pa");
+    let from = heard.channels[0].len();
+    (0..120).for_each(|k| heard.step(0.0005 - 1e-5 * f64::from(k)));
+    let pressed = rms(&heard.channels[0][from..]);
+    heard.strike(10);
+    let struck = rms(&heard.channels[0][from + 96_000..]);
+    assert!(pressed < 0.05 * struck, "{pressed} Pa while it is pressed, {struck} Pa when it is struck");
+}
+
+/// In the CyberStage the strip is before and to the left of the viewer: the loudspeakers there are the loudest, and all together are as loud
+/// as the one of a source that a listener hears from its distance.
+#[test]
+fn a_strip_is_heard_from_where_it_is() {
+    let file = strip("effect.dynamics = { modes = 6, damping = 0.002 }");
+    let mut heard = Heard::new(&file, "cyberstage");
+    heard.strike(30);
+    let levels: Vec<f64> = heard.channels.iter().map(|samples| rms(samples)).collect();
+    assert_eq!(levels.len(), 8);
+    let loudest = levels.iter().copied().fold(0.0, f64::max);
+    let named = |level: f64| {
+        heard.world.assets.stage.sound.loudspeakers[levels.iter().position(|l| *l == level).unwrap()]
+            .name
+            .clone()
+    };
+    assert!(named(loudest).contains("front left"), "{levels:?}");
+    let behind: f64 = heard
+        .world
+        .assets
+        .stage
+        .sound
+        .loudspeakers
+        .iter()
+        .zip(&levels)
+        .filter(|(one, _)| one.name.contains("rear"))
+        .map(|(_, level)| level * level)
+        .sum();
+    assert!(behind.sqrt() < 0.3 * loudest, "{levels:?}");
+
+    // Twice as far from a head that looks the same way it is half as loud.
+    let stage = Stage::find("cyberstage").unwrap();
+    let listening = crate::audio::Listening::new(&stage);
+    let head = stage.viewer.room_from_head;
+    let power = |away: f64| {
+        let place = head.translation.vector + nalgebra::Vector3::new(-0.4, -0.3, -0.8).normalize() * away;
+        let paths = listening.paths(&head, &place.into());
+        paths.0.iter().map(|path| f64::from(path.gain).powi(2)).sum::<f64>()
+    };
+    assert!((power(1.0) / power(2.0) - 4.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_gain_is_heard() {
+    let level = |keys: &str| {
+        let keys = format!("effect.dynamics = {{ modes = 6 }}\n{keys}");
+        let mut heard = Heard::new(&strip(&keys), "desktop");
+        heard.strike(10);
+        rms(&heard.channels[0])
+    };
+    let louder = level("effect.sound.gain_db = 6.0206") / level("");
+    assert!((louder - 2.0).abs() < 1e-3, "{louder}");
+}
+
+#[test]
+fn a_body_that_does_not_vibrate_is_refused() {
+    let text = "[body.b]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [4, 1, 1] } }\n\
+                material = { young = 1e6, poisson = 0.3 }\neffects = [\"sound\"]\n\
+                control.a = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
+    let error = Resolved::parse(text, Path::new("b.toml")).unwrap_err().to_string();
+    assert!(error.contains("write effects = [\"dynamics\", \"sound\"]"), "{error}");
+}
