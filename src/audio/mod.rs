@@ -11,6 +11,7 @@
 mod bursts;
 mod ears;
 mod error;
+mod fill;
 mod hull;
 mod limiter;
 mod line;
@@ -27,6 +28,7 @@ mod wav;
 pub use bursts::Bursts;
 pub use ears::{HEAD_RADIUS_M, SPEED_OF_SOUND};
 pub use error::AudioError;
+pub use fill::Fill;
 pub use listening::Listening;
 pub use mixer::Mixer;
 #[cfg(not(feature = "audio"))]
@@ -35,7 +37,3 @@ pub use paths::{MOST_CHANNELS, Path, Paths};
 #[cfg(feature = "audio")]
 pub use playback::Playback;
 pub use wav::{WAV, WavFile};
-
-/// Writes the samples of the next frames, which are 0 before, interleaved for all channels of a [`Listening`]. It runs in the audio
-/// thread: no allocation, no lock, no file.
-pub type Fill = Box<dyn FnMut(&mut [f32]) + Send>;

@@ -1,7 +1,7 @@
 //! The audio device of a program that was built without one: nothing starts.
 
-use super::Fill;
 use super::error::AudioError;
+use super::fill::Fill;
 use super::listening::Listening;
 
 /// An audio device that plays; there is none.

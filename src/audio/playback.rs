@@ -3,12 +3,15 @@
 //! In: what a stage is heard from, and a function that makes samples. Out: an open device that calls it in a thread of its own, with
 //! 48 kHz and buffers of 256 frames where the device has them. A device that goes away ends nothing: [`Playback::failure`] tells.
 
-use super::Fill;
 use super::error::AudioError;
+use super::fill::Fill;
 use super::listening::Listening;
 use crate::config;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
-use cpal::{BufferSize, ErrorKind, FromSample, SampleFormat, SizedSample, StreamConfig, SupportedBufferSize};
+use cpal::{
+    BufferSize, ErrorKind, FromSample, SampleFormat, SizedSample, StreamConfig, SupportedBufferSize,
+    SupportedStreamConfigRange,
+};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -39,11 +42,19 @@ impl Playback {
     /// Opens the device that `listening` names, or the system's own, and plays what `fill` makes; `fill` is made for the
     /// device's sample rate in Hz.
     pub fn start(listening: &Listening, fill: impl FnOnce(f64) -> Fill) -> Result<Playback, AudioError> {
+        // ALSA's library writes to standard error what the errors here say.
+        let _quiet = alsa::Output::local_error_handler();
         let device = find(listening.device.as_deref())?;
         let name = name(&device);
         let failed =
             |error: cpal::Error| AudioError::Device { device: name.clone(), message: advice(&error) };
-        let (config, format) = choose(&device, &name, listening.channels())?;
+        let offered = device.supported_output_configs().map(Iterator::collect::<Vec<_>>);
+        let offered = offered.map_err(|error| match (error.kind(), &listening.device) {
+            // The system has a name for its own device, and nothing behind it.
+            (ErrorKind::DeviceNotAvailable, None) => AudioError::NoDevice,
+            _ => failed(error),
+        })?;
+        let (config, format) = choose(offered, &name, listening.channels())?;
         let events = Arc::new(Events::default());
         let fill = Channels::new(fill(f64::from(config.sample_rate)), listening.channels(), config.channels);
         let stream = match format {
@@ -156,24 +167,26 @@ fn name(device: &cpal::Device) -> String {
 
 /// The device's configuration with the fewest channels that are enough, the usual rate or the one next to it, and the best format.
 fn choose(
-    device: &cpal::Device,
+    mut offered: Vec<SupportedStreamConfigRange>,
     name: &str,
     wanted: usize,
 ) -> Result<(StreamConfig, SampleFormat), AudioError> {
-    let failed = |message: String| AudioError::Device { device: name.to_owned(), message };
-    let offered = device.supported_output_configs().map_err(|error| failed(advice(&error)))?;
-    let offered: Vec<_> = offered.filter(|one| FORMATS.contains(&one.sample_format())).collect();
-    let found = offered.iter().map(|one| usize::from(one.channels())).max();
-    let found = found.ok_or_else(|| failed("it takes samples in no format that is known here".to_owned()))?;
-    let rate = |one: &cpal::SupportedStreamConfigRange| {
-        USUAL_RATE_HZ.clamp(one.min_sample_rate(), one.max_sample_rate())
+    let device = name.to_owned();
+    offered.retain(|one| {
+        FORMATS.contains(&one.sample_format()) && one.min_sample_rate() <= one.max_sample_rate()
+    });
+    let Some(found) = offered.iter().map(|one| usize::from(one.channels())).max() else {
+        let message = format!("it takes samples in none of the formats {FORMATS:?}; name another device");
+        return Err(AudioError::Device { device, message });
     };
+    let rate =
+        |one: &SupportedStreamConfigRange| USUAL_RATE_HZ.clamp(one.min_sample_rate(), one.max_sample_rate());
     let enough = offered.iter().filter(|one| usize::from(one.channels()) >= wanted);
     let best = enough.min_by_key(|one| {
         let format = FORMATS.iter().position(|format| *format == one.sample_format());
         (one.channels(), rate(one).abs_diff(USUAL_RATE_HZ), format)
     });
-    let best = best.ok_or_else(|| AudioError::Channels { device: name.to_owned(), found, wanted })?;
+    let best = best.ok_or(AudioError::Channels { device, found, wanted })?;
     let buffer_size = match *best.buffer_size() {
         SupportedBufferSize::Range { min, max } if min <= max => {
             BufferSize::Fixed((FRAMES as u32).clamp(min, max))
@@ -192,7 +205,7 @@ fn advice(error: &cpal::Error) -> String {
         ErrorKind::PermissionDenied => "let this user use it (group `audio`)",
         _ => return error.to_string(),
     };
-    format!("{error}; {remedy}")
+    format!("{}; {remedy}", error.to_string().trim_end_matches('.'))
 }
 
 #[cfg(test)]
@@ -226,6 +239,35 @@ mod tests {
         events.take(&ErrorKind::DeviceNotAvailable.into());
         events.take(&ErrorKind::Other.into());
         assert!(events.failure.get().unwrap().ends_with("connect it and start again"));
+    }
+
+    /// Of what devices offer: enough channels and no more, 48 kHz or the next rate, floating point before whole numbers.
+    #[test]
+    fn the_configuration_is_the_nearest_to_what_is_wanted() {
+        let one = |channels: u16, rates: [u32; 2], buffers: [u32; 2], format: SampleFormat| {
+            let buffer = SupportedBufferSize::Range { min: buffers[0], max: buffers[1] };
+            SupportedStreamConfigRange::new(channels, rates[0], rates[1], buffer, format)
+        };
+        let offered = vec![
+            one(2, [8000, 192_000], [64, 8192], SampleFormat::F32),
+            one(8, [44_100, 44_100], [64, 8192], SampleFormat::F32),
+            one(8, [44_100, 96_000], [512, 8192], SampleFormat::I16),
+            one(8, [44_100, 96_000], [512, 8192], SampleFormat::I32),
+            one(8, [48_000, 48_000], [512, 8192], SampleFormat::U8),
+            one(32, [48_000, 48_000], [64, 8192], SampleFormat::F32),
+        ];
+        let chosen = |wanted: usize| {
+            let (config, format) = choose(offered.clone(), "card", wanted).unwrap();
+            (config.channels, config.sample_rate, config.buffer_size, format)
+        };
+        assert_eq!(chosen(1), (2, 48_000, BufferSize::Fixed(256), SampleFormat::F32));
+        assert_eq!(chosen(5), (8, 48_000, BufferSize::Fixed(512), SampleFormat::I32));
+        assert_eq!(chosen(9), (32, 48_000, BufferSize::Fixed(256), SampleFormat::F32));
+        let refused =
+            |offered: Vec<_>, wanted: usize| choose(offered, "card", wanted).unwrap_err().to_string();
+        let few = refused(offered[..1].to_vec(), 8);
+        assert!(few.contains("\"card\" has 2 channels, and the stage needs 8"), "{few}");
+        assert!(refused(Vec::new(), 2).contains("none of the formats"));
     }
 
     /// A machine without the device answers with those that it has, or that it has none.

@@ -36,7 +36,7 @@ impl WavFile {
         let file = tempfile::tempfile_in(beside).or_else(|_| tempfile::tempfile());
         let file = file.map_err(|error| failed(error.to_string()))?;
         let channels =
-            u16::try_from(channels).map_err(|_| failed(format!("{channels} channels are too many")))?;
+            u16::try_from(channels).map_err(|error| failed(format!("{channels} channels: {error}")))?;
         let spec = WavSpec {
             channels,
             sample_rate: rate_hz,

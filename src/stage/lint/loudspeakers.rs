@@ -83,8 +83,7 @@ fn named(one: &Loudspeaker, bearing: &Bearing) -> Option<String> {
         (&["front"], forward, "in front"),
         (&["rear", "back", "behind"], -forward, "behind"),
     ];
-    let wrong =
-        sides.iter().find(|(words, side, _)| words.iter().any(|word| has(&word)) && *side < -ASIDE_DEGREES);
+    let wrong = sides.iter().find(|(words, side, _)| words.iter().any(&has) && *side < -ASIDE_DEGREES);
     wrong.map(|(.., side)| {
         format!(
             "its name \"{}\" says {side}, and the viewer sees it {bearing}: exchange the places, or correct the name; \
