@@ -17,7 +17,7 @@ mod ghost_rest;
 pub mod haptics;
 mod resolved;
 pub mod settings;
-mod sound;
+pub mod sound;
 pub mod stress;
 
 pub use effects::{EFFECTS, find_effect, in_order, name_of};

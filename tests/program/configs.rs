@@ -77,6 +77,7 @@ fn scripts() {
         &[
             "bend.toml",
             "drop.toml",
+            "fork.toml",
             "models.toml",
             "press.toml",
             "pull.toml",
@@ -93,6 +94,7 @@ fn scripts() {
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
     for (file, duration_s, styli) in [
         ("drop.toml", 3.0, 0),
+        ("fork.toml", 3.0, 0),
         ("press.toml", 5.0, 0),
         ("pull.toml", 6.5, 1),
         ("raise.toml", 5.0, 2),
@@ -277,6 +279,7 @@ fn scenes() {
             "bar.toml",
             "bear.toml",
             "drop.toml",
+            "fork.toml",
             "ghosts.toml",
             "hose.toml",
             "models.toml",

@@ -112,7 +112,9 @@ pub fn attach(
         let deformer = &mut world.bodies[b].deformer;
         deformer.feel();
         let body = TouchedBody::new(b, deformer, (settings.friction, is_felt), touching);
-        bodies.push(body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?);
+        let mut body = body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?;
+        body.is_heard = scene.bodies[name].entries().any(|effect| effect.is_heard);
+        bodies.push(body);
     }
     for (number, body) in bodies.iter_mut().enumerate() {
         if pairs.iter().any(|pair| pair.contains(&number)) {

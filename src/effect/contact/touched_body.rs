@@ -25,6 +25,8 @@ pub struct TouchedBody {
     pub tools: Vec<bool>,
     /// Whether a force device feels it.
     pub is_felt: bool,
+    /// Whether its vibration is heard.
+    pub is_heard: bool,
     /// The body without what the columns of its contacts show, with everything else that acts on it.
     pub free: Deformer,
     /// Whether a node takes forces in this frame: it has a column, or belongs to a control element that moves by inertia.
@@ -169,6 +171,7 @@ impl TouchedBody {
             friction,
             tools,
             is_felt,
+            is_heard: false,
             takes: yields.clone(),
             yields,
             others: free.no_contribution(),

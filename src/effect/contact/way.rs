@@ -18,8 +18,11 @@ type V3 = Vector3<f64>;
 const STEP: f64 = 0.5;
 pub const MOST_STEPS: usize = 64;
 
-/// Steps, at least, of a frame in which a body with inertia moves near something, and the way against its edges up to which it rests.
+/// Steps, at least, of a frame in which a body with inertia moves near something, and of one that is heard: a blow lasts one at least, and
+/// excites modes up to about half of their rate.
 const STEPS_OF_INERTIA: usize = 8;
+const STEPS_OF_SOUND: usize = MOST_STEPS;
+/// Way against the edges of a body up to which it rests.
 const CALM: f64 = 1e-3;
 
 /// Places in the room of all nodes of each body without contact before and after the frame, and as they were shown last; and by how far each
@@ -69,12 +72,15 @@ impl Start<'_> {
         let steps = walls.fold(self.steps_of_tools(&by_tools, &reaching, way), f64::max).ceil() as usize;
         let has_inertia = |b: usize| self.bodies[b].inertial.is_some();
         let moves = |b: usize, way: f64| has_inertia(b) && way > CALM * self.bodies[b].longest();
-        let is_lively = (0..self.bodies.len()).any(|b| {
+        let travel = |b: usize| {
             let near = by_tools[b].iter().copied().chain(self.held[b].iter());
-            let travel = near.map(|node| way.of(b, node as usize)).fold(pushes(b), f64::max);
-            moves(b, travel)
-        }) || together.iter().any(|(pair, travel)| pair.iter().any(|b| moves(*b, *travel)));
-        let steps = if is_lively { steps.max(STEPS_OF_INERTIA) } else { steps };
+            let own = near.map(|node| way.of(b, node as usize)).fold(pushes(b), f64::max);
+            let met = together.iter().filter(|(pair, _)| pair.contains(&b)).map(|(_, travel)| *travel);
+            met.fold(own, f64::max)
+        };
+        let lively = (0..self.bodies.len()).filter(|b| moves(*b, travel(*b)));
+        let of_lively = |b: usize| if self.bodies[b].is_heard { STEPS_OF_SOUND } else { STEPS_OF_INERTIA };
+        let steps = lively.map(of_lively).fold(steps, usize::max);
         let is_followed = steps <= MOST_STEPS;
         let meetings = match is_followed {
             true => (0..steps).map(|step| self.meetings(&together, way, [step, steps])).collect(),

@@ -15,6 +15,10 @@ mod tests;
 mod tones;
 mod voice;
 
+pub use player::{Frames, Player, SoundFrame};
+pub use radiation::Radiator;
+pub use tones::{Listener, Phrase};
+
 use super::entry::EffectEntry;
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {

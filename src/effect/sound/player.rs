@@ -160,3 +160,115 @@ impl Body {
         self.voice.fill(&mut block[done..]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::radiation::Radiator;
+    use super::super::tones::Listener;
+    use super::*;
+    use crate::stage::Stage;
+    use crate::world::vibration::{ModeStep, Vibration, VibrationModes, VibrationStep};
+    use nalgebra::Vector3;
+    use std::collections::VecDeque;
+    use std::f64::consts::TAU;
+    use std::sync::Arc;
+
+    const RATE_HZ: f64 = 48_000.0;
+
+    #[derive(Default)]
+    struct Queue {
+        coming: VecDeque<Box<SoundFrame>>,
+        done: usize,
+    }
+
+    impl Frames for Queue {
+        fn next(&mut self) -> Option<Box<SoundFrame>> {
+            self.coming.pop_front()
+        }
+
+        fn done(&mut self, _: Box<SoundFrame>) {
+            self.done += 1;
+        }
+
+        fn waiting(&self) -> usize {
+            self.coming.len()
+        }
+    }
+
+    /// Frames of a sheet that was struck when the first began, and rings at 500 Hz.
+    fn frames(listening: &Listening, stage: &Stage, count: usize) -> Vec<Box<SoundFrame>> {
+        let radiator = Radiator::new(&[[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]], &[[0, 1, 2]]);
+        let omega = TAU * 500.0;
+        let modes = Arc::new(VibrationModes {
+            squares: vec![omega * omega],
+            decays: vec![0.0],
+            shapes: vec![vec![Vector3::z(); 3]],
+        });
+        let paths = listening.paths(&stage.viewer.room_from_head, &nalgebra::Point3::new(0.0, 0.0, 0.0));
+        let mut listener = Listener::new(RATE_HZ);
+        let mut of = |frame: usize| {
+            let turn = omega * frame as f64 / 60.0;
+            let state = [turn.sin() / omega, turn.cos()];
+            let steps =
+                vec![VibrationStep { dt_s: 1.0 / 60.0, modes: vec![ModeStep { state, load: [0.0; 3] }] }];
+            let phrase = listener.phrase(&Vibration { modes: modes.clone(), steps }, &radiator);
+            Box::new(SoundFrame { samples: 800, phrases: vec![phrase], paths: vec![paths] })
+        };
+        (0..count).map(&mut of).collect()
+    }
+
+    fn player() -> (Player, Vec<Box<SoundFrame>>) {
+        let stage = Stage::find("desktop").unwrap();
+        let listening = Listening::new(&stage);
+        (Player::new(&listening, RATE_HZ, 1), frames(&listening, &stage, 12))
+    }
+
+    /// A frame that has just come sounds in the next block, whatever was played before.
+    #[test]
+    fn a_frame_is_heard_in_the_next_block() {
+        let (mut player, frames) = player();
+        let mut queue = Queue::default();
+        let mut out = [0.0; 2 * BLOCK];
+        player.fill(&mut out, &mut queue);
+        assert!(out.iter().all(|sample| *sample == 0.0));
+        queue.coming.extend(frames.into_iter().take(1));
+        player.fill(&mut out, &mut queue);
+        let first = out.iter().position(|sample| *sample != 0.0).unwrap();
+        assert!(first / 2 < 4, "sample {}", first / 2);
+    }
+
+    /// Late frames leave no gap and no click: the body rings on, and where it is told what it does already, nothing changes.
+    #[test]
+    fn late_frames_are_not_heard() {
+        let (mut player, frames) = player();
+        let mut queue = Queue::default();
+        let mut all = Vec::new();
+        for (number, frame) in frames.into_iter().enumerate() {
+            queue.coming.push_back(frame);
+            // Every third frame comes half a frame late.
+            let samples = if number % 3 == 2 { 1200 } else { 800 };
+            let mut out = vec![0.0; 2 * samples];
+            player.fill(&mut out, &mut queue);
+            all.extend(out.chunks(2).map(|both| both[0]));
+        }
+        let loudest = all.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+        // ω/48000 of the amplitude from sample to sample.
+        let steepest = all[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
+        assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
+        assert_eq!(queue.done, 12);
+    }
+
+    /// Frames that have piled up are made up for, without a click.
+    #[test]
+    fn frames_that_piled_up_are_played_faster() {
+        let (mut player, frames) = player();
+        let mut queue = Queue { coming: frames.into(), done: 0 };
+        let mut out = vec![0.0; 2 * 800 * 8];
+        player.fill(&mut out, &mut queue);
+        assert!(queue.waiting() <= PILE, "{} wait", queue.waiting());
+        let left: Vec<f32> = out.chunks(2).map(|both| both[0]).collect();
+        let loudest = left.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+        let steepest = left[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
+        assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
+    }
+}

@@ -199,6 +199,7 @@ fn a_body_that_does_not_vibrate_is_refused() {
     let text = "[body.b]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [4, 1, 1] } }\n\
                 material = { young = 1e6, poisson = 0.3 }\neffects = [\"sound\"]\n\
                 control.a = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
-    let error = Resolved::parse(text, Path::new("b.toml")).unwrap_err().to_string();
+    let scene = Resolved::parse(text, Path::new("b.toml")).unwrap();
+    let error = scene.requirements("b").unwrap_err().to_string();
     assert!(error.contains("write effects = [\"dynamics\", \"sound\"]"), "{error}");
 }

@@ -186,8 +186,8 @@ mod tests {
         let loudest = pressure / (TAU * of[0]);
         for (n, heard) in heard.iter().enumerate() {
             let off = f64::from(*heard) - speed(n);
-            // What is below 16 Hz is taken away: 1.3 % of 1234 Hz, a quarter of a turn ahead.
-            assert!(off.abs() < 0.02 * loudest, "sample {n}: {heard} {}", speed(n));
+            // What is below 16 Hz is taken away: 1.3 % of 1234 Hz, a quarter of a turn ahead, and as much at the onset.
+            assert!(off.abs() < 0.04 * loudest, "sample {n}: {heard} {}", speed(n));
         }
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let (first, second) = (level(&mut voice), level(&mut voice));
         // 0.1 s at 20 1/s.
         assert!((second / first - (-2.0_f64).exp()).abs() < 1e-3, "{first} {second}");
-        (0..60).for_each(|_| drop(level(&mut voice)));
+        (0..60).for_each(|_| voice.fill(&mut [0.0; 4800]));
         assert_eq!(level(&mut voice), 0.0, "it ends");
     }
 }
