@@ -6,6 +6,7 @@ use greenstage::effect::sound::{Frames, Listener, Player, Radiator, SoundFrame};
 use greenstage::stage::{SoundOutput, Stage};
 use greenstage::world::vibration::{ModeStep, Vibration, VibrationModes, VibrationStep};
 use nalgebra::{Point3, Vector3};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Blocks of sources that move, through each output, allocate nothing, also where the limiter acts.
@@ -38,17 +39,17 @@ fn mixing_allocates_nothing() {
 
 /// Frames that come one after the other and are kept when they were played.
 struct Kept {
-    coming: Vec<Box<SoundFrame>>,
-    done: Vec<Box<SoundFrame>>,
+    coming: VecDeque<Box<SoundFrame>>,
+    done: VecDeque<Box<SoundFrame>>,
 }
 
 impl Frames for Kept {
     fn next(&mut self) -> Option<Box<SoundFrame>> {
-        self.coming.pop()
+        self.coming.pop_front()
     }
 
     fn done(&mut self, frame: Box<SoundFrame>) {
-        self.done.push(frame);
+        self.done.push_back(frame);
     }
 
     fn waiting(&self) -> usize {
@@ -77,8 +78,8 @@ fn playing_allocates_nothing() {
         let phrase = listener.phrase(&Vibration { modes, steps: vec![step; 8] }, &radiator);
         Box::new(SoundFrame { samples: 800, phrases: vec![phrase], paths: vec![paths] })
     };
-    let coming: Vec<_> = (0..20).map(&mut frame).collect();
-    let mut frames = Kept { done: Vec::with_capacity(coming.len()), coming };
+    let coming: VecDeque<_> = (0..20).map(&mut frame).collect();
+    let mut frames = Kept { done: VecDeque::with_capacity(coming.len()), coming };
     let mut player = Player::new(&listening, 48_000.0, 1);
     let mut out = vec![0.0; 256 * listening.channels()];
     let ((), bytes) = memory::peak_of(|| (0..80).for_each(|_| player.fill(&mut out, &mut frames)));

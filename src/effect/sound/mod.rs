@@ -5,9 +5,11 @@
 //! from its motion of the surface ([`radiation`]); what a frame does to the audible modes ([`tones`]) is played sample by sample ([`voice`]),
 //! from where the body is ([`player`], [`crate::audio`]).
 
+mod listener;
 mod live;
 mod player;
 mod radiation;
+mod ringing;
 mod running;
 mod settings;
 #[cfg(test)]
@@ -15,9 +17,9 @@ mod tests;
 mod tones;
 mod voice;
 
+pub use listener::{Listener, Phrase};
 pub use player::{Frames, Player, SoundFrame};
 pub use radiation::Radiator;
-pub use tones::{Listener, Phrase};
 
 use super::entry::EffectEntry;
 
@@ -26,7 +28,6 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "the body is heard as it vibrates, from where it is: loudspeakers, headphones, or a WAV file (--sound)",
     is_heard: true,
     settings: Some(settings::Settings::read),
-    suits: Some(settings::suits),
     attach: Some(running::attach),
     start: Some(live::start),
     ..EffectEntry::NOTHING

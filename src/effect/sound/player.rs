@@ -4,7 +4,7 @@
 //! meanwhile. Where the next frame is late, bodies ring on; where frames have piled up, they are played in half of their time. It runs in
 //! the audio thread: no lock, no allocation, and what is done with is handed back.
 
-use super::tones::Phrase;
+use super::listener::Phrase;
 use super::voice::Voice;
 use crate::audio::{Listening, Mixer, Paths};
 
@@ -163,8 +163,8 @@ impl Body {
 
 #[cfg(test)]
 mod tests {
+    use super::super::listener::Listener;
     use super::super::radiation::Radiator;
-    use super::super::tones::Listener;
     use super::*;
     use crate::stage::Stage;
     use crate::world::vibration::{ModeStep, Vibration, VibrationModes, VibrationStep};
@@ -196,7 +196,7 @@ mod tests {
     }
 
     /// Frames of a sheet that was struck when the first began, and rings at 500 Hz.
-    fn frames(listening: &Listening, stage: &Stage, count: usize) -> Vec<Box<SoundFrame>> {
+    fn frames(listening: &Listening, stage: &Stage, count: usize) -> VecDeque<Box<SoundFrame>> {
         let radiator = Radiator::new(&[[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]], &[[0, 1, 2]]);
         let omega = TAU * 500.0;
         let modes = Arc::new(VibrationModes {
@@ -217,7 +217,7 @@ mod tests {
         (0..count).map(&mut of).collect()
     }
 
-    fn player() -> (Player, Vec<Box<SoundFrame>>) {
+    fn player() -> (Player, VecDeque<Box<SoundFrame>>) {
         let stage = Stage::find("desktop").unwrap();
         let listening = Listening::new(&stage);
         (Player::new(&listening, RATE_HZ, 1), frames(&listening, &stage, 12))
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn frames_that_piled_up_are_played_faster() {
         let (mut player, frames) = player();
-        let mut queue = Queue { coming: frames.into(), done: 0 };
+        let mut queue = Queue { coming: frames, done: 0 };
         let mut out = vec![0.0; 2 * 800 * 8];
         player.fill(&mut out, &mut queue);
         assert!(queue.waiting() <= PILE, "{} wait", queue.waiting());

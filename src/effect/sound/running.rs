@@ -1,9 +1,9 @@
 //! The effect in a world: the sound of each frame, when somebody asks for it.
 
+use super::listener::Listener;
 use super::player::{Frames, Player, SoundFrame};
 use super::radiation::Radiator;
 use super::settings::{NAME, Settings};
-use super::tones::Listener;
 use crate::audio::Listening;
 use crate::base::failure::Failure;
 use crate::effect::entry::EffectInput;

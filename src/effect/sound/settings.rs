@@ -2,8 +2,6 @@
 
 use crate::config;
 use crate::effect::entry::{ResolvedBody, Settings as AnySettings};
-use crate::effect::name_of;
-use crate::scene::{Body, Scene, SceneError};
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -25,7 +23,7 @@ impl Settings {
     pub fn read(table: Option<&toml::Table>) -> Result<AnySettings, String> {
         let settings: Settings = table.map_or_else(|| Ok(Settings::default()), config::from_table)?;
         let gain_db = settings.gain_db;
-        if !(gain_db.abs() <= MOST_DB) {
+        if gain_db.is_nan() || gain_db.abs() > MOST_DB {
             return Err(format!(
                 "gain_db = {gain_db} is not within -{MOST_DB} and {MOST_DB} dB; 0 is the true level"
             ));
@@ -44,19 +42,6 @@ impl Settings {
     pub fn gain(&self) -> f64 {
         10.0_f64.powf(self.gain_db / 20.0)
     }
-}
-
-/// Refuses a body that does not vibrate.
-pub fn suits(scene: &Scene, name: &str, _: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
-    if resolved.entries().any(|effect| effect.vibrates) {
-        return Ok(());
-    }
-    let needed = name_of(|effect| effect.vibrates);
-    let message = format!(
-        "\"{NAME}\" makes the vibration of the body heard, and without \"{needed}\" it has none: write effects = [\"{needed}\", \
-         \"{NAME}\"]"
-    );
-    Err(scene.invalid(&format!("body.{name}.effects"), message))
 }
 
 #[cfg(test)]

@@ -3,43 +3,16 @@
 //! In: phrases of its frames. Out: pressure at 1 m, Pa. Nothing here allocates, locks or waits once a voice is made: what is fresh is swapped
 //! with what it replaces.
 
-use super::tones::{Beat, Phrase, Tones};
+use super::listener::{Beat, Phrase};
+use super::ringing::Ringing;
 use nalgebra::Complex;
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 /// Frequency below which a voice is silent, Hz: what moves slowly moves air along and makes no sound.
 const LOW: f64 = 16.0;
 
 /// |z|² below which a tone has ended, kg m².
 const FADED: f64 = 1e-40;
-
-/// Tones as they ring.
-#[derive(Clone, Debug, Default)]
-pub struct Ringing {
-    tones: Option<Arc<Tones>>,
-    /// z of each tone, by what it turns in a sample, and the pressure of a z of 1.
-    z: Vec<Complex<f64>>,
-    turns: Vec<Complex<f64>>,
-    pressures: Vec<Complex<f64>>,
-}
-
-impl Ringing {
-    /// Tones at rest. Those above half of `rate_hz` cannot be played, and are silent.
-    pub fn new(tones: &Arc<Tones>, rate_hz: f64) -> Ringing {
-        let can_be_played = |rate: Complex<f64>| rate.im < 0.5 * TAU * rate_hz;
-        let pressure = |tone: &super::tones::Tone| match can_be_played(tone.rate) {
-            true => tone.rate * tone.pressure,
-            false => Complex::ZERO,
-        };
-        Ringing {
-            z: vec![Complex::ZERO; tones.all.len()],
-            turns: tones.all.iter().map(|tone| (tone.rate / rate_hz).exp()).collect(),
-            pressures: tones.all.iter().map(pressure).collect(),
-            tones: Some(tones.clone()),
-        }
-    }
-}
 
 /// The sound of one body.
 #[derive(Debug)]
@@ -109,11 +82,12 @@ impl Voice {
 
 #[cfg(test)]
 mod tests {
+    use super::super::listener::Listener;
     use super::super::radiation::Radiator;
-    use super::super::tones::Listener;
     use super::*;
     use crate::world::vibration::{ModeStep, Vibration, VibrationModes, VibrationStep};
     use nalgebra::Vector3;
+    use std::sync::Arc;
 
     const RATE_HZ: f64 = 48_000.0;
     const FRAME_S: f64 = 1.0 / 60.0;
