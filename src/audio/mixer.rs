@@ -7,7 +7,7 @@ use super::ears::SHADOW_S;
 use super::limiter::Limiter;
 use super::line::DelayLine;
 use super::listening::Listening;
-use super::paths::{MOST_CHANNELS, Path, Paths};
+use super::paths::{MOST_CHANNELS, Paths};
 
 /// Sources on their way to the channels.
 #[derive(Clone, Debug)]
@@ -88,17 +88,6 @@ impl Mixer {
     /// The number of frames that were louder than the output can be, and so were turned down.
     pub fn limited(&self) -> u64 {
         self.limiter.limited
-    }
-}
-
-impl Path {
-    fn towards(&self, other: &Path, share: f32) -> Path {
-        let between = |from: f32, to: f32| from + (to - from) * share;
-        Path {
-            gain: between(self.gain, other.gain),
-            delay_s: between(self.delay_s, other.delay_s),
-            shadow: between(self.shadow, other.shadow),
-        }
     }
 }
 

@@ -20,6 +20,15 @@ pub struct Path {
 
 impl Path {
     pub const SILENT: Path = Path { gain: 0.0, delay_s: 0.0, shadow: 1.0 };
+
+    pub(super) fn towards(&self, other: &Path, share: f32) -> Path {
+        let between = |from: f32, to: f32| from + (to - from) * share;
+        Path {
+            gain: between(self.gain, other.gain),
+            delay_s: between(self.delay_s, other.delay_s),
+            shadow: between(self.shadow, other.shadow),
+        }
+    }
 }
 
 /// The ways of a source to all channels; those beyond the device's are silent.
@@ -28,4 +37,9 @@ pub struct Paths(pub [Path; MOST_CHANNELS]);
 
 impl Paths {
     pub const SILENT: Paths = Paths([Path::SILENT; MOST_CHANNELS]);
+
+    /// The ways after this share of the way to others.
+    pub fn towards(&self, other: &Paths, share: f32) -> Paths {
+        Paths(std::array::from_fn(|channel| self.0[channel].towards(&other.0[channel], share)))
+    }
 }

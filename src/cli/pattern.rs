@@ -34,16 +34,16 @@ pub struct Args {
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
     /// Let each loudspeaker sound instead: loudspeaker k gives k short tones and a long one, and its name is printed
-    #[arg(long = "sound", conflicts_with = "output")]
-    pub is_heard: bool,
+    #[arg(long, conflicts_with = "output")]
+    pub sound: bool,
     /// WAV file with a channel for each loudspeaker, instead of the audio device; overwrites a WAV file of this name
-    #[arg(long, value_name = "FILE", requires = "is_heard")]
+    #[arg(long, value_name = "FILE")]
     pub wav: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let stage = crate::track::find_stage(&args.stage).map_err(Failure::request)?;
-    if args.is_heard {
+    if args.sound || args.wav.is_some() {
         return pattern_sound::run(&stage, args.wav.as_deref(), args.seconds);
     }
     if let Some(folder) = &args.output {

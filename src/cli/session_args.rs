@@ -107,9 +107,11 @@ fn try_sound(scene: &Resolved) -> Result<(), Failure> {
     if scene.bodies.values().any(|body| body.entries().any(|effect| effect.is_heard)) {
         return Ok(());
     }
-    let (path, name) = (scene.path.display(), name_of(|effect| effect.is_heard));
+    let path = scene.path.display();
+    let [needed, heard] = [name_of(|effect| effect.vibrates), name_of(|effect| effect.is_heard)];
     Err(Failure::wrong(format!(
-        "--sound: no body of {path} lists the effect \"{name}\": write effects = [\"{name}\"] in the body that you want to hear"
+        "--sound: no body of {path} lists the effect \"{heard}\": add \"{needed}\" and \"{heard}\" to the effects of the body that you \
+         want to hear"
     )))
 }
 

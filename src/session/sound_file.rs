@@ -5,7 +5,7 @@
 use crate::audio::WavFile;
 use crate::base::failure::Failure;
 use crate::world::World;
-use crate::world::running::Sound;
+use crate::world::running::Heard;
 use std::path::{Path, PathBuf};
 
 /// Pressure of 0 dB, Pa.
@@ -21,6 +21,8 @@ pub struct SoundFile {
     /// Largest sample.
     loudest: f32,
     limited: u64,
+    /// Why the file has ended before the session.
+    fault: Option<String>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -39,18 +41,24 @@ impl SoundFile {
             moments: 0,
             loudest: 0.0,
             limited: 0,
+            fault: None,
         }
     }
 
     /// Adds the sound of the world's last frame.
     pub fn hear(&mut self, world: &mut World) -> Result<(), Failure> {
-        let Some(sound) = world.effects.iter_mut().find_map(|effect| effect.sound()) else { return Ok(()) };
-        let Sound { rate_hz, channels, samples, full_scale_pa, limited } = sound;
+        let Some(heard) = world.effects.iter_mut().find_map(|effect| effect.heard()) else { return Ok(()) };
+        let Heard { rate_hz, channels, samples, full_scale_pa, limited } = heard;
         let file = match &mut self.file {
+            _ if self.fault.is_some() => return Ok(()),
             Some(file) => file,
             None => self.file.insert(WavFile::create(&self.path, channels, rate_hz)?),
         };
-        file.write(samples)?;
+        if let Err(error) = file.write(samples) {
+            // What was heard until now is worth keeping, and the session goes on.
+            self.fault = Some(error.to_string());
+            return self.close();
+        }
         self.format = Format { rate_hz, channels, full_scale_pa };
         self.moments += (samples.len() / channels.max(1)) as u64;
         self.loudest = samples.iter().fold(self.loudest, |most, sample| most.max(sample.abs()));
@@ -58,13 +66,17 @@ impl SoundFile {
         Ok(())
     }
 
+    fn close(&mut self) -> Result<(), Failure> {
+        Ok(self.file.take().map_or(Ok(()), WavFile::finish)?)
+    }
+
     /// Puts the file in its place; a line about it.
-    pub fn end(self) -> Result<String, Failure> {
+    pub fn end(mut self) -> Result<String, Failure> {
+        self.close()?;
         let path = self.path.display();
-        let Some(file) = self.file else {
+        if self.format.channels == 0 {
             return Ok(format!("note: no frame was played: {path} is not written\n"));
-        };
-        file.finish()?;
+        }
         let Format { rate_hz, channels, full_scale_pa } = self.format;
         let seconds = self.moments as f64 / f64::from(rate_hz.max(1));
         let peak_pa = f64::from(self.loudest) * full_scale_pa;
@@ -75,9 +87,12 @@ impl SoundFile {
         let limited = match self.limited {
             0 => String::new(),
             limited => format!(
-                "; {limited} samples were turned down to full scale: raise loudest_db in [sound] of the stage"
+                "; {limited} moments were turned down to 1 dB below full scale: lower gain_db of the bodies"
             ),
         };
-        Ok(format!("sound {path}: {seconds:.2} s, {channels} channels of {rate_hz} Hz, {level}{limited}\n"))
+        let fault = self.fault.map_or(String::new(), |fault| format!("; it ends there: {fault}"));
+        Ok(format!(
+            "sound {path}: {seconds:.2} s, {channels} channels of {rate_hz} Hz, {level}{limited}{fault}\n"
+        ))
     }
 }

@@ -263,11 +263,14 @@ fn ritz(a: &StiffnessMatrix, m: &StiffnessMatrix, fields: &NodeFields, count: us
         let force = forces.row(row);
         off.row_mut(row).iter_mut().zip(force).zip(&squares).for_each(|((off, f), w)| *off = f - w * *off);
     }
-    let mut sizes = shapes.clone();
-    sizes.data.iter_mut().for_each(|value| *value = value.abs());
-    let terms = multiplied(&a.magnitudes(), &sizes).norms();
-    let scales = forces.norms().into_iter().zip(terms).map(|(force, terms)| force.max(CANCELLED * terms));
-    let residuals = off.norms().iter().zip(scales).map(|(off, scale)| off / scale).collect();
+    let (off, mut scales) = (off.norms(), forces.norms());
+    if off.iter().zip(&scales).any(|(off, scale)| *off > MODE_RESIDUAL * scale) {
+        let mut sizes = shapes.clone();
+        sizes.data.iter_mut().for_each(|value| *value = value.abs());
+        let terms = multiplied(&a.magnitudes(), &sizes).norms();
+        scales.iter_mut().zip(terms).for_each(|(scale, terms)| *scale = scale.max(CANCELLED * terms));
+    }
+    let residuals = off.iter().zip(scales).map(|(off, scale)| off / scale).collect();
     Modes { squares, shapes, residuals }
 }
 

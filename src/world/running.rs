@@ -65,14 +65,14 @@ pub struct World {
     pub(super) told: BTreeSet<String>,
 }
 
-/// The sound of a frame.
+/// What is heard of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sound<'a> {
+pub struct Heard<'a> {
     pub rate_hz: u32,
     pub channels: usize,
     /// Samples of all channels, one after the other for each moment; 1 is full scale.
     pub samples: &'a [f32],
-    /// Amplitude of a sound at full scale, Pa.
+    /// Pressure at full scale, Pa.
     pub full_scale_pa: f64,
     /// Moments since the start that were turned down, for they were beyond full scale.
     pub limited: u64,
@@ -151,8 +151,8 @@ pub trait RunningEffect {
         None
     }
 
-    /// The sound of the last frame, made where it is asked for.
-    fn sound(&mut self) -> Option<Sound<'_>> {
+    /// What is heard of the last frame, if this was asked for in the frame before.
+    fn heard(&mut self) -> Option<Heard<'_>> {
         None
     }
 

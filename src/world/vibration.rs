@@ -22,6 +22,8 @@ pub struct VibrationModes {
 pub struct ModeStep {
     /// x and ẋ where the step begins, √kg m and √kg m/s.
     pub state: [f64; 2],
+    /// Part of ẋ that has just been added because held elements move on at another speed than in the step before.
+    pub kick: f64,
     /// a, b and c, √kg m/s², and over s and s².
     pub load: [f64; 3],
 }

@@ -73,10 +73,10 @@ fn playing_allocates_nothing() {
     let sets = [modes(3), modes(40)];
     let mut frame = |number: usize| {
         let modes = sets[number / 5 % 2].clone();
-        let struck = ModeStep { state: [0.0, 1.0], load: [0.1, 0.2, 0.0] };
+        let struck = ModeStep { state: [0.0, 1.0], load: [0.1, 0.2, 0.0], kick: 0.1 };
         let step = VibrationStep { dt_s: 1.0 / 480.0, modes: vec![struck; modes.squares.len()] };
         let phrase = listener.phrase(&Vibration { modes, steps: vec![step; 8] }, &radiator);
-        Box::new(SoundFrame { samples: 800, phrases: vec![phrase], paths: vec![paths] })
+        Box::new(SoundFrame { samples: 800, offset: 0.0, phrases: vec![phrase], paths: vec![paths] })
     };
     let coming: VecDeque<_> = (0..20).map(&mut frame).collect();
     let mut frames = Kept { done: VecDeque::with_capacity(coming.len()), coming };

@@ -118,7 +118,7 @@ impl Coupled {
             let damping = 2.0 * mode.decay;
             let load = load[k] + damping * (carried[k] - 0.5 * dt_s * rate[k]);
             let load = [load, slope[k] + damping * rate[k], bend[k]];
-            ModeStep { state: [x[k], v[k] + impulse[k]], load }
+            ModeStep { state: [x[k], v[k] + impulse[k]], kick: impulse[k], load }
         };
         self.modes.iter().enumerate().map(of).collect()
     }

@@ -130,7 +130,9 @@ impl Moving {
     pub fn keep(&mut self) {
         let Some(course) = &mut self.course else { return };
         let Some((share, Strode { motion, vibration })) = course.tried.take() else { return };
-        self.vibration.push(vibration);
+        if self.is_heard {
+            self.vibration.push(vibration);
+        }
         for (mean, own) in course.slopes.iter_mut().zip(&motion.slopes) {
             mean.translation += own.translation * (share - course.share);
             mean.matrix += own.matrix * (share - course.share);

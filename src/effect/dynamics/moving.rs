@@ -136,7 +136,9 @@ pub struct Moving {
     pub moved: Vec<(usize, ControlPose)>,
     /// Whether each element was held in the last step.
     pub(super) held: Vec<bool>,
-    /// The modes in each step of the last frame, in those of `system`.
+    /// Whether its vibration is kept.
+    pub is_heard: bool,
+    /// The modes in each step of the last frame, in those of `system`; empty unless they are kept.
     pub(super) vibration: Vec<VibrationStep>,
 }
 
@@ -160,6 +162,7 @@ impl Moving {
             course: None,
             moved: Vec::new(),
             held: Vec::new(),
+            is_heard: false,
             vibration: Vec::new(),
         })
     }
@@ -208,7 +211,9 @@ impl Moving {
                         dt_s,
                     },
                 );
-                self.vibration.push(strode.vibration);
+                if self.is_heard {
+                    self.vibration.push(strode.vibration);
+                }
                 strode.motion
             }
         };
@@ -240,6 +245,7 @@ impl Moving {
             self.motion = Motion { time_s: Some(time_s), ..after };
         } else {
             // Poses that no number can follow: it stands where it is, without a memory of them.
+            self.vibration.clear();
             self.begin(time_s, poses);
         }
         let released = self.system.iter().flat_map(|system| system.released.iter().enumerate());

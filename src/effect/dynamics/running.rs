@@ -49,9 +49,10 @@ pub fn attach(
         deformer.feel();
         let tables = Tables::read(listed.file, name)?;
         let moving = Moving::new(tables, settings.damping(), deformer, free.contains(&true));
-        let moving = moving.map_err(|m| Failure::request(anyhow::anyhow!("body.{name}: {m}")))?;
+        let mut moving = moving.map_err(|m| Failure::request(anyhow::anyhow!("body.{name}: {m}")))?;
         let columns = deformer.coefficients_of(NAME);
         let is_heard = listed.scene.bodies[name].entries().any(|effect| effect.is_heard);
+        moving.is_heard = is_heard;
         let heard = is_heard.then(BTreeMap::new);
         let shapes = RefCell::default();
         bodies.push(DynamicBody { b, free, moving, is_begun: false, heard, columns, shapes });

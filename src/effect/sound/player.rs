@@ -1,8 +1,9 @@
 //! The voices of all bodies, mixed into the channels of a stage.
 //!
 //! In: frames, one after the other, each as long as the world's frame. Out: as many samples as are asked for, wherever a frame begins or ends
-//! meanwhile. Where the next frame is late, bodies ring on; where frames have piled up, they are played in half of their time. It runs in
-//! the audio thread: no lock, no allocation, and what is done with is handed back.
+//! meanwhile. Where the next frame is late, bodies ring on, and it is taken up where it would be by then: the time of the voices is that
+//! of the world. Where frames have piled up, they are taken up a little later than they begin. It runs in the audio thread: no lock, no
+//! allocation, and what is done with is handed back.
 
 use super::listener::Phrase;
 use super::voice::Voice;
@@ -10,9 +11,11 @@ use crate::audio::{Listening, Mixer, Paths};
 
 /// Samples that are played at once.
 const BLOCK: usize = 256;
-/// Frames that may wait before time is made up for.
-const PILE: usize = 2;
-
+/// Frames that may wait, and the part of a frame that is left out while more do.
+const PILE: usize = 1;
+const LEFT_OUT: usize = 8;
+/// Time by which a frame's end may have passed before it came, s: beyond, the world's clock stood.
+const AHEAD_S: f64 = 0.05;
 /// Part of a sample by which the beginning of a step is rounded.
 const EXACT: f64 = 1e-6;
 
@@ -21,7 +24,9 @@ const EXACT: f64 = 1e-6;
 pub struct SoundFrame {
     /// Its length.
     pub samples: usize,
-    /// Of each body, and how it reaches the channels.
+    /// Time from its first sample to its beginning, in samples, less than one.
+    pub offset: f64,
+    /// Of each body, and how it reaches the channels at the end.
     pub phrases: Vec<Phrase>,
     pub paths: Vec<Paths>,
 }
@@ -42,11 +47,15 @@ pub struct Player {
     mixer: Mixer,
     block: Vec<f32>,
     now: Option<Playing>,
+    /// Samples since the last frame ended, once there was one.
+    ahead: Option<usize>,
 }
 
 struct Body {
     voice: Voice,
-    paths: Paths,
+    /// Where the last frame ended, and where this one ends.
+    from: Paths,
+    to: Paths,
     /// Beats of the frame that have begun.
     begun: usize,
 }
@@ -54,16 +63,13 @@ struct Body {
 /// The frame that is being played.
 struct Playing {
     frame: Box<SoundFrame>,
-    /// Samples that are behind, of how many.
+    /// Samples that are behind.
     at: usize,
-    samples: usize,
-    /// Time in the player over that in the frame.
-    pace: f64,
 }
 
 impl Player {
     pub fn new(listening: &Listening, rate_hz: f64, bodies: usize) -> Player {
-        let body = |_| Body { voice: Voice::new(rate_hz), paths: Paths::SILENT, begun: 0 };
+        let body = |_| Body { voice: Voice::new(rate_hz), from: Paths::SILENT, to: Paths::SILENT, begun: 0 };
         Player {
             rate_hz,
             channels: listening.channels(),
@@ -71,6 +77,7 @@ impl Player {
             mixer: Mixer::new(listening, rate_hz, bodies),
             block: vec![0.0; BLOCK],
             now: None,
+            ahead: None,
         }
     }
 
@@ -83,18 +90,19 @@ impl Player {
                 self.begin(frames);
             }
             let wanted = (rest.len() / self.channels).min(BLOCK);
-            let count = self.now.as_ref().map_or(wanted, |playing| wanted.min(playing.samples - playing.at));
+            let left = self.now.as_ref().map(|playing| playing.frame.samples.saturating_sub(playing.at));
+            let count = left.map_or(wanted, |left| wanted.min(left));
             let (block, after) = rest.split_at_mut(count * self.channels);
             self.play(block, count);
             rest = after;
-            if self.now.as_ref().is_some_and(|playing| playing.at == playing.samples) {
+            if left == Some(count) {
                 self.end(frames);
             }
         }
         self.mixer.finish(out);
     }
 
-    /// Samples that were turned down, for they were louder than the output can be.
+    /// Moments that were turned down, for they were louder than the output can be.
     pub fn limited(&self) -> u64 {
         self.mixer.limited()
     }
@@ -102,62 +110,79 @@ impl Player {
     /// Begins the next frame, if there is one.
     fn begin(&mut self, frames: &mut dyn Frames) {
         let Some(mut frame) = frames.next() else { return };
+        let is_first = self.ahead.is_none();
         for (number, body) in self.bodies.iter_mut().enumerate() {
             if let Some(phrase) = frame.phrases.get_mut(number) {
                 body.voice.begin(phrase);
             }
-            body.paths = frame.paths.get(number).copied().unwrap_or(body.paths);
+            let to = frame.paths.get(number).copied().unwrap_or(body.to);
+            (body.from, body.to) = (if is_first { to } else { body.to }, to);
             body.begun = 0;
         }
-        let is_late = frames.waiting() > PILE && frame.samples > 1;
-        let samples = if is_late { frame.samples / 2 } else { frame.samples };
-        let pace = samples as f64 / frame.samples.max(1) as f64;
-        self.now = Some(Playing { frame, at: 0, samples, pace });
+        let ahead = self.ahead.unwrap_or(0);
+        let left_out = if frames.waiting() > PILE { frame.samples / LEFT_OUT } else { 0 };
+        let most = (AHEAD_S * self.rate_hz) as usize;
+        // While the world's clock stands, it is not overtaken.
+        self.ahead = Some(if frame.samples == 0 { 0 } else { ahead.saturating_sub(frame.samples).min(most) });
+        let at = ahead.max(left_out).min(frame.samples);
+        self.now = Some(Playing { frame, at });
     }
 
     fn end(&mut self, frames: &mut dyn Frames) {
-        let Some(playing) = self.now.take() else { return };
-        for (body, phrase) in self.bodies.iter_mut().zip(&playing.frame.phrases) {
-            phrase.beats.iter().skip(body.begun).for_each(|beat| body.voice.beat(beat, 0.0));
-            body.voice.rest();
+        let Some(Playing { frame, .. }) = self.now.take() else { return };
+        for (body, phrase) in self.bodies.iter_mut().zip(&frame.phrases) {
+            for beat in phrase.beats.iter().skip(body.begun) {
+                body.voice.beat(beat, frame.samples as f64 / self.rate_hz - beat.at_s);
+            }
         }
-        frames.done(playing.frame);
+        frames.done(frame);
     }
 
     /// Plays samples of all bodies, within the frame if there is one.
     fn play(&mut self, out: &mut [f32], count: usize) {
-        let Player { rate_hz, bodies, mixer, block, now, .. } = self;
+        let Player { rate_hz, bodies, mixer, block, now, ahead, .. } = self;
         let block = &mut block[..count];
-        for (number, body) in bodies.iter_mut().enumerate() {
-            match now {
-                Some(playing) => body.play(number, playing, *rate_hz, block),
-                None => body.voice.fill(block),
-            }
-            mixer.add(number, &body.paths, block, out);
+        if block.is_empty() {
+            return;
         }
-        if let Some(playing) = now {
-            playing.at += count;
+        for (number, body) in bodies.iter_mut().enumerate() {
+            let paths = match now {
+                Some(playing) => body.play(number, playing, *rate_hz, block),
+                None => {
+                    body.voice.fill(block);
+                    body.to
+                }
+            };
+            mixer.add(number, &paths, block, out);
+        }
+        match (now, ahead) {
+            (Some(playing), _) => playing.at += count,
+            (None, Some(ahead)) => *ahead += count,
+            (None, None) => {}
         }
     }
 }
 
 impl Body {
-    /// Plays samples within a frame.
-    fn play(&mut self, number: usize, playing: &Playing, rate_hz: f64, block: &mut [f32]) {
-        let beats = playing.frame.phrases.get(number).map_or(&[][..], |phrase| &phrase.beats);
+    /// Plays samples within a frame; its paths where they end.
+    fn play(&mut self, number: usize, playing: &Playing, rate_hz: f64, block: &mut [f32]) -> Paths {
+        let Playing { frame, at } = playing;
+        let beats = frame.phrases.get(number).map_or(&[][..], |phrase| &phrase.beats);
         let mut done = 0;
         for beat in &beats[self.begun.min(beats.len())..] {
-            let begins = beat.at_s * playing.pace * rate_hz;
+            let begins = beat.at_s * rate_hz + frame.offset;
             let first = (begins - EXACT).ceil().max(0.0) as usize;
-            if first >= playing.at + block.len() {
+            if first >= at + block.len() {
                 break;
             }
-            let here = first.saturating_sub(playing.at).max(done);
+            let here = first.saturating_sub(*at).max(done);
             self.voice.fill(&mut block[done..here]);
-            self.voice.beat(beat, ((playing.at + here) as f64 - begins) / rate_hz);
+            self.voice.beat(beat, ((at + here) as f64 - begins) / rate_hz);
             (done, self.begun) = (here, self.begun + 1);
         }
         self.voice.fill(&mut block[done..]);
+        let share = (at + block.len()) as f32 / frame.samples.max(1) as f32;
+        self.from.towards(&self.to, share)
     }
 }
 
@@ -209,10 +234,10 @@ mod tests {
         let mut of = |frame: usize| {
             let turn = omega * frame as f64 / 60.0;
             let state = [turn.sin() / omega, turn.cos()];
-            let steps =
-                vec![VibrationStep { dt_s: 1.0 / 60.0, modes: vec![ModeStep { state, load: [0.0; 3] }] }];
+            let mode = ModeStep { state, ..ModeStep::default() };
+            let steps = vec![VibrationStep { dt_s: 1.0 / 60.0, modes: vec![mode] }];
             let phrase = listener.phrase(&Vibration { modes: modes.clone(), steps }, &radiator);
-            Box::new(SoundFrame { samples: 800, phrases: vec![phrase], paths: vec![paths] })
+            Box::new(SoundFrame { samples: 800, offset: 0.0, phrases: vec![phrase], paths: vec![paths] })
         };
         (0..count).map(&mut of).collect()
     }
@@ -237,37 +262,54 @@ mod tests {
         assert!(first / 2 < 4, "sample {}", first / 2);
     }
 
-    /// Late frames leave no gap and no click: the body rings on, and where it is told what it does already, nothing changes.
+    /// A body that rings, is stopped by a jump of -z and struck again: frames that come late are taken up where they would be by then,
+    /// so that the stop hits it in the right phase, and there is neither gap nor click.
     #[test]
-    fn late_frames_are_not_heard() {
-        let (mut player, frames) = player();
-        let mut queue = Queue::default();
-        let mut all = Vec::new();
-        for (number, frame) in frames.into_iter().enumerate() {
-            queue.coming.push_back(frame);
-            // Every third frame comes half a frame late.
-            let samples = if number % 3 == 2 { 1200 } else { 800 };
-            let mut out = vec![0.0; 2 * samples];
-            player.fill(&mut out, &mut queue);
-            all.extend(out.chunks(2).map(|both| both[0]));
+    fn late_frames_are_played_as_if_they_had_come_in_time() {
+        let play = |late: &[usize]| {
+            let (mut player, mut frames) = player();
+            // The ringing ends with the sixth frame.
+            let ended = frames[5].phrases[0].beats[0].clone();
+            let turned = nalgebra::Complex::new(0.0, TAU * 500.0 * 5.0 / 60.0).exp();
+            let begun = frames[0].phrases[0].beats[0].jumps[0];
+            let stop = super::super::listener::Beat { jumps: vec![-begun * turned], ..ended };
+            frames[5].phrases[0].beats = vec![stop];
+            let mut queue = Queue::default();
+            let (mut all, mut waits) = (Vec::new(), 0);
+            for (number, frame) in frames.into_iter().take(8).enumerate() {
+                // A frame that is late by so many samples lets the device ask for more before it comes.
+                let wait = late.get(number).copied().unwrap_or(0);
+                let mut before = vec![0.0; 2 * wait];
+                player.fill(&mut before, &mut queue);
+                queue.coming.push_back(frame);
+                let mut out = vec![0.0; 2 * (800 - waits.min(800))];
+                waits = wait;
+                player.fill(&mut out, &mut queue);
+                all.extend(before.into_iter().chain(out));
+            }
+            all.chunks(2).map(|both| both[0]).collect::<Vec<f32>>()
+        };
+        let (in_time, late) = (play(&[]), play(&[0, 0, 100, 0, 0, 0, 0, 0]));
+        let loudest = in_time.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+        let same = in_time.iter().zip(&late).take(3900).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(same < 1e-4 * loudest, "{same} of {loudest}");
+        for heard in [in_time, late] {
+            let left = heard[4900..].iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+            assert!(left < 1e-4 * loudest, "it was stopped, and rings on with {left} of {loudest}");
         }
-        let loudest = all.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
-        // ω/48000 of the amplitude from sample to sample.
-        let steepest = all[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
-        assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
-        assert_eq!(queue.done, 12);
     }
 
     /// Frames that have piled up are made up for, without a click.
     #[test]
-    fn frames_that_piled_up_are_played_faster() {
+    fn frames_that_piled_up_are_taken_up_later() {
         let (mut player, frames) = player();
         let mut queue = Queue { coming: frames, done: 0 };
-        let mut out = vec![0.0; 2 * 800 * 8];
+        let mut out = vec![0.0; 2 * 800 * 9];
         player.fill(&mut out, &mut queue);
-        assert!(queue.waiting() <= PILE, "{} wait", queue.waiting());
+        assert_eq!(queue.waiting(), 1, "of 12 frames, after the time of 9");
         let left: Vec<f32> = out.chunks(2).map(|both| both[0]).collect();
         let loudest = left.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+        // ω/48000 of the amplitude from sample to sample.
         let steepest = left[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
         assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
     }

@@ -7,14 +7,16 @@ use super::settings::{NAME, Settings};
 use crate::audio::Listening;
 use crate::base::failure::Failure;
 use crate::effect::entry::EffectInput;
-use crate::world::running::Sound;
+use crate::world::running::Heard;
 use crate::world::{Frame, RunningEffect, World};
 use nalgebra::{Point3, Vector3};
 
 /// Samples of a second in files.
 const RATE_HZ: u32 = 48_000;
 
-/// Time for which a moving body may be without its modes before that is told, s.
+/// The longest frame, s.
+const LONGEST_S: f64 = 1.0;
+/// Time for which a body may be without its modes before that is told, s.
 const SILENT_S: f64 = 0.5;
 
 /// All bodies that are heard.
@@ -61,17 +63,25 @@ impl Ensemble {
 
     /// The sound of a frame, and a warning for each body that is silent though it moves.
     pub fn frame(&mut self, world: &World, frame: &Frame) -> (SoundFrame, Vec<String>) {
-        let dt_s = if frame.dt_s.is_finite() { frame.dt_s.clamp(0.0, 1.0) } else { 0.0 };
+        // What takes longer is no frame: something else held the program up.
+        let is_frame = frame.dt_s.is_finite() && frame.dt_s <= LONGEST_S;
+        let dt_s = if is_frame { frame.dt_s.max(0.0) } else { 0.0 };
+        let begins = self.time_s * self.rate_hz;
         self.time_s += dt_s;
-        let samples = (self.time_s * self.rate_hz).round() as u64;
-        let mut of_frame = SoundFrame { samples: (samples - self.samples) as usize, ..SoundFrame::default() };
-        self.samples = samples;
+        let ends = (self.time_s * self.rate_hz).round() as u64;
+        let mut of_frame = SoundFrame {
+            samples: (ends - self.samples) as usize,
+            offset: begins - self.samples as f64,
+            ..SoundFrame::default()
+        };
+        self.samples = ends;
         let mut warnings = Vec::new();
         for body in &mut self.bodies {
             let mut paths = self.listening.paths(&world.room_from_head, &middle(world, body.b));
             paths.0.iter_mut().for_each(|path| path.gain *= body.gain as f32);
             of_frame.paths.push(paths);
-            of_frame.phrases.push(match &frame.bodies[body.b].vibration {
+            let vibration = frame.bodies[body.b].vibration.as_ref().filter(|_| is_frame);
+            of_frame.phrases.push(match vibration {
                 Some(vibration) => {
                     body.silent_s = 0.0;
                     body.listener.phrase(vibration, &body.radiator)
@@ -109,8 +119,8 @@ impl HeardBody {
     fn silence(&self, world: &World) -> String {
         let (name, model) = (&self.name, world.bodies[self.b].deformer.entry.name);
         format!(
-            "body.{name} makes no sound while released elements of it move: its model \"{model}\" has other modes in every step. In \
-             \"linear\" it is heard, and so it is while all elements are held, or all released"
+            "body.{name} is silent while some of its elements are held and others released: its model \"{model}\" has other modes in \
+             every step. Write model = \"linear\", or hold or release all elements"
         )
     }
 }
@@ -123,12 +133,14 @@ fn middle(world: &World, b: usize) -> Point3<f64> {
     body.room_from_body * Point3::from(sum / places.len().max(1) as f64)
 }
 
-/// The sound of the last frame, kept until somebody asks for it.
+/// The sound of each frame, from the second time on that somebody asks for it.
 struct Sounding {
     ensemble: Ensemble,
     player: Option<Player>,
     last: Option<Box<SoundFrame>>,
     samples: Vec<f32>,
+    /// Whether somebody has asked yet.
+    is_asked: bool,
 }
 
 pub fn attach(
@@ -136,7 +148,8 @@ pub fn attach(
     world: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let ensemble = Ensemble::new(listed, world, f64::from(RATE_HZ));
-    Ok(Some(Box::new(Sounding { ensemble, player: None, last: None, samples: Vec::new() })))
+    let samples = Vec::new();
+    Ok(Some(Box::new(Sounding { ensemble, player: None, last: None, samples, is_asked: false })))
 }
 
 /// A frame that is played at once.
@@ -160,12 +173,16 @@ impl RunningEffect for Sounding {
     }
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
+        if !self.is_asked {
+            return;
+        }
         let (of_frame, warnings) = self.ensemble.frame(world, frame);
         self.last = Some(Box::new(of_frame));
         frame.warnings.extend(warnings);
     }
 
-    fn sound(&mut self) -> Option<Sound<'_>> {
+    fn heard(&mut self) -> Option<Heard<'_>> {
+        self.is_asked = true;
         let channels = self.ensemble.listening.channels();
         let player = self.player.get_or_insert_with(|| self.ensemble.player());
         self.samples.clear();
@@ -175,6 +192,6 @@ impl RunningEffect for Sounding {
         }
         let full_scale_pa = self.ensemble.listening.full_scale_pa;
         let limited = player.limited();
-        Some(Sound { rate_hz: RATE_HZ, channels, samples: &self.samples, full_scale_pa, limited })
+        Some(Heard { rate_hz: RATE_HZ, channels, samples: &self.samples, full_scale_pa, limited })
     }
 }

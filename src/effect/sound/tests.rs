@@ -59,7 +59,7 @@ impl Heard {
         let time_s = f64::from(self.frame) / 60.0;
         self.frame += 1;
         self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
-        let sound = self.world.effects.iter_mut().find_map(|effect| effect.sound()).unwrap();
+        let sound = self.world.effects.iter_mut().find_map(|effect| effect.heard()).unwrap();
         assert_eq!(f64::from(sound.rate_hz), RATE_HZ);
         self.channels.resize(sound.channels, Vec::new());
         for moment in sound.samples.chunks_exact(sound.channels) {

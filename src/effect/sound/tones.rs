@@ -4,7 +4,10 @@
 //!
 //! Within a step a mode's amplitude is x = α + β t + γ t² + Re z, where the polynomial follows the load as if there were no inertia and z turns
 //! and fades as e^(st), s = -δ + iω. A step begins with a jump of z; between jumps a mode rings by itself, so that a voice plays on even where
-//! the next frame comes late. The pressure follows the speed, which no jump of z and β breaks off.
+//! the next frame comes late. What is heard is Re sz, the speed without β + 2γt.
+//!
+//! Hands move evenly within a frame, so that their speed jumps from frame to frame. In truth it does not, and what these jumps add to z and β
+//! would rattle 60 times a second: they are left out.
 
 use super::radiation::Radiator;
 use crate::world::vibration::{ModeStep, VibrationModes};
@@ -59,13 +62,18 @@ impl Tones {
 }
 
 impl Tone {
-    /// α, β and γ of a step, and z where it begins.
-    pub fn begun(&self, step: &ModeStep) -> ([f64; 3], Complex<f64>) {
-        let ModeStep { state: [x, v], load: [a, b, c] } = *step;
+    /// z where a step begins, and β and γ.
+    pub fn begun(&self, step: &ModeStep) -> (Complex<f64>, [f64; 2]) {
+        let ModeStep { state: [x, v], load: [a, b, c], .. } = *step;
         let gamma = c / self.square;
         let beta = (b - 4.0 * self.decay * gamma) / self.square;
         let alpha = (a - 2.0 * self.decay * beta - 2.0 * gamma) / self.square;
         let (w, rate) = (x - alpha, v - beta);
-        ([alpha, beta, gamma], Complex::new(w, -(rate + self.decay * w) / self.rate.im))
+        (Complex::new(w, -(rate + self.decay * w) / self.rate.im), [beta, gamma])
+    }
+
+    /// What a speed that jumps by this adds to z.
+    pub fn kicked(&self, by: f64) -> Complex<f64> {
+        Complex::new(0.0, -by / self.rate.im)
     }
 }
