@@ -2,8 +2,8 @@
 //!
 //! In: the vibration of each body in a frame ([`Vibration`](crate::world::vibration::Vibration)), its surface, the head, the stage. Out: the
 //! sound of the frame for all loudspeakers or both ears, into a file, or out of the audio device in a live session. A mode's pressure follows
-//! from its motion of the surface ([`radiation`]); what a frame does to the audible modes ([`tones`]) is played sample by sample ([`voice`]),
-//! from where the body is ([`player`], [`crate::audio`]).
+//! from its motion of the surface ([`Radiator`]); what a frame does to the audible modes ([`Listener`]) is played sample by sample, from where
+//! the body is ([`Player`], [`crate::audio`]).
 
 mod listener;
 mod live;

@@ -1,6 +1,6 @@
 //! The audible modes of a body, and what a frame does to them.
 //!
-//! In: the vibration of a frame ([`Vibration`]), its modes' pressure ([`Radiator`]). Out: a [`Phrase`] for the voice that plays it.
+//! In: modes of a body, and each of them in a step ([`ModeStep`]); their pressure ([`Radiator`]). Out: what rings in a step.
 //!
 //! Within a step a mode's amplitude is x = α + β t + γ t² + Re z, where the polynomial follows the load as if there were no inertia and z turns
 //! and fades as e^(st), s = -δ + iω. A step begins with a jump of z; between jumps a mode rings by itself, so that a voice plays on even where
