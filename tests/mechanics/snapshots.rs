@@ -17,7 +17,7 @@ const FRAMES: usize = 300;
 fn scene(folder: &Path, model: &ModelEntry, touched: bool) -> Resolved {
     let left_out = |name: &str| match name {
         "expected_errors" => true,
-        "dynamics" => touched || matches!(model.kind, Kind::Background(_)),
+        "dynamics" | "sound" => touched || matches!(model.kind, Kind::Background(_)),
         "contact" => !touched,
         _ => false,
     };

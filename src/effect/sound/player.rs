@@ -313,4 +313,37 @@ mod tests {
         let steepest = left[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
         assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
     }
+
+    /// Two bodies, one on the left and one on the right of a desk, each in its own channel and with its own steps.
+    #[test]
+    fn bodies_are_heard_side_by_side() {
+        let stage = Stage::find("desktop").unwrap();
+        let listening = Listening::new(&stage);
+        let of = |side: f64| {
+            let place =
+                stage.viewer.room_from_head * nalgebra::Point3::new(side * 0.5, 0.0, -0.75_f64.sqrt());
+            listening.paths(&stage.viewer.room_from_head, &place)
+        };
+        let level = |rings: [bool; 2]| {
+            let mut player = Player::new(&listening, RATE_HZ, 2);
+            let phrase = |rings: bool| match rings {
+                true => frames(&listening, &stage, 1).remove(0).unwrap().phrases.remove(0),
+                false => Phrase::default(),
+            };
+            let frame = SoundFrame {
+                samples: 800,
+                phrases: rings.map(phrase).into(),
+                paths: vec![of(-1.0), of(1.0)],
+                ..SoundFrame::default()
+            };
+            let mut queue = Queue { coming: [Box::new(frame)].into(), done: 0 };
+            let mut out = vec![0.0; 1600];
+            player.fill(&mut out, &mut queue);
+            [0, 1].map(|channel| out.iter().skip(channel).step_by(2).map(|p| f64::from(p * p)).sum::<f64>())
+        };
+        let ([left, none], [silent, right]) = (level([true, false]), level([false, true]));
+        assert!(none < 1e-9 * left && silent < 1e-9 * right, "{left} {none} {silent} {right}");
+        let both = level([true, true]);
+        assert!((both[0] / left - 1.0).abs() < 1e-6 && (both[1] / right - 1.0).abs() < 1e-6, "{both:?}");
+    }
 }

@@ -185,4 +185,35 @@ mod tests {
         (0..60).for_each(|_| voice.fill(&mut [0.0; 4800]));
         assert_eq!(level(&mut voice), 0.0, "it ends");
     }
+
+    /// A hand that takes an element changes the modes. Where the motion goes on, nothing is heard of that.
+    #[test]
+    fn tones_that_are_replaced_while_they_ring_do_not_click() {
+        let play = |swaps: bool| {
+            let (modes, radiator) = body(&[[500.0, 0.0]]);
+            let (others, _) = body(&[[500.0, 0.0]]);
+            let (mut listener, mut voice) = (Listener::new(RATE_HZ), Voice::new(RATE_HZ));
+            let mut heard = Vec::new();
+            for frame in 0..6 {
+                let omega = TAU * 500.0;
+                let turn = omega * f64::from(frame) * FRAME_S;
+                let mode = ModeStep { state: [turn.sin() / omega, turn.cos()], ..ModeStep::default() };
+                let steps = vec![VibrationStep { dt_s: FRAME_S, modes: vec![mode] }];
+                let modes = if swaps && frame >= 3 { others.clone() } else { modes.clone() };
+                let mut phrase = listener.phrase(&Vibration { modes, steps }, &radiator);
+                assert_eq!(phrase.fresh.is_some(), frame == 0 || swaps && frame == 3);
+                voice.begin(&mut phrase);
+                voice.beat(&phrase.beats[0], 0.0);
+                let mut samples = [0.0; 800];
+                // In pieces, as a device asks for them.
+                samples.chunks_mut(130).for_each(|piece| voice.fill(piece));
+                heard.extend(samples);
+            }
+            heard
+        };
+        let (same, swapped) = (play(false), play(true));
+        let loudest = same.iter().fold(0.0_f32, |most, sample| most.max(sample.abs()));
+        let off = same.iter().zip(&swapped).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-6 * loudest, "{off} of {loudest}");
+    }
 }
