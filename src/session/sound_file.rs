@@ -49,21 +49,32 @@ impl SoundFile {
     pub fn hear(&mut self, world: &mut World) -> Result<(), Failure> {
         let Some(heard) = world.effects.iter_mut().find_map(|effect| effect.heard()) else { return Ok(()) };
         let Heard { rate_hz, channels, samples, full_scale_pa, limited } = heard;
+        if self.format.channels != 0 && self.format.channels != channels && self.fault.is_none() {
+            let before = self.format.channels;
+            self.stop(format!("the stage has {channels} channels now, and had {before}"));
+        }
         let file = match &mut self.file {
             _ if self.fault.is_some() => return Ok(()),
             Some(file) => file,
             None => self.file.insert(WavFile::create(&self.path, channels, rate_hz)?),
         };
         if let Err(error) = file.write(samples) {
-            // What was heard until now is worth keeping, and the session goes on.
-            self.fault = Some(error.to_string());
-            return self.close();
+            self.stop(error.to_string());
+            return Ok(());
         }
         self.format = Format { rate_hz, channels, full_scale_pa };
         self.moments += (samples.len() / channels.max(1)) as u64;
         self.loudest = samples.iter().fold(self.loudest, |most, sample| most.max(sample.abs()));
         self.limited = limited;
         Ok(())
+    }
+
+    /// Ends the file before the session, which goes on.
+    fn stop(&mut self, fault: String) {
+        self.fault = Some(match self.close() {
+            Ok(()) => fault,
+            Err(error) => format!("{fault}; {error}"),
+        });
     }
 
     fn close(&mut self) -> Result<(), Failure> {
