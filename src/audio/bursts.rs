@@ -4,7 +4,7 @@
 //! 20 µPa where the loudspeaker is calibrated: that is what a sound level meter in the viewer's place
 //! shall show during the long one.
 
-use super::listening::Listening;
+use super::listening::{Listening, REFERENCE_PA};
 use std::f64::consts::TAU;
 
 const TONE_HZ: f64 = 1000.0;
@@ -24,14 +24,14 @@ const EDGE_S: f64 = 0.01;
 pub struct Bursts {
     channels: usize,
     rate_hz: f64,
-    /// Of a sine, re digital full scale.
+    /// Amplitude of the tone; 1 is full scale.
     amplitude: f64,
     frame: u64,
 }
 
 impl Bursts {
     pub fn new(listening: &Listening, rate_hz: f64) -> Bursts {
-        let level_pa = std::f64::consts::SQRT_2 * 20e-6 * 10f64.powf(LEVEL_DB / 20.0);
+        let level_pa = std::f64::consts::SQRT_2 * REFERENCE_PA * 10f64.powf(LEVEL_DB / 20.0);
         let amplitude = (level_pa / listening.full_scale_pa).min(1.0);
         Bursts { channels: listening.channels(), rate_hz, amplitude, frame: 0 }
     }

@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// In air of 20 °C, m/s.
+/// Speed of sound in air of 20 °C, m/s.
 pub const SPEED_OF_SOUND: f64 = 343.0;
 /// Radius of the sphere that stands for a head, m.
 pub const HEAD_RADIUS_M: f64 = 0.0875;

@@ -14,8 +14,8 @@ use std::f64::consts::SQRT_2;
 
 /// A source nearer to the head than this sounds as loud as one at this distance, m.
 const NEAREST_M: f64 = 0.1;
-/// 0 dB of sound pressure level, Pa.
-const REFERENCE_PA: f64 = 20e-6;
+/// Sound pressure level of 0 dB, Pa.
+pub const REFERENCE_PA: f64 = 20e-6;
 
 /// The loudspeakers or headphones of a stage.
 #[derive(Clone, Debug)]

@@ -24,7 +24,7 @@ pub struct Mixer {
 #[derive(Clone, Debug)]
 struct Source {
     line: DelayLine,
-    /// At the end of the last block; `None` before the first.
+    /// Paths at the end of the last block; `None` before the first.
     paths: Option<Paths>,
     /// The last sample before and after the shadow, by channel.
     shadows: [[f32; 2]; MOST_CHANNELS],

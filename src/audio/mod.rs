@@ -29,7 +29,7 @@ pub use bursts::Bursts;
 pub use ears::{HEAD_RADIUS_M, SPEED_OF_SOUND};
 pub use error::AudioError;
 pub use fill::Fill;
-pub use listening::Listening;
+pub use listening::{Listening, REFERENCE_PA};
 pub use mixer::Mixer;
 #[cfg(not(feature = "audio"))]
 pub use no_playback::Playback;

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Triangles that meet at less than this make one flat face, degrees.
 const FLAT_DEGREES: f64 = 3.0;
-/// Of two loudspeakers nearer than this as the viewer sees them, the second stays silent, degrees.
+/// Angle below which the viewer sees two loudspeakers as one, of which the second stays silent, degrees.
 const SAME_DEGREES: f64 = 1.0;
 /// Share of the viewer's distance to a side of the hull up to which the head comes near that side; beyond, it is taken to be there.
 const NEAREST: f64 = 0.1;
@@ -40,14 +40,14 @@ struct Corner {
     place: Place,
     /// The loudspeakers that sound for it.
     sounds: Vec<usize>,
-    /// What each of them gets of its gain.
+    /// Share of its gain that each of them gets.
     share: f64,
 }
 
 #[derive(Clone, Debug)]
 enum Place {
     InRoom(Point3<f64>),
-    /// In the middle of these corners.
+    /// Middle of these corners.
     Middle(Vec<usize>),
 }
 

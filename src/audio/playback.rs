@@ -31,7 +31,7 @@ pub struct Playback {
     _stream: cpal::Stream,
 }
 
-/// What the device tells from its own thread.
+/// Events that the device reports from its own thread.
 #[derive(Debug, Default)]
 struct Events {
     failure: OnceLock<String>,
@@ -83,7 +83,7 @@ impl Playback {
         self.buffer.map(|frames| f64::from(frames) / self.rate_hz())
     }
 
-    /// How often the device ran out of samples so far.
+    /// Number of times that the device ran out of samples.
     pub fn gaps(&self) -> u64 {
         self.events.gaps.load(Ordering::Relaxed)
     }
@@ -241,7 +241,7 @@ mod tests {
         assert!(events.failure.get().unwrap().ends_with("connect it and start again"));
     }
 
-    /// Of what devices offer: enough channels and no more, 48 kHz or the next rate, floating point before whole numbers.
+    /// Choice among what devices offer: enough channels and no more, 48 kHz or the next rate, floating point before whole numbers.
     #[test]
     fn the_configuration_is_the_nearest_to_what_is_wanted() {
         let one = |channels: u16, rates: [u32; 2], buffers: [u32; 2], format: SampleFormat| {

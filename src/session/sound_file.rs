@@ -2,14 +2,11 @@
 //!
 //! In: the effects of the world after each frame. Out: their samples for all channels of the stage, and a sentence on how loud it was.
 
-use crate::audio::WavFile;
+use crate::audio::{REFERENCE_PA, WavFile};
 use crate::base::failure::Failure;
 use crate::world::World;
 use crate::world::running::Heard;
 use std::path::{Path, PathBuf};
-
-/// Pressure of 0 dB, Pa.
-const THRESHOLD_PA: f64 = 20e-6;
 
 /// A file for the sound of a session.
 pub struct SoundFile {
@@ -92,7 +89,7 @@ impl SoundFile {
         let seconds = self.moments as f64 / f64::from(rate_hz.max(1));
         let peak_pa = f64::from(self.loudest) * full_scale_pa;
         let level = match self.loudest > 0.0 {
-            true => format!("at most {:.1} dB", 20.0 * (peak_pa / THRESHOLD_PA / 2.0_f64.sqrt()).log10()),
+            true => format!("at most {:.1} dB", 20.0 * (peak_pa / REFERENCE_PA / 2.0_f64.sqrt()).log10()),
             false => "silent".to_owned(),
         };
         let limited = match self.limited {

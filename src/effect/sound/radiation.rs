@@ -125,10 +125,12 @@ mod tests {
             let (ka, by) = (omega * 0.1 / SPEED_OF_SOUND, AIR * SPEED_OF_SOUND * 0.1);
             let breathing = radiator.pressure(&motion(&nodes, |n| n), omega);
             let expected = by * ka / (1.0 + ka * ka).sqrt();
+            println!("{omega}: breathing {:e}", breathing / expected - 1.0);
             assert!((breathing / expected - 1.0).abs() < 3e-3, "{omega}: {breathing} {expected}");
             let swinging = radiator.pressure(&motion(&nodes, |_| Vector3::new(0.6, 0.0, 0.8)), omega);
             // The root of the mean of cos² θ.
             let expected = by * ka * ka / (4.0 + ka.powi(4)).sqrt() / 3.0_f64.sqrt();
+            println!("{omega}: swinging {:e}", swinging / expected - 1.0);
             assert!((swinging / expected - 1.0).abs() < 3e-3, "{omega}: {swinging} {expected}");
         }
     }
@@ -154,7 +156,8 @@ mod tests {
         let size = slope(j).powi(2) + slope(y).powi(2);
         let expected = AIR * SPEED_OF_SOUND * 0.1 * (0.2 / (x * x * size)).sqrt();
         let found = radiator.pressure(&shape, omega);
-        assert!((found / expected - 1.0).abs() < 1e-2, "{found} {expected}");
+        println!("ellipsoid {:e}", found / expected - 1.0);
+        assert!((found / expected - 1.0).abs() < 2.5e-3, "{found} {expected}");
     }
 
     #[test]

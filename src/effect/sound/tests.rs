@@ -117,28 +117,36 @@ fn a_struck_strip_is_heard_at_its_frequencies_and_fades_as_it_is_damped() {
         .map(|square| square.sqrt() / TAU)
         .min_by(|a, b| (a - found).abs().total_cmp(&(b - found).abs()));
     assert!((found / own.unwrap() - 1.0).abs() < 1e-3, "heard at {found} Hz, the mode is at {own:?}");
-    assert!((found / first - 1.0).abs() < 0.01, "heard at {found} Hz, theory says {first}");
+    assert!((found / first - 1.0).abs() < 5e-3, "heard at {found} Hz, theory says {first}");
     // e^(-ζωt) over a fifth of a second.
     let level = |from: usize| at(&heard.channels[0][from..from + 9600], found);
     let fading = (-0.002 * TAU * found * 0.2).exp();
-    assert!((level(21_600) / level(12_000) / fading - 1.0).abs() < 0.02, "{}", level(21_600) / level(12_000));
+    assert!((level(21_600) / level(12_000) / fading - 1.0).abs() < 2e-3, "{}", level(21_600) / level(12_000));
+    println!(
+        "{} of the mode, {} of theory, fading {}",
+        found / own.unwrap() - 1.0,
+        found / first - 1.0,
+        level(21_600) / level(12_000) / fading - 1.0
+    );
+    println!("beside its modes 1 of {}", at(ringing, found) / at(ringing, 1.3 * found));
     // Away from its modes there is nothing.
-    assert!(at(ringing, found) > 300.0 * at(ringing, 1.3 * found));
+    assert!(at(ringing, found) > 5e4 * at(ringing, 1.3 * found));
 }
 
 #[test]
 fn what_is_at_rest_is_silent_and_so_is_what_is_pressed_slowly() {
     let mut heard = Heard::new(&strip("gravity = true\neffect.dynamics = { modes = 12 }"), "desktop");
     (0..90).for_each(|_| heard.step(0.05));
-    // The weight sets in with the first frame, and rings out.
+    // It begins in equilibrium under its weight.
     let rest = rms(&heard.channels[0][60_000..]);
-    assert!(rest < 2e-5, "below the threshold of hearing: {rest} Pa");
+    assert!(rest < 1e-9, "{rest} Pa");
     let from = heard.channels[0].len();
     (0..120).for_each(|k| heard.step(0.0005 - 1e-5 * f64::from(k)));
     let pressed = rms(&heard.channels[0][from..]);
     heard.strike(10);
     let struck = rms(&heard.channels[0][from + 96_000..]);
-    assert!(pressed < 0.05 * struck, "{pressed} Pa while it is pressed, {struck} Pa when it is struck");
+    println!("rest {rest} Pa, pressed {pressed} Pa, struck {struck} Pa");
+    assert!(pressed < 0.025 * struck, "{pressed} Pa while it is pressed, {struck} Pa when it is struck");
 }
 
 /// In the CyberStage the strip is before and to the left of the viewer: the loudspeakers there are the loudest, and all together are as loud

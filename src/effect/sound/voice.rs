@@ -157,10 +157,13 @@ mod tests {
             if since > 0.0 { pressure * pulled(of, since)[1] } else { 0.0 }
         };
         let loudest = pressure / (TAU * of[0]);
+        let mut most = 0.0_f64;
         for (n, heard) in heard.iter().enumerate() {
             let off = f64::from(*heard) - speed(n);
-            assert!(off.abs() < 1e-6 * loudest, "sample {n}: {heard} {}", speed(n));
+            most = most.max(off.abs() / loudest);
+            assert!(off.abs() < 3e-7 * loudest, "sample {n}: {heard} {}", speed(n));
         }
+        println!("samples {most:e}");
     }
 
     /// Where no frame comes, a body rings on and fades.
