@@ -20,7 +20,7 @@
 //! never stiffer: the energy is the greatest of all forces' (Castigliano), and fewer forces are left to choose from.
 
 use super::pose::se3;
-use crate::solve::cone::{Cone, single, within};
+use crate::solve::cone::{Compliance, Cone, single, within};
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector2, Vector3, Vector6,
 };
@@ -164,7 +164,7 @@ impl TouchPotential {
         let d0 = DVector::from_fn(3 * n, |r, _| self.free[r / 3][r % 3]);
         let friction: Vec<f64> = self.points.iter().map(|point| point.friction).collect();
         let mut forces = DVector::from_fn(3 * n, |r, _| self.forces[r / 3][r % 3]);
-        Cone { w: &w, d0: &d0, friction: &friction }.solve(&mut forces);
+        Cone { w: &Compliance::of(&w), d0: &d0, friction: &friction }.solve(&mut forces);
         for (i, force) in self.forces.iter_mut().enumerate() {
             force.copy_from(&forces.fixed_rows::<3>(3 * i));
         }

@@ -7,7 +7,7 @@ use super::response::Response;
 use super::touch::{Contact, at_nodes, nodes_of};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::world::inertia::{Gone, Inertia, StepForces};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 
 type V3 = Vector3<f64>;
 
@@ -65,6 +65,60 @@ pub fn go(bodies: &mut [TouchedBody], inertias: &mut Inertias<'_>, share: f64, c
 /// Ends the step.
 pub fn keep(inertias: &mut Inertias<'_>) {
     inertias.iter_mut().flatten().for_each(|inertia| inertia.keep());
+}
+
+/// Motion of contacts by the inertia of their bodies.
+pub struct Living {
+    /// r of each contact along its basis, 3n × coordinates, and these times their weights, of each body with inertia.
+    bodies: Vec<[DMatrix<f64>; 2]>,
+    contacts: usize,
+}
+
+impl Living {
+    pub fn new(
+        bodies: &[TouchedBody],
+        turns: &[Matrix3<f64>],
+        contacts: &[Contact],
+        bases: &[Matrix3<f64>],
+    ) -> Living {
+        let mut all = Vec::new();
+        for (number, (body, turn)) in bodies.iter().zip(turns).enumerate() {
+            let Some(inertial) = &body.inertial else { continue };
+            let mut rows = DMatrix::zeros(3 * contacts.len(), inertial.weights.len());
+            for (i, (contact, basis)) in contacts.iter().zip(bases).enumerate() {
+                for (_, spot, sign) in contact.sides().filter(|(side, ..)| *side == number) {
+                    let along = basis.tr_mul(turn) * sign;
+                    for (mut column, row) in rows.column_iter_mut().zip(inertial.rows_of(spot.corners())) {
+                        let mut own = column.fixed_rows_mut::<3>(3 * i);
+                        own += along * row;
+                    }
+                }
+            }
+            let scale = body.room_from_body.scaling();
+            let mut weighted = rows.clone();
+            let columns = weighted.column_iter_mut().zip(&inertial.weights);
+            columns.for_each(|(mut column, w)| column *= *w * scale);
+            all.push([rows, weighted]);
+        }
+        Living { bodies: all, contacts: contacts.len() }
+    }
+
+    /// Displacements of all contacts by forces at one, 3n × 3, m/N.
+    pub fn columns(&self, a: usize) -> DMatrix<f64> {
+        let mut all = DMatrix::zeros(3 * self.contacts, 3);
+        for [rows, weighted] in &self.bodies {
+            all.gemm(1.0, weighted, &rows.rows(3 * a, 3).transpose(), 1.0);
+        }
+        all
+    }
+
+    /// Displacement of a contact by its own force.
+    pub fn block(&self, a: usize) -> Matrix3<f64> {
+        let of = |[rows, weighted]: &[DMatrix<f64>; 2]| {
+            Matrix3::from(weighted.fixed_rows::<3>(3 * a) * rows.fixed_rows::<3>(3 * a).transpose())
+        };
+        self.bodies.iter().map(of).sum()
+    }
 }
 
 impl TouchedBody {

@@ -26,11 +26,26 @@ pub struct Response {
 }
 
 impl Response {
-    /// Displacement of one node by a force at another until the end of the step, beyond that of the columns, m/N.
-    pub fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
-        let Some((at, from)) = self.rows.get(&at).zip(self.rows.get(&from)) else { return Matrix3::zeros() };
+    /// Displacement of one spot, given by its nodes and their weights, by a force at another until the end of the step, beyond that of the
+    /// columns, m/N.
+    pub fn between(
+        &self,
+        at: impl Iterator<Item = (u32, f64)>,
+        from: impl Iterator<Item = (u32, f64)>,
+    ) -> Matrix3<f64> {
+        let (at, from) = (self.rows_of(at), self.rows_of(from));
         let each = at.iter().zip(from).zip(&self.weights);
         each.fold(Matrix3::zeros(), |sum, ((at, from), w)| sum + at * (from * *w).transpose())
+    }
+
+    /// r of a spot, given by its nodes and their weights.
+    pub fn rows_of(&self, corners: impl Iterator<Item = (u32, f64)>) -> Vec<V3> {
+        let mut all = vec![V3::zeros(); self.weights.len()];
+        for (node, w) in corners {
+            let rows = self.rows.get(&node).into_iter().flatten();
+            all.iter_mut().zip(rows).for_each(|(sum, row)| *sum += row * w);
+        }
+        all
     }
 
     /// Makes sure that the rows of these nodes are there, and of those at which forces act.

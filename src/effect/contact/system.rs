@@ -12,14 +12,14 @@
 //! they stand where their gaps were taken.
 
 use super::candidates::Places;
-use super::inertial::{self, Inertias};
+use super::inertial::{self, Inertias, Living};
 use super::round::{Outcome, Round, Step, Watch, leads};
-use super::touch::{Contact, at_nodes, compliance, fetch, force_on_tool, friction, turns};
+use super::touch::{Contact, at_nodes, fetch, force_on_tool, friction, static_between, turns};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
-use crate::solve::cone::{Cone, Reached};
-use nalgebra::{DMatrix, DVector, Vector3};
+use crate::solve::cone::{Compliance, Cone, Reached};
+use nalgebra::{DVector, Matrix3, Vector3};
 
 type V3 = Vector3<f64>;
 
@@ -27,6 +27,9 @@ type V3 = Vector3<f64>;
 const MOST_ROUNDS: usize = 12;
 /// Part of its own compliance by which a spot yields more that is not independent of the others.
 const SKIN: f64 = 1e-3;
+/// Part of the error that a gap may have within which the forces on bodies with inertia are found: what they miss in one step, the next
+/// one sees.
+const FINE: f64 = 1e-2;
 /// Part of the force at the beginning of a step below which a contact is open at its end.
 const GONE: f64 = 1e-9;
 
@@ -139,7 +142,7 @@ fn all_yielded(bodies: &[TouchedBody], contacts: &[Contact], step: &Step<'_>) ->
 
 /// Finds the forces for gaps that are linear about the present places; the normal gaps to which they lead.
 fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64>, Reached) {
-    let Round { bodies, step, .. } = *now;
+    let Round { bodies, .. } = *now;
     let turns = turns(bodies);
     let (mut bases, mut wanted) = (Vec::with_capacity(contacts.len()), Vec::new());
     let size = 3 * contacts.len();
@@ -155,26 +158,61 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
         f.fixed_rows_mut::<3>(3 * i).copy_from(&basis.tr_mul(&(turns[contact.body] * contact.force)));
         bases.push(basis);
     }
-    let w = compliance(bodies, step.tools, contacts, &bases);
-    let mut with_skins = w.clone();
-    for (i, contact) in contacts.iter().enumerate() {
-        let skin = skin(bodies, contact, &w, i);
-        (0..3).for_each(|k| with_skins[(3 * i + k, 3 * i + k)] += skin);
-    }
-    let reached = Cone { w: &with_skins, d0: &d0, friction: &friction }.solve(&mut f);
+    let (w, skins) = compliance(now, contacts, (&turns, &bases));
+    let within = contacts
+        .iter()
+        .map(|contact| if contact.lives(bodies) { FINE * now.tolerance(contact) } else { 0.0 });
+    let within = within.fold(f64::INFINITY, f64::min);
+    let cone = Cone { w: &w, d0: &d0, friction: &friction };
+    let reached = cone.solve_within(&mut f, within);
+    let d = cone.displacements(&f);
+    // What a skin yields is no gap.
+    let gap = |i: usize| d[3 * i] - skins[i] * f[3 * i] + wanted[i];
+    let gaps = (0..contacts.len()).map(gap).collect();
+    drop(w);
     for (i, contact) in contacts.iter_mut().enumerate() {
         contact.force = turns[contact.body].tr_mul(&(bases[i] * f.fixed_rows::<3>(3 * i)));
     }
-    let gaps = w * f + d0;
-    (gaps.iter().step_by(3).zip(&wanted).map(|(gap, wanted)| gap + wanted).collect(), reached)
+    (gaps, reached)
+}
+
+/// W of these contacts, each in its own basis, m/N, with their skins, and the compliance of each skin.
+fn compliance<'a>(
+    now: &'a Round<'_>,
+    contacts: &'a [Contact],
+    (turns, bases): (&'a [Matrix3<f64>], &'a [Matrix3<f64>]),
+) -> (Compliance<'a>, Vec<f64>) {
+    let (bodies, tools) = (now.bodies, now.step.tools);
+    let living = Living::new(bodies, turns, contacts, bases);
+    let at_rest = move |i: usize, a: usize| {
+        bases[i].tr_mul(&static_between(bodies, tools, turns, (&contacts[i], &contacts[a]))) * bases[a]
+    };
+    let mut diagonal: Vec<_> = (0..contacts.len()).map(|i| at_rest(i, i) + living.block(i)).collect();
+    let with_skin = |(contact, block): (&Contact, &mut Matrix3<f64>)| {
+        let skin = skin(bodies, contact, block);
+        *block += Matrix3::from_diagonal_element(skin);
+        skin
+    };
+    let skins: Vec<f64> = contacts.iter().zip(&mut diagonal).map(with_skin).collect();
+    let own = skins.clone();
+    let columns = move |a: usize| {
+        let mut columns = living.columns(a);
+        for i in 0..contacts.len() {
+            let mut rows = columns.fixed_rows_mut::<3>(3 * i);
+            rows += at_rest(i, a);
+        }
+        (0..3).for_each(|k| columns[(3 * a + k, k)] += own[a]);
+        columns
+    };
+    (Compliance::new(diagonal, columns), skins)
 }
 
 /// Compliance of a contact beside that of its bodies, m/N. Contacts between nodes, and those of both surfaces at once, depend on one
 /// another: a thin skin makes their forces unique.
-fn skin(bodies: &[TouchedBody], contact: &Contact, w: &DMatrix<f64>, i: usize) -> f64 {
+fn skin(bodies: &[TouchedBody], contact: &Contact, own: &Matrix3<f64>) -> f64 {
     let yields = |(body, spot, _): (usize, SurfaceSpot, f64)| bodies[body].has_columns(&spot);
     let is_node = contact.spot.corners().count() == 1 && contact.sides().all(yields);
     let is_one_way = |(other, _)| other != contact.body && leads(bodies, [contact.body, other]);
     let is_alone = is_node && contact.other().is_none_or(is_one_way);
-    if is_alone { 0.0 } else { SKIN * w.fixed_view::<3, 3>(3 * i, 3 * i).trace() / 3.0 }
+    if is_alone { 0.0 } else { SKIN * own.trace() / 3.0 }
 }

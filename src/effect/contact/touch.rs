@@ -106,7 +106,8 @@ pub fn at_spots(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Ve
 /// Forces of the contacts at single nodes of a body.
 pub fn at_nodes(bodies: &[TouchedBody], contacts: &[Contact], body: usize) -> Vec<(u32, V3)> {
     let mut all: BTreeMap<u32, V3> = BTreeMap::new();
-    for (spot, force) in at_spots(bodies, contacts, body) {
+    let pressing = |(_, force): &(SurfaceSpot, V3)| *force != V3::zeros();
+    for (spot, force) in at_spots(bodies, contacts, body).into_iter().filter(pressing) {
         spot.corners().for_each(|(node, w)| *all.entry(node).or_default() += force * w);
     }
     all.into_iter().collect()
@@ -141,13 +142,36 @@ pub fn compliance_between(
     bodies: &[TouchedBody],
     tools: &[Tool],
     turns: &[Matrix3<f64>],
+    pair: (&Contact, &Contact),
+) -> Matrix3<f64> {
+    between(bodies, tools, turns, pair, &TouchedBody::between)
+}
+
+/// The same without inertia.
+pub fn static_between(
+    bodies: &[TouchedBody],
+    tools: &[Tool],
+    turns: &[Matrix3<f64>],
+    pair: (&Contact, &Contact),
+) -> Matrix3<f64> {
+    between(bodies, tools, turns, pair, &TouchedBody::static_between)
+}
+
+/// Compliance of a body between two of its spots, along the axes of its columns, m/N.
+type Between = dyn Fn(&TouchedBody, &SurfaceSpot, &SurfaceSpot) -> Matrix3<f64>;
+
+fn between(
+    bodies: &[TouchedBody],
+    tools: &[Tool],
+    turns: &[Matrix3<f64>],
     (a, b): (&Contact, &Contact),
+    of_body: &Between,
 ) -> Matrix3<f64> {
     let mut block = Matrix3::zeros();
     for (body, at, sign) in a.sides() {
         for (_, from, other_sign) in b.sides().filter(|(other, ..)| *other == body) {
             let turn = &turns[body];
-            block += turn * bodies[body].between(&at, &from) * turn.transpose() * (sign * other_sign);
+            block += turn * of_body(&bodies[body], &at, &from) * turn.transpose() * (sign * other_sign);
         }
     }
     let spring = a.tool().filter(|_| a.tool() == b.tool()).and_then(|tool| tools[tool].stiffness);

@@ -284,13 +284,19 @@ impl TouchedBody {
 
     /// Compliance between two spots, in the axes of the columns, m/N in the room.
     pub fn between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
+        let by_inertia = self
+            .inertial
+            .as_ref()
+            .map_or_else(Matrix3::zeros, |own| own.between(at.corners(), from.corners()));
+        self.static_between(at, from) + by_inertia * self.room_from_body.scaling()
+    }
+
+    /// The same without inertia.
+    pub fn static_between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
         let mut all = Matrix3::zeros();
         for (source, w) in from.corners() {
             for (target, v) in at.corners() {
                 all += self.columns.block(target, source) * (v * w);
-                if let Some(inertial) = &self.inertial {
-                    all += inertial.block(target, source) * (v * w);
-                }
             }
         }
         all * self.room_from_body.scaling()
