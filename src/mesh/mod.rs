@@ -19,6 +19,7 @@ pub mod quality;
 pub mod refine;
 mod scalar;
 mod shells;
+pub mod split;
 mod surface;
 pub mod surface_body;
 pub mod surface_check;
