@@ -2,7 +2,7 @@
 
 use super::entry::{EffectEntry, ResolvedBody};
 use super::{
-    contact, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, sound, stress,
+    contact, cut, dynamics, expected, force_curve, ghost_equilibrium, ghost_rest, haptics, sound, stress,
 };
 use crate::config;
 use crate::scene::Body;
@@ -15,6 +15,7 @@ pub const EFFECTS: &[EffectEntry] = &[
     contact::ENTRY,
     dynamics::ENTRY,
     sound::ENTRY,
+    cut::ENTRY,
     stress::ENTRY,
     ghost_rest::ENTRY,
     ghost_equilibrium::ENTRY,
@@ -58,6 +59,6 @@ pub fn in_order(body: &ResolvedBody) -> Vec<&'static str> {
 const ABSENT: &[(&[&str], &str)] = &[
     (&["collision", "touch"], "tools touch bodies by the effect \"contact\""),
     (&["inertia", "vibration", "modes"], "inertia and vibration are in the effect \"dynamics\""),
-    (&["cut", "cutting"], "bodies cannot be cut"),
+    (&["cutting", "incision", "blade"], "blades cut bodies by the effect \"cut\""),
     (&["audio", "acoustics"], "bodies are heard by the effect \"sound\""),
 ];

@@ -7,6 +7,7 @@
 //! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
 mod contact;
+mod cut;
 mod dynamics;
 mod effects;
 mod entry;

@@ -34,7 +34,7 @@ pub use formats::{Encoding, encode};
 pub use generate::{Block, GenerateError, Tube, block, tube};
 pub use quadratic::quadratic;
 pub use surface::{Surface, outer_faces};
-pub use tet_mesh::{EDGES, FACES, LoadedMesh, TetMesh};
+pub use tet_mesh::{EDGES, FACES, LoadedMesh, TetMesh, edges_of};
 
 use crate::base::{input, output};
 use formats::Part;

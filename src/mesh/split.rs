@@ -13,13 +13,14 @@ use super::surface::sorted_faces;
 use super::tet_mesh::{FACES, TetMesh};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Edges that are cut: both nodes, the smaller first, and where, as a part of the way from the first to the second.
 pub type CutEdges = BTreeMap<[u32; 2], f64>;
 
 /// Faces and neighbours of a mesh that is to be cut.
-pub struct Splitter<'a> {
-    mesh: &'a TetMesh,
+pub struct Splitter {
+    pub mesh: Arc<TetMesh>,
     /// The neighbour of each tetrahedron across each face; `None` at the outer surface.
     neighbours: Vec<[Option<u32>; 4]>,
     /// Tetrahedra around each node: those of node n stand from `start[n]` to `start[n + 1]`.
@@ -62,11 +63,11 @@ pub struct Split {
     pub falls_apart: bool,
 }
 
-impl<'a> Splitter<'a> {
+impl Splitter {
     /// A splitter of a mesh of linear tetrahedra.
-    pub fn new(mesh: &'a TetMesh) -> Splitter<'a> {
+    pub fn new(mesh: Arc<TetMesh>) -> Splitter {
         let mut neighbours = vec![[None; 4]; mesh.tets.len()];
-        for same in sorted_faces(mesh).chunk_by(|a, b| a.0 == b.0) {
+        for same in sorted_faces(&mesh).chunk_by(|a, b| a.0 == b.0) {
             if let [(_, one), (_, other)] = same {
                 neighbours[one / 4][one % 4] = Some((other / 4) as u32);
                 neighbours[other / 4][other % 4] = Some((one / 4) as u32);
@@ -426,8 +427,8 @@ mod tests {
     use crate::base::random::Random;
     use crate::mesh::{Block, block};
 
-    fn a_block() -> TetMesh {
-        block(&Block { size: [0.3, 0.2, 0.1], cells: [6, 4, 3] }).unwrap()
+    fn a_block() -> Arc<TetMesh> {
+        Arc::new(block(&Block { size: [0.3, 0.2, 0.1], cells: [6, 4, 3] }).unwrap())
     }
 
     /// The edges that a plane n·x = d cuts where `is_in` holds for the point.
@@ -457,7 +458,7 @@ mod tests {
     }
 
     /// Volume within the triangles, and by how much the sum of their normals misses 0.
-    fn enclosed(splitter: &Splitter<'_>, split: &Split) -> (f64, f64) {
+    fn enclosed(splitter: &Splitter, split: &Split) -> (f64, f64) {
         let at = |node: u32| match (node as usize).checked_sub(splitter.mesh.nodes.len()) {
             None => splitter.mesh.nodes[node as usize],
             Some(point) => {
@@ -484,7 +485,7 @@ mod tests {
     #[test]
     fn a_plane_divides_a_block() {
         let mesh = a_block();
-        let splitter = Splitter::new(&mesh);
+        let splitter = Splitter::new(mesh.clone());
         let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
         let n = Vector3::new(1.0, 0.2, -0.3);
         let d = n.dot(&((low + high) * 0.5)) + 0.011;
@@ -530,7 +531,7 @@ mod tests {
     #[test]
     fn any_cut_keeps_the_volume() {
         let mesh = a_block();
-        let splitter = Splitter::new(&mesh);
+        let splitter = Splitter::new(mesh.clone());
         let whole = volume_of(&mesh);
         let held = vec![false; mesh.nodes.len()];
         let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
@@ -580,7 +581,7 @@ mod tests {
     #[test]
     fn a_slit_closes_at_its_end() {
         let mesh = a_block();
-        let splitter = Splitter::new(&mesh);
+        let splitter = Splitter::new(mesh.clone());
         let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
         let n = Vector3::new(1.0, 0.0, 0.0);
         let deep = by_plane(&mesh, n, 0.5 * (low.x + high.x) + 0.004, &|x| x.y > high.y - 0.11);

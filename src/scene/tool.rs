@@ -42,6 +42,9 @@ pub enum ToolShape {
     Box { size: [f64; 3], radius: Option<f64> },
     /// All that lies below y = 0.
     Floor,
+    /// A blade that cuts bodies which list "cut": its edge begins at its tip, the origin, and goes along z, away from where a stylus points;
+    /// its back is higher by `width`, along y.
+    Blade { length: f64, width: f64 },
     /// A closed surface, STL, OBJ or PLY, thickened by `radius`, 1 % of its diagonal where that is left out.
     Mesh { file: PathBuf, unit: Option<&'static LengthUnit>, radius: Option<f64> },
 }
@@ -59,6 +62,11 @@ impl ToolShape {
     /// The radius by which a mesh with this diagonal is thickened.
     pub fn mesh_radius(diagonal: f64, radius: Option<f64>) -> f64 {
         radius.unwrap_or(MESH_ROUNDED * diagonal)
+    }
+
+    /// Whether it cuts and touches nothing.
+    pub fn is_blade(&self) -> bool {
+        matches!(self, ToolShape::Blade { .. })
     }
 
     fn check(&self) -> Result<(), String> {
@@ -84,6 +92,10 @@ impl ToolShape {
                 }
             }
             ToolShape::Floor => Ok(()),
+            ToolShape::Blade { length, width } => {
+                positive("length", *length)?;
+                positive("width", *width)
+            }
             ToolShape::Mesh { radius, .. } => radius.map_or(Ok(()), |radius| positive("radius", radius)),
         }
     }

@@ -4,6 +4,7 @@ use super::assets::BodyAssets;
 use super::body_memory::BodyMemory;
 use super::frame::{BodyFrame, Highlight, StepTimes};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseLimiter};
+use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
 use crate::mesh::Surface;
 use crate::scene::{Color, Grab};
@@ -172,6 +173,22 @@ impl PlacedBody {
             self.warnings.push(format!(
                 "body.{body}: what its effects add in this frame is not finite or does not fit the body; it keeps what they added last"
             ));
+        }
+    }
+
+    /// Goes on with another surface and other columns of this body. Where these do not fit, it stays as it was, with a warning.
+    pub(super) fn remake(&mut self, file: Arc<GreenFile>) {
+        match self.deformer.remade(file) {
+            Ok(deformer) => {
+                let is_partial = self.deformer.is_partial();
+                self.deformer = deformer;
+                self.shapes = ControlShape::all(&self.deformer);
+                if is_partial {
+                    let nodes = self.pickable();
+                    self.deformer.sum_only_at(nodes);
+                }
+            }
+            Err(message) => self.warnings.push(message),
         }
     }
 

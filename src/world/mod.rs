@@ -30,6 +30,7 @@ pub mod ruler;
 pub mod running;
 pub mod state;
 pub mod step;
+pub mod tool_place;
 pub mod touch;
 pub mod touching;
 pub mod turn_limits;
@@ -45,6 +46,7 @@ pub use hand::shape;
 pub use ruler::SurfacePoint;
 pub use running::{RunningEffect, World};
 pub use state::{Input, State};
+pub use tool_place::ToolPlace;
 pub use turn_limits::{TurnLimits, Verdict, out_of_range, out_of_range_of};
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! | phase of a frame | sees | adds |
 //! |---|---|---|
 //! | [`input`](RunningEffect::input) | the state of trackers, mouse or script; not in a replay | other poses of styli |
-//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, forces at points, energy, slopes, curvatures, other triangles; poses of elements that no hand holds ([`moved`](RunningEffect::moved)) |
+//! | [`solve`](RunningEffect::solve) | hands and new poses of this frame, bodies in the shape of the last one | coefficients, forces at points, energy, slopes, curvatures, other triangles; bodies with another surface ([`remade`](RunningEffect::remade)); poses of elements that no hand holds ([`moved`](RunningEffect::moved)) |
 //! | [`surface`](RunningEffect::surface) | bodies in their new shape | colours, scales and errors of forces |
 //! | [`show`](RunningEffect::show) | the whole frame | drawables, plates, warnings |
 //!
@@ -19,6 +19,7 @@ use crate::base::output::Kind;
 use crate::base::plates::Words;
 use crate::deform::{Contribution, ControlPose};
 use crate::field::Graph;
+use crate::green::GreenFile;
 use crate::track::{Source, TrackerState};
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -114,6 +115,11 @@ pub trait RunningEffect {
 
     /// The bodies to which it gives inertia.
     fn inertias(&mut self) -> Vec<&mut dyn Inertia> {
+        Vec::new()
+    }
+
+    /// The bodies that have got another surface and other columns since this was asked last, with the file that has them.
+    fn remade(&mut self) -> Vec<(usize, Arc<GreenFile>)> {
         Vec::new()
     }
 

@@ -93,6 +93,9 @@ impl World {
                     .map_err(|error| format!("the effect {}: {error}", effect.name()))?;
             }
         }
+        let mut effects = std::mem::take(&mut self.effects);
+        self.remake(&mut effects);
+        self.effects = effects;
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.clock_s = state.clock_s;
         self.edit = state.edit.clone();

@@ -187,8 +187,16 @@ impl World {
             effect.moved().iter().for_each(|moved| self.move_element(moved));
             left = later;
         }
+        self.remake(&mut effects);
         self.effects = effects;
         self.put(field, Contributions(contributions));
+    }
+
+    /// Gives bodies the surfaces and columns that effects have made for them.
+    pub(super) fn remake(&mut self, effects: &mut [Box<dyn RunningEffect>]) {
+        for (b, file) in effects.iter_mut().flat_map(|effect| effect.remade()) {
+            self.bodies[b].remake(file);
+        }
     }
 
     /// Sets the pose of a control element that an effect moves, as if it had always had it: a hand that takes hold of it later

@@ -442,6 +442,18 @@ impl Deformer {
         }
     }
 
+    /// Makes the deformer of the same body from another file, in which its surface and its columns are others, in the state of this one.
+    pub fn remade(&self, file: Arc<GreenFile>) -> Result<Deformer, String> {
+        let mut other = Deformer::new(file, &self.body, self.entry)?;
+        other.sharp = self.sharp;
+        other.find_creases();
+        other.be_patient(self.patience);
+        other.restore(&self.snapshot())?;
+        (other.topology, other.version) = (self.topology + 1, self.version + 1);
+        other.homecomings = self.homecomings;
+        Ok(other)
+    }
+
     /// Makes a second deformer of this body, at rest, which knows nothing of this one.
     pub fn another(&self) -> Result<Deformer, String> {
         Deformer::new(self.file.clone(), &self.body, self.entry)

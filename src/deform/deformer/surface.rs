@@ -6,8 +6,10 @@ use crate::base::creases::Creases;
 use crate::deform::kernel::parts::{PartialSum, move_parts, moved_exactly};
 use crate::deform::kernel::superposition::{Superposition, displacement};
 use crate::deform::kernel::surface::{SurfaceNormals, vertex_normals};
+use crate::green::GreenFile;
 use nalgebra::{Point3, Vector3};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 impl Deformer {
     /// Draws edges sharp from now on if their sides are more than `angle` (rad) apart at rest.
@@ -60,6 +62,16 @@ impl Deformer {
             values.fill([f32::NAN; 3]);
         }
         self.deform();
+    }
+
+    /// The file from which it is made.
+    pub fn file(&self) -> &Arc<GreenFile> {
+        &self.file
+    }
+
+    /// Whether the CPU sums some nodes alone.
+    pub fn is_partial(&self) -> bool {
+        self.partial.is_some()
     }
 
     /// Makes the CPU sum the whole surface again, whatever the graphics device does.

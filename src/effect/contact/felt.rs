@@ -52,7 +52,7 @@ impl Felt {
             stage.haptics.iter().any(|device| names.get(stylus).is_some_and(|name| *name == device.stylus))
         };
         let touches = |t: usize| bodies.iter().any(|body| body.is_felt && body.tools[t]);
-        let is_felt = |t: &usize| tools[*t].stylus.is_some_and(device_of) && touches(*t);
+        let is_felt = |t: &usize| tools[*t].place.stylus.is_some_and(device_of) && touches(*t);
         Felt {
             tools: (0..tools.len()).filter(is_felt).collect(),
             near: Vec::new(),
@@ -90,9 +90,9 @@ impl Felt {
         world: &World,
     ) -> Result<Option<(usize, TouchPotential)>, String> {
         let Touching { t, hand, surface, contacts: all, .. } = *touching;
-        let carrier = tools[t].carrier(world).filter(|stylus| !stylus.from_eye);
+        let carrier = tools[t].place.carrier(world).filter(|stylus| !stylus.from_eye);
         let pose = carrier.and_then(|stylus| usable(&stylus.room_from_stylus));
-        let Some((stylus, room_from_stylus)) = tools[t].stylus.zip(pose) else { return Ok(None) };
+        let Some((stylus, room_from_stylus)) = tools[t].place.stylus.zip(pose) else { return Ok(None) };
         // What moves by inertia alone has no compliance by which it would be felt between frames.
         let is_own = |contact: &&Contact| {
             let body = &bodies[contact.body];

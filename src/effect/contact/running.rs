@@ -95,7 +95,8 @@ pub fn attach(
     world: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
     let scene = listed.scene;
-    let tools = scene.tool.iter().map(|(name, tool)| Tool::new(scene, name, tool));
+    let touching = scene.tool.iter().filter(|(_, tool)| !tool.shape.is_blade());
+    let tools = touching.map(|(name, tool)| Tool::new(scene, name, tool));
     let tools = tools.collect::<Result<Vec<_>, _>>()?;
     let settings: Vec<Settings> =
         listed.bodies.iter().map(|(_, name)| Settings::of(&scene.bodies[*name])).collect();
@@ -155,7 +156,7 @@ impl Contacts {
             self.put(&places);
         }
         // A tool whose stylus is not seen stays where it was.
-        let place = |(tool, last): (&Tool, &Placed)| tool.place(world).or(last.pose);
+        let place = |(tool, last): (&Tool, &Placed)| tool.place.pose(world).or(last.pose);
         let tools: Vec<_> = self.tools.iter().zip(&self.motion.tools).map(place).collect();
         changed |= tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
         changed |= places != self.motion.places;
@@ -409,7 +410,7 @@ impl Contacts {
         let placed = self.tools.iter().zip(&self.motion.tools);
         let tools = placed.filter(|(_, placed)| is_late && placed.pose.is_none());
         let warning = |(tool, _): (&Tool, &Placed)| {
-            let (name, stylus) = (&tool.name, tool.stylus? + 1);
+            let (name, stylus) = (&tool.name, tool.place.stylus? + 1);
             let there = match world.fields.styli.len() {
                 0 => "there are no styli".to_owned(),
                 1 => "the only stylus is 1".to_owned(),

@@ -3,7 +3,7 @@
 use crate::config;
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
 use crate::effect::entry::{ResolvedBody, Settings as AnySettings};
-use crate::scene::{Body, Method, Scene, SceneError, ToolShape};
+use crate::scene::{Body, Method, Scene, SceneError, Tool, ToolShape};
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -88,7 +88,8 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         return wrong("effect.contact.tools", config::unknown_name("tool", unknown, known));
     }
     let lists = |other: &String| settings.bodies.as_ref().is_none_or(|bodies| bodies.contains(other));
-    let by_tools = scene.tool.keys().any(|tool| settings.touches(tool));
+    let touches = |(name, tool): (&String, &Tool)| !tool.shape.is_blade() && settings.touches(name);
+    let by_tools = scene.tool.iter().any(touches);
     if !by_tools && !others().any(|(other, _)| lists(other)) && !settings.itself {
         let message = "nothing touches the body: add a tool, as [tool.probe] with shape = { ball = { radius = 0.01 } } \
                        and stylus = 1, list \"contact\" in another body too, or write effect.contact = { itself = true }";

@@ -64,6 +64,10 @@ impl Shape {
                 Shape { core: Core::Box { half }, radius }
             }
             ToolShape::Floor => Shape { core: Core::Floor, radius: 0.0 },
+            ToolShape::Blade { .. } => {
+                let message = "a blade cuts bodies and touches none".to_owned();
+                return Err(Failure::request(scene.invalid(&format!("tool.{name}.shape"), message)));
+            }
             ToolShape::Mesh { file, unit, radius } => {
                 let surface = scene.tool_surface(name, file, *unit).map_err(Failure::request)?;
                 let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));

@@ -34,7 +34,7 @@ impl<'a> Shown<'a> {
     pub fn show(&self, world: &World, frame: &mut Frame) {
         for (t, (tool, pose)) in self.tools.iter().zip(self.places).enumerate() {
             let Some(pose) = pose else { continue };
-            hide_pen(tool, world, frame);
+            tool.place.hide_pen(world, frame);
             let (shape, color) = (tool.drawn.clone(), tool.color);
             let room_from_shape = pose.to_homogeneous().cast();
             frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
@@ -122,14 +122,4 @@ impl<'a> Shown<'a> {
         }
         (weight > 0.0).then(|| Point3::from(sum / weight))
     }
-}
-
-/// Takes away the pen and the ray of the stylus that carries a tool: the hand holds that instead. One that is pressed keeps its ray.
-fn hide_pen(tool: &Tool, world: &World, frame: &mut Frame) {
-    let carrier = tool.carrier(world).map(|stylus| stylus.room_from_stylus.cast::<f64>().to_homogeneous());
-    let Some(pen) = carrier.map(|pose| pose.cast::<f32>()) else { return };
-    let is_pen = |drawable: &Drawable| {
-        drawable.stylus().is_some_and(|shape| !shape.pressed && (shape.room_from_stylus - pen).norm() < 1e-5)
-    };
-    frame.drawables.retain(|drawable| !is_pen(drawable));
 }

@@ -1,0 +1,28 @@
+//! The effect `cut`: a blade opens the body where it passes through.
+//!
+//! In: blades of the scene, on styli or in the room, and the mesh of each body that lists the effect. Out: its surface with the cut in it,
+//! and its columns, which are those of the cut body. A blade's edge cuts the edges of the mesh that it passes ([`blade`]); tetrahedra fall
+//! into pieces with copies of the nodes beyond the cut ([`crate::mesh::split`]); how these move apart is found by the factor of the whole
+//! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others: its frames cost what
+//! they did.
+
+mod blade;
+mod opened;
+mod running;
+mod settings;
+mod solves;
+#[cfg(test)]
+mod tests;
+
+use super::entry::EffectEntry;
+use crate::green::{STIFFNESS, VOLUME};
+
+pub(crate) const ENTRY: EffectEntry = EffectEntry {
+    name: settings::NAME,
+    summary: "blades cut the body open where they pass through it, and it yields as a cut body does",
+    requirements: &[STIFFNESS, VOLUME],
+    needs_inside: true,
+    suits: Some(settings::suits),
+    attach: Some(running::attach),
+    ..EffectEntry::NOTHING
+};

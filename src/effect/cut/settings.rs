@@ -1,0 +1,65 @@
+//! Which bodies can be cut.
+
+use crate::deform::{LINEAR, ModelEntry, ROTATION};
+use crate::effect::entry::ResolvedBody;
+use crate::fem::TET4;
+use crate::scene::{Body, Scene, SceneError};
+
+/// The effect's name in scenes.
+pub const NAME: &str = "cut";
+
+/// Models that are sums of columns in one frame, which those of the cut body replace.
+const CUT: [&ModelEntry; 2] = [&LINEAR, &ROTATION];
+
+/// Refuses a body that nothing can cut, or whose columns are not the cut body's afterwards.
+pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
+    let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
+    if !scene.tool.values().any(|tool| tool.shape.is_blade()) {
+        let message = "nothing cuts the body: add a blade, as [tool.scalpel] with shape = { blade = { length = 0.05, width = 0.01 } } \
+                       and stylus = 1";
+        return wrong("effects", message.to_owned());
+    }
+    if body.element_name() != TET4.name {
+        let message = format!(
+            "\"{NAME}\" divides linear tetrahedra, not \"{}\": write element = \"{}\"",
+            body.element_name(),
+            TET4.name
+        );
+        return wrong("element", message);
+    }
+    if !CUT.contains(&resolved.model) {
+        let message = format!(
+            "\"{NAME}\" replaces the columns of a body, and \"{}\" does not sum them in one frame: write model = \"{}\"",
+            resolved.model.name,
+            CUT.map(|model| model.name).join("\" or \"")
+        );
+        return wrong("model", message);
+    }
+    if !body.loads().is_empty() || body.surface_compliance.is_some() {
+        let (key, what) = if body.loads().is_empty() {
+            ("surface_compliance", "single nodes")
+        } else {
+            ("gravity", "loads")
+        };
+        let message = format!("\"{NAME}\" knows no columns of {what} for the cut body yet: leave them out");
+        return wrong(key, message);
+    }
+    let stays = |listed: &&crate::effect::entry::ListedEffect| {
+        listed.entry.name != NAME
+            && (listed.entry.precompute.is_some()
+                || listed.entry.presses_points
+                || listed.entry.vibrates
+                || listed.entry.shows_stress
+                || listed.entry.measures_errors
+                || listed.entry.needs_inside
+                || listed.entry.is_felt)
+    };
+    if let Some(other) = resolved.effects.iter().find(stays) {
+        let message = format!(
+            "\"{}\" keeps numbers of the body as it was before a cut, and would go on to show them: list it in another body",
+            other.entry.name
+        );
+        return wrong("effects", message);
+    }
+    Ok(())
+}

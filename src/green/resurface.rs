@@ -1,0 +1,68 @@
+//! A .green file in which a body has another surface and other columns, as after a cut.
+//!
+//! In: a file, and what is new of one of its bodies. Out: a file in memory of the same bodies, control elements and storage. Of the
+//! families it keeps the affine columns and the handle stiffness alone: all others belong to the body that it was.
+
+use super::bytes::Tensor;
+use super::control::FIELDS;
+use super::error::GreenError;
+use super::families::{AFFINE, STIFFNESS, affine_tensors};
+use super::file::GreenFile;
+use super::requirements::Requirements;
+use crate::base::columns::StoredColumns;
+use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The new parts of a body.
+pub struct NewSurface {
+    /// Places at rest of the nodes beyond those of the file, which keep their numbers; about the body's centre, m.
+    pub points: Vec<[f32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Affine columns of the control elements on all nodes: 3 S × 12 K.
+    pub columns: DMatrix<f64>,
+    /// Handle stiffness: 12 K × 12 K.
+    pub stiffness: DMatrix<f64>,
+}
+
+/// The file with the new parts of the body of this name.
+pub fn resurfaced(base: Arc<GreenFile>, name: &str, new: &NewSurface) -> Result<GreenFile, GreenError> {
+    let damaged =
+        |reason: String| GreenError::Damaged { path: base.path.clone(), reason: format!("{name}: {reason}") };
+    let meta = base.meta.bodies.get(name).ok_or_else(|| damaged("it is not there".to_owned()))?;
+    let mut own = meta.clone();
+    own.requirements = Requirements::new(&[AFFINE, STIFFNESS]);
+    own.fingerprint = format!("{} cut", meta.fingerprint);
+    own.surface_nodes = meta.surface_nodes + new.points.len();
+    own.surface_triangles = new.triangles.len();
+    (own.accuracy.storage_error, own.compliance_nodes, own.compressed) = (0.0, None, None);
+    let rest = [base.rest(name), &new.points].concat();
+    let mut tags = base.tags(name).to_vec();
+    let first = tags.iter().max().map_or(1, |last| last.saturating_add(1));
+    tags.extend((first..).take(new.points.len()));
+    let mut tensors = BTreeMap::from([
+        ("rest".to_owned(), Tensor::new(&[rest.len(), 3], rest.as_flattened().iter().copied())),
+        (
+            "triangles".to_owned(),
+            Tensor::new(&[new.triangles.len(), 3], new.triangles.as_flattened().iter().copied()),
+        ),
+        ("tags".to_owned(), Tensor::new(&[tags.len()], tags)),
+        (
+            STIFFNESS.name.to_owned(),
+            Tensor::new(&[new.stiffness.ncols(), new.stiffness.nrows()], new.stiffness.iter().copied()),
+        ),
+    ]);
+    for (e, control) in own.controls.iter_mut().enumerate() {
+        let held = format!("control/{}", control.name);
+        let nodes = base.tensor(name, &held).ok_or_else(|| damaged(format!("{held} is not there")))?;
+        tensors.insert(held, nodes);
+        let column = |k: usize| new.columns.column(FIELDS * e + k).as_slice().to_vec();
+        let columns: Vec<Vec<f64>> = (0..FIELDS).map(column).collect();
+        let stored = StoredColumns::new(meta.accuracy.storage, &columns);
+        own.accuracy.storage_error = own.accuracy.storage_error.max(stored.relative_error());
+        control.storage_errors.clone_from(&stored.errors);
+        tensors.extend(affine_tensors(&control.name, rest.len(), meta.accuracy.storage, stored));
+    }
+    let changed = BTreeMap::from([(name.to_owned(), (own, tensors))]);
+    base.clone().with_bodies(changed)
+}
