@@ -15,7 +15,6 @@ const OFF_NODES: f64 = 0.02;
 const THICKNESS: f64 = 0.06;
 
 pub struct Blade {
-    pub name: String,
     pub place: ToolPlace,
     pub drawn: Arc<GhostShape>,
     /// Linear RGB.
@@ -25,11 +24,10 @@ pub struct Blade {
 
 impl Blade {
     /// `None` for a tool that is no blade.
-    pub fn new(name: &str, tool: &Tool) -> Option<Blade> {
+    pub fn new(tool: &Tool) -> Option<Blade> {
         let ToolShape::Blade { length, width } = tool.shape else { return None };
         let linear = |byte: u8| (f32::from(byte) / 255.0).powf(2.2);
         Some(Blade {
-            name: name.to_owned(),
             place: ToolPlace::new(tool),
             drawn: Arc::new(wedge(length, width)),
             color: tool.color.0.map(linear),

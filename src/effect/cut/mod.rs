@@ -7,6 +7,8 @@
 //! they did.
 
 mod blade;
+#[cfg(test)]
+mod blade_tests;
 mod opened;
 mod running;
 mod settings;

@@ -15,8 +15,8 @@
 //! ```
 //!
 //! with a column of W for each of U. This is the augmented system of Y.-H. Yeung, J. Crouch and A. Pothen (ACM Transactions on Graphics
-//! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their columns of
-//! X are kept.
+//! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their X and G X
+//! are kept. G X is f64; X, of which only what is shown follows, is f32.
 
 use super::solves::Solves;
 use crate::fem::tet4::{Geometry, geometry, stiffness_block};
@@ -24,7 +24,12 @@ use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, Volume};
 use crate::mesh::quality;
 use crate::mesh::split::{CutEdges, Split, Splitter};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par, Spec};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -51,12 +56,22 @@ pub struct Cuttable {
     loads: NodeFields,
     prescribed: NodeFields,
     stiffness: DMatrix<f64>,
-    /// X of copies, by what they depend on.
-    known: BTreeMap<CopyKey, Arc<NodeFields>>,
+    known: Known,
 }
 
 /// A copy's node, and the pieces that move with it: their tetrahedra, and the bits of their shares.
 type CopyKey = (u32, Vec<(u32, u64)>);
+
+/// What is known of the copies of the last cut.
+#[derive(Default)]
+struct Known {
+    /// Places of the copies, by what they depend on.
+    places: BTreeMap<CopyKey, usize>,
+    /// X of each, 3 free nodes × 3.
+    x: Vec<Arc<DMatrix<f32>>>,
+    /// G X, 3 n × 3 n.
+    gx: DMatrix<f64>,
+}
 
 /// A row of G: blocks of the nodes of the mesh.
 type Row = BTreeMap<u32, Matrix3<f64>>;
@@ -65,12 +80,18 @@ type Row = BTreeMap<u32, Matrix3<f64>>;
 pub struct Opened {
     pub split: Split,
     pub surface: NewSurface,
-    /// U' over all nodes of the mesh.
-    pub fields: NodeFields,
+    pub moved: Moved,
     /// Part of its largest number by which (H - G X) W misses -G U.
     pub missed: f64,
     /// Part of its largest number by which S' misses its transpose.
     pub asymmetry: f64,
+}
+
+/// The part of U' that the cut has made: -X W.
+#[derive(Default)]
+pub struct Moved {
+    x: Vec<Arc<DMatrix<f32>>>,
+    w: DMatrix<f64>,
 }
 
 impl Cuttable {
@@ -113,7 +134,7 @@ impl Cuttable {
             whole: None,
             prescribed,
             stiffness,
-            known: BTreeMap::new(),
+            known: Known::default(),
         })
     }
 
@@ -134,11 +155,6 @@ impl Cuttable {
         self.whole.as_ref().ok_or_else(String::new)
     }
 
-    /// [`Cuttable::whole`] once it is known.
-    pub fn whole_now(&self) -> Option<&NodeFields> {
-        self.whole.as_ref()
-    }
-
     /// The body after these cuts, which do not let it fall apart.
     pub fn open(&mut self, cut: &CutEdges) -> Result<Opened, String> {
         self.whole()?;
@@ -146,41 +162,29 @@ impl Cuttable {
         let (rows, h, keys) = self.couplings(&split);
         self.solve_copies(&rows, &keys)?;
         let Some(whole) = &self.whole else { return Err(String::new()) };
-        let (columns, n) = (whole.columns, rows.len());
-        let x: Vec<&NodeFields> = keys.iter().filter_map(|key| self.known.get(key).map(|x| &**x)).collect();
-        let mut system = DMatrix::zeros(3 * n, 3 * n);
-        let mut gu = DMatrix::zeros(3 * n, columns);
+        let mut gu = DMatrix::zeros(3 * rows.len(), whole.columns);
         for (i, row) in rows.iter().enumerate() {
             for (node, block) in row {
-                let mut own = gu.rows_mut(3 * i, 3);
-                own += block * block_of(whole, *node);
-                let Some(free) = self.free_at[*node as usize] else { continue };
-                for (j, x) in x.iter().enumerate() {
-                    let mut own = system.fixed_view_mut::<3, 3>(3 * i, 3 * j);
-                    own -= block * block_of(x, free);
+                for axis in 0..3 {
+                    let u = whole.row(3 * *node as usize + axis);
+                    for (k, u) in u.iter().enumerate() {
+                        (0..3).for_each(|r| gu[(3 * i + r, k)] += block[(r, axis)] * u);
+                    }
                 }
             }
         }
+        let mut system = -&self.known.gx;
         for ((i, j), block) in &h {
             let mut own = system.fixed_view_mut::<3, 3>(3 * i, 3 * j);
             own += block;
         }
         let (w, missed) = solved(&system, &gu)?;
-        let mut fields = whole.clone();
-        for (free, node) in self.partition.free.iter().enumerate() {
-            for (j, x) in x.iter().enumerate() {
-                let moved = block_of(x, free as u32) * w.rows(3 * j, 3);
-                for axis in 0..3 {
-                    let row = fields.row_mut(3 * *node as usize + axis);
-                    row.iter_mut().zip(moved.row(axis).iter()).for_each(|(to, by)| *to -= by);
-                }
-            }
-        }
         let stiffness = &self.stiffness + w.tr_mul(&gu);
         let asymmetry = (&stiffness - stiffness.transpose()).amax() / stiffness.amax();
         let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
-        let surface = self.surface_of(&split, &fields, &w, stiffness)?;
-        Ok(Opened { split, surface, fields, missed, asymmetry })
+        let moved = Moved { x: self.known.x.clone(), w };
+        let surface = self.surface_of(&split, (whole, &moved), stiffness)?;
+        Ok(Opened { split, surface, moved, missed, asymmetry })
     }
 
     fn geometry(&self, tet: u32) -> Option<Geometry> {
@@ -212,60 +216,101 @@ impl Cuttable {
         (rows, h, keys)
     }
 
-    /// Finds X of the copies whose is not known, and forgets those of copies that are no more.
+    /// Finds X and G X of the copies of which they are not known, and forgets those of copies that are no more.
     fn solve_copies(&mut self, rows: &[Row], keys: &[CopyKey]) -> Result<(), String> {
-        let missing: Vec<usize> = (0..keys.len()).filter(|i| !self.known.contains_key(&keys[*i])).collect();
-        if !missing.is_empty() {
-            let mut b = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
-            for (k, i) in missing.iter().enumerate() {
-                for (node, block) in &rows[*i] {
-                    let Some(free) = self.free_at[*node as usize] else { continue };
-                    for axis in 0..3 {
-                        for other in 0..3 {
-                            b.row_mut(3 * free as usize + axis)[3 * k + other] = block[(other, axis)];
-                        }
-                    }
+        let before: Vec<Option<usize>> = keys.iter().map(|key| self.known.places.get(key).copied()).collect();
+        let missing: Vec<usize> = (0..keys.len()).filter(|i| before[*i].is_none()).collect();
+        let mut b = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
+        for (k, i) in missing.iter().enumerate() {
+            for (free, block) in self.free_blocks(&rows[*i]) {
+                for axis in 0..3 {
+                    let row = &mut b.row_mut(3 * free as usize + axis)[3 * k..3 * k + 3];
+                    row.iter_mut().enumerate().for_each(|(other, to)| *to = block[(other, axis)]);
                 }
             }
-            let x = self.solves.solve(b)?;
-            for (k, i) in missing.iter().enumerate() {
-                let mut own = NodeFields::zeros(x.nodes, 3);
-                let rows = own.data.chunks_exact_mut(3).zip(x.data.chunks_exact(x.columns));
-                rows.for_each(|(to, from)| to.copy_from_slice(&from[3 * k..3 * k + 3]));
-                self.known.insert(keys[*i].clone(), Arc::new(own));
+        }
+        let x = if missing.is_empty() { b } else { self.solves.solve(b)? };
+        let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
+        for (i, was) in before.iter().enumerate() {
+            let Some(was) = was else { continue };
+            for (j, other) in before.iter().enumerate() {
+                let Some(other) = other else { continue };
+                let block = self.known.gx.fixed_view::<3, 3>(3 * was, 3 * other);
+                gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
             }
         }
-        let used: std::collections::BTreeSet<&CopyKey> = keys.iter().collect();
-        self.known.retain(|key, _| used.contains(key));
+        for (i, row) in rows.iter().enumerate() {
+            let mut products = vec![Matrix3::<f64>::zeros(); missing.len()];
+            for (free, block) in self.free_blocks(row) {
+                let own: [&[f64]; 3] = std::array::from_fn(|axis| x.row(3 * free as usize + axis));
+                for (k, product) in products.iter_mut().enumerate() {
+                    *product += block * Matrix3::from_fn(|axis, other| own[axis][3 * k + other]);
+                }
+            }
+            for (j, product) in missing.iter().zip(products) {
+                gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&product);
+                gx.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&product.transpose());
+            }
+        }
+        let mut columns: Vec<Option<Arc<DMatrix<f32>>>> =
+            before.iter().map(|was| was.map(|was| self.known.x[was].clone())).collect();
+        for (k, i) in missing.iter().enumerate() {
+            let own = DMatrix::from_fn(3 * x.nodes, 3, |row, other| x.row(row)[3 * k + other] as f32);
+            columns[*i] = Some(Arc::new(own));
+        }
+        let places = keys.iter().cloned().zip(0..).collect();
+        self.known = Known { places, x: columns.into_iter().flatten().collect(), gx };
         Ok(())
+    }
+
+    /// The blocks of a row of G at free nodes.
+    fn free_blocks<'a>(&'a self, row: &'a Row) -> impl Iterator<Item = (u32, &'a Matrix3<f64>)> {
+        row.iter().filter_map(|(node, block)| Some((self.free_at[*node as usize]?, block)))
     }
 
     /// The surface of the cut body with its columns.
     fn surface_of(
         &self,
         split: &Split,
-        fields: &NodeFields,
-        w: &DMatrix<f64>,
+        (whole, moved): (&NodeFields, &Moved),
         stiffness: DMatrix<f64>,
     ) -> Result<NewSurface, String> {
         let count = self.splitter.mesh.nodes.len();
-        let value = |node: u32| match (node as usize).checked_sub(count) {
-            None => block_of(fields, node),
-            Some(copy) => block_of(fields, split.copies[copy]) + w.rows(3 * copy, 3),
-        };
+        let copy_of = |node: u32| (node as usize).checked_sub(count);
+        let node_of = |node: u32| copy_of(node).map_or(node, |copy| split.copies[copy]);
+        let inner = split.points.iter().flat_map(|point| point.nodes).map(node_of);
+        let mut asked: Vec<u32> = inner.filter(|node| self.surface_of[*node as usize].is_none()).collect();
+        asked.sort_unstable();
+        asked.dedup();
         let old = self.surface.len();
-        let mut columns = DMatrix::zeros(3 * (old + split.points.len()), fields.columns);
-        for (at, node) in self.surface.iter().enumerate() {
-            columns.rows_mut(3 * at, 3).copy_from(&value(*node));
+        let all: Vec<u32> = self.surface.iter().chain(&asked).copied().collect();
+        let mut values = self.moved_at(&all, moved);
+        for (at, node) in all.iter().enumerate() {
+            for axis in 0..3 {
+                let u = whole.row(3 * *node as usize + axis);
+                u.iter().enumerate().for_each(|(k, u)| values[(3 * at + axis, k)] += u);
+            }
         }
+        let place = |node: u32| match self.surface_of[node as usize] {
+            Some(at) => at as usize,
+            None => old + asked.partition_point(|other| *other < node),
+        };
+        let mut columns = DMatrix::zeros(3 * (old + split.points.len()), whole.columns);
+        columns.rows_mut(0, 3 * old).copy_from(&values.rows(0, 3 * old));
         let mut points = Vec::new();
         for (at, point) in split.points.iter().enumerate() {
-            let [a, b] = point.nodes.map(value);
-            columns.rows_mut(3 * (old + at), 3).copy_from(&(a * (1.0 - point.share) + b * point.share));
+            let shares = [1.0 - point.share, point.share];
+            let mut own = columns.rows_mut(3 * (old + at), 3);
+            for (node, share) in point.nodes.into_iter().zip(shares) {
+                own += values.rows(3 * place(node_of(node)), 3) * share;
+                if let Some(copy) = copy_of(node) {
+                    own += moved.w.rows(3 * copy, 3) * share;
+                }
+            }
             let [a, b] = point.nodes.map(|node| self.splitter.place(split, node));
             points.push((a.lerp(&b, point.share) - self.centre).cast::<f32>().into());
         }
-        let number = |node: u32| match (node as usize).checked_sub(count) {
+        let number = |node: u32| match copy_of(node) {
             None => self.surface_of[node as usize],
             Some(point) => Some((old + point) as u32),
         };
@@ -273,6 +318,25 @@ impl Cuttable {
         let triangles: Option<Vec<_>> = split.triangles.iter().map(triangle).collect();
         let triangles = triangles.ok_or("a node of the cut surface is none of the surface")?;
         Ok(NewSurface { points, triangles, columns, stiffness })
+    }
+
+    /// -X W at these nodes.
+    fn moved_at(&self, nodes: &[u32], Moved { x, w }: &Moved) -> DMatrix<f64> {
+        let free: Vec<Option<u32>> = nodes.iter().map(|node| self.free_at[*node as usize]).collect();
+        let mut gathered = Mat::<f32>::zeros(3 * nodes.len(), 3 * x.len());
+        for (j, x) in x.iter().enumerate() {
+            for k in 0..3 {
+                let (from, to) = (x.column(k), gathered.col_as_slice_mut(3 * j + k));
+                for (to, free) in to.chunks_exact_mut(3).zip(&free) {
+                    let Some(free) = free else { continue };
+                    to.copy_from_slice(&from.as_slice()[3 * *free as usize..][..3]);
+                }
+            }
+        }
+        let w = Mat::<f32>::from_fn(w.nrows(), w.ncols(), |i, j| w[(i, j)] as f32);
+        let mut product = Mat::<f32>::zeros(3 * nodes.len(), w.ncols());
+        matmul(product.as_mut(), Accum::Replace, gathered.as_ref(), w.as_ref(), -1.0, Par::Seq);
+        DMatrix::from_fn(product.nrows(), product.ncols(), |i, j| f64::from(product[(i, j)]))
     }
 
     /// Edges of the mesh, once each.
@@ -285,19 +349,27 @@ impl Cuttable {
     }
 
     /// Places of all nodes with these coefficients of the columns, about the centre, m.
-    pub fn places(&self, fields: &NodeFields, coefficients: &[f64]) -> Vec<Vector3<f64>> {
-        let axis = |row: usize| fields.row(row).iter().zip(coefficients).map(|(u, c)| u * c).sum::<f64>();
-        let place = |(node, x): (usize, &Vector3<f64>)| {
-            x - self.centre + Vector3::new(axis(3 * node), axis(3 * node + 1), axis(3 * node + 2))
-        };
-        self.splitter.mesh.nodes.iter().enumerate().map(place).collect()
+    pub fn places(&mut self, moved: &Moved, coefficients: &[f64]) -> Result<Vec<Vector3<f64>>, String> {
+        let c = DVector::from_iterator(
+            moved.w.ncols(),
+            (0..moved.w.ncols()).map(|k| coefficients.get(k).copied().unwrap_or(0.0)),
+        );
+        let mut by_cut = DVector::<f32>::zeros(3 * self.partition.free.len());
+        let apart = &moved.w * c;
+        for (j, x) in moved.x.iter().enumerate() {
+            let own = apart.fixed_rows::<3>(3 * j).into_owned().cast::<f32>();
+            by_cut.gemv(-1.0, &**x, &own, 1.0);
+        }
+        let whole = self.whole()?;
+        let axis = |row: usize| whole.row(row).iter().zip(coefficients).map(|(u, c)| u * c).sum::<f64>();
+        let mut u: Vec<Vector3<f64>> = (0..whole.nodes)
+            .map(|node| Vector3::new(axis(3 * node), axis(3 * node + 1), axis(3 * node + 2)))
+            .collect();
+        for (free, node) in self.partition.free.iter().enumerate() {
+            u[*node as usize] += by_cut.fixed_rows::<3>(3 * free).into_owned().cast::<f64>();
+        }
+        Ok(self.splitter.mesh.nodes.iter().zip(u).map(|(x, u)| x - self.centre + u).collect())
     }
-}
-
-/// The rows of a node, 3 × columns.
-fn block_of(fields: &NodeFields, node: u32) -> DMatrix<f64> {
-    let first = 3 * node as usize * fields.columns;
-    DMatrix::from_row_slice(3, fields.columns, &fields.data[first..first + 3 * fields.columns])
 }
 
 /// W with (H - G X) W = -G U, and by how much it misses that. The error says that the cut body moves freely somewhere.
@@ -306,16 +378,25 @@ fn solved(system: &DMatrix<f64>, gu: &DMatrix<f64>) -> Result<(DMatrix<f64>, f64
         return Ok((gu.clone(), 0.0));
     }
     let loose = || "the cut body holds together too little to be solved for".to_owned();
+    let n = system.nrows();
     let scale = system.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled = DMatrix::from_fn(system.nrows(), system.ncols(), |i, j| {
-        0.5 * (system[(i, j)] + system[(j, i)]) * scale[i] * scale[j]
-    });
-    let factor = scaled.clone().cholesky().ok_or_else(loose)?;
-    if factor.l_dirty().diagonal().iter().any(|pivot| pivot.powi(2) < SINGULAR) {
+    let scaled = Mat::from_fn(n, n, |i, j| 0.5 * (system[(i, j)] + system[(j, i)]) * scale[i] * scale[j]);
+    let mut factor = scaled.clone();
+    let scratch = cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default())
+        .or(solve_in_place_scratch::<f64>(n, gu.ncols(), Par::Seq));
+    let mut memory = MemBuffer::new(scratch);
+    let stack = MemStack::new(&mut memory);
+    let regularisation = LltRegularization::default();
+    cholesky_in_place(factor.as_mut(), regularisation, Par::Seq, stack, Spec::default())
+        .map_err(|_not_definite| loose())?;
+    if (0..n).any(|i| factor[(i, i)].powi(2) < SINGULAR) {
         return Err(loose());
     }
-    let b = DMatrix::from_fn(gu.nrows(), gu.ncols(), |i, j| -gu[(i, j)] * scale[i]);
-    let found = factor.solve(&b);
-    let missed = (&scaled * &found - &b).amax() / b.amax().max(f64::MIN_POSITIVE);
-    Ok((DMatrix::from_fn(found.nrows(), found.ncols(), |i, j| found[(i, j)] * scale[i]), missed))
+    let b = Mat::from_fn(n, gu.ncols(), |i, j| -gu[(i, j)] * scale[i]);
+    let mut found = b.clone();
+    solve_in_place(factor.as_ref(), found.as_mut(), Par::Seq, stack);
+    let mut misses = b.clone();
+    matmul(misses.as_mut(), Accum::Add, scaled.as_ref(), found.as_ref(), -1.0, Par::Seq);
+    let missed = misses.norm_max() / b.norm_max().max(f64::MIN_POSITIVE);
+    Ok((DMatrix::from_fn(n, gu.ncols(), |i, j| found[(i, j)] * scale[i]), missed))
 }

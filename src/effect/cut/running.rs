@@ -1,12 +1,11 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
 use super::blade::{Blade, Sweep};
-use super::opened::{Cuttable, Opened};
+use super::opened::{Cuttable, Moved, Opened};
 use super::settings::NAME;
 use crate::base::failure::Failure;
 use crate::deform::Contribution;
 use crate::effect::entry::EffectInput;
-use crate::fem::NodeFields;
 use crate::green::{GreenFile, VOLUME, Volume, resurfaced};
 use crate::mesh::split::CutEdges;
 use crate::render::{Drawable, Formed};
@@ -34,8 +33,8 @@ struct CutBody {
     cuttable: Cuttable,
     edges: Vec<[u32; 2]>,
     cut: CutEdges,
-    /// Affine columns of the cut body at all nodes; `None` while there is no cut.
-    fields: Option<NodeFields>,
+    /// How the cut has changed the columns at all nodes.
+    moved: Moved,
     /// Shape in the last frame.
     seen: Option<Seen>,
     /// The file that has the new surface, until the world takes it.
@@ -77,8 +76,7 @@ pub fn attach(
     listed: &EffectInput<'_>,
     world: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
-    let blades: Vec<Blade> =
-        listed.scene.tool.iter().filter_map(|(name, tool)| Blade::new(name, tool)).collect();
+    let blades: Vec<Blade> = listed.scene.tool.values().filter_map(Blade::new).collect();
     let mut bodies = Vec::new();
     for &(b, name) in &listed.bodies {
         let file = world.bodies[b].deformer.file().clone();
@@ -103,7 +101,7 @@ impl CutBody {
             edges: cuttable.edges(),
             cuttable,
             cut: CutEdges::new(),
-            fields: None,
+            moved: Moved::default(),
             seen: None,
             remade: None,
             file: file.clone(),
@@ -112,14 +110,7 @@ impl CutBody {
 
     /// Places of all nodes in the room.
     fn places(&mut self, seen: &Seen) -> Result<Vec<V3>, String> {
-        if self.fields.is_none() {
-            self.cuttable.whole()?;
-        }
-        let fields = match &self.fields {
-            Some(fields) => fields,
-            None => self.cuttable.whole_now().ok_or_else(String::new)?,
-        };
-        let at = self.cuttable.places(fields, &seen.coefficients);
+        let at = self.cuttable.places(&self.moved, &seen.coefficients)?;
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
@@ -129,7 +120,8 @@ impl CutBody {
         if sweeps.is_empty() {
             return Ok(());
         }
-        let (from, to) = (self.places(&before)?, self.places(&now)?);
+        let to = self.places(&now)?;
+        let from = if before == now { to.clone() } else { self.places(&before)? };
         let mut cut = self.cut.clone();
         for sweep in sweeps {
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
@@ -149,17 +141,17 @@ impl CutBody {
     /// Makes the body one with these cuts.
     fn set(&mut self, cut: CutEdges) -> Result<(), String> {
         if cut.is_empty() {
-            (self.fields, self.remade) = (None, Some(self.file.clone()));
+            (self.moved, self.remade) = (Moved::default(), Some(self.file.clone()));
         } else {
             if self.cuttable.splitter.split(&cut, &self.cuttable.held).falls_apart {
                 return Err(
                     "a piece would fall off that nothing holds; it is not cut any further there".to_owned()
                 );
             }
-            let Opened { surface, fields, .. } = self.cuttable.open(&cut)?;
+            let Opened { surface, moved, .. } = self.cuttable.open(&cut)?;
             let file =
                 resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
-            (self.fields, self.remade) = (Some(fields), Some(Arc::new(file)));
+            (self.moved, self.remade) = (moved, Some(Arc::new(file)));
         }
         self.cut = cut;
         Ok(())

@@ -1,7 +1,7 @@
 //! Which bodies can be cut.
 
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
-use crate::effect::entry::ResolvedBody;
+use crate::effect::entry::{ListedEffect, ResolvedBody};
 use crate::fem::TET4;
 use crate::scene::{Body, Scene, SceneError};
 
@@ -44,17 +44,16 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         let message = format!("\"{NAME}\" knows no columns of {what} for the cut body yet: leave them out");
         return wrong(key, message);
     }
-    let stays = |listed: &&crate::effect::entry::ListedEffect| {
-        listed.entry.name != NAME
-            && (listed.entry.precompute.is_some()
-                || listed.entry.presses_points
-                || listed.entry.vibrates
-                || listed.entry.shows_stress
-                || listed.entry.measures_errors
-                || listed.entry.needs_inside
-                || listed.entry.is_felt)
+    // What it shows, or keeps, of the whole body would not be true of the cut one.
+    let is_of_whole = |listed: &&ListedEffect| {
+        let entry = listed.entry;
+        let keeps =
+            entry.precompute.is_some() || entry.presses_points || entry.vibrates || entry.needs_inside;
+        let shows = entry.shows_stress || entry.measures_errors || entry.is_felt;
+        let has_no_energy = entry.needs_energy && *resolved.model != LINEAR;
+        entry.name != NAME && (keeps || shows || has_no_energy)
     };
-    if let Some(other) = resolved.effects.iter().find(stays) {
+    if let Some(other) = resolved.effects.iter().find(is_of_whole) {
         let message = format!(
             "\"{}\" keeps numbers of the body as it was before a cut, and would go on to show them: list it in another body",
             other.entry.name

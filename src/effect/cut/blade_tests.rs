@@ -1,0 +1,219 @@
+//! Blades in a world: whole cuts, slits, pieces that would fall off, and cuts that go on from a state.
+
+use super::ENTRY;
+use super::blade::Sweep;
+use crate::deform::ControlPose;
+use crate::effect::{Resolved, attach, precompute};
+use crate::green::{self, GreenFile};
+use crate::solve::Silent;
+use crate::stage::Stage;
+use crate::track::{StylusState, TrackerState};
+use crate::world::World;
+use nalgebra::{Isometry3, Translation3, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// A block about the origin with a blade in the hand, whose edge lies along z.
+struct Operated {
+    world: World,
+    frame: usize,
+}
+
+fn scene(controls: &str, keys: &str) -> Result<Resolved, String> {
+    let text = format!(
+        "[tool.scalpel]\nshape = {{ blade = {{ length = 0.2, width = 0.02 }} }}\nstylus = 1\n\
+         [body.b]\n\
+         generate = {{ block = {{ size = [0.3, 0.1, 0.06], cells = [9, 4, 3] }} }}\n\
+         material = {{ young = 1.0e5, poisson = 0.3, density = 1000.0 }}\n\
+         effects = [\"cut\"]\n\
+         place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n{keys}\n{controls}"
+    );
+    let scene = Resolved::parse(&text, Path::new("cut.toml"));
+    scene.and_then(|scene| scene.requirements("b").map(|_| scene)).map_err(|error| error.to_string())
+}
+
+const BOTH: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+const ONE: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
+
+fn file(scene: &Resolved) -> Arc<GreenFile> {
+    let required = scene.requirements("b").unwrap();
+    let made = precompute(scene, "b", &required, None, &Silent).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("b.green");
+    green::write(&path, &[made]).unwrap();
+    Arc::new(GreenFile::open(&path).unwrap())
+}
+
+impl Operated {
+    fn new(scene: &Resolved, file: &Arc<GreenFile>) -> Operated {
+        let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
+        let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
+        world.join(effects).unwrap();
+        Operated { world, frame: 0 }
+    }
+
+    fn of(controls: &str, keys: &str) -> Operated {
+        let scene = scene(controls, keys).unwrap();
+        Operated::new(&scene, &file(&scene))
+    }
+
+    /// Moves the tip to this place.
+    fn put(&mut self, tip: V3) {
+        self.frame += 1;
+        let stylus = StylusState {
+            room_from_stylus: Isometry3::from(Translation3::from(tip)).cast(),
+            ..StylusState::default()
+        };
+        let time_s = self.frame as f64 / 60.0;
+        self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
+    }
+
+    /// Goes from one place to another in so many frames.
+    fn pass(&mut self, from: V3, to: V3, frames: usize) {
+        (0..=frames).for_each(|k| self.put(from.lerp(&to, k as f64 / frames as f64)));
+    }
+
+    fn nodes(&self) -> usize {
+        self.world.bodies[0].deformer.node_count()
+    }
+
+    fn has_warned(&self, of: &str) -> bool {
+        self.world.warnings.iter().any(|(_, warning)| warning.contains(of))
+    }
+
+    /// Whether nothing was told but that the block is large for a desk.
+    fn is_quiet(&self) -> bool {
+        self.world.warnings.iter().all(|(_, warning)| warning.starts_with("body.b.place"))
+    }
+
+    /// Displacements of all nodes, by their places at rest, while the right end is moved so.
+    fn moved(&mut self, right: ControlPose) -> Vec<(V3, V3)> {
+        let deformer = &mut self.world.bodies[0].deformer;
+        let mut poses = vec![ControlPose::REST; deformer.controls.len()];
+        *poses.last_mut().unwrap() = right;
+        deformer.evaluate(&poses);
+        let at = |i: usize| V3::from(deformer.rest()[i].map(f64::from));
+        (0..deformer.node_count()).map(|i| (at(i), deformer.displacement(i))).collect()
+    }
+}
+
+/// A block that is cut in two by a blade that comes from above: each half moves with its own end alone, and the ends pull no more.
+#[test]
+fn halves_go_each_with_its_own_end() {
+    // Along x the frame of both halves does not turn.
+    for (keys, pull) in [("", V3::new(0.02, 0.013, -0.01)), ("model = \"rotation\"", V3::new(0.02, 0.0, 0.0))]
+    {
+        let mut operated = Operated::of(BOTH, keys);
+        let before = operated.nodes();
+        operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
+        assert!(operated.nodes() > before && operated.is_quiet());
+        let far = ControlPose { translation: pull, ..ControlPose::REST };
+        let moved = operated.moved(far);
+        let pulled: Vec<f64> = moved.iter().map(|(_, u)| u.norm()).collect();
+        let of = |side: &dyn Fn(f64) -> bool| -> Vec<f64> {
+            let own = moved.iter().zip(&pulled).filter(|((x, _), _)| side(x.x));
+            own.map(|(_, u)| *u).collect()
+        };
+        let (left, right) = (of(&|x| x < 0.005), of(&|x| x > 0.017));
+        let rest = left.iter().fold(0.0_f64, |most, u| most.max(*u));
+        let off = right.iter().map(|u| (u - pull.norm()).abs()).fold(0.0, f64::max);
+        println!("{keys}: left moves by {rest:e} m, right by {off:e} m too much");
+        assert!(rest < 2e-8 && off < 2e-8, "{rest:e}, {off:e}");
+        // E A δ²/(2 L) of the whole block is 0.4 J. `rotation` has no energy of the cut body.
+        let energy = operated.world.bodies[0].deformer.wrenches().map(|(_, energy)| energy);
+        assert!(energy.map_or(!keys.is_empty(), |energy| energy.abs() < 1e-12), "{energy:?} J");
+    }
+}
+
+/// Slits, cut twice along the same way: the second pass finds nothing more to cut. One through both ends of the block: they hold both sides.
+#[test]
+fn a_second_pass_cuts_nothing_more() {
+    let mut operated = Operated::of(BOTH, "");
+    let (above, inside) = (V3::new(0.011, 0.08, -0.1), V3::new(0.011, 0.004, -0.1));
+    operated.pass(above, inside, 7);
+    let once = operated.nodes();
+    assert!(once > 0);
+    operated.pass(inside, above, 5);
+    operated.pass(above, inside, 9);
+    assert_eq!(operated.nodes(), once);
+    operated.pass(V3::new(-0.2, 0.013, -0.1), V3::new(0.2, 0.013, -0.1), 20);
+    assert!(operated.nodes() > once && operated.is_quiet(), "{:?}", operated.world.warnings);
+}
+
+/// A blade through a block that is held at one end alone: the piece would fall off, which is told, and the block stays in one.
+#[test]
+fn what_nothing_would_hold_is_not_cut_off() {
+    let mut operated = Operated::of(ONE, "");
+    operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
+    assert!(operated.has_warned("fall off"), "{:?}", operated.world.warnings);
+    let moved = operated.moved(ControlPose { translation: V3::new(0.0, 0.01, 0.0), ..ControlPose::REST });
+    assert!(moved.iter().all(|(_, u)| (u.norm() - 0.01).abs() < 1e-6));
+}
+
+/// A state in the middle of a cut: another world that takes it goes on with the same bits.
+#[test]
+fn a_cut_goes_on_from_a_state() {
+    let scene = scene(BOTH, "model = \"rotation\"").unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    let (above, below) = (V3::new(0.011, 0.08, -0.1), V3::new(0.011, 0.01, -0.1));
+    let way = |k: usize| above.lerp(&below, k as f64 / 12.0);
+    (0..8).for_each(|k| first.put(way(k)));
+    let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+    let mut second = Operated::new(&scene, &file);
+    second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+    second.frame = first.frame;
+    assert_eq!(second.nodes(), first.nodes());
+    for k in 8..=12 {
+        [&mut first, &mut second].into_iter().for_each(|operated| operated.put(way(k)));
+        assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
+    }
+    // A cut that belongs to no edge of this body is refused.
+    let broken = state.replacen("[[0,1]", "[[0,0]", 1);
+    if broken != state {
+        assert!(second.world.set_state(&serde_json::from_str(&broken).unwrap()).is_err());
+    }
+}
+
+/// A blade that stands still cuts what is moved through it, and one that is carried along cuts nothing.
+#[test]
+fn what_counts_is_how_blade_and_body_move_against_each_other() {
+    let [a, b] = [V3::new(-1.0, 0.0, 0.0), V3::new(1.0, 0.0, 0.0)];
+    let still = [V3::new(0.2, 0.5, -1.0), V3::new(0.2, 0.5, 1.0)];
+    let up = V3::new(0.0, 1.0, 0.0);
+    let sweep = Sweep { from: still, to: still };
+    let cut = |sweep: &Sweep, by: V3| sweep.crossed(&[[0, 1]], (&[a, b], &[a + by, b + by]));
+    let found = cut(&sweep, up);
+    assert!(found.len() == 1 && (found[0].1 - 0.6).abs() < 1e-12, "{found:?}");
+    assert!(cut(&sweep, V3::zeros()).is_empty());
+    assert!(cut(&sweep, up * 0.4).is_empty());
+    let carried = Sweep { from: still, to: still.map(|end| end + up) };
+    assert!(cut(&carried, up).is_empty());
+    let towards = Sweep { from: still, to: still.map(|end| end - up * 0.3) };
+    assert_eq!(cut(&towards, up * 0.3).len(), 1);
+    assert!(cut(&towards, up * 0.1).is_empty());
+}
+
+#[test]
+fn bodies_that_cannot_be_cut_are_refused() {
+    for (keys, told) in [
+        ("element = \"tet10\"", "write element = \"tet4\""),
+        ("model = \"reduced\"", "write model = \"linear\" or \"rotation\""),
+        ("gravity = true", "leave them out"),
+        ("surface_compliance = { nodes = \"surface\" }", "leave them out"),
+        ("effect.stress = {}", ""),
+    ] {
+        match scene(BOTH, keys) {
+            Err(error) => assert!(error.contains(told), "{keys}: {error}"),
+            Ok(_) => assert!(told.is_empty(), "{keys} is taken"),
+        }
+    }
+    let text = "[body.b]\ngenerate = { block = { size = [1.0, 1.0, 1.0], cells = [2, 2, 2] } }\n\
+                material = { young = 1.0, poisson = 0.3 }\neffects = [\"cut\"]\n\
+                control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
+    let scene = Resolved::parse(text, Path::new("cut.toml")).and_then(|scene| scene.requirements("b"));
+    assert!(scene.unwrap_err().to_string().contains("nothing cuts the body"));
+}
