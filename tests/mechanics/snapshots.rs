@@ -19,6 +19,8 @@ fn scene(folder: &Path, model: &ModelEntry, touched: bool) -> Resolved {
         "expected_errors" => true,
         "dynamics" | "sound" => touched || matches!(model.kind, Kind::Background(_)),
         "contact" => !touched,
+        // A body that is cut keeps few others.
+        "cut" => true,
         _ => false,
     };
     let tool = "[tool.table]\nshape = \"floor\"\nposition = [0.0, -0.045, 0.0]\n";

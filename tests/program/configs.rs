@@ -76,6 +76,7 @@ fn scripts() {
         "scripts",
         &[
             "bend.toml",
+            "cut.toml",
             "drop.toml",
             "fork.toml",
             "models.toml",
@@ -93,6 +94,7 @@ fn scripts() {
     let pressed = (0..=400).filter(|&i| script.sample(&stage, f64::from(i) / 100.0).styli[0].pressed).count();
     assert_eq!(pressed, 260, "hundredths of a second from 0.8 s to 3.4 s");
     for (file, duration_s, styli) in [
+        ("cut.toml", 6.5, 0),
         ("drop.toml", 3.0, 0),
         ("fork.toml", 3.0, 0),
         ("press.toml", 5.0, 0),
@@ -278,6 +280,7 @@ fn scenes() {
         &[
             "bar.toml",
             "bear.toml",
+            "cut.toml",
             "drop.toml",
             "fork.toml",
             "ghosts.toml",

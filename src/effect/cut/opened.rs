@@ -36,6 +36,9 @@ use std::sync::Arc;
 /// A pivot of the scaled H - G X below which it holds no digits.
 const SINGULAR: f64 = 1e-11;
 
+/// A cut body is refused whose equations are missed by a larger part than this.
+const INEXACT: f64 = 1e-7;
+
 /// A body that can be cut.
 pub struct Cuttable {
     pub splitter: Splitter,
@@ -81,10 +84,8 @@ pub struct Opened {
     pub split: Split,
     pub surface: NewSurface,
     pub moved: Moved,
-    /// Part of its largest number by which (H - G X) W misses -G U.
-    pub missed: f64,
-    /// Part of its largest number by which S' misses its transpose.
-    pub asymmetry: f64,
+    /// Part of its largest number by which (H - G X) W misses -G U, or by which S' misses its transpose.
+    pub error: f64,
 }
 
 /// The part of U' that the cut has made: -X W.
@@ -155,10 +156,15 @@ impl Cuttable {
         self.whole.as_ref().ok_or_else(String::new)
     }
 
-    /// The body after these cuts, which do not let it fall apart.
+    /// The body after these cuts. The error says why there is none: a piece would fall off, or too little holds the body together.
     pub fn open(&mut self, cut: &CutEdges) -> Result<Opened, String> {
         self.whole()?;
         let split = self.splitter.split(cut, &self.held);
+        if split.falls_apart {
+            return Err(
+                "a piece would fall off that nothing holds; it is not cut any further there".to_owned()
+            );
+        }
         let (rows, h, keys) = self.couplings(&split);
         self.solve_copies(&rows, &keys)?;
         let Some(whole) = &self.whole else { return Err(String::new()) };
@@ -181,10 +187,17 @@ impl Cuttable {
         let (w, missed) = solved(&system, &gu)?;
         let stiffness = &self.stiffness + w.tr_mul(&gu);
         let asymmetry = (&stiffness - stiffness.transpose()).amax() / stiffness.amax();
+        let error = missed.max(asymmetry);
+        if error.is_nan() || error > INEXACT {
+            return Err(format!(
+                "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}; it is not cut any \
+                 further there"
+            ));
+        }
         let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
         let moved = Moved { x: self.known.x.clone(), w };
         let surface = self.surface_of(&split, (whole, &moved), stiffness)?;
-        Ok(Opened { split, surface, moved, missed, asymmetry })
+        Ok(Opened { split, surface, moved, error })
     }
 
     fn geometry(&self, tet: u32) -> Option<Geometry> {

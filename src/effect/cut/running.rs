@@ -37,6 +37,8 @@ struct CutBody {
     moved: Moved,
     /// Shape in the last frame.
     seen: Option<Seen>,
+    /// Copies of nodes in the cut body, and the part by which its equations are missed.
+    outcome: Option<(usize, f64)>,
     /// The file that has the new surface, until the world takes it.
     remade: Option<Arc<GreenFile>>,
 }
@@ -103,6 +105,7 @@ impl CutBody {
             cut: CutEdges::new(),
             moved: Moved::default(),
             seen: None,
+            outcome: None,
             remade: None,
             file: file.clone(),
         })
@@ -143,12 +146,8 @@ impl CutBody {
         if cut.is_empty() {
             (self.moved, self.remade) = (Moved::default(), Some(self.file.clone()));
         } else {
-            if self.cuttable.splitter.split(&cut, &self.cuttable.held).falls_apart {
-                return Err(
-                    "a piece would fall off that nothing holds; it is not cut any further there".to_owned()
-                );
-            }
-            let Opened { surface, moved, .. } = self.cuttable.open(&cut)?;
+            let Opened { surface, moved, error, split } = self.cuttable.open(&cut)?;
+            self.outcome = Some((split.copies.len(), error));
             let file =
                 resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
             (self.moved, self.remade) = (moved, Some(Arc::new(file)));
@@ -207,6 +206,17 @@ impl RunningEffect for Cuts {
             let room_from_shape = pose.to_homogeneous().cast();
             frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
         }
+    }
+
+    fn summary(&mut self) -> String {
+        let of = |body: &CutBody| {
+            let (copies, error) = body.outcome?;
+            let (name, edges) = (&body.name, body.cut.len());
+            Some(format!(
+                "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes; its equations hold to a part of {error:.0e}\n"
+            ))
+        };
+        self.bodies.iter().filter_map(of).collect()
     }
 
     fn memory(&self) -> Option<Memory> {
