@@ -79,6 +79,16 @@ struct Known {
 /// A row of G: blocks of the nodes of the mesh.
 type Row = BTreeMap<u32, Matrix3<f64>>;
 
+/// The copies of a split, and how they hang together with the body.
+struct Couplings {
+    /// G, a row for each copy.
+    rows: Vec<Row>,
+    /// Blocks of H.
+    h: BTreeMap<(usize, usize), Matrix3<f64>>,
+    /// Dependence of X of each copy.
+    keys: Vec<CopyKey>,
+}
+
 /// The cut body.
 pub struct Opened {
     pub split: Split,
@@ -165,7 +175,7 @@ impl Cuttable {
                 "a piece would fall off that nothing holds; it is not cut any further there".to_owned()
             );
         }
-        let (rows, h, keys) = self.couplings(&split);
+        let Couplings { rows, h, keys } = self.couplings(&split);
         self.solve_copies(&rows, &keys)?;
         let Some(whole) = &self.whole else { return Err(String::new()) };
         let mut gu = DMatrix::zeros(3 * rows.len(), whole.columns);
@@ -204,8 +214,7 @@ impl Cuttable {
         geometry(self.splitter.mesh.corners(tet as usize))
     }
 
-    /// G row by row, the blocks of H, and what each copy's X depends on.
-    fn couplings(&self, split: &Split) -> (Vec<Row>, BTreeMap<(usize, usize), Matrix3<f64>>, Vec<CopyKey>) {
+    fn couplings(&self, split: &Split) -> Couplings {
         let mesh = &self.splitter.mesh;
         let copy_of = |node: u32| (node as usize).checked_sub(mesh.nodes.len());
         let mut rows = vec![Row::new(); split.copies.len()];
@@ -226,7 +235,7 @@ impl Cuttable {
                 }
             }
         }
-        (rows, h, keys)
+        Couplings { rows, h, keys }
     }
 
     /// Finds X and G X of the copies of which they are not known, and forgets those of copies that are no more.
