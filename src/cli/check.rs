@@ -16,7 +16,7 @@ use crate::mesh::surface_files::TriangleSurface;
 use crate::prepare;
 use crate::scene::proposal::choice::of_two_ends;
 use crate::scene::survey::State;
-use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError};
+use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError, Tool};
 use crate::session::open;
 use crate::stage::Stage;
 use crate::world::place;
@@ -115,15 +115,19 @@ fn completed(scene: &Scene) -> Scene {
     completed
 }
 
-/// Tools that touch nothing, because no body lists an effect by which they would.
+/// Tools that touch or cut nothing, because no body lists an effect by which they would.
 fn unused_tools(scene: &Scene) -> Vec<Diagnostic> {
-    let effect = name_of(|effect| effect.presses_points);
-    if scene.body.values().any(|body| body.effects.iter().any(|listed| listed == effect)) {
-        return Vec::new();
-    }
-    let message = format!("it touches nothing and is not shown: no body has effects = [\"{effect}\"]");
-    let of = |name: &String| Diagnostic::new(Severity::Warning, format!("tool.{name}"), message.clone());
-    scene.tool.keys().map(of).collect()
+    let is_listed =
+        |effect: &str| scene.body.values().any(|body| body.effects.iter().any(|listed| listed == effect));
+    let of = |(name, tool): (&String, &Tool)| {
+        let (effect, does) = match tool.shape.is_blade() {
+            true => (name_of(|effect| effect.is_cut), "cuts"),
+            false => (name_of(|effect| effect.presses_points), "touches"),
+        };
+        let message = format!("it {does} nothing and is not shown: no body has effects = [\"{effect}\"]");
+        (!is_listed(effect)).then(|| Diagnostic::new(Severity::Warning, format!("tool.{name}"), message))
+    };
+    scene.tool.iter().filter_map(of).collect()
 }
 
 /// A body with its surface, in the mesh's frame.

@@ -98,6 +98,8 @@ pub struct EffectEntry {
     pub needs_inside: bool,
     /// Whether it presses single points of the surface: a body whose scene gives it no `surface_compliance` has it by the factor.
     pub presses_points: bool,
+    /// Whether blades cut the body.
+    pub is_cut: bool,
     /// Whether hands with a force device feel the body.
     pub is_felt: bool,
     /// Whether the body vibrates by it, and whether it makes that heard.
@@ -136,6 +138,7 @@ impl EffectEntry {
         needs_energy: false,
         needs_inside: false,
         presses_points: false,
+        is_cut: false,
         is_felt: false,
         vibrates: false,
         is_heard: false,

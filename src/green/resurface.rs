@@ -1,7 +1,8 @@
-//! A .green file in which a body has another surface and other columns, as after a cut.
+//! A .green file of a body with another surface and other columns, as after a cut.
 //!
-//! In: a file, and what is new of one of its bodies. Out: a file in memory of the same bodies, control elements and storage. Of the
-//! families it keeps the affine columns and the handle stiffness alone: all others belong to the body that it was.
+//! In: a file, and the new surface, columns and stiffness of one of its bodies. Out: a file in memory of this body alone, with the same
+//! control elements and storage. Of the families it has the affine columns and the handle stiffness: all others belong to the body
+//! before.
 
 use super::bytes::Tensor;
 use super::control::FIELDS;
@@ -25,7 +26,7 @@ pub struct NewSurface {
     pub stiffness: DMatrix<f64>,
 }
 
-/// The file with the new parts of the body of this name.
+/// The file of the body of this name with its new parts.
 pub fn resurfaced(base: Arc<GreenFile>, name: &str, new: &NewSurface) -> Result<GreenFile, GreenError> {
     let damaged =
         |reason: String| GreenError::Damaged { path: base.path.clone(), reason: format!("{name}: {reason}") };
@@ -63,6 +64,5 @@ pub fn resurfaced(base: Arc<GreenFile>, name: &str, new: &NewSurface) -> Result<
         control.storage_errors.clone_from(&stored.errors);
         tensors.extend(affine_tensors(&control.name, rest.len(), meta.accuracy.storage, stored));
     }
-    let changed = BTreeMap::from([(name.to_owned(), (own, tensors))]);
-    base.clone().with_bodies(changed)
+    base.clone().with_alone(name, own, tensors)
 }

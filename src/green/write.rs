@@ -106,6 +106,27 @@ impl GreenFile {
             meta.bodies.insert(name.clone(), changed);
             tensors.extend(content.into_iter().map(|(tensor, of)| (format!("{name}/{tensor}"), of)));
         }
+        self.made_of(meta, tensors)
+    }
+
+    /// A file in memory of one body of this one alone, with other tensors.
+    pub(super) fn with_alone(
+        self: Arc<Self>,
+        name: &str,
+        own: BodyMeta,
+        content: BTreeMap<String, Tensor>,
+    ) -> Result<GreenFile, GreenError> {
+        let mut meta = Meta::empty();
+        meta.bodies.insert(name.to_owned(), own);
+        let tensors = content.into_iter().map(|(tensor, of)| (format!("{name}/{tensor}"), of)).collect();
+        self.made_of(meta, tensors)
+    }
+
+    fn made_of(
+        self: Arc<Self>,
+        meta: Meta,
+        tensors: BTreeMap<String, Tensor>,
+    ) -> Result<GreenFile, GreenError> {
         let damaged = |reason: String| GreenError::Damaged { path: self.path.clone(), reason };
         let bytes = sealed(meta, &tensors).map_err(|error| damaged(error.to_string()))?;
         drop(tensors);

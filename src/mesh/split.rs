@@ -5,12 +5,12 @@
 //!
 //! A tetrahedron is divided where its four nodes, joined by the edges that are not cut, fall apart: a corner with three cut edges, or two
 //! pairs with four. Each piece moves with four nodes, the tetrahedron's own on its side and copies of those beyond the cut. Pieces of
-//! neighbours share their nodes where they meet on the common face, so that the copies at the end of a cut are the nodes themselves and it
-//! closes there (P. Hansbo and A. Hansbo, Computer Methods in Applied Mechanics and Engineering 193, 2004, 3523-3540; N. Molino, Z. Bao and
+//! neighbours share their nodes where they meet on the common face, so that there are no copies at the end of a cut, and it closes there (P. Hansbo and A. Hansbo, Computer Methods in Applied Mechanics and Engineering 193, 2004, 3523-3540; N. Molino, Z. Bao and
 //! R. Fedkiw, ACM Transactions on Graphics 23, 2004, 385-392). No tetrahedron is made smaller, so that none becomes a sliver.
 
 use super::surface::sorted_faces;
 use super::tet_mesh::{FACES, TetMesh};
+use crate::base::disjoint::DisjointSets;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -108,12 +108,13 @@ impl Splitter {
         group
     }
 
-    /// Whether a tetrahedron would fall into four pieces, between which something would be left that belongs to none.
+    /// Whether a tetrahedron would fall into four pieces: its four corners, without what lies between them.
     pub fn shatters(&self, tet: u32, cut: &CutEdges) -> bool {
         self.groups(tet, cut) == [0, 1, 2, 3]
     }
 
-    /// The mesh after these cuts. Nodes that are `held` have no copies: what holds them holds both sides.
+    /// The mesh after these cuts. A piece with `held` nodes of its own goes
+    /// with the held nodes beyond the cut, too: what holds them holds both sides.
     pub fn split(&self, cut: &CutEdges, held: &[bool]) -> Split {
         let mut pieces = Vec::new();
         let mut first: BTreeMap<u32, usize> = BTreeMap::new();
@@ -168,7 +169,6 @@ impl Splitter {
         let mut affected: Vec<u32> = pieces.iter().flat_map(|piece| piece.nodes).collect();
         affected.sort_unstable();
         affected.dedup();
-        affected.retain(|node| !held[*node as usize]);
         let mut copies = Vec::new();
         for node in affected {
             // The pieces around the node; a whole tetrahedron is one.
@@ -179,7 +179,7 @@ impl Splitter {
                     Some(own) => members.extend(own.map(|piece| (*tet, Some(piece)))),
                 }
             }
-            let mut joined: Vec<usize> = (0..members.len()).collect();
+            let mut joined = DisjointSets::new(members.len());
             for (i, (tet, piece)) in members.iter().enumerate() {
                 for (face, corners) in FACES.iter().enumerate() {
                     let nodes = corners.map(|corner| self.mesh.tets[*tet as usize][corner]);
@@ -199,22 +199,25 @@ impl Splitter {
                             own && self.mesh.tets[tet as usize].contains(&node)
                         };
                         if nodes.iter().any(|n| has(*tet, piece, *n) && has(other, other_piece, *n)) {
-                            join(&mut joined, i, j);
+                            joined.join(i as u32, j as u32);
                         }
                     }
                 }
             }
-            let mut roots: BTreeMap<usize, u32> = BTreeMap::new();
-            // What has the node itself keeps it.
+            let mut roots: BTreeMap<u32, u32> = BTreeMap::new();
+            // What has the node itself keeps it; so does what the same hand holds beyond the cut.
             for (i, (tet, piece)) in members.iter().enumerate() {
-                let at = self.mesh.tets[*tet as usize].iter().position(|n| *n == node);
-                if piece.is_none_or(|piece| at.is_some_and(|at| pieces[piece].own[at])) {
-                    roots.insert(root(&joined, i), node);
+                let nodes = self.mesh.tets[*tet as usize];
+                let own = |k: usize| piece.is_none_or(|piece| pieces[piece].own[k]);
+                let is_held = |k: usize| own(k) && held[nodes[k] as usize];
+                let has_it = (0..4).any(|k| nodes[k] == node && own(k));
+                if has_it || (held[node as usize] && (0..4).any(is_held)) {
+                    roots.insert(joined.root(i as u32), node);
                 }
             }
             for (i, (tet, piece)) in members.iter().enumerate() {
                 let Some(piece) = piece else { continue };
-                let number = *roots.entry(root(&joined, i)).or_insert_with(|| {
+                let number = *roots.entry(joined.root(i as u32)).or_insert_with(|| {
                     copies.push(node);
                     (self.mesh.nodes.len() + copies.len() - 1) as u32
                 });
@@ -229,22 +232,21 @@ impl Splitter {
     /// Whether some piece hangs together with no held node.
     fn falls_apart(&self, split: &Split, first: &BTreeMap<u32, usize>, held: &[bool]) -> bool {
         let count = self.mesh.nodes.len() + split.copies.len();
-        let mut joined: Vec<usize> = (0..count).collect();
+        let mut joined = DisjointSets::new(count);
         let whole = (0..).zip(&self.mesh.tets).filter(|(tet, _)| !first.contains_key(tet));
         let all = whole.map(|(_, tet)| tet).chain(split.pieces.iter().map(|piece| &piece.nodes));
         let mut used = vec![false; count];
         for nodes in all {
-            used[nodes[0] as usize] = true;
-            nodes[1..].iter().for_each(|node| {
+            for node in nodes {
                 used[*node as usize] = true;
-                join(&mut joined, nodes[0] as usize, *node as usize);
-            });
+                joined.join(nodes[0], *node);
+            }
         }
         let mut is_held = vec![false; count];
-        (0..self.mesh.nodes.len()).filter(|node| held[*node]).for_each(|node| {
-            is_held[root(&joined, node)] = true;
-        });
-        (0..count).any(|node| used[node] && !is_held[root(&joined, node)])
+        for node in (0..self.mesh.nodes.len()).filter(|node| held[*node]) {
+            is_held[joined.root(node as u32) as usize] = true;
+        }
+        (0..count).any(|node| used[node] && !is_held[joined.root(node as u32) as usize])
     }
 
     /// Adds the outer surface and the cuts.
@@ -254,7 +256,16 @@ impl Splitter {
         let mut triangles = Vec::new();
         for (tet, nodes) in (0..).zip(&self.mesh.tets) {
             for (face, corners) in FACES.iter().enumerate() {
-                if self.neighbours[tet as usize][face].is_some() {
+                if let Some(other) = self.neighbours[tet as usize][face] {
+                    let own = self.middle(tet, *corners, (&split.pieces, first), cut, &mut points);
+                    let of_other = own.and_then(|_| {
+                        let place = |k: usize| {
+                            self.mesh.tets[other as usize].iter().position(|n| *n == nodes[corners[k]])
+                        };
+                        let there = [place(0)?, place(1)?, place(2)?];
+                        self.middle(other, there, (&split.pieces, first), cut, &mut points)
+                    });
+                    triangles.extend(own.filter(|own| of_other.is_some_and(|other| other != *own)));
                     continue;
                 }
                 match pieces_of(tet, first, &split.pieces) {
@@ -299,6 +310,33 @@ impl Splitter {
             }
         }
         if face.iter().any(|corner| piece.own[*corner]) { polygon } else { Vec::new() }
+    }
+
+    /// The triangle between the cuts of all three edges of a face, with the points of the piece to which it belongs; `None` where an edge is
+    /// whole, or the tetrahedron.
+    fn middle(
+        &self,
+        tet: u32,
+        face: [usize; 3],
+        (pieces, first): (&[Piece], &BTreeMap<u32, usize>),
+        cut: &CutEdges,
+        points: &mut Points,
+    ) -> Option<[u32; 3]> {
+        let own = pieces_of(tet, first, pieces)?;
+        let nodes = self.mesh.tets[tet as usize];
+        let sides = [[0, 1], [1, 2], [2, 0]].map(|side| side.map(|k| face[k]));
+        if sides.iter().any(|[a, b]| !cut.contains_key(&edge([nodes[*a], nodes[*b]]))) {
+            return None;
+        }
+        // It belongs to what is left when the corners are cut off.
+        let group = self.groups(tet, cut);
+        let rest = (0..3).find(|k| {
+            !is_single(&group, face[*k]) || (0..3).any(|o| o != *k && group[face[o]] == group[face[*k]])
+        });
+        let piece = pieces[own].iter().find(|piece| piece.own[face[rest.unwrap_or(0)]])?;
+        Some(
+            sides.map(|[a, b]| points.at([piece.nodes[a], piece.nodes[b]], share(cut, [nodes[a], nodes[b]]))),
+        )
     }
 
     /// Whether a piece is what two cut-off corners leave of a tetrahedron.
@@ -373,8 +411,8 @@ fn pairs(group: &[usize; 4]) -> Option<[usize; 4]> {
     (group[*c] == group[*d]).then(|| seen_from_outside([*a, *b, *c, *d]))
 }
 
-/// The corners of a tetrahedron in an order in which the last three are seen counter-clockwise from outside; where that takes a swap, of
-/// the last two.
+/// The corners of a tetrahedron in this order, or with the last two swapped, so that the last three are seen counter-clockwise from
+/// outside.
 fn seen_from_outside(order: [usize; 4]) -> [usize; 4] {
     let swaps = PAIRS.iter().filter(|(i, j)| order[*i] > order[*j]).count();
     let [a, b, c, d] = order;
@@ -408,24 +446,13 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     [a, c, b]
 }
 
-fn root(joined: &[usize], mut at: usize) -> usize {
-    while joined[at] != at {
-        at = joined[at];
-    }
-    at
-}
-
-fn join(joined: &mut [usize], a: usize, b: usize) {
-    let (a, b) = (root(joined, a), root(joined, b));
-    let (low, high) = (a.min(b), a.max(b));
-    joined[high] = low;
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::random::Random;
     use crate::mesh::{Block, block};
+
+    type V3 = Vector3<f64>;
 
     fn a_block() -> Arc<TetMesh> {
         Arc::new(block(&Block { size: [0.3, 0.2, 0.1], cells: [6, 4, 3] }).unwrap())
@@ -577,6 +604,52 @@ mod tests {
         }
     }
 
+    /// Cuts that cross within the block, where some faces have three cut edges: the surface is closed, edge by edge, also where pieces
+    /// move apart.
+    #[test]
+    fn crossing_cuts_leave_no_holes() {
+        let mesh = a_block();
+        let splitter = Splitter::new(mesh.clone());
+        let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
+        let middle = (low + high) * 0.5;
+        let held = holding(&mesh, &|x| x.x < low.x + 1e-9);
+        let mut cut = CutEdges::new();
+        for (n, d) in [
+            (V3::new(1.0, 0.1, 0.3), 0.004),
+            (V3::new(0.2, 1.0, 0.1), 0.003),
+            (V3::new(0.1, 0.2, 1.0), 0.002),
+        ] {
+            for (edge, share) in by_plane(&mesh, n, n.dot(&middle) + d, &|_| true) {
+                if cut.contains_key(&edge) {
+                    continue;
+                }
+                cut.insert(edge, share);
+                if splitter.tets_around(edge[0]).iter().any(|tet| splitter.shatters(*tet, &cut)) {
+                    cut.remove(&edge);
+                }
+            }
+        }
+        let split = splitter.split(&cut, &held);
+        // An edge that only one neighbour has cut: its point stays on the line between both ends.
+        let on = |[a, b]: [u32; 2]| {
+            let at = split.points.iter().position(|point| point.nodes == edge([a, b]));
+            at.map(|at| (mesh.nodes.len() + at) as u32)
+        };
+        let mut edges = std::collections::BTreeSet::new();
+        for [a, b, c] in &split.triangles {
+            for [from, to] in [[*a, *b], [*b, *c], [*c, *a]] {
+                let way = match on([from, to]) {
+                    Some(point) => vec![[from, point], [point, to]],
+                    None => vec![[from, to]],
+                };
+                edges.extend(way);
+            }
+        }
+        let single = edges.iter().filter(|[a, b]| !edges.contains(&[*b, *a])).count();
+        println!("{} edges, {single} without the other side", edges.len());
+        assert!(single == 0, "{single} of {}", edges.len());
+    }
+
     /// A slit that ends inside: copies at its mouth, none at its end.
     #[test]
     fn a_slit_closes_at_its_end() {
@@ -593,5 +666,9 @@ mod tests {
         assert!(lowest > high.y - 0.11 - 1e-9, "{lowest}");
         let all_held = vec![true; mesh.nodes.len()];
         assert!(splitter.split(&deep, &all_held).copies.is_empty());
+        // A cut beside what is held leaves nothing of the other side there.
+        let beside = by_plane(&mesh, n, low.x + 0.02, &|_| true);
+        let at_end = holding(&mesh, &|x| x.x < low.x + 1e-9);
+        assert!(splitter.split(&beside, &at_end).falls_apart);
     }
 }

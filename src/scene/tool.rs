@@ -1,4 +1,4 @@
-//! Tools: rigid things that touch bodies, on a stylus or at a place in the room.
+//! Tools: rigid things that touch or cut bodies, on a stylus or at a place in the room.
 
 use super::look::Color;
 use crate::mesh::length_unit::LengthUnit;
@@ -110,6 +110,12 @@ impl Tool {
         }
         if let Some(number) = self.position.iter().chain(&self.rotation).find(|number| !number.is_finite()) {
             return Err(("position", format!("it and the turn must be finite, and {number} is not")));
+        }
+        if self.shape.is_blade() && self.stiffness.is_some() {
+            return Err((
+                "stiffness",
+                "a blade feels no force by which a spring would yield: leave it out".to_owned(),
+            ));
         }
         match self.stiffness.filter(|k| !(k.is_finite() && *k > 0.0)) {
             Some(stiffness) => Err(("stiffness", format!("{stiffness} N/m: a positive number is needed"))),

@@ -94,7 +94,7 @@ pub struct Reached {
 impl Reached {
     /// Whether more is missed than one could overlook.
     pub fn is_far(&self) -> bool {
-        self.missed > FAR * self.largest
+        !self.is_solved && self.missed > FAR * self.largest
     }
 }
 
@@ -115,7 +115,7 @@ impl Cone<'_> {
         d
     }
 
-    /// Improves `f` until the conditions hold: first of the contacts that a few sweeps have pressed, then of all.
+    /// Improves `f` until the conditions hold. After a few sweeps over all contacts those that are pressed then are solved by themselves.
     pub fn solve(&self, f: &mut DVector<f64>) -> Reached {
         self.solve_within(f, 0.0)
     }

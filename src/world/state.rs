@@ -74,13 +74,6 @@ impl World {
             return Err(format!("it has {} styli, at most {MOST_STYLI} are followed", state.styli));
         }
         state.edit.suits(self.bodies.len(), self.fields.targets.len())?;
-        let is_of = |end: &SurfacePoint| {
-            let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
-            end.corners.iter().all(|corner| (*corner as usize) < nodes)
-        };
-        if !state.edit.ruler.ends.iter().all(is_of) {
-            return Err("its ruler lies on a surface that is not there".into());
-        }
         self.have_styli(state.styli);
         self.graph.set_states(&state.fields, 1).map_err(|error| error.to_string())?;
         for (body, memory) in self.bodies.iter_mut().zip(&state.bodies) {
@@ -96,6 +89,13 @@ impl World {
         let mut effects = std::mem::take(&mut self.effects);
         self.remake(&mut effects);
         self.effects = effects;
+        let is_of = |end: &SurfacePoint| {
+            let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
+            end.corners.iter().all(|corner| (*corner as usize) < nodes)
+        };
+        if !state.edit.ruler.ends.iter().all(is_of) {
+            return Err("its ruler lies on a surface that is not there".into());
+        }
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.clock_s = state.clock_s;
         self.edit = state.edit.clone();

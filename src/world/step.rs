@@ -196,6 +196,15 @@ impl World {
     pub(super) fn remake(&mut self, effects: &mut [Box<dyn RunningEffect>]) {
         for (b, file) in effects.iter_mut().flat_map(|effect| effect.remade()) {
             self.bodies[b].remake(file);
+            let ends = &mut self.edit.ruler.ends;
+            let before = ends.len();
+            ends.retain(|end| end.body != b);
+            if ends.len() < before {
+                let name = &self.bodies[b].deformer.body;
+                self.warn(format!(
+                    "body.{name}: the ruler is taken away, since the surface is another one now"
+                ));
+            }
         }
     }
 

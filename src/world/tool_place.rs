@@ -42,6 +42,17 @@ impl ToolPlace {
         world.graph.get(fields.stylus).as_ref()
     }
 
+    /// Warning that the stylus of the tool of this name has not been seen in so many seconds; `None` of a tool that stands in the room.
+    pub fn unseen(&self, name: &str, seconds: f64, world: &World) -> Option<String> {
+        let stylus = self.stylus? + 1;
+        let there = match world.fields.styli.len() {
+            0 => "there are no styli".to_owned(),
+            1 => "the only stylus is 1".to_owned(),
+            count => format!("there are styli 1 to {count}"),
+        };
+        Some(format!("tool.{name}: stylus {stylus} has not been seen in {seconds} s; {there}"))
+    }
+
     /// Takes away the pen and the ray of the stylus that carries it: the hand holds the tool instead. One that is pressed keeps its ray.
     pub fn hide_pen(&self, world: &World, frame: &mut Frame) {
         let carrier =

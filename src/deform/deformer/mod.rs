@@ -449,6 +449,8 @@ impl Deformer {
         other.find_creases();
         other.be_patient(self.patience);
         other.restore(&self.snapshot())?;
+        // The energy is that of the other body.
+        other.respond();
         (other.topology, other.version) = (self.topology + 1, self.version + 1);
         other.homecomings = self.homecomings;
         Ok(other)

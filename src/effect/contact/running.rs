@@ -409,15 +409,7 @@ impl Contacts {
         let is_late = now_s - *self.first_s.get_or_insert(now_s) > SEEN_S;
         let placed = self.tools.iter().zip(&self.motion.tools);
         let tools = placed.filter(|(_, placed)| is_late && placed.pose.is_none());
-        let warning = |(tool, _): (&Tool, &Placed)| {
-            let (name, stylus) = (&tool.name, tool.place.stylus? + 1);
-            let there = match world.fields.styli.len() {
-                0 => "there are no styli".to_owned(),
-                1 => "the only stylus is 1".to_owned(),
-                count => format!("there are styli 1 to {count}"),
-            };
-            Some(format!("tool.{name}: stylus {stylus} has not been seen in {SEEN_S} s; {there}"))
-        };
+        let warning = |(tool, _): (&Tool, &Placed)| tool.place.unseen(&tool.name, SEEN_S, world);
         tools.filter_map(warning).collect()
     }
 

@@ -87,6 +87,10 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         let known = scene.tool.keys().map(String::as_str);
         return wrong("effect.contact.tools", config::unknown_name("tool", unknown, known));
     }
+    let is_blade = |tool: &&String| scene.tool.get(*tool).is_some_and(|tool| tool.shape.is_blade());
+    if let Some(blade) = settings.tools.iter().flatten().find(is_blade) {
+        return wrong("effect.contact.tools", format!("tool.{blade} is a blade, which touches nothing"));
+    }
     let lists = |other: &String| settings.bodies.as_ref().is_none_or(|bodies| bodies.contains(other));
     let touches = |(name, tool): (&String, &Tool)| !tool.shape.is_blade() && settings.touches(name);
     let by_tools = scene.tool.iter().any(touches);

@@ -9,12 +9,13 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-/// A cut stays off the nodes by this part of an edge.
+/// Least distance of a cut from a node, as a part of the edge.
 const OFF_NODES: f64 = 0.02;
 /// Thickness with which a blade is drawn, against its width.
 const THICKNESS: f64 = 0.06;
 
 pub struct Blade {
+    pub name: String,
     pub place: ToolPlace,
     pub drawn: Arc<GhostShape>,
     /// Linear RGB.
@@ -24,10 +25,11 @@ pub struct Blade {
 
 impl Blade {
     /// `None` for a tool that is no blade.
-    pub fn new(tool: &Tool) -> Option<Blade> {
+    pub fn new(name: &str, tool: &Tool) -> Option<Blade> {
         let ToolShape::Blade { length, width } = tool.shape else { return None };
         let linear = |byte: u8| (f32::from(byte) / 255.0).powf(2.2);
         Some(Blade {
+            name: name.to_owned(),
             place: ToolPlace::new(tool),
             drawn: Arc::new(wedge(length, width)),
             color: tool.color.0.map(linear),
@@ -76,12 +78,22 @@ pub struct Sweep {
 }
 
 impl Sweep {
+    /// Corners of a box about it.
+    pub fn low_and_high(&self) -> [V3; 2] {
+        let all = self.from.iter().chain(&self.to);
+        let start = [self.from[0]; 2];
+        all.fold(start, |[low, high], x| [low.inf(x), high.sup(x)])
+    }
+
+    pub fn is_still(&self) -> bool {
+        self.from == self.to
+    }
+
     /// The edges that it passes through, and where. Nodes have moved from `before` to `now` meanwhile: each edge is looked at from where
     /// its middle is.
     pub fn crossed(&self, edges: &[[u32; 2]], (before, now): (&[V3], &[V3])) -> Vec<([u32; 2], f64)> {
         let reach = before.iter().zip(now).map(|(x, y)| (y - x).norm()).fold(0.0, f64::max);
-        let all = [self.from[0], self.from[1], self.to[0], self.to[1]];
-        let (low, high) = all[1..].iter().fold((all[0], all[0]), |(low, high), x| (low.inf(x), high.sup(x)));
+        let [low, high] = self.low_and_high();
         let (low, high) = (low - V3::repeat(reach), high + V3::repeat(reach));
         let mut found = Vec::new();
         for [a, b] in edges {

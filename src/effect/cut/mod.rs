@@ -3,8 +3,7 @@
 //! In: blades of the scene, on styli or in the room, and the mesh of each body that lists the effect. Out: its surface with the cut in it,
 //! and its columns, which are those of the cut body. A blade's edge cuts the edges of the mesh that it passes ([`blade`]); tetrahedra fall
 //! into pieces with copies of the nodes beyond the cut ([`crate::mesh::split`]); how these move apart is found by the factor of the whole
-//! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others: its frames cost what
-//! they did.
+//! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others.
 
 mod blade;
 #[cfg(test)]
@@ -24,6 +23,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     summary: "blades cut the body open where they pass through it, and it yields as a cut body does",
     requirements: &[STIFFNESS, VOLUME],
     needs_inside: true,
+    is_cut: true,
     suits: Some(settings::suits),
     attach: Some(running::attach),
     ..EffectEntry::NOTHING

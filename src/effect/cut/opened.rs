@@ -19,6 +19,7 @@
 //! are kept. G X is f64; X, of which only what is shown follows, is f32.
 
 use super::solves::Solves;
+use crate::base::machine;
 use crate::fem::tet4::{Geometry, geometry, stiffness_block};
 use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, Volume};
@@ -36,6 +37,9 @@ use std::sync::Arc;
 /// A pivot of the scaled H - G X below which it holds no digits.
 const SINGULAR: f64 = 1e-11;
 
+/// The message where the columns of the whole body are asked for before they were solved.
+const UNKNOWN: &str = "the columns of the whole body are not known yet";
+
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
 
@@ -44,8 +48,9 @@ pub struct Cuttable {
     pub splitter: Splitter,
     lame: Vec<Lame>,
     pub held: Vec<bool>,
-    /// Node of the mesh of each node of the surface, and the other way round.
+    /// Node of the mesh of each node of the surface.
     surface: Vec<u32>,
+    /// Node of the surface of each node of the mesh.
     surface_of: Vec<Option<u32>>,
     /// Mesh coordinates of the origin of the .green file's lengths, m.
     centre: Vector3<f64>,
@@ -68,7 +73,7 @@ type CopyKey = (u32, Vec<(u32, u64)>);
 /// What is known of the copies of the last cut.
 #[derive(Default)]
 struct Known {
-    /// Places of the copies, by what they depend on.
+    /// Number of each copy among `x` and in `gx`.
     places: BTreeMap<CopyKey, usize>,
     /// X of each, 3 free nodes × 3.
     x: Vec<Arc<DMatrix<f32>>>,
@@ -163,7 +168,7 @@ impl Cuttable {
             self.partition.insert_free(&free, &mut fields);
             self.whole = Some(fields);
         }
-        self.whole.as_ref().ok_or_else(String::new)
+        self.whole.as_ref().ok_or_else(|| UNKNOWN.to_owned())
     }
 
     /// The body after these cuts. The error says why there is none: a piece would fall off, or too little holds the body together.
@@ -171,13 +176,11 @@ impl Cuttable {
         self.whole()?;
         let split = self.splitter.split(cut, &self.held);
         if split.falls_apart {
-            return Err(
-                "a piece would fall off that nothing holds; it is not cut any further there".to_owned()
-            );
+            return Err("a piece would fall off that no control element holds".to_owned());
         }
         let Couplings { rows, h, keys } = self.couplings(&split);
-        self.solve_copies(&rows, &keys)?;
-        let Some(whole) = &self.whole else { return Err(String::new()) };
+        let known = self.solve_copies(&rows, keys)?;
+        let Some(whole) = &self.whole else { return Err(UNKNOWN.to_owned()) };
         let mut gu = DMatrix::zeros(3 * rows.len(), whole.columns);
         for (i, row) in rows.iter().enumerate() {
             for (node, block) in row {
@@ -189,7 +192,7 @@ impl Cuttable {
                 }
             }
         }
-        let mut system = -&self.known.gx;
+        let mut system = -&known.gx;
         for ((i, j), block) in &h {
             let mut own = system.fixed_view_mut::<3, 3>(3 * i, 3 * j);
             own += block;
@@ -200,13 +203,13 @@ impl Cuttable {
         let error = missed.max(asymmetry);
         if error.is_nan() || error > INEXACT {
             return Err(format!(
-                "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}; it is not cut any \
-                 further there"
+                "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}"
             ));
         }
         let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
-        let moved = Moved { x: self.known.x.clone(), w };
+        let moved = Moved { x: known.x.clone(), w };
         let surface = self.surface_of(&split, (whole, &moved), stiffness)?;
+        self.known = known;
         Ok(Opened { split, surface, moved, error })
     }
 
@@ -238,10 +241,27 @@ impl Cuttable {
         Couplings { rows, h, keys }
     }
 
-    /// Finds X and G X of the copies of which they are not known, and forgets those of copies that are no more.
-    fn solve_copies(&mut self, rows: &[Row], keys: &[CopyKey]) -> Result<(), String> {
+    /// Takes one more step on the way to a cut, without its surface: the copies are known then as if the body had been opened there.
+    pub fn follow(&mut self, cut: &CutEdges) -> Result<(), String> {
+        let split = self.splitter.split(cut, &self.held);
+        let Couplings { rows, keys, .. } = self.couplings(&split);
+        self.known = self.solve_copies(&rows, keys)?;
+        Ok(())
+    }
+
+    /// Forgets all copies.
+    pub fn close(&mut self) {
+        self.known = Known::default();
+    }
+
+    /// X and G X of these copies, solved where they are not known.
+    fn solve_copies(&self, rows: &[Row], keys: Vec<CopyKey>) -> Result<Known, String> {
         let before: Vec<Option<usize>> = keys.iter().map(|key| self.known.places.get(key).copied()).collect();
         let missing: Vec<usize> = (0..keys.len()).filter(|i| before[*i].is_none()).collect();
+        let (free, copies) = (self.partition.free.len() as f64, keys.len() as f64);
+        let need = 72.0 * free * copies + 144.0 * missing.len() as f64 * free + 216.0 * copies * copies;
+        let of = format!("A cut with {copies} copies of nodes");
+        machine::fits(of, need, 0.0).map_err(|error| error.to_string())?;
         let mut b = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
         for (k, i) in missing.iter().enumerate() {
             for (free, block) in self.free_blocks(&rows[*i]) {
@@ -280,9 +300,8 @@ impl Cuttable {
             let own = DMatrix::from_fn(3 * x.nodes, 3, |row, other| x.row(row)[3 * k + other] as f32);
             columns[*i] = Some(Arc::new(own));
         }
-        let places = keys.iter().cloned().zip(0..).collect();
-        self.known = Known { places, x: columns.into_iter().flatten().collect(), gx };
-        Ok(())
+        let places = keys.into_iter().zip(0..).collect();
+        Ok(Known { places, x: columns.into_iter().flatten().collect(), gx })
     }
 
     /// The blocks of a row of G at free nodes.
@@ -399,7 +418,9 @@ fn solved(system: &DMatrix<f64>, gu: &DMatrix<f64>) -> Result<(DMatrix<f64>, f64
     if system.is_empty() {
         return Ok((gu.clone(), 0.0));
     }
-    let loose = || "the cut body holds together too little to be solved for".to_owned();
+    let loose = || {
+        "a part of the body would hang on a single node or edge, about which it could turn freely".to_owned()
+    };
     let n = system.nrows();
     let scale = system.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = Mat::from_fn(n, n, |i, j| 0.5 * (system[(i, j)] + system[(j, i)]) * scale[i] * scale[j]);

@@ -11,12 +11,19 @@ use crate::mesh::split::CutEdges;
 use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
-use crate::world::{Frame, RunningEffect, World};
+use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
+
+/// A blade farther from the middle of a body than so many of its radii is not near it.
+const FAR: f64 = 4.0;
+/// Part of a body's extent by which a blade beside it counts as near: it may move so far in a frame.
+const BESIDE: f64 = 0.25;
+/// Time since the first frame within which a blade's stylus should be seen, s.
+const SEEN_S: f64 = 2.0;
 
 struct Cuts {
     blades: Vec<Blade>,
@@ -24,7 +31,12 @@ struct Cuts {
     /// Pose of each blade in the last frame.
     last: Vec<Option<Isometry3<f64>>>,
     warnings: Vec<String>,
+    /// Time of the first frame, s.
+    first_s: Option<f64>,
 }
+
+/// Edges that were cut in one frame, and where.
+type CutStep = Vec<([u32; 2], f64)>;
 
 struct CutBody {
     b: usize,
@@ -33,6 +45,8 @@ struct CutBody {
     cuttable: Cuttable,
     edges: Vec<[u32; 2]>,
     cut: CutEdges,
+    /// The same in the steps in which it was made, on which the last bits of the columns depend.
+    steps: Vec<CutStep>,
     /// How the cut has changed the columns at all nodes.
     moved: Moved,
     /// Shape in the last frame.
@@ -69,8 +83,7 @@ struct Posed(#[serde(with = "crate::field::numbers::option")] Option<Isometry3<f
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BodyMemory {
-    /// Edges that are cut, and where.
-    cut: Vec<([u32; 2], f64)>,
+    steps: Vec<CutStep>,
     seen: Option<Seen>,
 }
 
@@ -78,7 +91,8 @@ pub fn attach(
     listed: &EffectInput<'_>,
     world: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
-    let blades: Vec<Blade> = listed.scene.tool.values().filter_map(Blade::new).collect();
+    let blades: Vec<Blade> =
+        listed.scene.tool.iter().filter_map(|(name, tool)| Blade::new(name, tool)).collect();
     let mut bodies = Vec::new();
     for &(b, name) in &listed.bodies {
         let file = world.bodies[b].deformer.file().clone();
@@ -86,7 +100,7 @@ pub fn attach(
         bodies.push(CutBody::new(b, name, file).map_err(wrong)?);
     }
     let last = vec![None; blades.len()];
-    Ok(Some(Box::new(Cuts { blades, bodies, last, warnings: Vec::new() })))
+    Ok(Some(Box::new(Cuts { blades, bodies, last, warnings: Vec::new(), first_s: None })))
 }
 
 impl CutBody {
@@ -103,6 +117,7 @@ impl CutBody {
             edges: cuttable.edges(),
             cuttable,
             cut: CutEdges::new(),
+            steps: Vec::new(),
             moved: Moved::default(),
             seen: None,
             outcome: None,
@@ -120,41 +135,92 @@ impl CutBody {
     /// Cuts what blades have passed through since the last frame. The error says why that could not be done; the body is then as it was.
     fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<(), String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
-        if sweeps.is_empty() {
+        if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
             return Ok(());
         }
         let to = self.places(&now)?;
         let from = if before == now { to.clone() } else { self.places(&before)? };
-        let mut cut = self.cut.clone();
+        let (mut cut, mut step) = (self.cut.clone(), CutStep::new());
         for sweep in sweeps {
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
-                if cut.contains_key(&edge) {
-                    continue;
-                }
-                cut.insert(edge, share);
-                let around = self.cuttable.splitter.tets_around(edge[0]);
-                if around.iter().any(|tet| self.cuttable.splitter.shatters(*tet, &cut)) {
-                    cut.remove(&edge);
+                if self.add(edge, share, &mut cut) {
+                    step.push((edge, share));
                 }
             }
         }
-        if cut == self.cut { Ok(()) } else { self.set(cut) }
+        if step.is_empty() { Ok(()) } else { self.go_on(cut, step) }
     }
 
-    /// Makes the body one with these cuts.
-    fn set(&mut self, cut: CutEdges) -> Result<(), String> {
-        if cut.is_empty() {
-            (self.moved, self.remade) = (Moved::default(), Some(self.file.clone()));
-        } else {
-            let Opened { surface, moved, error, split } = self.cuttable.open(&cut)?;
-            self.outcome = Some((split.copies.len(), error));
-            let file =
-                resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
-            (self.moved, self.remade) = (moved, Some(Arc::new(file)));
+    /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
+    fn add(&self, edge: [u32; 2], share: f64, cut: &mut CutEdges) -> bool {
+        if cut.contains_key(&edge) {
+            return false;
         }
+        cut.insert(edge, share);
+        let splitter = &self.cuttable.splitter;
+        let shatters = splitter.tets_around(edge[0]).iter().any(|tet| splitter.shatters(*tet, cut));
+        if shatters {
+            cut.remove(&edge);
+        }
+        !shatters
+    }
+
+    /// Goes on to this cut by one step.
+    fn go_on(&mut self, cut: CutEdges, step: CutStep) -> Result<(), String> {
+        let Opened { surface, moved, error, split } = self.cuttable.open(&cut)?;
+        let file = resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
+        (self.moved, self.remade) = (moved, Some(Arc::new(file)));
+        self.outcome = Some((split.copies.len(), error));
         self.cut = cut;
+        self.steps.push(step);
         Ok(())
     }
+
+    /// Goes on from the cut that these steps have made.
+    fn restore(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
+        if steps == self.steps {
+            return Ok(());
+        }
+        self.cuttable.close();
+        (self.steps, self.moved, self.outcome) = (Vec::new(), Moved::default(), None);
+        (self.cut, self.remade) = (CutEdges::new(), Some(self.file.clone()));
+        let last = steps.len().saturating_sub(1);
+        let mut cut = CutEdges::new();
+        for (number, step) in steps.into_iter().enumerate() {
+            for (edge, share) in &step {
+                let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
+                if !is_edge || !self.add(*edge, *share, &mut cut) {
+                    return Err(format!("body.{}: its cut is that of another body", self.name));
+                }
+            }
+            if number == last {
+                return self.go_on(cut, step);
+            }
+            self.cuttable.follow(&cut)?;
+            self.steps.push(step);
+        }
+        Ok(())
+    }
+}
+
+/// Whether the edge of a blade comes near the body as it is shown.
+fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
+    let (centre, radius) = body.assets.ball;
+    let place = body.room_from_body;
+    let (middle, far) = ((place * centre).coords, FAR * radius * place.scaling());
+    let reach = sweep.low_and_high();
+    let apart = |k: usize| reach[0][k] > middle[k] + far || reach[1][k] < middle[k] - far;
+    if (0..3).any(apart) {
+        return false;
+    }
+    let room_from_surface = body.room_from_surface();
+    let places = body.deformer.positions();
+    let places = places.iter().map(|x| (room_from_surface * Point3::from(V3::from(x.map(f64::from)))).coords);
+    let Some((low, high)) = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+        return false;
+    };
+    let more = (high - low) * BESIDE;
+    (0..3).all(|k| reach[0][k] <= high[k] + more[k] && reach[1][k] >= low[k] - more[k])
 }
 
 impl RunningEffect for Cuts {
@@ -182,13 +248,15 @@ impl RunningEffect for Cuts {
         self.last = poses;
         for body in &mut self.bodies {
             let placed = &world.bodies[body.b];
+            let near: Vec<Sweep> = sweeps.iter().copied().filter(|sweep| is_near(sweep, placed)).collect();
             let state = &placed.deformer.state;
             let now = Seen {
                 coefficients: state.coefficients.clone(),
                 room_from_columns: placed.room_from_body * state.body_from_surface(),
             };
-            if let Err(message) = body.pass(&sweeps, now) {
-                self.warnings.push(format!("body.{}: {message}", body.name));
+            if let Err(message) = body.pass(&near, now) {
+                let name = &body.name;
+                self.warnings.push(format!("body.{name}: what a blade passes here stays uncut: {message}"));
             }
         }
     }
@@ -199,6 +267,13 @@ impl RunningEffect for Cuts {
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
         frame.warnings.append(&mut self.warnings);
+        let now_s = *world.graph.get(world.fields.time);
+        if now_s - *self.first_s.get_or_insert(now_s) > SEEN_S {
+            let unseen = self.blades.iter().zip(&self.last).filter(|(_, pose)| pose.is_none());
+            frame
+                .warnings
+                .extend(unseen.filter_map(|(blade, _)| blade.place.unseen(&blade.name, SEEN_S, world)));
+        }
         for (blade, pose) in self.blades.iter().zip(&self.last) {
             let Some(pose) = pose else { continue };
             blade.place.hide_pen(world, frame);
@@ -220,10 +295,7 @@ impl RunningEffect for Cuts {
     }
 
     fn memory(&self) -> Option<Memory> {
-        let of = |body: &CutBody| BodyMemory {
-            cut: body.cut.iter().map(|(edge, share)| (*edge, *share)).collect(),
-            seen: body.seen.clone(),
-        };
+        let of = |body: &CutBody| BodyMemory { steps: body.steps.clone(), seen: body.seen.clone() };
         written(&Memorised {
             blades: self.last.iter().copied().map(Posed).collect(),
             bodies: self.bodies.iter().map(of).collect(),
@@ -238,16 +310,7 @@ impl RunningEffect for Cuts {
         self.last = blades.into_iter().map(|Posed(pose)| pose).collect();
         for (body, memory) in self.bodies.iter_mut().zip(bodies) {
             body.seen = memory.seen;
-            let is_edge = |(edge, share): &([u32; 2], f64)| {
-                body.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0
-            };
-            if !memory.cut.iter().all(is_edge) {
-                return Err(format!("body.{}: its cut is that of another body", body.name));
-            }
-            let cut: CutEdges = memory.cut.into_iter().collect();
-            if cut != body.cut {
-                body.set(cut)?;
-            }
+            body.restore(memory.steps)?;
         }
         Ok(())
     }

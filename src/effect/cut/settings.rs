@@ -11,7 +11,7 @@ pub const NAME: &str = "cut";
 /// Models that are sums of columns in one frame, which those of the cut body replace.
 const CUT: [&ModelEntry; 2] = [&LINEAR, &ROTATION];
 
-/// Refuses a body that nothing can cut, or whose columns are not the cut body's afterwards.
+/// Refuses a body that nothing can cut, or of which other numbers would go on to be those of the whole body.
 pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) -> Result<(), SceneError> {
     let wrong = |key: &str, message: String| Err(scene.invalid(&format!("body.{name}.{key}"), message));
     if !scene.tool.values().any(|tool| tool.shape.is_blade()) {
@@ -35,13 +35,23 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         );
         return wrong("model", message);
     }
-    if !body.loads().is_empty() || body.surface_compliance.is_some() {
-        let (key, what) = if body.loads().is_empty() {
-            ("surface_compliance", "single nodes")
-        } else {
-            ("gravity", "loads")
-        };
-        let message = format!("\"{NAME}\" knows no columns of {what} for the cut body yet: leave them out");
+    let key =
+        |name: &str| if body.load.contains_key(name) { format!("load.{name}") } else { name.to_owned() };
+    let load = body.loads().first().map(|load| (key(load.name), "loads"));
+    let nodes = body.surface_compliance.as_ref().map(|_| ("surface_compliance".to_owned(), "single nodes"));
+    if let Some((key, what)) = load.or(nodes) {
+        let message = format!("\"{NAME}\" knows no columns of {what} for the cut body yet: leave it out");
+        return wrong(&key, message);
+    }
+    let measured = [
+        ("accuracy", body.accuracy.is_some()),
+        ("budget", body.budget.is_some()),
+        ("plan", body.plan.is_some()),
+    ];
+    if let Some((key, _)) = measured.into_iter().find(|(_, is_there)| *is_there) {
+        let message = format!(
+            "what was measured of the whole body would be shown of the cut one: leave it out beside \"{NAME}\""
+        );
         return wrong(key, message);
     }
     // What it shows, or keeps, of the whole body would not be true of the cut one.

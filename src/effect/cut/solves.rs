@@ -1,7 +1,7 @@
 //! Solves with the factor of a body, in a thread that holds it.
 //!
 //! In: A of the free nodes. Out: A⁻¹ b. The thread factorises while the session begins, so that the factor is there when a blade comes;
-//! it ends with the last who asks it.
+//! it ends when its [`Solves`] is dropped, or as soon as the factor is done then.
 
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Silent, SolveError, Solver};
