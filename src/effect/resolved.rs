@@ -358,12 +358,12 @@ mod tests {
         let of = |a: &str, b: &str| {
             Resolved::parse(&(body("a", a) + &body("b", b)), Path::new("two.toml")).map_err(|e| e.to_string())
         };
-        let told = of("model = \"rotatoin\"\neffects = [\"stres\"]", "effects = [\"cut\"]").unwrap_err();
+        let told = of("model = \"rotatoin\"\neffects = [\"stres\"]", "effects = [\"cutting\"]").unwrap_err();
         let lines: Vec<&str> = told.lines().collect();
         let parts = [
             ["two.toml: body.a.effects: ", "did you mean \"stress\""],
             ["two.toml: body.a.model: ", "did you mean \"rotation\""],
-            ["two.toml: body.b.effects: ", "there is no effect \"cut\""],
+            ["two.toml: body.b.effects: ", "there is no effect \"cutting\""],
         ];
         assert_eq!(lines.len(), parts.len(), "{told}");
         for (line, [place, fact]) in lines.iter().zip(parts) {

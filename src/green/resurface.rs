@@ -20,6 +20,8 @@ pub struct NewSurface {
     /// Places at rest of the nodes beyond those of the file, which keep their numbers; about the body's centre, m.
     pub points: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
+    /// New nodes of each control element, ascending.
+    pub held: Vec<Vec<u32>>,
     /// Affine columns of the control elements on all nodes: 3 S × 12 K.
     pub columns: DMatrix<f64>,
     /// Handle stiffness: 12 K × 12 K.
@@ -54,9 +56,10 @@ pub fn resurfaced(base: Arc<GreenFile>, name: &str, new: &NewSurface) -> Result<
         ),
     ]);
     for (e, control) in own.controls.iter_mut().enumerate() {
-        let held = format!("control/{}", control.name);
-        let nodes = base.tensor(name, &held).ok_or_else(|| damaged(format!("{held} is not there")))?;
-        tensors.insert(held, nodes);
+        let more = new.held.get(e).map_or(&[][..], Vec::as_slice);
+        let nodes = [base.control(name, &control.name), more].concat();
+        control.nodes += more.len();
+        tensors.insert(format!("control/{}", control.name), Tensor::new(&[nodes.len()], nodes));
         let column = |k: usize| new.columns.column(FIELDS * e + k).as_slice().to_vec();
         let columns: Vec<Vec<f64>> = (0..FIELDS).map(column).collect();
         let stored = StoredColumns::new(meta.accuracy.storage, &columns);

@@ -116,6 +116,18 @@ impl Splitter {
     /// The mesh after these cuts. A piece with `held` nodes of its own goes
     /// with the held nodes beyond the cut, too: what holds them holds both sides.
     pub fn split(&self, cut: &CutEdges, held: &[bool]) -> Split {
+        let (mut split, first) = self.divided(cut, held);
+        self.surface(&mut split, &first, cut);
+        split
+    }
+
+    /// Whether some piece would hang together with no held node after these cuts.
+    pub fn would_fall_apart(&self, cut: &CutEdges, held: &[bool]) -> bool {
+        self.divided(cut, held).0.falls_apart
+    }
+
+    /// The pieces after these cuts without their surface, and the number of the first piece of each divided tetrahedron.
+    fn divided(&self, cut: &CutEdges, held: &[bool]) -> (Split, BTreeMap<u32, usize>) {
         let mut pieces = Vec::new();
         let mut first: BTreeMap<u32, usize> = BTreeMap::new();
         let mut touched: Vec<u32> =
@@ -137,8 +149,7 @@ impl Splitter {
         let copies = self.copy_nodes(&mut pieces, &first, held);
         let mut split = Split { pieces, copies, ..Split::default() };
         split.falls_apart = self.falls_apart(&split, &first, held);
-        self.surface(&mut split, &first, cut);
-        split
+        (split, first)
     }
 
     /// Part of the volume of each group of a tetrahedron's nodes, at its lowest node.

@@ -181,7 +181,11 @@ fn a_second_pass_cuts_nothing_more() {
     operated.pass(inside, above, 5);
     operated.pass(above, inside, 9);
     assert_eq!(operated.nodes(), once);
+    let held = |operated: &Operated| operated.world.bodies[0].deformer.control_nodes(1).len();
+    let before = held(&operated);
     operated.pass(V3::new(-0.2, 0.013, -0.1), V3::new(0.2, 0.013, -0.1), 20);
+    // Points of the cut between nodes of an element belong to it.
+    assert!(held(&operated) > before);
     assert!(operated.nodes() > once && operated.is_quiet(), "{:?}", operated.world.warnings);
 }
 

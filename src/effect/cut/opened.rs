@@ -48,6 +48,8 @@ pub struct Cuttable {
     pub splitter: Splitter,
     lame: Vec<Lame>,
     pub held: Vec<bool>,
+    /// Control element of each node.
+    element_of: Vec<Option<usize>>,
     /// Node of the mesh of each node of the surface.
     surface: Vec<u32>,
     /// Node of the surface of each node of the mesh.
@@ -134,6 +136,10 @@ impl Cuttable {
             held[*node as usize] = false;
             free_at[*node as usize] = Some(at);
         }
+        let mut element_of = vec![None; count];
+        for (e, nodes) in of_controls.iter().enumerate() {
+            nodes.iter().for_each(|node| element_of[*node as usize] = Some(e));
+        }
         let mut surface_of = vec![None; count];
         (0..).zip(&surface).for_each(|(at, node)| surface_of[*node as usize] = Some(at));
         Ok(Cuttable {
@@ -142,6 +148,7 @@ impl Cuttable {
             splitter: Splitter::new(Arc::new(mesh)),
             lame,
             held,
+            element_of,
             surface,
             surface_of,
             centre,
@@ -338,7 +345,7 @@ impl Cuttable {
         };
         let mut columns = DMatrix::zeros(3 * (old + split.points.len()), whole.columns);
         columns.rows_mut(0, 3 * old).copy_from(&values.rows(0, 3 * old));
-        let mut points = Vec::new();
+        let (mut points, mut held) = (Vec::new(), vec![Vec::new(); whole.columns / FIELDS]);
         for (at, point) in split.points.iter().enumerate() {
             let shares = [1.0 - point.share, point.share];
             let mut own = columns.rows_mut(3 * (old + at), 3);
@@ -347,6 +354,11 @@ impl Cuttable {
                 if let Some(copy) = copy_of(node) {
                     own += moved.w.rows(3 * copy, 3) * share;
                 }
+            }
+            // A copy is not held.
+            let of = point.nodes.map(|node| self.element_of.get(node as usize).copied().flatten());
+            if let (Some(e), true) = (of[0], of[0] == of[1]) {
+                held[e].push((old + at) as u32);
             }
             let [a, b] = point.nodes.map(|node| self.splitter.place(split, node));
             points.push((a.lerp(&b, point.share) - self.centre).cast::<f32>().into());
@@ -358,7 +370,7 @@ impl Cuttable {
         let triangle = |nodes: &[u32; 3]| Some([number(nodes[0])?, number(nodes[1])?, number(nodes[2])?]);
         let triangles: Option<Vec<_>> = split.triangles.iter().map(triangle).collect();
         let triangles = triangles.ok_or("a node of the cut surface is none of the surface")?;
-        Ok(NewSurface { points, triangles, columns, stiffness })
+        Ok(NewSurface { points, triangles, held, columns, stiffness })
     }
 
     /// -X W at these nodes.

@@ -148,7 +148,39 @@ impl CutBody {
                 }
             }
         }
-        if step.is_empty() { Ok(()) } else { self.go_on(cut, step) }
+        let falls_apart = !step.is_empty() && self.falls_apart(&step);
+        if falls_apart {
+            step.truncate(self.holds_together(&step));
+            cut = self.with(&step);
+        }
+        if !step.is_empty() {
+            self.go_on(cut, step)?;
+        }
+        match falls_apart {
+            true => Err("a piece would fall off that no control element holds".to_owned()),
+            false => Ok(()),
+        }
+    }
+
+    /// The cut with these edges more.
+    fn with(&self, more: &[([u32; 2], f64)]) -> CutEdges {
+        let mut cut = self.cut.clone();
+        cut.extend(more.iter().copied());
+        cut
+    }
+
+    fn falls_apart(&self, more: &[([u32; 2], f64)]) -> bool {
+        self.cuttable.splitter.would_fall_apart(&self.with(more), &self.cuttable.held)
+    }
+
+    /// Number of the first edges of a step, all of which make a piece fall off, after which none does.
+    fn holds_together(&self, step: &[([u32; 2], f64)]) -> usize {
+        let (mut holds, mut falls) = (0, step.len());
+        while falls - holds > 1 {
+            let middle = (holds + falls) / 2;
+            if self.falls_apart(&step[..middle]) { falls = middle } else { holds = middle }
+        }
+        holds
     }
 
     /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
@@ -176,14 +208,27 @@ impl CutBody {
         Ok(())
     }
 
-    /// Goes on from the cut that these steps have made.
+    /// Goes on from the cut that these steps have made. After an error the body is whole.
     fn restore(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
         if steps == self.steps {
             return Ok(());
         }
+        self.close();
+        let gone = self.go_through(steps);
+        if gone.is_err() {
+            self.close();
+        }
+        gone
+    }
+
+    /// Makes the body whole again.
+    fn close(&mut self) {
         self.cuttable.close();
         (self.steps, self.moved, self.outcome) = (Vec::new(), Moved::default(), None);
         (self.cut, self.remade) = (CutEdges::new(), Some(self.file.clone()));
+    }
+
+    fn go_through(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
         let last = steps.len().saturating_sub(1);
         let mut cut = CutEdges::new();
         for (number, step) in steps.into_iter().enumerate() {
