@@ -437,7 +437,7 @@ pub fn edge([a, b]: [u32; 2]) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Where an edge is cut, as a part of the way from its first node; a half where it is not.
+/// Place of the cut of an edge, as a part of the way from its first node; a half where it is not.
 fn share(cut: &CutEdges, [a, b]: [u32; 2]) -> f64 {
     let share = cut.get(&edge([a, b])).copied().unwrap_or(0.5);
     if a < b { share } else { 1.0 - share }

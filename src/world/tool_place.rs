@@ -1,4 +1,4 @@
-//! Where a hand or the scene puts a tool.
+//! Places of tools on styli or in the room.
 
 use super::frame::Frame;
 use super::running::World;

@@ -114,7 +114,7 @@ impl Sweep {
     }
 }
 
-/// Where a segment passes through a triangle, as a part of the way from its first end (T. Möller and B. Trumbore, Journal of Graphics
+/// Place at which a segment passes through a triangle, as a part of the way from its first end (T. Möller and B. Trumbore, Journal of Graphics
 /// Tools 2, 1997, 21-28).
 fn crossing([x, y]: [V3; 2], [a, b, c]: [V3; 3]) -> Option<f64> {
     let (along, one, two) = (y - x, b - a, c - a);

@@ -72,7 +72,7 @@ pub struct Cuttable {
 /// A copy's node, and the pieces that move with it: their tetrahedra, and the bits of their shares.
 type CopyKey = (u32, Vec<(u32, u64)>);
 
-/// What is known of the copies of the last cut.
+/// Data on the copies of the last cut.
 #[derive(Default)]
 struct Known {
     /// Number of each copy among `x` and in `gx`.

@@ -45,9 +45,9 @@ struct CutBody {
     cuttable: Cuttable,
     edges: Vec<[u32; 2]>,
     cut: CutEdges,
-    /// The same in the steps in which it was made, on which the last bits of the columns depend.
+    /// Steps in which it was made; the last bits of the columns depend on them.
     steps: Vec<CutStep>,
-    /// How the cut has changed the columns at all nodes.
+    /// Changes of the columns at all nodes by the cut.
     moved: Moved,
     /// Shape in the last frame.
     seen: Option<Seen>,
@@ -57,7 +57,7 @@ struct CutBody {
     remade: Option<Arc<GreenFile>>,
 }
 
-/// From what the places of a body's nodes follow.
+/// Coefficients and motion from which the places of a body's nodes follow.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Seen {

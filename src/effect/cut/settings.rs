@@ -1,4 +1,4 @@
-//! Which bodies can be cut.
+//! Conditions under which a body can be cut.
 
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
 use crate::effect::entry::{ListedEffect, ResolvedBody};
