@@ -113,7 +113,11 @@ fn what_is_not_there_is_said_in_one_sentence() {
     };
     for (lines, part) in [
         ("effects = [\"contact\"]", "nothing touches the body: add a tool"),
-        ("effects = [\"cut\"]", "there is no effect \"cut\": bodies cannot be cut"),
+        ("effects = [\"cut\"]", "nothing cuts the body: add a blade"),
+        (
+            "effects = [\"cutting\"]",
+            "there is no effect \"cutting\": blades cut bodies by the effect \"cut\"",
+        ),
         ("effects = [\"audio\"]", "there is no effect \"audio\": bodies are heard by the effect \"sound\""),
         (
             "effects = [\"gravity\"]",
