@@ -53,7 +53,7 @@ impl<'a> Compliance<'a> {
         Compliance { diagonal, columns, compute: Box::new(compute) }
     }
 
-    /// That of a whole matrix.
+    /// The compliance of a matrix that is known as a whole.
     pub fn of(w: &'a DMatrix<f64>) -> Compliance<'a> {
         let block = |a: usize| w.fixed_view::<3, 3>(3 * a, 3 * a).into_owned();
         Compliance::new((0..w.nrows() / 3).map(block).collect(), |a| w.columns(3 * a, 3).into_owned())
@@ -120,7 +120,7 @@ impl Cone<'_> {
         self.solve_within(f, 0.0)
     }
 
-    /// The same, done as soon as no condition is missed by more than `within`, m.
+    /// [`Cone::solve`], done as soon as no condition is missed by more than `within`, m.
     pub fn solve_within(&self, f: &mut DVector<f64>, within: f64) -> Reached {
         let largest = self.d0.amax();
         let limit = within.max(TOLERANCE * largest);

@@ -67,7 +67,7 @@ pub fn keep(inertias: &mut Inertias<'_>) {
     inertias.iter_mut().flatten().for_each(|inertia| inertia.keep());
 }
 
-/// Motion of contacts by the inertia of their bodies.
+/// The part of W that follows from the inertia of the bodies: Σ_k w_k r_ik r_jkᵀ ([`Inertia`]).
 pub struct Living {
     /// r of each contact along its basis, 3n × coordinates, and these times their weights, of each body with inertia.
     bodies: Vec<[DMatrix<f64>; 2]>,

@@ -147,7 +147,7 @@ pub fn compliance_between(
     between(bodies, tools, turns, pair, &TouchedBody::between)
 }
 
-/// The same without inertia.
+/// [`compliance_between`] without inertia.
 pub fn static_between(
     bodies: &[TouchedBody],
     tools: &[Tool],

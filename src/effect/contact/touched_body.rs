@@ -291,7 +291,7 @@ impl TouchedBody {
         self.static_between(at, from) + by_inertia * self.room_from_body.scaling()
     }
 
-    /// The same without inertia.
+    /// [`TouchedBody::between`] without inertia.
     pub fn static_between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
         let mut all = Matrix3::zeros();
         for (source, w) in from.corners() {

@@ -130,7 +130,7 @@ fn halves_go_each_with_its_own_end() {
         assert!(rest < 2e-8 && off < 2e-8, "{rest:e}, {off:e}");
         // E A δ²/(2 L) of the whole block is 0.4 J. `rotation` has no energy of the cut body.
         let energy = operated.world.bodies[0].deformer.wrenches().map(|(_, energy)| energy);
-        assert!(energy.map_or(!keys.is_empty(), |energy| energy.abs() < 1e-12), "{energy:?} J");
+        assert!(energy.map_or(!keys.is_empty(), |energy| energy.abs() < 4e-14), "{energy:?} J");
     }
 }
 
@@ -147,7 +147,7 @@ fn a_cut_beside_what_is_held_separates() {
     let most = moved.iter().filter(|(x, _)| (x.x + 0.139).abs() > 1e-3).map(off).fold(0.0, f64::max);
     let energy = operated.world.bodies[0].deformer.wrenches().map_or(f64::NAN, |(_, energy)| energy);
     println!("off by {most:e} m, {energy:e} J");
-    assert!(most < 2e-8 && energy.abs() < 1e-12, "{most:e} m, {energy:e} J");
+    assert!(most < 2e-8 && energy.abs() < 1.5e-13, "{most:e} m, {energy:e} J");
 }
 
 /// The force of an end that is held still falls with the cut, and is gone with the last of the section.
@@ -167,7 +167,8 @@ fn a_held_end_pulls_less_while_it_is_cut() {
             assert!((19.9..22.0).contains(&pull), "{pull} N");
         }
     }
-    assert!(last.abs() < 1e-9, "{last} N");
+    println!("{last:e} N are left");
+    assert!(last.abs() < 8e-13, "{last} N");
 }
 
 /// Slits, cut twice along the same way: the second pass finds nothing more to cut. One through both ends of the block: they hold both sides.

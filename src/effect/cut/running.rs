@@ -132,7 +132,8 @@ impl CutBody {
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
-    /// Cuts what blades have passed through since the last frame. The error says why that could not be done; the body is then as it was.
+    /// Cuts what blades have passed through since the last frame. The error says what of it stays
+    /// uncut, and why.
     fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<(), String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
         if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
