@@ -24,7 +24,7 @@ use crate::fem::tet4::{Geometry, geometry, stiffness_block};
 use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, Volume};
 use crate::mesh::quality;
-use crate::mesh::split::{CutEdges, Split, Splitter};
+use crate::mesh::split::{CutEdges, CutPoint, CutSurface, Split, Splitter};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
@@ -47,9 +47,8 @@ const INEXACT: f64 = 1e-7;
 pub struct Cuttable {
     pub splitter: Splitter,
     lame: Vec<Lame>,
-    pub held: Vec<bool>,
-    /// Control element of each node.
-    element_of: Vec<Option<usize>>,
+    /// Control element that holds each node.
+    pub held: Vec<Option<usize>>,
     /// Node of the mesh of each node of the surface.
     surface: Vec<u32>,
     /// Node of the surface of each node of the mesh.
@@ -98,7 +97,8 @@ struct Couplings {
 
 /// The cut body.
 pub struct Opened {
-    pub split: Split,
+    /// The points of its surface beyond the nodes that the whole body has there.
+    pub points: Vec<CutPoint>,
     pub surface: NewSurface,
     pub moved: Moved,
     /// Part of its largest number by which (H - G X) W misses -G U, or by which S' misses its transpose.
@@ -130,15 +130,11 @@ impl Cuttable {
             control.prescribe(&mesh.nodes, FIELDS * e, &mut prescribed);
         }
         let partition = Partition::new(count, of_controls.iter().flatten().copied());
-        let mut held = vec![true; count];
         let mut free_at = vec![None; count];
-        for (at, node) in (0..).zip(&partition.free) {
-            held[*node as usize] = false;
-            free_at[*node as usize] = Some(at);
-        }
-        let mut element_of = vec![None; count];
+        (0..).zip(&partition.free).for_each(|(at, node)| free_at[*node as usize] = Some(at));
+        let mut held = vec![None; count];
         for (e, nodes) in of_controls.iter().enumerate() {
-            nodes.iter().for_each(|node| element_of[*node as usize] = Some(e));
+            nodes.iter().for_each(|node| held[*node as usize] = Some(e));
         }
         let mut surface_of = vec![None; count];
         (0..).zip(&surface).for_each(|(at, node)| surface_of[*node as usize] = Some(at));
@@ -148,7 +144,6 @@ impl Cuttable {
             splitter: Splitter::new(Arc::new(mesh)),
             lame,
             held,
-            element_of,
             surface,
             surface_of,
             centre,
@@ -178,14 +173,15 @@ impl Cuttable {
         self.whole.as_ref().ok_or_else(|| UNKNOWN.to_owned())
     }
 
-    /// The body after these cuts. The error says why there is none: a piece would fall off, or too little holds the body together.
-    pub fn open(&mut self, cut: &CutEdges) -> Result<Opened, String> {
+    /// The mesh after these cuts.
+    pub fn split(&self, cut: &CutEdges) -> Split {
+        self.splitter.split(cut, &self.held)
+    }
+
+    /// The body after cuts by which its mesh has fallen into these pieces. The error says why there is none.
+    pub fn open(&mut self, cut: &CutEdges, split: &Split) -> Result<Opened, String> {
         self.whole()?;
-        let split = self.splitter.split(cut, &self.held);
-        if split.falls_apart {
-            return Err("a piece would fall off that no control element holds".to_owned());
-        }
-        let Couplings { rows, h, keys } = self.couplings(&split);
+        let Couplings { rows, h, keys } = self.couplings(split);
         let known = self.solve_copies(&rows, keys)?;
         let Some(whole) = &self.whole else { return Err(UNKNOWN.to_owned()) };
         let mut gu = DMatrix::zeros(3 * rows.len(), whole.columns);
@@ -215,9 +211,10 @@ impl Cuttable {
         }
         let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
         let moved = Moved { x: known.x.clone(), w };
-        let surface = self.surface_of(&split, (whole, &moved), stiffness)?;
+        let opened = self.splitter.surface(split, cut);
+        let surface = self.surface_of((split, &opened), (whole, &moved), stiffness)?;
         self.known = known;
-        Ok(Opened { split, surface, moved, error })
+        Ok(Opened { points: opened.points, surface, moved, error })
     }
 
     fn geometry(&self, tet: u32) -> Option<Geometry> {
@@ -249,9 +246,8 @@ impl Cuttable {
     }
 
     /// Takes one more step on the way to a cut, without its surface: the copies are known then as if the body had been opened there.
-    pub fn follow(&mut self, cut: &CutEdges) -> Result<(), String> {
-        let split = self.splitter.split(cut, &self.held);
-        let Couplings { rows, keys, .. } = self.couplings(&split);
+    pub fn follow(&mut self, split: &Split) -> Result<(), String> {
+        let Couplings { rows, keys, .. } = self.couplings(split);
         self.known = self.solve_copies(&rows, keys)?;
         Ok(())
     }
@@ -319,14 +315,14 @@ impl Cuttable {
     /// The surface of the cut body with its columns.
     fn surface_of(
         &self,
-        split: &Split,
+        (split, opened): (&Split, &CutSurface),
         (whole, moved): (&NodeFields, &Moved),
         stiffness: DMatrix<f64>,
     ) -> Result<NewSurface, String> {
         let count = self.splitter.mesh.nodes.len();
         let copy_of = |node: u32| (node as usize).checked_sub(count);
-        let node_of = |node: u32| copy_of(node).map_or(node, |copy| split.copies[copy]);
-        let inner = split.points.iter().flat_map(|point| point.nodes).map(node_of);
+        let node_of = |node: u32| split.original(node, count);
+        let inner = opened.points.iter().flat_map(|point| point.nodes).map(node_of);
         let mut asked: Vec<u32> = inner.filter(|node| self.surface_of[*node as usize].is_none()).collect();
         asked.sort_unstable();
         asked.dedup();
@@ -343,10 +339,10 @@ impl Cuttable {
             Some(at) => at as usize,
             None => old + asked.partition_point(|other| *other < node),
         };
-        let mut columns = DMatrix::zeros(3 * (old + split.points.len()), whole.columns);
+        let mut columns = DMatrix::zeros(3 * (old + opened.points.len()), whole.columns);
         columns.rows_mut(0, 3 * old).copy_from(&values.rows(0, 3 * old));
         let (mut points, mut held) = (Vec::new(), vec![Vec::new(); whole.columns / FIELDS]);
-        for (at, point) in split.points.iter().enumerate() {
+        for (at, point) in opened.points.iter().enumerate() {
             let shares = [1.0 - point.share, point.share];
             let mut own = columns.rows_mut(3 * (old + at), 3);
             for (node, share) in point.nodes.into_iter().zip(shares) {
@@ -356,7 +352,7 @@ impl Cuttable {
                 }
             }
             // A copy is not held.
-            let of = point.nodes.map(|node| self.element_of.get(node as usize).copied().flatten());
+            let of = point.nodes.map(|node| self.held.get(node as usize).copied().flatten());
             if let (Some(e), true) = (of[0], of[0] == of[1]) {
                 held[e].push((old + at) as u32);
             }
@@ -368,7 +364,7 @@ impl Cuttable {
             Some(point) => Some((old + point) as u32),
         };
         let triangle = |nodes: &[u32; 3]| Some([number(nodes[0])?, number(nodes[1])?, number(nodes[2])?]);
-        let triangles: Option<Vec<_>> = split.triangles.iter().map(triangle).collect();
+        let triangles: Option<Vec<_>> = opened.triangles.iter().map(triangle).collect();
         let triangles = triangles.ok_or("a node of the cut surface is none of the surface")?;
         Ok(NewSurface { points, triangles, held, columns, stiffness })
     }

@@ -7,7 +7,7 @@ use crate::base::failure::Failure;
 use crate::deform::Contribution;
 use crate::effect::entry::EffectInput;
 use crate::green::{GreenFile, VOLUME, Volume, resurfaced};
-use crate::mesh::split::CutEdges;
+use crate::mesh::split::{CutEdges, Split};
 use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
@@ -45,6 +45,8 @@ struct CutBody {
     cuttable: Cuttable,
     edges: Vec<[u32; 2]>,
     cut: CutEdges,
+    /// The mesh after it.
+    split: Split,
     /// Steps in which it was made; the last bits of the columns depend on them.
     steps: Vec<CutStep>,
     /// Changes of the columns at all nodes by the cut.
@@ -117,6 +119,7 @@ impl CutBody {
             edges: cuttable.edges(),
             cuttable,
             cut: CutEdges::new(),
+            split: Split::default(),
             steps: Vec::new(),
             moved: Moved::default(),
             seen: None,
@@ -149,13 +152,16 @@ impl CutBody {
                 }
             }
         }
-        let falls_apart = !step.is_empty() && self.falls_apart(&step);
+        if step.is_empty() {
+            return Ok(());
+        }
+        let mut split = self.cuttable.split(&cut);
+        let falls_apart = split.falls_apart;
         if falls_apart {
-            step.truncate(self.holds_together(&step));
-            cut = self.with(&step);
+            (step, cut, split) = self.longest_that_holds(step);
         }
         if !step.is_empty() {
-            self.go_on(cut, step)?;
+            self.go_on(cut, step, split)?;
         }
         match falls_apart {
             true => Err("a piece would fall off that no control element holds".to_owned()),
@@ -163,25 +169,24 @@ impl CutBody {
         }
     }
 
-    /// The cut with these edges more.
-    fn with(&self, more: &[([u32; 2], f64)]) -> CutEdges {
+    /// The cut with these edges more, and the mesh after it.
+    fn with(&self, more: &[([u32; 2], f64)]) -> (CutEdges, Split) {
         let mut cut = self.cut.clone();
         cut.extend(more.iter().copied());
-        cut
+        let split = self.cuttable.split(&cut);
+        (cut, split)
     }
 
-    fn falls_apart(&self, more: &[([u32; 2], f64)]) -> bool {
-        self.cuttable.splitter.would_fall_apart(&self.with(more), &self.cuttable.held)
-    }
-
-    /// Number of the first edges of a step, all of which make a piece fall off, after which none does.
-    fn holds_together(&self, step: &[([u32; 2], f64)]) -> usize {
+    /// The first edges of a step after which no piece falls off, if one does after all of them.
+    fn longest_that_holds(&self, mut step: CutStep) -> (CutStep, CutEdges, Split) {
         let (mut holds, mut falls) = (0, step.len());
         while falls - holds > 1 {
             let middle = (holds + falls) / 2;
-            if self.falls_apart(&step[..middle]) { falls = middle } else { holds = middle }
+            if self.with(&step[..middle]).1.falls_apart { falls = middle } else { holds = middle }
         }
-        holds
+        step.truncate(holds);
+        let (cut, split) = self.with(&step);
+        (step, cut, split)
     }
 
     /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
@@ -198,13 +203,16 @@ impl CutBody {
         !shatters
     }
 
-    /// Goes on to this cut by one step.
-    fn go_on(&mut self, cut: CutEdges, step: CutStep) -> Result<(), String> {
-        let Opened { surface, moved, error, split } = self.cuttable.open(&cut)?;
-        let file = resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
-        (self.moved, self.remade) = (moved, Some(Arc::new(file)));
-        self.outcome = Some((split.copies.len(), error));
-        self.cut = cut;
+    /// Goes on to this cut by one step. A step that divides nothing further changes nothing of the body.
+    fn go_on(&mut self, cut: CutEdges, step: CutStep, split: Split) -> Result<(), String> {
+        if split.pieces != self.split.pieces {
+            let Opened { surface, moved, error, .. } = self.cuttable.open(&cut, &split)?;
+            let file =
+                resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
+            (self.moved, self.remade) = (moved, Some(Arc::new(file)));
+            self.outcome = Some((split.copies.len(), error));
+        }
+        (self.cut, self.split) = (cut, split);
         self.steps.push(step);
         Ok(())
     }
@@ -226,7 +234,8 @@ impl CutBody {
     fn close(&mut self) {
         self.cuttable.close();
         (self.steps, self.moved, self.outcome) = (Vec::new(), Moved::default(), None);
-        (self.cut, self.remade) = (CutEdges::new(), Some(self.file.clone()));
+        (self.cut, self.split) = (CutEdges::new(), Split::default());
+        self.remade = Some(self.file.clone());
     }
 
     fn go_through(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
@@ -239,10 +248,11 @@ impl CutBody {
                     return Err(format!("body.{}: its cut is that of another body", self.name));
                 }
             }
+            let split = self.cuttable.split(&cut);
             if number == last {
-                return self.go_on(cut, step);
+                return self.go_on(cut, step, split);
             }
-            self.cuttable.follow(&cut)?;
+            self.cuttable.follow(&split)?;
             self.steps.push(step);
         }
         Ok(())

@@ -1,8 +1,8 @@
-use super::opened::{Cuttable, Opened};
+use super::opened::Cuttable;
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4};
 use crate::green::{ControlElement, FIELDS, Volume};
-use crate::mesh::split::{CutEdges, edge};
+use crate::mesh::split::{CutEdges, Split, edge};
 use crate::mesh::{Block, Surface, TetMesh, block, edges_of, quality};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -70,8 +70,7 @@ fn by_plane(mesh: &TetMesh, n: V3, d: f64, is_in: impl Fn(V3) -> bool) -> CutEdg
 }
 
 /// The cut body as a mesh of its own: each piece a tetrahedron with that share of the material's stiffness.
-fn as_mesh(volume: &Volume, opened: &Opened) -> (TetMesh, Vec<Lame>) {
-    let split = &opened.split;
+fn as_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>) {
     let mut mesh = TetMesh { groups: Default::default(), ..volume.mesh.clone() };
     mesh.nodes.extend(split.copies.iter().map(|node| volume.mesh.nodes[*node as usize]));
     mesh.tags = (1..=mesh.nodes.len() as u64).collect();
@@ -120,8 +119,9 @@ fn a_cut_body_is_the_body_solved_anew() {
                 };
             }
         }
-        let opened = cuttable.open(&cut).unwrap();
-        let (mesh, lame) = as_mesh(&volume, &opened);
+        let split = cuttable.split(&cut);
+        let opened = cuttable.open(&cut, &split).unwrap();
+        let (mesh, lame) = as_mesh(&volume, &split);
         let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(&volume));
         let largest = fields.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         let columns = &opened.surface.columns;
@@ -135,7 +135,7 @@ fn a_cut_body_is_the_body_solved_anew() {
                 compare(3 * at + axis, &|k| fields.row(3 * *node as usize + axis)[k]);
             }
             // The points of the surface move with the pieces on whose edges they lie.
-            for (at, point) in opened.split.points.iter().enumerate() {
+            for (at, point) in opened.points.iter().enumerate() {
                 let [a, b] = point.nodes.map(|node| fields.row(3 * node as usize + axis));
                 let expected = |k: usize| a[k] * (1.0 - point.share) + b[k] * point.share;
                 compare(3 * (volume.surface.len() + at) + axis, &expected);
@@ -152,13 +152,13 @@ fn a_cut_body_is_the_body_solved_anew() {
         let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.stiffness()[(0, 0)];
         println!(
             "{} copies: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
-            opened.split.copies.len(),
+            split.copies.len(),
             apart / largest,
             opened.error
         );
         assert!(forces < 2e-13, "{forces:e}");
         assert!(apart < 5e-7 * largest && off < 1e-7, "{apart:e} of {largest}, {off:e} m");
-        assert!(opened.split.copies.len() > 5 && softer > 0.0);
+        assert!(split.copies.len() > 5 && softer > 0.0);
     }
 }
 
@@ -198,7 +198,8 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let across = bar([8 * m + 1, 4 * m, 2 * m]);
         let cut = by_plane(&across.mesh, V3::x(), middle.x, |x| x.y > middle.y);
         let mut across = cuttable(&across);
-        let opened = across.open(&cut).unwrap();
+        let split = across.split(&cut);
+        let opened = across.open(&cut, &split).unwrap();
         let softer = bending(across.stiffness()) - bending(&opened.surface.stiffness);
         let expected = bending(&whole) - bending(&reference);
         println!("{m}: softer by {softer} N m, along faces by {expected} N m");

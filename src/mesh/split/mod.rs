@@ -1,0 +1,36 @@
+//! A mesh that is cut across its edges: which pieces each tetrahedron falls into, and which nodes move apart.
+//!
+//! In: a mesh, and the edges that are cut, each at a point of it. Out: the pieces of its tetrahedra with their share of the volume, and the
+//! copies of nodes that they need ([`pieces`]); whether all of it is held ([`hold`]); the surface with the cuts in it ([`surface`]).
+//!
+//! A tetrahedron is divided where its four nodes, joined by the edges that are not cut, fall apart: a corner with three cut edges, or two
+//! pairs with four. Each piece moves with four nodes, the tetrahedron's own on its side and copies of those beyond the cut. Pieces of
+//! neighbours share their nodes where they meet on the common face, so that there are no copies at the end of a cut, and it closes there
+//! (P. Hansbo and A. Hansbo, Computer Methods in Applied Mechanics and Engineering 193, 2004, 3523-3540; N. Molino, Z. Bao and
+//! R. Fedkiw, ACM Transactions on Graphics 23, 2004, 385-392). No tetrahedron is made smaller, so that none becomes a sliver.
+
+mod groups;
+mod hold;
+mod pieces;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+pub use pieces::{Piece, Split, Splitter};
+pub use surface::{CutPoint, CutSurface};
+
+use std::collections::BTreeMap;
+
+/// Edges that are cut: both nodes, the smaller first, and where, as a part of the way from the first to the second.
+pub type CutEdges = BTreeMap<[u32; 2], f64>;
+
+/// An edge as it stands in [`CutEdges`].
+pub fn edge([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// Place of the cut of an edge, as a part of the way from its first node; a half where it is not.
+fn share(cut: &CutEdges, [a, b]: [u32; 2]) -> f64 {
+    let share = cut.get(&edge([a, b])).copied().unwrap_or(0.5);
+    if a < b { share } else { 1.0 - share }
+}

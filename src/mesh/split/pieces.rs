@@ -1,0 +1,230 @@
+//! The pieces of divided tetrahedra, and the copies of nodes with which they move.
+
+use super::groups::{PAIRS, is_single, pairs};
+use super::{CutEdges, edge, share};
+use crate::base::disjoint::DisjointSets;
+use crate::mesh::surface::sorted_faces;
+use crate::mesh::tet_mesh::{FACES, TetMesh};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Faces and neighbours of a mesh that is to be cut.
+pub struct Splitter {
+    pub mesh: Arc<TetMesh>,
+    /// The neighbour of each tetrahedron across each face; `None` at the outer surface.
+    pub(super) neighbours: Vec<[Option<u32>; 4]>,
+    /// Tetrahedra around each node: those of node n stand from `start[n]` to `start[n + 1]`.
+    around: Vec<u32>,
+    start: Vec<usize>,
+}
+
+/// A piece of a tetrahedron that is divided.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    pub tet: u32,
+    /// Whether each node of the tetrahedron lies in it.
+    pub own: [bool; 4],
+    /// Part of the tetrahedron's volume.
+    pub volume: f64,
+    /// The nodes with which it moves: those of the mesh, or copies, which are counted on from them.
+    pub nodes: [u32; 4],
+}
+
+/// A mesh that has fallen into pieces.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Split {
+    /// The pieces of divided tetrahedra, in their order.
+    pub pieces: Vec<Piece>,
+    /// The node of which each copy is one.
+    pub copies: Vec<u32>,
+    /// The first piece of each divided tetrahedron.
+    first: BTreeMap<u32, usize>,
+    /// Whether some part is not held: it has no three held nodes, and hangs on what has them by less than three nodes.
+    pub falls_apart: bool,
+}
+
+impl Split {
+    /// The numbers of a tetrahedron's pieces; `None` of one that is whole.
+    pub fn pieces_of(&self, tet: u32) -> Option<Range<usize>> {
+        pieces_of(tet, &self.first, &self.pieces)
+    }
+
+    /// The node of the mesh that a node is, or of which it is a copy, in a mesh of `nodes` nodes.
+    pub fn original(&self, node: u32, nodes: usize) -> u32 {
+        (node as usize).checked_sub(nodes).map_or(node, |copy| self.copies[copy])
+    }
+}
+
+impl Splitter {
+    /// A splitter of a mesh of linear tetrahedra.
+    pub fn new(mesh: Arc<TetMesh>) -> Splitter {
+        let mut neighbours = vec![[None; 4]; mesh.tets.len()];
+        for same in sorted_faces(&mesh).chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, one), (_, other)] = same {
+                neighbours[one / 4][one % 4] = Some((other / 4) as u32);
+                neighbours[other / 4][other % 4] = Some((one / 4) as u32);
+            }
+        }
+        let mut start = vec![0; mesh.nodes.len() + 1];
+        mesh.tets.iter().flatten().for_each(|node| start[*node as usize + 1] += 1);
+        for node in 0..mesh.nodes.len() {
+            start[node + 1] += start[node];
+        }
+        let (mut next, mut around) = (start.clone(), vec![0; 4 * mesh.tets.len()]);
+        for (number, tet) in (0..).zip(&mesh.tets) {
+            for node in tet {
+                around[next[*node as usize]] = number;
+                next[*node as usize] += 1;
+            }
+        }
+        Splitter { mesh, neighbours, around, start }
+    }
+
+    /// The tetrahedra around a node.
+    pub fn tets_around(&self, node: u32) -> &[u32] {
+        &self.around[self.start[node as usize]..self.start[node as usize + 1]]
+    }
+
+    /// The groups of a tetrahedron's nodes that edges without a cut join: for each node the lowest of its group.
+    pub(super) fn groups(&self, tet: u32, cut: &CutEdges) -> [usize; 4] {
+        let nodes = self.mesh.tets[tet as usize];
+        let mut group = [0, 1, 2, 3];
+        for _ in 0..3 {
+            for (a, b) in PAIRS {
+                if !cut.contains_key(&edge([nodes[a], nodes[b]])) {
+                    let least = group[a].min(group[b]);
+                    (group[a], group[b]) = (least, least);
+                }
+            }
+        }
+        group
+    }
+
+    /// Whether a tetrahedron would fall into four pieces: its four corners, without what lies between them.
+    pub fn shatters(&self, tet: u32, cut: &CutEdges) -> bool {
+        self.groups(tet, cut) == [0, 1, 2, 3]
+    }
+
+    /// The mesh after these cuts, with the control element that holds each node. A piece with nodes of its own that an element holds goes
+    /// with the element's nodes beyond the cut, too: what holds them holds both sides.
+    pub fn split(&self, cut: &CutEdges, held: &[Option<usize>]) -> Split {
+        let mut pieces = Vec::new();
+        let mut first: BTreeMap<u32, usize> = BTreeMap::new();
+        let mut touched: Vec<u32> =
+            cut.keys().flatten().flat_map(|node| self.tets_around(*node)).copied().collect();
+        touched.sort_unstable();
+        touched.dedup();
+        for tet in touched {
+            let group = self.groups(tet, cut);
+            if group == [0; 4] {
+                continue;
+            }
+            first.insert(tet, pieces.len());
+            let shares = self.volumes(tet, &group, cut);
+            for lowest in (0..4).filter(|node| group[*node] == *node) {
+                let own = group.map(|of| of == lowest);
+                pieces.push(Piece { tet, own, volume: shares[lowest], nodes: self.mesh.tets[tet as usize] });
+            }
+        }
+        let copies = self.copy_nodes(&mut pieces, &first, held);
+        let mut split = Split { pieces, copies, first, falls_apart: false };
+        split.falls_apart = self.falls_apart(&split, held);
+        split
+    }
+
+    /// Part of the volume of each group of a tetrahedron's nodes, at its lowest node.
+    fn volumes(&self, tet: u32, group: &[usize; 4], cut: &CutEdges) -> [f64; 4] {
+        let nodes = self.mesh.tets[tet as usize];
+        let along = |a: usize, b: usize| share(cut, [nodes[a], nodes[b]]);
+        let mut shares = [0.0; 4];
+        if let Some([a, b, c, d]) = pairs(group) {
+            let [ac, ad, bc, bd] = [along(a, c), along(a, d), along(b, c), along(b, d)];
+            // The quadrilateral of the cut has its diagonal from ac to bd.
+            shares[group[a]] = bc * bd + ac * ad * (1.0 - bd) + ac * bd * (1.0 - bc);
+            shares[group[c]] = 1.0 - shares[group[a]];
+            return shares;
+        }
+        let mut rest = 1.0;
+        for a in (0..4).filter(|a| is_single(group, *a)) {
+            shares[a] = (0..4).filter(|other| *other != a).map(|other| along(a, other)).product();
+            rest -= shares[a];
+        }
+        if let Some(other) = (0..4).find(|node| !is_single(group, *node)) {
+            shares[group[other]] = rest;
+        }
+        shares
+    }
+
+    /// Gives the pieces copies of the nodes beyond their cuts; the node of each copy.
+    fn copy_nodes(&self, pieces: &mut [Piece], first: &BTreeMap<u32, usize>, held: &[Option<usize>]) -> Vec<u32> {
+        let mut affected: Vec<u32> = pieces.iter().flat_map(|piece| piece.nodes).collect();
+        affected.sort_unstable();
+        affected.dedup();
+        let mut copies = Vec::new();
+        for node in affected {
+            // The pieces around the node; a whole tetrahedron is one.
+            let mut members: Vec<(u32, Option<usize>)> = Vec::new();
+            for tet in self.tets_around(node) {
+                match pieces_of(*tet, first, pieces) {
+                    None => members.push((*tet, None)),
+                    Some(own) => members.extend(own.map(|piece| (*tet, Some(piece)))),
+                }
+            }
+            let mut joined = DisjointSets::new(members.len());
+            for (i, (tet, piece)) in members.iter().enumerate() {
+                for (face, corners) in FACES.iter().enumerate() {
+                    let nodes = corners.map(|corner| self.mesh.tets[*tet as usize][corner]);
+                    let Some(other) = self.neighbours[*tet as usize][face].filter(|other| other > tet) else {
+                        continue;
+                    };
+                    if !nodes.contains(&node) {
+                        continue;
+                    }
+                    for (j, (_, other_piece)) in members.iter().enumerate().filter(|(_, (t, _))| *t == other)
+                    {
+                        let has = |tet: u32, piece: &Option<usize>, node: u32| {
+                            let own = piece.is_none_or(|piece| {
+                                let at = self.mesh.tets[tet as usize].iter().position(|n| *n == node);
+                                at.is_some_and(|at| pieces[piece].own[at])
+                            });
+                            own && self.mesh.tets[tet as usize].contains(&node)
+                        };
+                        if nodes.iter().any(|n| has(*tet, piece, *n) && has(other, other_piece, *n)) {
+                            joined.join(i as u32, j as u32);
+                        }
+                    }
+                }
+            }
+            let mut roots: BTreeMap<u32, u32> = BTreeMap::new();
+            // What has the node itself keeps it; so does what the same control element holds beyond the cut.
+            for (i, (tet, piece)) in members.iter().enumerate() {
+                let nodes = self.mesh.tets[*tet as usize];
+                let own = |k: usize| piece.is_none_or(|piece| pieces[piece].own[k]);
+                let by = held[node as usize];
+                let is_held_along = |k: usize| own(k) && by.is_some() && held[nodes[k] as usize] == by;
+                let has_it = (0..4).any(|k| nodes[k] == node && own(k));
+                if has_it || (0..4).any(is_held_along) {
+                    roots.insert(joined.root(i as u32), node);
+                }
+            }
+            for (i, (tet, piece)) in members.iter().enumerate() {
+                let Some(piece) = piece else { continue };
+                let number = *roots.entry(joined.root(i as u32)).or_insert_with(|| {
+                    copies.push(node);
+                    (self.mesh.nodes.len() + copies.len() - 1) as u32
+                });
+                if let Some(at) = self.mesh.tets[*tet as usize].iter().position(|n| *n == node) {
+                    pieces[*piece].nodes[at] = number;
+                }
+            }
+        }
+        copies
+    }
+}
+
+fn pieces_of(tet: u32, first: &BTreeMap<u32, usize>, pieces: &[Piece]) -> Option<std::ops::Range<usize>> {
+    let from = *first.get(&tet)?;
+    let count = pieces[from..].iter().take_while(|piece| piece.tet == tet).count();
+    Some(from..from + count)
+}
