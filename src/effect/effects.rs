@@ -11,11 +11,12 @@ use crate::scene::Body;
 pub const EFFECTS: &[EffectEntry] = &[
     haptics::live::ENTRY,
     expected::ENTRY,
+    // Before what touches bodies, which it remakes.
+    cut::ENTRY,
     // Before what gives bodies inertia, which it presses.
     contact::ENTRY,
     dynamics::ENTRY,
     sound::ENTRY,
-    cut::ENTRY,
     stress::ENTRY,
     ghost_rest::ENTRY,
     ghost_equilibrium::ENTRY,

@@ -8,7 +8,7 @@
 use super::bytes::{Bytes, Number};
 use super::compressed::Shapes;
 use super::error::GreenError;
-use super::on_demand::OnDemand;
+use super::on_demand::{OnDemand, SolvedCompliance};
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
 use crate::base::columns::Storage;
@@ -184,6 +184,8 @@ pub struct GreenFile {
     pub(super) shapes: Shapes,
     /// The file that this one was derived from, where a control element was released or a modulus changed.
     pub base: Option<Arc<GreenFile>>,
+    /// The compliance of the file's only body, where it is solved for when it is asked for.
+    pub(super) solved: Option<Arc<dyn SolvedCompliance>>,
 }
 
 impl GreenFile {
@@ -210,8 +212,19 @@ impl GreenFile {
         let on_disk = (left > 0).then_some(on_disk);
         let (recent, shapes, on_demand) = (Recent::default(), Shapes::default(), OnDemand::default());
         let path_of = path.to_owned();
-        let file =
-            GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, on_demand, base: None };
+        let (base, solved) = (None, None);
+        let file = GreenFile {
+            path: path_of,
+            meta,
+            bytes,
+            tensors,
+            on_disk,
+            recent,
+            shapes,
+            on_demand,
+            base,
+            solved,
+        };
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -223,8 +236,19 @@ impl GreenFile {
         let (on_disk, recent, shapes, on_demand) =
             (None, Recent::default(), Shapes::default(), OnDemand::default());
         let path_of = path.to_owned();
-        let file =
-            GreenFile { path: path_of, meta, bytes, tensors, on_disk, recent, shapes, on_demand, base: None };
+        let (base, solved) = (None, None);
+        let file = GreenFile {
+            path: path_of,
+            meta,
+            bytes,
+            tensors,
+            on_disk,
+            recent,
+            shapes,
+            on_demand,
+            base,
+            solved,
+        };
         file.check()?;
         Ok(file)
     }

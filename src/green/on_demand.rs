@@ -6,11 +6,21 @@
 use super::error::GreenError;
 use crate::solve::LoadedFactor;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Displacements of all nodes of the surface for a force of 1 N at one of them along x, y and z: m/N, `[node][axis][force]`.
 pub type Yield = Vec<[[f32; 3]; 3]>;
+
+/// A compliance whose columns are solved for when they are asked for.
+pub trait SolvedCompliance: Send + Sync + fmt::Debug {
+    /// The nodes of the surface that take forces.
+    fn nodes(&self) -> &[u32];
+
+    /// Displacements of the whole surface for forces of 1 N at each of these nodes.
+    fn columns(&self, nodes: &[u32]) -> Result<Vec<Yield>, String>;
+}
 
 /// Bytes of the columns that are kept, and how many are whatever they take: those of the corners of a few triangles.
 const KEPT_BYTES: usize = 64 << 20;

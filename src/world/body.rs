@@ -176,9 +176,10 @@ impl PlacedBody {
         }
     }
 
-    /// Goes on with another surface and other columns of this body. Where these do not fit, it stays as it was, with a warning.
-    pub(super) fn remake(&mut self, file: Arc<GreenFile>) {
-        match self.deformer.remade(file) {
+    /// Goes on with another surface and other columns of this body, of whose nodes the first `kept` are the same. Where these do not fit, it
+    /// stays as it was, with a warning.
+    pub(super) fn remake(&mut self, file: Arc<GreenFile>, kept: usize) {
+        match self.deformer.remade(file, kept) {
             Ok(deformer) => {
                 let is_partial = self.deformer.is_partial();
                 self.deformer = deformer;

@@ -123,6 +123,12 @@ pub trait RunningEffect {
         Vec::new()
     }
 
+    /// Sees that the body of this number has been remade: its nodes beyond the first `kept` are others. The error says why it cannot go on
+    /// with it.
+    fn reshaped(&mut self, _world: &World, _body: usize, _kept: usize) -> Result<(), String> {
+        Ok(())
+    }
+
     /// The control elements to which [`RunningEffect::solve`] gave another pose. It asks [`World::is_carried`] first: what a hand
     /// holds goes where the hand is.
     fn moved(&self) -> Vec<MovedElement> {

@@ -76,19 +76,10 @@ impl World {
         state.edit.suits(self.bodies.len(), self.fields.targets.len())?;
         self.have_styli(state.styli);
         self.graph.set_states(&state.fields, 1).map_err(|error| error.to_string())?;
+        self.set_memories(&state.effects)?;
         for (body, memory) in self.bodies.iter_mut().zip(&state.bodies) {
             body.set_memory(memory)?;
         }
-        for effect in &mut self.effects {
-            if let Some(memory) = state.effects.get(effect.name()) {
-                effect
-                    .set_memory(memory)
-                    .map_err(|error| format!("the effect {}: {error}", effect.name()))?;
-            }
-        }
-        let mut effects = std::mem::take(&mut self.effects);
-        self.remake(&mut effects);
-        self.effects = effects;
         let is_of = |end: &SurfacePoint| {
             let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
             end.corners.iter().all(|corner| (*corner as usize) < nodes)
@@ -105,6 +96,21 @@ impl World {
         self.frame = Frame::at_rest(&self.assets);
         self.colour();
         Ok(())
+    }
+
+    /// Gives the effects their memories, one after the other, and bodies what these remake of them.
+    fn set_memories(&mut self, memories: &BTreeMap<String, Memory>) -> Result<(), String> {
+        let mut effects = std::mem::take(&mut self.effects);
+        let mut set = Ok(());
+        for at in 0..effects.len() {
+            let name = effects[at].name();
+            if let (Ok(()), Some(memory)) = (&set, memories.get(name)) {
+                set = effects[at].set_memory(memory).map_err(|error| format!("the effect {name}: {error}"));
+            }
+            self.remake(&mut effects, at);
+        }
+        self.effects = effects;
+        set
     }
 }
 

@@ -180,22 +180,28 @@ impl World {
         self.graph.evaluate_first(&poses, &mut self.bodies);
         let mut contributions = self.no_contributions();
         let mut effects = std::mem::take(&mut self.effects);
-        let mut left = effects.as_mut_slice();
-        while let Some((effect, later)) = left.split_first_mut() {
+        for at in 0..effects.len() {
+            let (now, later) = effects.split_at_mut(at + 1);
             let mut inertias: Vec<_> = later.iter_mut().flat_map(|effect| effect.inertias()).collect();
+            let effect = &mut now[at];
             effect.solve(self, &mut contributions, &mut inertias);
             effect.moved().iter().for_each(|moved| self.move_element(moved));
-            left = later;
+            self.remake(&mut effects, at);
         }
-        self.remake(&mut effects);
         self.effects = effects;
         self.put(field, Contributions(contributions));
     }
 
-    /// Gives bodies the surfaces and columns that effects have made for them.
-    pub(super) fn remake(&mut self, effects: &mut [Box<dyn RunningEffect>]) {
-        for (b, file) in effects.iter_mut().flat_map(|effect| effect.remade()) {
-            self.bodies[b].remake(file);
+    /// Gives bodies the surfaces and columns that an effect has made for them.
+    pub(super) fn remake(&mut self, effects: &mut [Box<dyn RunningEffect>], by: usize) {
+        for (b, file) in effects[by].remade() {
+            let kept = kept_nodes(&file, &self.bodies[b].deformer.body);
+            self.bodies[b].remake(file, kept);
+            for effect in effects.iter_mut() {
+                if let Err(message) = effect.reshaped(self, b, kept) {
+                    self.warn(message);
+                }
+            }
             let ends = &mut self.edit.ruler.ends;
             let before = ends.len();
             ends.retain(|end| end.body != b);
@@ -407,4 +413,13 @@ impl World {
             Grid::new(centre, [half, half], half / 8.0)
         })
     }
+}
+
+/// Number of the first nodes of a body's surface in a file that are those of every other file of it, however it was remade.
+fn kept_nodes(file: &GreenFile, body: &str) -> usize {
+    let mut first = file;
+    while let Some(base) = &first.base {
+        first = base;
+    }
+    first.rest(body).len()
 }

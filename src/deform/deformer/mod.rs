@@ -11,7 +11,7 @@ use super::contribution::Contribution;
 use super::kernel::parts::{PartialSum, move_parts, moved};
 use super::kernel::superposition::{Places, SumStats, Superposition, move_by};
 use super::kernel::surface::SurfaceNormals;
-use super::loads::{Loaded, SharedLoads, refusal};
+use super::loads::{Loaded, PointLoad, SharedLoads, refusal};
 use super::memory::ModelMemory;
 use super::model::{
     Bearing, BodyState, ColumnsAt, ControlRest, DeformationModel, Frame, Kind, LoadInput, ModelEntry,
@@ -442,13 +442,18 @@ impl Deformer {
         }
     }
 
-    /// Makes the deformer of the same body from another file, in which its surface and its columns are others, in the state of this one.
-    pub fn remade(&self, file: Arc<GreenFile>) -> Result<Deformer, String> {
+    /// Makes the deformer of the same body from another file, in which its columns are others and of its nodes the first `kept` the same, in
+    /// the state of this one. Forces at other nodes are gone.
+    pub fn remade(&self, file: Arc<GreenFile>, kept: usize) -> Result<Deformer, String> {
         let mut other = Deformer::new(file, &self.body, self.entry)?;
+        let mut state = self.snapshot();
+        let is_kept = |point: &PointLoad| point.nodes.iter().all(|node| (*node as usize) < kept);
+        state.loads.points.retain(is_kept);
+        state.contribution.points.retain(is_kept);
         other.sharp = self.sharp;
         other.find_creases();
         other.be_patient(self.patience);
-        other.restore(&self.snapshot())?;
+        other.restore(&state)?;
         // The energy is that of the other body.
         other.respond();
         (other.topology, other.version) = (self.topology + 1, self.version + 1);

@@ -73,6 +73,11 @@ impl Felt {
         self.travels.fill(0.0);
     }
 
+    /// Forgets the nodes near tools.
+    pub fn forget(&mut self) {
+        self.near.clear();
+    }
+
     /// Takes the nodes near tools after a motion, and by how far each tool has moved, m.
     pub fn moved(&mut self, near: Vec<Arc<Nodes>>, travels: Vec<f64>) {
         if !self.tools.is_empty() {

@@ -474,6 +474,17 @@ impl RunningEffect for Contacts {
         }
     }
 
+    fn reshaped(&mut self, world: &World, body: usize, kept: usize) -> Result<(), String> {
+        let Some(number) = self.bodies.iter().position(|touched| touched.b == body) else { return Ok(()) };
+        let is_kept = |contact: &Contact| contact.nodes_of(number).all(|node| (node as usize) < kept);
+        self.motion.contacts.retain(is_kept);
+        self.motion.is_settled = false;
+        self.felt.forget();
+        self.bodies[number].reshape(&world.bodies[body].deformer, kept)?;
+        let nodes = self.nodes_of_contacts();
+        self.bodies[number].fetch(nodes[number].iter())
+    }
+
     fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
         if self.felt.tools().is_empty() {
             return;

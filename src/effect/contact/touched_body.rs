@@ -188,6 +188,22 @@ impl TouchedBody {
         })
     }
 
+    /// Goes on with the deformer of the same body that has been remade, whose nodes beyond the first `kept` are others. The error says why it
+    /// cannot be deformed a second time.
+    pub fn reshape(&mut self, body: &Deformer, kept: usize) -> Result<(), String> {
+        let free = self.free.remade(body.file().clone(), kept)?;
+        let last = std::mem::take(&mut self.tools);
+        let fresh = TouchedBody::new(self.b, body, (self.friction, self.is_felt), last)?;
+        let (is_heard, has_lived, room_from_body) = (self.is_heard, self.has_lived, self.room_from_body);
+        let others = std::mem::take(&mut self.others);
+        let is_walled = !self.outward_at_rest.is_empty();
+        *self = TouchedBody { free, is_heard, has_lived, room_from_body, others, ..fresh };
+        if is_walled {
+            self.measure_walls();
+        }
+        Ok(())
+    }
+
     /// Longest edge in the room, m.
     pub fn longest(&self) -> f64 {
         self.longest * self.room_from_body.scaling()

@@ -1,9 +1,8 @@
 //! Blades in a world: whole cuts, slits, pieces that would fall off, and cuts that go on from a state.
 
-use super::ENTRY;
 use super::blade::Sweep;
 use crate::deform::ControlPose;
-use crate::effect::{Resolved, attach, precompute};
+use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -22,15 +21,22 @@ struct Operated {
 }
 
 fn scene(controls: &str, keys: &str) -> Result<Resolved, String> {
-    let text = format!(
-        "[tool.scalpel]\nshape = {{ blade = {{ length = 0.2, width = 0.02 }} }}\nstylus = 1\n\
+    parsed(&text(controls, keys, ""))
+}
+
+fn text(controls: &str, keys: &str, tools: &str) -> String {
+    format!(
+        "{tools}[tool.scalpel]\nshape = {{ blade = {{ length = 0.2, width = 0.02 }} }}\nstylus = 1\n\
          [body.b]\n\
          generate = {{ block = {{ size = [0.3, 0.1, 0.06], cells = [9, 4, 3] }} }}\n\
          material = {{ young = 1.0e5, poisson = 0.3, density = 1000.0 }}\n\
          {}place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n{keys}\n{controls}",
         if keys.starts_with("effects") { "" } else { "effects = [\"cut\"]\n" }
-    );
-    let scene = Resolved::parse(&text, Path::new("cut.toml"));
+    )
+}
+
+fn parsed(text: &str) -> Result<Resolved, String> {
+    let scene = Resolved::parse(text, Path::new("cut.toml"));
     scene.and_then(|scene| scene.requirements("b").map(|_| scene)).map_err(|error| error.to_string())
 }
 
@@ -50,7 +56,7 @@ fn file(scene: &Resolved) -> Arc<GreenFile> {
 impl Operated {
     fn new(scene: &Resolved, file: &Arc<GreenFile>) -> Operated {
         let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-        let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
+        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
         world.join(effects).unwrap();
         Operated { world, frame: 0 }
     }
@@ -62,13 +68,23 @@ impl Operated {
 
     /// Moves the tip to this place.
     fn put(&mut self, tip: V3) {
+        self.step(&[tip]);
+    }
+
+    /// Moves the tips of both styli.
+    fn put_both(&mut self, blade: V3, probe: V3) {
+        self.step(&[blade, probe]);
+    }
+
+    fn step(&mut self, tips: &[V3]) {
         self.frame += 1;
-        let stylus = StylusState {
-            room_from_stylus: Isometry3::from(Translation3::from(tip)).cast(),
+        let stylus = |tip: &V3| StylusState {
+            room_from_stylus: Isometry3::from(Translation3::from(*tip)).cast(),
             ..StylusState::default()
         };
         let time_s = self.frame as f64 / 60.0;
-        self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
+        let styli = tips.iter().map(stylus).collect();
+        self.world.step(&TrackerState { head: None, styli, time_s }.into());
     }
 
     /// Goes from one place to another in so many frames.
@@ -80,6 +96,34 @@ impl Operated {
     fn hold(&mut self, by: V3) {
         let field = *self.world.fields.bodies[0].poses.last().unwrap();
         self.world.graph.restore(field, ControlPose { translation: by, ..ControlPose::REST });
+    }
+
+    /// Place of the deformer's nodes in the room; the block stands at the origin.
+    fn places(&self) -> Vec<V3> {
+        let deformer = &self.world.bodies[0].deformer;
+        let turn = deformer.body_from_surface();
+        deformer
+            .positions()
+            .iter()
+            .map(|x| turn * nalgebra::Point3::from(V3::from(x.map(f64::from))))
+            .map(|x| x.coords)
+            .collect()
+    }
+
+    /// The largest depth of a node within a ball, m.
+    fn within_ball(&self, centre: V3, radius: f64) -> f64 {
+        self.places().iter().map(|x| radius - (x - centre).norm()).fold(0.0, f64::max)
+    }
+
+    /// The lowest displacement along y of a node on top near this x.
+    fn lowest_beside(&self, x: f64) -> f64 {
+        let deformer = &self.world.bodies[0].deformer;
+        let is_near = |i: &usize| {
+            let at = deformer.rest()[*i].map(f64::from);
+            (at[0] - x).abs() < 0.02 && at[1] > 0.049
+        };
+        let near = (0..deformer.node_count()).filter(is_near);
+        near.map(|i| deformer.displacement(i).y).fold(0.0, f64::min)
     }
 
     fn nodes(&self) -> usize {
@@ -255,9 +299,7 @@ fn bodies_that_cannot_be_cut_are_refused() {
     for (keys, told) in [
         ("element = \"tet10\"", "write element = \"tet4\""),
         ("model = \"reduced\"", "write model = \"linear\" or \"rotation\""),
-        ("gravity = true", "body.b.gravity: "),
         ("load.squeeze = { nodes = { group = \"ymax\" }, kind = \"pressure\" }", "body.b.load.squeeze: "),
-        ("surface_compliance = { nodes = \"surface\" }", "columns of single nodes"),
         ("accuracy = { force = 0.1 }", "measured of the whole body"),
         ("effects = [\"cut\", \"stress\"]", "\"stress\" keeps numbers"),
     ] {
@@ -269,4 +311,75 @@ fn bodies_that_cannot_be_cut_are_refused() {
                 control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
     let scene = Resolved::parse(text, Path::new("cut.toml")).and_then(|scene| scene.requirements("b"));
     assert!(scene.unwrap_err().to_string().contains("nothing cuts the body"));
+}
+
+/// Gravity on a block that is cut in two beside its middle: each end carries the weight of its half, about the half's own centre of mass.
+#[test]
+fn each_end_carries_the_weight_of_its_half() {
+    // So stiff that it does not sag: a blade that comes down passes a plane of the block at rest.
+    let scene = parsed(&text(BOTH, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
+    let mut operated = Operated::new(&scene, &file(&scene));
+    // A tracker's numbers are f32.
+    let at = f64::from(0.011_f32);
+    operated.pass(V3::new(at, 0.08, -0.1), V3::new(at, -0.08, -0.1), 16);
+    assert!(operated.is_quiet(), "{:?}", operated.world.warnings);
+    let (wrenches, _) = operated.world.bodies[0].deformer.wrenches().unwrap();
+    // 1000 kg/m³ · 0.1 m · 0.06 m, from -0.15 and from 0.15 to the cut.
+    let per_length = 1000.0 * 0.1 * 0.06 * 9.80665;
+    for (wrench, (end, length)) in wrenches.iter().zip([(-0.15, at + 0.15), (0.15, 0.15 - at)]) {
+        let weight = per_length * length;
+        let middle = 0.5 * (end + at);
+        let expected = V3::new(0.0, 0.0, (middle - end) * weight);
+        println!("{} N of {weight}, {} N m of {}", wrench.force.y, wrench.moment.z, expected.z);
+        assert!((wrench.force - V3::new(0.0, weight, 0.0)).norm() < 1e-10 * weight, "{:?}", wrench.force);
+        assert!((wrench.moment - expected).norm() < 1e-10 * weight, "{:?}", wrench.moment);
+    }
+}
+
+/// A ball that presses the lip of a cut, while the cut grows: the surface goes round it in every frame, and a world that takes the state in
+/// between goes on with the same bits.
+#[test]
+fn a_ball_presses_the_lip_of_a_growing_cut() {
+    let keys = "effects = [\"cut\", \"contact\"]\neffect.contact = { friction = 0.2 }\n";
+    let ball = "[tool.probe]\nshape = { ball = { radius = 0.02 } }\nstylus = 2\n";
+    let scene = parsed(&text(BOTH, keys, ball)).unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    // A slit from above to the middle, then the ball beside it.
+    let (above, middle, low) =
+        (V3::new(0.011, 0.08, -0.1), V3::new(0.011, 0.01, -0.1), V3::new(0.011, -0.04, -0.1));
+    first.pass(above, middle, 7);
+    let ball = |k: usize| V3::new(0.024, 0.075 - 0.001 * k as f64, 0.0);
+    (0..15).for_each(|k| first.put_both(middle, ball(k)));
+    let (before, lip) = (first.nodes(), first.lowest_beside(0.024));
+    let mut second: Option<Operated> = None;
+    let (mut deepest, mut growing) = (0.0_f64, 0);
+    for k in 0..20 {
+        let blade = middle.lerp(&low, k as f64 / 20.0);
+        let had = first.nodes();
+        for operated in [Some(&mut first), second.as_mut()].into_iter().flatten() {
+            operated.put_both(blade, ball(14));
+        }
+        growing += usize::from(first.nodes() > had);
+        if let Some(second) = &mut second {
+            assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
+        }
+        deepest = deepest.max(first.within_ball(ball(14), 0.02));
+        if k == 9 {
+            let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+            let mut other = Operated::new(&scene, &file);
+            other.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+            other.frame = first.frame;
+            second = Some(other);
+        }
+    }
+    println!(
+        "{growing} growing frames from {before} to {} nodes, {deepest:e} m within the ball",
+        first.nodes()
+    );
+    println!("the lip went from {lip} to {} m", first.lowest_beside(0.024));
+    assert!(first.is_quiet(), "{:?}", first.world.warnings);
+    assert!(growing > 3 && deepest < 2e-6, "{growing}, {deepest}");
+    // The deeper the slit, the softer its lip; the ball keeps it where it is.
+    assert!(lip < -0.006 && (first.lowest_beside(0.024) - lip).abs() < 1e-3);
 }

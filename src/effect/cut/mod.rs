@@ -3,17 +3,22 @@
 //! In: blades of the scene, on styli or in the room, and the mesh of each body that lists the effect. Out: its surface with the cut in it,
 //! and its columns, which are those of the cut body. A blade's edge cuts the edges of the mesh that it passes ([`blade`]); tetrahedra fall
 //! into pieces with copies of the nodes beyond the cut ([`crate::mesh::split`]); how these move apart is found by the factor of the whole
-//! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others.
+//! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others, under gravity and
+//! with contacts, which ask for its compliance ([`yielding`]).
 
 mod blade;
 #[cfg(test)]
 mod blade_tests;
+mod couplings;
 mod opened;
+mod point_fields;
 mod running;
 mod settings;
 mod solves;
+mod system;
 #[cfg(test)]
 mod tests;
+mod yielding;
 
 use super::entry::EffectEntry;
 use crate::green::{STIFFNESS, VOLUME};

@@ -14,28 +14,28 @@
 //! (H - G X) W = -G U        U' = U - X W        S' = S + Wᵀ G U
 //! ```
 //!
-//! with a column of W for each of U. This is the augmented system of Y.-H. Yeung, J. Crouch and A. Pothen (ACM Transactions on Graphics
+//! with a column of W for each of U. Under gravity f at the nodes and g at the copies, W of its columns G' = A⁻¹f has g - G G' for -G U; what
+//! forces and energies need of both are entries of Wᵀ (g - G U), too. This is the augmented system of Y.-H. Yeung, J. Crouch and A. Pothen (ACM Transactions on Graphics
 //! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their X and G X
 //! are kept. G X is f64; X, of which only what is shown follows, is f32.
 
+use super::couplings::{CopyKey, Couplings, Row};
+use super::point_fields::PointFields;
 use super::solves::Solves;
+use super::system::System;
+use super::yielding::{Corner, Corners, Yielding};
 use crate::base::machine;
-use crate::fem::tet4::{Geometry, geometry, stiffness_block};
 use crate::fem::{Element, Lame, NodeFields, Partition};
-use crate::green::{ControlElement, FIELDS, NewSurface, Volume};
+use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
 use crate::mesh::quality;
 use crate::mesh::split::{CutEdges, CutPoint, CutSurface, Split, Splitter};
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par, Spec};
+use faer::{Accum, Mat, Par};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A pivot of the scaled H - G X below which it holds no digits.
-const SINGULAR: f64 = 1e-11;
+type V3 = Vector3<f64>;
 
 /// The message where the columns of the whole body are asked for before they were solved.
 const UNKNOWN: &str = "the columns of the whole body are not known yet";
@@ -43,33 +43,41 @@ const UNKNOWN: &str = "the columns of the whole body are not known yet";
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
 
+/// The tables of a whole body.
+pub struct Tables {
+    /// Handle stiffness.
+    pub stiffness: DMatrix<f64>,
+    /// UᵀF and FᵀG of gravity, where it acts.
+    pub weight: Option<[DMatrix<f64>; 2]>,
+    /// Whether forces act at single nodes of the surface.
+    pub takes_points: bool,
+}
+
 /// A body that can be cut.
 pub struct Cuttable {
     pub splitter: Splitter,
     lame: Vec<Lame>,
+    density: Vec<f64>,
     /// Control element that holds each node.
-    pub held: Vec<Option<usize>>,
+    held: Vec<Option<usize>>,
     /// Node of the mesh of each node of the surface.
     surface: Vec<u32>,
     /// Node of the surface of each node of the mesh.
     surface_of: Vec<Option<u32>>,
     /// Mesh coordinates of the origin of the .green file's lengths, m.
-    centre: Vector3<f64>,
+    centre: V3,
     partition: Partition,
     /// Place of each node among the free ones.
-    free_at: Vec<Option<u32>>,
-    solves: Solves,
-    /// U over all nodes; `None` until it is needed first.
+    free_at: Arc<Vec<Option<u32>>>,
+    fields: Arc<PointFields>,
+    /// U and the columns of gravity over all nodes; `None` until they are needed first.
     whole: Option<NodeFields>,
-    /// Right-hand sides of U.
+    /// Their right-hand sides.
     loads: NodeFields,
     prescribed: NodeFields,
-    stiffness: DMatrix<f64>,
+    tables: Tables,
     known: Known,
 }
-
-/// A copy's node, and the pieces that move with it: their tetrahedra, and the bits of their shares.
-type CopyKey = (u32, Vec<(u32, u64)>);
 
 /// Data on the copies of the last cut.
 #[derive(Default)]
@@ -82,34 +90,32 @@ struct Known {
     gx: DMatrix<f64>,
 }
 
-/// A row of G: blocks of the nodes of the mesh.
-type Row = BTreeMap<u32, Matrix3<f64>>;
-
-/// The copies of a split, and how they hang together with the body.
-struct Couplings {
-    /// G, a row for each copy.
-    rows: Vec<Row>,
-    /// Blocks of H.
-    h: BTreeMap<(usize, usize), Matrix3<f64>>,
-    /// Dependence of X of each copy.
-    keys: Vec<CopyKey>,
-}
-
 /// The cut body.
 pub struct Opened {
-    /// The points of its surface beyond the nodes that the whole body has there.
-    pub points: Vec<CutPoint>,
     pub surface: NewSurface,
     pub moved: Moved,
-    /// Part of its largest number by which (H - G X) W misses -G U, or by which S' misses its transpose.
+    /// Part of its largest number by which (H - G X) W misses its right-hand side, or by which S' misses its transpose.
     pub error: f64,
 }
 
-/// The part of U' that the cut has made: -X W.
-#[derive(Default)]
+/// The motion of all nodes beyond that of the whole body.
+#[derive(Clone)]
 pub struct Moved {
-    x: Vec<Arc<DMatrix<f32>>>,
     w: DMatrix<f64>,
+    yielding: Arc<Yielding>,
+}
+
+impl Moved {
+    /// The node of the mesh on whose side a point of the surface lies.
+    pub fn node_of(&self, point: u32) -> Option<u32> {
+        self.yielding.node_of(point)
+    }
+}
+
+/// A shape of a body: coefficients of its columns, and forces at nodes of its mesh.
+pub struct Shape<'a> {
+    pub coefficients: &'a [f64],
+    pub forces: &'a [(u32, V3)],
 }
 
 impl Cuttable {
@@ -118,40 +124,53 @@ impl Cuttable {
         volume: Volume,
         names: &[&str],
         centre: Vector3<f64>,
-        stiffness: DMatrix<f64>,
+        tables: Tables,
     ) -> Result<Cuttable, String> {
-        let Volume { element, mesh, lame, held: of_controls, surface, .. } = volume;
+        let Volume { element, mesh, lame, held: of_controls, surface, forces, density } = volume;
         let k = Element::assemble(element, &mesh, &lame).map_err(|error| error.to_string())?;
         let count = mesh.nodes.len();
+        if tables.weight.is_some() && (density.len() != mesh.tets.len() || forces.ncols() != 3) {
+            return Err("its file has no densities: run `greenstage precompute` again".to_owned());
+        }
         let (low, high) = quality::bounding_box(&mesh.nodes);
-        let mut prescribed = NodeFields::zeros(count, FIELDS * of_controls.len());
+        let affine = FIELDS * of_controls.len();
+        let mut prescribed = NodeFields::zeros(count, affine + forces.ncols());
         for (e, (name, nodes)) in names.iter().zip(&of_controls).enumerate() {
             let control = ControlElement::new(name, nodes.clone(), &mesh, (high - low).norm());
             control.prescribe(&mesh.nodes, FIELDS * e, &mut prescribed);
         }
         let partition = Partition::new(count, of_controls.iter().flatten().copied());
+        let mut loads = partition.minus_b_times(&k, &prescribed);
         let mut free_at = vec![None; count];
-        (0..).zip(&partition.free).for_each(|(at, node)| free_at[*node as usize] = Some(at));
+        for (at, node) in (0..).zip(&partition.free) {
+            free_at[*node as usize] = Some(at);
+            for axis in 0..3 {
+                let row = &mut loads.row_mut(3 * at as usize + axis)[affine..];
+                row.iter_mut().zip(forces.row(3 * *node as usize + axis).iter()).for_each(|(to, f)| *to = *f);
+            }
+        }
         let mut held = vec![None; count];
         for (e, nodes) in of_controls.iter().enumerate() {
             nodes.iter().for_each(|node| held[*node as usize] = Some(e));
         }
         let mut surface_of = vec![None; count];
         (0..).zip(&surface).for_each(|(at, node)| surface_of[*node as usize] = Some(at));
+        let solves = Solves::start(partition.a(&k));
         Ok(Cuttable {
-            solves: Solves::start(partition.a(&k)),
-            loads: partition.minus_b_times(&k, &prescribed),
+            fields: Arc::new(PointFields::new(solves, partition.free.len())),
             splitter: Splitter::new(Arc::new(mesh)),
             lame,
+            density,
             held,
             surface,
             surface_of,
             centre,
             partition,
-            free_at,
+            free_at: Arc::new(free_at),
             whole: None,
+            loads,
             prescribed,
-            stiffness,
+            tables,
             known: Known::default(),
         })
     }
@@ -159,13 +178,13 @@ impl Cuttable {
     /// Handle stiffness of the whole body.
     #[cfg(test)]
     pub fn stiffness(&self) -> &DMatrix<f64> {
-        &self.stiffness
+        &self.tables.stiffness
     }
 
-    /// U of the whole body over all nodes.
+    /// U and the columns of gravity of the whole body over all nodes.
     pub fn whole(&mut self) -> Result<&NodeFields, String> {
         if self.whole.is_none() {
-            let free = self.solves.solve(self.loads.clone())?;
+            let free = self.fields.solve(self.loads.clone())?;
             let mut fields = self.prescribed.clone();
             self.partition.insert_free(&free, &mut fields);
             self.whole = Some(fields);
@@ -178,30 +197,42 @@ impl Cuttable {
         self.splitter.split(cut, &self.held)
     }
 
+    /// The motion of the body while it is whole: none beyond its own.
+    pub fn unmoved(&self) -> Result<Moved, String> {
+        let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
+        let surface: Vec<Corners> = self.surface.iter().map(alone).collect();
+        let (w, gx) = (DMatrix::zeros(0, self.loads.columns), DMatrix::zeros(0, 0));
+        let rows = (BTreeMap::new(), Arc::new(Mat::zeros(0, 0)));
+        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, rows);
+        Ok(Moved { w, yielding: Arc::new(yielding) })
+    }
+
+    fn yielding(
+        &self,
+        x: Vec<Arc<DMatrix<f32>>>,
+        system: System,
+        surface: Vec<Corners>,
+        (rows, at_rows): (BTreeMap<u32, usize>, Arc<Mat<f32>>),
+    ) -> Yielding {
+        let moves = |corner: &Corner| corner.copy.is_some() || self.free_at[corner.node as usize].is_some();
+        let takes = |(_, corners): &(u32, &Corners)| corners.iter().any(moves);
+        let taking = (0..).zip(&surface).filter(takes).map(|(node, _)| node).collect();
+        let (fields, free_at) = (self.fields.clone(), self.free_at.clone());
+        Yielding { fields, free_at, x, system, surface, taking, rows, at_rows }
+    }
+
     /// The body after cuts by which its mesh has fallen into these pieces. The error says why there is none.
-    pub fn open(&mut self, cut: &CutEdges, split: &Split) -> Result<Opened, String> {
+    pub fn open(&mut self, split: &Split, opened: &CutSurface) -> Result<Opened, String> {
         self.whole()?;
-        let Couplings { rows, h, keys } = self.couplings(split);
-        let known = self.solve_copies(&rows, keys)?;
+        let couplings = Couplings::new(&self.splitter, split, &self.lame, &self.density);
+        let known = self.solve_copies(&couplings.rows, couplings.keys.clone())?;
         let Some(whole) = &self.whole else { return Err(UNKNOWN.to_owned()) };
-        let mut gu = DMatrix::zeros(3 * rows.len(), whole.columns);
-        for (i, row) in rows.iter().enumerate() {
-            for (node, block) in row {
-                for axis in 0..3 {
-                    let u = whole.row(3 * *node as usize + axis);
-                    for (k, u) in u.iter().enumerate() {
-                        (0..3).for_each(|r| gu[(3 * i + r, k)] += block[(r, axis)] * u);
-                    }
-                }
-            }
-        }
-        let mut system = -&known.gx;
-        for ((i, j), block) in &h {
-            let mut own = system.fixed_view_mut::<3, 3>(3 * i, 3 * j);
-            own += block;
-        }
-        let (w, missed) = solved(&system, &gu)?;
-        let stiffness = &self.stiffness + w.tr_mul(&gu);
+        let acting = self.on_copies(&couplings, whole);
+        let system = System::new(&couplings.system(&known.gx))?;
+        let (w, missed) = system.solve(&acting);
+        let work = w.tr_mul(&acting);
+        let affine = self.tables.stiffness.nrows();
+        let stiffness = &self.tables.stiffness - work.view((0, 0), (affine, affine));
         let asymmetry = (&stiffness - stiffness.transpose()).amax() / stiffness.amax();
         let error = missed.max(asymmetry);
         if error.is_nan() || error > INEXACT {
@@ -209,45 +240,52 @@ impl Cuttable {
                 "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}"
             ));
         }
-        let stiffness = (&stiffness + stiffness.transpose()) * 0.5;
-        let moved = Moved { x: known.x.clone(), w };
-        let opened = self.splitter.surface(split, cut);
-        let surface = self.surface_of((split, &opened), (whole, &moved), stiffness)?;
+        let (surface, rows) = self.corners_of(split, opened);
+        let at_rows = Arc::new(self.gathered(&rows, &known.x));
+        let columns = self.columns_of(whole, &surface, (&rows, &at_rows), &w);
+        let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, (rows, at_rows)));
+        let weight = self.tables.weight.as_ref().map(|[reaction, compliance]| NewWeight {
+            columns: columns.columns(affine, 3).into_owned(),
+            reaction: reaction + work.view((0, affine), (affine, 3)),
+            compliance: compliance + work.view((affine, affine), (3, 3)),
+        });
+        let of_points: Option<Arc<dyn SolvedCompliance>> =
+            if self.tables.takes_points { Some(yielding.clone()) } else { None };
+        let surface = NewSurface {
+            points: self.points_of(split, opened),
+            triangles: self.triangles_of(split, opened)?,
+            held: self.held_of(opened),
+            columns: columns.columns(0, affine).into_owned(),
+            stiffness: (&stiffness + stiffness.transpose()) * 0.5,
+            weight,
+            compliance: of_points,
+        };
         self.known = known;
-        Ok(Opened { points: opened.points, surface, moved, error })
+        Ok(Opened { surface, moved: Moved { w, yielding }, error })
     }
 
-    fn geometry(&self, tet: u32) -> Option<Geometry> {
-        geometry(self.splitter.mesh.corners(tet as usize))
-    }
-
-    fn couplings(&self, split: &Split) -> Couplings {
-        let mesh = &self.splitter.mesh;
-        let copy_of = |node: u32| (node as usize).checked_sub(mesh.nodes.len());
-        let mut rows = vec![Row::new(); split.copies.len()];
-        let mut h: BTreeMap<(usize, usize), Matrix3<f64>> = BTreeMap::new();
-        let mut keys: Vec<CopyKey> = split.copies.iter().map(|node| (*node, Vec::new())).collect();
-        for piece in &split.pieces {
-            let Some(geometry) = self.geometry(piece.tet) else { continue };
-            let (lame, own) = (self.lame[piece.tet as usize], mesh.tets[piece.tet as usize]);
-            for a in 0..4 {
-                let Some(copy) = copy_of(piece.nodes[a]) else { continue };
-                keys[copy].1.push((piece.tet, piece.volume.to_bits()));
-                for b in 0..4 {
-                    let block = stiffness_block(&geometry, lame, a, b) * piece.volume;
-                    *rows[copy].entry(own[b]).or_insert_with(Matrix3::zeros) += block;
-                    if let Some(other) = copy_of(piece.nodes[b]) {
-                        *h.entry((copy, other)).or_insert_with(Matrix3::zeros) += block;
+    /// g - G U: what acts on the copies while they move with their nodes.
+    fn on_copies(&self, couplings: &Couplings, whole: &NodeFields) -> DMatrix<f64> {
+        let mut acting = DMatrix::zeros(3 * couplings.rows.len(), whole.columns);
+        for (i, row) in couplings.rows.iter().enumerate() {
+            for (node, block) in row {
+                for axis in 0..3 {
+                    let u = whole.row(3 * *node as usize + axis);
+                    for (k, u) in u.iter().enumerate() {
+                        (0..3).for_each(|r| acting[(3 * i + r, k)] -= block[(r, axis)] * u);
                     }
                 }
             }
+            let affine = self.tables.stiffness.nrows();
+            let weights = (0..3).zip(affine..whole.columns);
+            weights.for_each(|(axis, k)| acting[(3 * i + axis, k)] += couplings.masses[i]);
         }
-        Couplings { rows, h, keys }
+        acting
     }
 
     /// Takes one more step on the way to a cut, without its surface: the copies are known then as if the body had been opened there.
     pub fn follow(&mut self, split: &Split) -> Result<(), String> {
-        let Couplings { rows, keys, .. } = self.couplings(split);
+        let Couplings { rows, keys, .. } = Couplings::new(&self.splitter, split, &self.lame, &[]);
         self.known = self.solve_copies(&rows, keys)?;
         Ok(())
     }
@@ -274,7 +312,7 @@ impl Cuttable {
                 }
             }
         }
-        let x = if missing.is_empty() { b } else { self.solves.solve(b)? };
+        let x = if missing.is_empty() { b } else { self.fields.solve(b)? };
         let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
         for (i, was) in before.iter().enumerate() {
             let Some(was) = was else { continue };
@@ -312,80 +350,103 @@ impl Cuttable {
         row.iter().filter_map(|(node, block)| Some((self.free_at[*node as usize]?, block)))
     }
 
-    /// The surface of the cut body with its columns.
-    fn surface_of(
-        &self,
-        (split, opened): (&Split, &CutSurface),
-        (whole, moved): (&NodeFields, &Moved),
-        stiffness: DMatrix<f64>,
-    ) -> Result<NewSurface, String> {
+    /// The nodes of which each point of the cut surface is the sum, and a row for each free node that has a part in it.
+    fn corners_of(&self, split: &Split, opened: &CutSurface) -> (Vec<Corners>, BTreeMap<u32, usize>) {
         let count = self.splitter.mesh.nodes.len();
-        let copy_of = |node: u32| (node as usize).checked_sub(count);
-        let node_of = |node: u32| split.original(node, count);
-        let inner = opened.points.iter().flat_map(|point| point.nodes).map(node_of);
-        let mut asked: Vec<u32> = inner.filter(|node| self.surface_of[*node as usize].is_none()).collect();
-        asked.sort_unstable();
-        asked.dedup();
-        let old = self.surface.len();
-        let all: Vec<u32> = self.surface.iter().chain(&asked).copied().collect();
-        let mut values = self.moved_at(&all, moved);
-        for (at, node) in all.iter().enumerate() {
-            for axis in 0..3 {
-                let u = whole.row(3 * *node as usize + axis);
-                u.iter().enumerate().for_each(|(k, u)| values[(3 * at + axis, k)] += u);
-            }
-        }
-        let place = |node: u32| match self.surface_of[node as usize] {
-            Some(at) => at as usize,
-            None => old + asked.partition_point(|other| *other < node),
-        };
-        let mut columns = DMatrix::zeros(3 * (old + opened.points.len()), whole.columns);
-        columns.rows_mut(0, 3 * old).copy_from(&values.rows(0, 3 * old));
-        let (mut points, mut held) = (Vec::new(), vec![Vec::new(); whole.columns / FIELDS]);
-        for (at, point) in opened.points.iter().enumerate() {
+        let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
+        let mut surface: Vec<Corners> = self.surface.iter().map(alone).collect();
+        surface.extend(opened.points.iter().map(|point| {
             let shares = [1.0 - point.share, point.share];
-            let mut own = columns.rows_mut(3 * (old + at), 3);
-            for (node, share) in point.nodes.into_iter().zip(shares) {
-                own += values.rows(3 * place(node_of(node)), 3) * share;
-                if let Some(copy) = copy_of(node) {
-                    own += moved.w.rows(3 * copy, 3) * share;
+            let corner = |(node, share): (u32, f64)| Corner {
+                node: split.original(node, count),
+                copy: (node as usize).checked_sub(count),
+                share,
+            };
+            point.nodes.into_iter().zip(shares).map(corner).collect()
+        }));
+        let free = surface.iter().flatten().map(|corner| corner.node);
+        let mut nodes: Vec<u32> = free.filter(|node| self.free_at[*node as usize].is_some()).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        (surface, nodes.into_iter().zip(0..).collect())
+    }
+
+    /// X of all copies at these nodes.
+    fn gathered(&self, rows: &BTreeMap<u32, usize>, x: &[Arc<DMatrix<f32>>]) -> Mat<f32> {
+        let mut gathered = Mat::<f32>::zeros(3 * rows.len(), 3 * x.len());
+        for (j, x) in x.iter().enumerate() {
+            for k in 0..3 {
+                let (from, to) = (x.column(k), gathered.col_as_slice_mut(3 * j + k));
+                for (to, node) in to.chunks_exact_mut(3).zip(rows.keys()) {
+                    let Some(free) = self.free_at[*node as usize] else { continue };
+                    to.copy_from_slice(&from.as_slice()[3 * free as usize..][..3]);
                 }
             }
-            // A copy is not held.
-            let of = point.nodes.map(|node| self.held.get(node as usize).copied().flatten());
-            if let (Some(e), true) = (of[0], of[0] == of[1]) {
-                held[e].push((old + at) as u32);
-            }
-            let [a, b] = point.nodes.map(|node| self.splitter.place(split, node));
-            points.push((a.lerp(&b, point.share) - self.centre).cast::<f32>().into());
         }
-        let number = |node: u32| match copy_of(node) {
+        gathered
+    }
+
+    /// U - X W at the points of a surface, with W at the copies.
+    fn columns_of(
+        &self,
+        whole: &NodeFields,
+        surface: &[Corners],
+        (rows, at_rows): (&BTreeMap<u32, usize>, &Mat<f32>),
+        w: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let of_copies = Mat::<f32>::from_fn(w.nrows(), w.ncols(), |i, j| w[(i, j)] as f32);
+        let mut beyond = Mat::<f32>::zeros(3 * rows.len(), w.ncols());
+        matmul(beyond.as_mut(), Accum::Replace, at_rows.as_ref(), of_copies.as_ref(), -1.0, Par::Seq);
+        let mut columns = DMatrix::zeros(3 * surface.len(), whole.columns);
+        for (at, corners) in surface.iter().enumerate() {
+            for Corner { node, copy, share } in corners {
+                let row = rows.get(node);
+                for axis in 0..3 {
+                    let u = whole.row(3 * *node as usize + axis);
+                    for (k, u) in u.iter().enumerate() {
+                        let own = row.map_or(0.0, |row| f64::from(beyond[(3 * row + axis, k)]));
+                        let apart = copy.map_or(0.0, |copy| w[(3 * copy + axis, k)]);
+                        columns[(3 * at + axis, k)] += share * (u + own + apart);
+                    }
+                }
+            }
+        }
+        columns
+    }
+
+    /// Places at rest of the points beyond the nodes, about the centre.
+    fn points_of(&self, split: &Split, opened: &CutSurface) -> Vec<[f32; 3]> {
+        let place = |point: &CutPoint| {
+            let [a, b] = point.nodes.map(|node| self.splitter.place(split, node));
+            (a.lerp(&b, point.share) - self.centre).cast::<f32>().into()
+        };
+        opened.points.iter().map(place).collect()
+    }
+
+    /// The points that belong to each control element: those between two of its nodes. A copy is not held.
+    fn held_of(&self, opened: &CutSurface) -> Vec<Vec<u32>> {
+        let mut held = vec![Vec::new(); self.tables.stiffness.nrows() / FIELDS];
+        for (at, point) in (self.surface.len() as u32..).zip(&opened.points) {
+            let [a, b] = point.nodes.map(|node| self.held.get(node as usize).copied().flatten());
+            if let (Some(e), true) = (a, a == b) {
+                held[e].push(at);
+            }
+        }
+        held
+    }
+
+    fn triangles_of(&self, split: &Split, opened: &CutSurface) -> Result<Vec<[u32; 3]>, String> {
+        let count = self.splitter.mesh.nodes.len();
+        let old = self.surface.len();
+        let number = |node: u32| match (node as usize).checked_sub(count) {
             None => self.surface_of[node as usize],
             Some(point) => Some((old + point) as u32),
         };
         let triangle = |nodes: &[u32; 3]| Some([number(nodes[0])?, number(nodes[1])?, number(nodes[2])?]);
         let triangles: Option<Vec<_>> = opened.triangles.iter().map(triangle).collect();
-        let triangles = triangles.ok_or("a node of the cut surface is none of the surface")?;
-        Ok(NewSurface { points, triangles, held, columns, stiffness })
-    }
-
-    /// -X W at these nodes.
-    fn moved_at(&self, nodes: &[u32], Moved { x, w }: &Moved) -> DMatrix<f64> {
-        let free: Vec<Option<u32>> = nodes.iter().map(|node| self.free_at[*node as usize]).collect();
-        let mut gathered = Mat::<f32>::zeros(3 * nodes.len(), 3 * x.len());
-        for (j, x) in x.iter().enumerate() {
-            for k in 0..3 {
-                let (from, to) = (x.column(k), gathered.col_as_slice_mut(3 * j + k));
-                for (to, free) in to.chunks_exact_mut(3).zip(&free) {
-                    let Some(free) = free else { continue };
-                    to.copy_from_slice(&from.as_slice()[3 * *free as usize..][..3]);
-                }
-            }
-        }
-        let w = Mat::<f32>::from_fn(w.nrows(), w.ncols(), |i, j| w[(i, j)] as f32);
-        let mut product = Mat::<f32>::zeros(3 * nodes.len(), w.ncols());
-        matmul(product.as_mut(), Accum::Replace, gathered.as_ref(), w.as_ref(), -1.0, Par::Seq);
-        DMatrix::from_fn(product.nrows(), product.ncols(), |i, j| f64::from(product[(i, j)]))
+        triangles.ok_or_else(|| {
+            format!("a node of the surface cut with {} copies is none of the surface", split.copies.len())
+        })
     }
 
     /// Edges of the mesh, once each.
@@ -397,57 +458,26 @@ impl Cuttable {
         edges
     }
 
-    /// Places of all nodes with these coefficients of the columns, about the centre, m.
-    pub fn places(&mut self, moved: &Moved, coefficients: &[f64]) -> Result<Vec<Vector3<f64>>, String> {
-        let c = DVector::from_iterator(
-            moved.w.ncols(),
-            (0..moved.w.ncols()).map(|k| coefficients.get(k).copied().unwrap_or(0.0)),
-        );
-        let mut by_cut = DVector::<f32>::zeros(3 * self.partition.free.len());
+    /// Places of all nodes of a shape, about the centre, m.
+    pub fn places(&mut self, moved: &Moved, shape: &Shape<'_>) -> Result<Vec<V3>, String> {
+        let coefficients = shape.coefficients;
+        let c = DVector::from_fn(moved.w.ncols(), |k, _| coefficients.get(k).copied().unwrap_or(0.0));
+        let mut beyond = DVector::<f32>::zeros(3 * self.partition.free.len());
         let apart = &moved.w * c;
-        for (j, x) in moved.x.iter().enumerate() {
+        for (j, x) in moved.yielding.x.iter().enumerate() {
             let own = apart.fixed_rows::<3>(3 * j).into_owned().cast::<f32>();
-            by_cut.gemv(-1.0, &**x, &own, 1.0);
+            beyond.gemv(-1.0, &**x, &own, 1.0);
         }
+        let pressed = moved.yielding.field(shape.forces)?;
+        beyond.iter_mut().zip(pressed).for_each(|(u, by)| *u += by);
         let whole = self.whole()?;
         let axis = |row: usize| whole.row(row).iter().zip(coefficients).map(|(u, c)| u * c).sum::<f64>();
-        let mut u: Vec<Vector3<f64>> = (0..whole.nodes)
+        let mut u: Vec<V3> = (0..whole.nodes)
             .map(|node| Vector3::new(axis(3 * node), axis(3 * node + 1), axis(3 * node + 2)))
             .collect();
         for (free, node) in self.partition.free.iter().enumerate() {
-            u[*node as usize] += by_cut.fixed_rows::<3>(3 * free).into_owned().cast::<f64>();
+            u[*node as usize] += beyond.fixed_rows::<3>(3 * free).into_owned().cast::<f64>();
         }
         Ok(self.splitter.mesh.nodes.iter().zip(u).map(|(x, u)| x - self.centre + u).collect())
     }
-}
-
-/// W with (H - G X) W = -G U, and by how much it misses that. The error says that the cut body moves freely somewhere.
-fn solved(system: &DMatrix<f64>, gu: &DMatrix<f64>) -> Result<(DMatrix<f64>, f64), String> {
-    if system.is_empty() {
-        return Ok((gu.clone(), 0.0));
-    }
-    let loose = || {
-        "a part of the body would hang on a single node or edge, about which it could turn freely".to_owned()
-    };
-    let n = system.nrows();
-    let scale = system.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
-    let scaled = Mat::from_fn(n, n, |i, j| 0.5 * (system[(i, j)] + system[(j, i)]) * scale[i] * scale[j]);
-    let mut factor = scaled.clone();
-    let scratch = cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default())
-        .or(solve_in_place_scratch::<f64>(n, gu.ncols(), Par::Seq));
-    let mut memory = MemBuffer::new(scratch);
-    let stack = MemStack::new(&mut memory);
-    let regularisation = LltRegularization::default();
-    cholesky_in_place(factor.as_mut(), regularisation, Par::Seq, stack, Spec::default())
-        .map_err(|_not_definite| loose())?;
-    if (0..n).any(|i| factor[(i, i)].powi(2) < SINGULAR) {
-        return Err(loose());
-    }
-    let b = Mat::from_fn(n, gu.ncols(), |i, j| -gu[(i, j)] * scale[i]);
-    let mut found = b.clone();
-    solve_in_place(factor.as_ref(), found.as_mut(), Par::Seq, stack);
-    let mut misses = b.clone();
-    matmul(misses.as_mut(), Accum::Add, scaled.as_ref(), found.as_ref(), -1.0, Par::Seq);
-    let missed = misses.norm_max() / b.norm_max().max(f64::MIN_POSITIVE);
-    Ok((DMatrix::from_fn(n, gu.ncols(), |i, j| found[(i, j)] * scale[i]), missed))
 }

@@ -1,19 +1,20 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
 use super::blade::{Blade, Sweep};
-use super::opened::{Cuttable, Moved, Opened};
+use super::opened::{Cuttable, Moved, Opened, Shape, Tables};
 use super::settings::NAME;
 use crate::base::failure::Failure;
-use crate::deform::Contribution;
+use crate::deform::{AppliedLoads, Contribution, Deformer, Pull};
 use crate::effect::entry::EffectInput;
-use crate::green::{GreenFile, VOLUME, Volume, resurfaced};
-use crate::mesh::split::{CutEdges, Split};
+use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume, resurfaced};
+use crate::mesh::split::{CutEdges, CutSurface, Split};
 use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
 use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -45,8 +46,9 @@ struct CutBody {
     cuttable: Cuttable,
     edges: Vec<[u32; 2]>,
     cut: CutEdges,
-    /// The mesh after it.
+    /// The mesh after it, and its surface.
     split: Split,
+    surface: CutSurface,
     /// Steps in which it was made; the last bits of the columns depend on them.
     steps: Vec<CutStep>,
     /// Changes of the columns at all nodes by the cut.
@@ -65,8 +67,18 @@ struct CutBody {
 struct Seen {
     #[serde(with = "crate::field::numbers::flat")]
     coefficients: Vec<f64>,
+    /// Forces at nodes of the mesh along the axes of the columns, N. One at a point of a cut counts at the node on its side.
+    forces: Vec<Force>,
     #[serde(with = "crate::field::numbers")]
     room_from_columns: Similarity3<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Force {
+    node: u32,
+    #[serde(with = "crate::field::numbers")]
+    force: V3,
 }
 
 /// All that lasts from frame to frame.
@@ -112,16 +124,22 @@ impl CutBody {
         let volume = Volume::read(&|table| file.table(name, table), names.len())?;
         let lacks = || format!("its file has no numbers of the family {}", VOLUME.name);
         let stiffness = file.stiffness(name).ok_or_else(lacks)?;
-        let cuttable = Cuttable::new(volume, &names, V3::from(meta.centre), stiffness)?;
+        let weight = match meta.loads.is_empty() {
+            true => None,
+            false => file.table(name, REACTION).zip(file.table(name, LOAD_COMPLIANCE)).map(Into::into),
+        };
+        let tables = Tables { stiffness, weight, takes_points: file.compliance(name).is_some() };
+        let cuttable = Cuttable::new(volume, &names, V3::from(meta.centre), tables)?;
         Ok(CutBody {
             b,
             name: name.to_owned(),
             edges: cuttable.edges(),
+            moved: cuttable.unmoved()?,
             cuttable,
             cut: CutEdges::new(),
             split: Split::default(),
+            surface: CutSurface::default(),
             steps: Vec::new(),
-            moved: Moved::default(),
             seen: None,
             outcome: None,
             remade: None,
@@ -129,9 +147,26 @@ impl CutBody {
         })
     }
 
+    /// Forces on a deformer's points as forces at nodes of the mesh, along the axes of its columns.
+    fn forces_on(&self, deformer: &Deformer) -> Vec<Force> {
+        let AppliedLoads { points, .. } = deformer.acting();
+        let in_columns = deformer.state.body_from_surface().rotation.inverse();
+        let mut all: BTreeMap<u32, V3> = BTreeMap::new();
+        for point in points {
+            let Pull::Force(force) = point.pull else { continue };
+            for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
+                let Some(node) = self.moved.node_of(node) else { continue };
+                *all.entry(node).or_default() += in_columns * force * weight;
+            }
+        }
+        all.into_iter().map(|(node, force)| Force { node, force }).collect()
+    }
+
     /// Places of all nodes in the room.
     fn places(&mut self, seen: &Seen) -> Result<Vec<V3>, String> {
-        let at = self.cuttable.places(&self.moved, &seen.coefficients)?;
+        let forces: Vec<_> = seen.forces.iter().map(|at| (at.node, at.force)).collect();
+        let shape = Shape { coefficients: &seen.coefficients, forces: &forces };
+        let at = self.cuttable.places(&self.moved, &shape)?;
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
@@ -205,14 +240,15 @@ impl CutBody {
 
     /// Goes on to this cut by one step. A step that divides nothing further changes nothing of the body.
     fn go_on(&mut self, cut: CutEdges, step: CutStep, split: Split) -> Result<(), String> {
-        if split.pieces != self.split.pieces {
-            let Opened { surface, moved, error, .. } = self.cuttable.open(&cut, &split)?;
+        let opened = self.cuttable.splitter.surface(&split, &cut);
+        if split.pieces != self.split.pieces || (!split.pieces.is_empty() && opened != self.surface) {
+            let Opened { surface, moved, error } = self.cuttable.open(&split, &opened)?;
             let file =
                 resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
             (self.moved, self.remade) = (moved, Some(Arc::new(file)));
             self.outcome = Some((split.copies.len(), error));
         }
-        (self.cut, self.split) = (cut, split);
+        (self.cut, self.split, self.surface) = (cut, split, opened);
         self.steps.push(step);
         Ok(())
     }
@@ -222,20 +258,22 @@ impl CutBody {
         if steps == self.steps {
             return Ok(());
         }
-        self.close();
+        self.close()?;
         let gone = self.go_through(steps);
         if gone.is_err() {
-            self.close();
+            self.close()?;
         }
         gone
     }
 
     /// Makes the body whole again.
-    fn close(&mut self) {
+    fn close(&mut self) -> Result<(), String> {
+        self.moved = self.cuttable.unmoved()?;
         self.cuttable.close();
-        (self.steps, self.moved, self.outcome) = (Vec::new(), Moved::default(), None);
-        (self.cut, self.split) = (CutEdges::new(), Split::default());
+        (self.steps, self.outcome) = (Vec::new(), None);
+        (self.cut, self.split, self.surface) = (CutEdges::new(), Split::default(), CutSurface::default());
         self.remade = Some(self.file.clone());
+        Ok(())
     }
 
     fn go_through(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
@@ -308,6 +346,7 @@ impl RunningEffect for Cuts {
             let state = &placed.deformer.state;
             let now = Seen {
                 coefficients: state.coefficients.clone(),
+                forces: body.forces_on(&placed.deformer),
                 room_from_columns: placed.room_from_body * state.body_from_surface(),
             };
             if let Err(message) = body.pass(&near, now) {

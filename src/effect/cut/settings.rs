@@ -3,7 +3,7 @@
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
 use crate::effect::entry::{ListedEffect, ResolvedBody};
 use crate::fem::TET4;
-use crate::scene::{Body, Scene, SceneError};
+use crate::scene::{Body, LoadSource, Scene, SceneError};
 
 /// The effect's name in scenes.
 pub const NAME: &str = "cut";
@@ -37,11 +37,10 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
     }
     let key =
         |name: &str| if body.load.contains_key(name) { format!("load.{name}") } else { name.to_owned() };
-    let load = body.loads().first().map(|load| (key(load.name), "loads"));
-    let nodes = body.surface_compliance.as_ref().map(|_| ("surface_compliance".to_owned(), "single nodes"));
-    if let Some((key, what)) = load.or(nodes) {
-        let message = format!("\"{NAME}\" knows no columns of {what} for the cut body yet: leave it out");
-        return wrong(&key, message);
+    if let Some(load) = body.loads().iter().find(|load| load.source != LoadSource::Gravity) {
+        let message =
+            format!("of a cut body \"{NAME}\" knows what gravity does, and no other load: leave it out");
+        return wrong(&key(load.name), message);
     }
     let measured = [
         ("accuracy", body.accuracy.is_some()),
@@ -57,8 +56,7 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
     // What it shows, or keeps, of the whole body would not be true of the cut one.
     let is_of_whole = |listed: &&ListedEffect| {
         let entry = listed.entry;
-        let keeps =
-            entry.precompute.is_some() || entry.presses_points || entry.vibrates || entry.needs_inside;
+        let keeps = entry.precompute.is_some() || entry.vibrates || entry.needs_inside;
         let shows = entry.shows_stress || entry.measures_errors || entry.is_felt;
         let has_no_energy = entry.needs_energy && *resolved.model != LINEAR;
         entry.name != NAME && (keeps || shows || has_no_energy)

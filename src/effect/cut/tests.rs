@@ -1,4 +1,4 @@
-use super::opened::Cuttable;
+use super::opened::{Cuttable, Shape, Tables};
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4};
 use crate::green::{ControlElement, FIELDS, Volume};
@@ -18,7 +18,7 @@ fn bar(cells: [u32; 3]) -> Volume {
     let held = ["xmin", "xmax"].map(|group| mesh.groups[group].clone()).to_vec();
     let surface = Surface::from_mesh(&mesh).nodes;
     let forces = DMatrix::zeros(3 * mesh.nodes.len(), 0);
-    Volume { element: &TET4, mesh, lame, held, surface, forces }
+    Volume { element: &TET4, mesh, lame, held, surface, forces, density: Vec::new() }
 }
 
 /// Handle stiffness and affine fields at all nodes of a mesh, assembled and solved anew.
@@ -52,7 +52,8 @@ fn controls(volume: &Volume) -> Vec<ControlElement> {
 fn cuttable(volume: &Volume) -> Cuttable {
     let (stiffness, _) = anew(&volume.mesh, &volume.lame, &volume.held, &controls(volume));
     let names = vec!["a"; volume.held.len()];
-    Cuttable::new(volume.clone(), &names, V3::zeros(), stiffness).unwrap()
+    let tables = Tables { stiffness, weight: None, takes_points: true };
+    Cuttable::new(volume.clone(), &names, V3::zeros(), tables).unwrap()
 }
 
 /// The edges that a plane n·x = d cuts where `is_in` holds.
@@ -79,7 +80,7 @@ fn as_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>) {
     for piece in &split.pieces {
         let tet = piece.tet as usize;
         let Lame { lambda, mu } = volume.lame[tet];
-        let part = Lame { lambda: lambda * piece.volume, mu: mu * piece.volume };
+        let part = Lame { lambda: lambda * piece.volume(), mu: mu * piece.volume() };
         if seen.insert(tet) {
             (mesh.tets[tet], lame[tet]) = (piece.nodes, part);
         } else {
@@ -120,7 +121,8 @@ fn a_cut_body_is_the_body_solved_anew() {
             }
         }
         let split = cuttable.split(&cut);
-        let opened = cuttable.open(&cut, &split).unwrap();
+        let points = cuttable.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&split, &points).unwrap();
         let (mesh, lame) = as_mesh(&volume, &split);
         let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(&volume));
         let largest = fields.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
@@ -135,14 +137,15 @@ fn a_cut_body_is_the_body_solved_anew() {
                 compare(3 * at + axis, &|k| fields.row(3 * *node as usize + axis)[k]);
             }
             // The points of the surface move with the pieces on whose edges they lie.
-            for (at, point) in opened.points.iter().enumerate() {
+            for (at, point) in points.points.iter().enumerate() {
                 let [a, b] = point.nodes.map(|node| fields.row(3 * node as usize + axis));
                 let expected = |k: usize| a[k] * (1.0 - point.share) + b[k] * point.share;
                 compare(3 * (volume.surface.len() + at) + axis, &expected);
             }
         }
         let c: Vec<f64> = (0..2 * FIELDS).map(|k| (k as f64 * 1.7).sin() * 0.1).collect();
-        let places = cuttable.places(&opened.moved, &c).unwrap();
+        let shape = Shape { coefficients: &c, forces: &[] };
+        let places = cuttable.places(&opened.moved, &shape).unwrap();
         let mut off = 0.0_f64;
         for (node, place) in places.iter().enumerate() {
             let u = |axis: usize| fields.row(3 * node + axis).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>();
@@ -199,11 +202,72 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let cut = by_plane(&across.mesh, V3::x(), middle.x, |x| x.y > middle.y);
         let mut across = cuttable(&across);
         let split = across.split(&cut);
-        let opened = across.open(&cut, &split).unwrap();
+        let surface = across.splitter.surface(&split, &cut);
+        let opened = across.open(&split, &surface).unwrap();
         let softer = bending(across.stiffness()) - bending(&opened.surface.stiffness);
         let expected = bending(&whole) - bending(&reference);
         println!("{m}: softer by {softer} N m, along faces by {expected} N m");
         apart.push(softer / expected - 1.0);
     }
     assert!(apart[2].abs() < 0.6 * apart[1].abs() && apart[1].abs() < 0.6 * apart[0].abs(), "{apart:?}");
+}
+
+/// Columns of the compliance at nodes of the old surface, of the cut, and at the end of the slit, against the cut body assembled and solved
+/// anew; the bits of one do not depend on what is asked for with it.
+#[test]
+fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
+    let volume = bar([8, 4, 3]);
+    let mut cuttable = cuttable(&volume);
+    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let middle = (low + high) * 0.5;
+    let n = V3::new(1.0, 0.2, 0.3);
+    let cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y - 0.02);
+    let split = cuttable.split(&cut);
+    let points = cuttable.splitter.surface(&split, &cut).points;
+    let opened = cuttable.open(&split, &cuttable.splitter.surface(&split, &cut)).unwrap();
+    let compliance = opened.surface.compliance.unwrap();
+    let (mesh, lame) = as_mesh(&volume, &split);
+    let k = Element::assemble(&TET4, &mesh, &lame).unwrap();
+    let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
+    let a = partition.a(&k);
+    let solver = Solver::default().analyse(&a, &Silent).unwrap();
+    let factor = solver.factor(&a, &Silent).unwrap();
+    let old = volume.surface.len();
+    let corners = |at: usize| match at.checked_sub(old) {
+        None => vec![(volume.surface[at], 1.0)],
+        Some(point) => {
+            let [a, b] = points[point].nodes;
+            vec![(a, 1.0 - points[point].share), (b, points[point].share)]
+        }
+    };
+    let taking = compliance.nodes();
+    let of_cut = taking.iter().filter(|node| **node as usize >= old).count();
+    assert!(of_cut == points.len() && taking.len() > of_cut + 40);
+    let asked: Vec<u32> = taking.iter().copied().step_by(17).collect();
+    let columns = compliance.columns(&asked).unwrap();
+    let mut off = 0.0_f64;
+    for (node, column) in asked.iter().zip(&columns) {
+        let mut b = NodeFields::zeros(mesh.nodes.len(), 3);
+        for (of, share) in corners(*node as usize) {
+            (0..3).for_each(|axis| b.row_mut(3 * of as usize + axis)[axis] = share);
+        }
+        let (x, _) = factor.solve(&b.at(&partition.free), &Silent).unwrap();
+        let mut u = NodeFields::zeros(mesh.nodes.len(), 3);
+        partition.insert_free(&x, &mut u);
+        let most = u.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+        for (at, found) in column.iter().enumerate() {
+            for (axis, found) in found.iter().enumerate() {
+                for (force, found) in found.iter().enumerate() {
+                    let of = |(node, share): (u32, f64)| u.row(3 * node as usize + axis)[force] * share;
+                    let expected: f64 = corners(at).into_iter().map(of).sum();
+                    off = off.max((f64::from(*found) - expected).abs() / most);
+                }
+            }
+        }
+    }
+    println!("{} columns, off by a part of {off:e}", columns.len());
+    assert!(off < 1e-5, "{off:e}");
+    for (node, column) in asked.iter().zip(&columns) {
+        assert!(compliance.columns(&[*node]).unwrap()[0] == *column, "node {node}");
+    }
 }

@@ -7,12 +7,14 @@ use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::family::{Assembled, FamilyEntry};
 use super::super::file::{BodyMeta, GreenFile, LoadMeta, Turning};
+use super::super::prepare::densities_of_tets;
 use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::loads::nodal_forces;
 use super::table;
 use crate::fem::{ELEMENTS, Element, Lame};
 use crate::mesh::TetMesh;
+use crate::scene::LoadSource;
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
 use safetensors::tensor::Dtype;
@@ -48,6 +50,8 @@ const ELEMENT: &str = "volume/element";
 const TABLES: [&str; 6] = [NODES, TETS, LAME, HELD, SURFACE, ELEMENT];
 /// A force at each node for each column of the loads, 0 of warmth: 3 N × K, of a body with loads.
 const FORCES: &str = "volume/forces";
+/// Density of each tetrahedron, kg/m³: 1 × T, of a body with gravity.
+const DENSITY: &str = "volume/density";
 
 /// A body's mesh, as it was solved.
 #[derive(Clone, Debug)]
@@ -62,6 +66,8 @@ pub struct Volume {
     pub surface: Vec<u32>,
     /// A force at each node for each column of the body's loads, 0 of warmth: 3 N × K.
     pub forces: DMatrix<f64>,
+    /// Density of each tetrahedron, kg/m³; none of a body without gravity.
+    pub density: Vec<f64>,
 }
 
 impl Volume {
@@ -113,6 +119,17 @@ impl Volume {
             Some(_) => find(FORCES, &[3 * count])?,
             None => DMatrix::zeros(3 * count, 0),
         };
+        let density = match table(DENSITY) {
+            Some(_) => find(DENSITY, &[1])?.iter().copied().collect(),
+            None => Vec::new(),
+        };
+        if !density.is_empty() && density.len() != tets.ncols() {
+            return Err(format!(
+                "table {DENSITY} has {} columns, table {TETS} {}",
+                density.len(),
+                tets.ncols()
+            ));
+        }
         let number = index(ELEMENT, element.iter().next().copied().unwrap_or(-1.0), ELEMENTS.len())?;
         Ok(Volume {
             element: ELEMENTS[number as usize],
@@ -121,6 +138,7 @@ impl Volume {
             held: all,
             surface: surface.iter().map(|&node| index(SURFACE, node, count)).collect::<Result<_, _>>()?,
             forces,
+            density,
         })
     }
 }
@@ -171,7 +189,14 @@ fn compute(
     }
     let numbers = columns.iter().flatten().flat_map(|force| [force.x, force.y, force.z]);
     let forces = DMatrix::from_iterator(3 * mesh.nodes.len(), columns.len(), numbers);
+    let density = match loads.iter().any(|load| load.source == LoadSource::Gravity) {
+        true => Some(densities_of_tets(assembled.scene, assembled.name, mesh)?),
+        false => None,
+    };
     solution.tables.extend(made);
+    if let Some(density) = density {
+        solution.tables.insert(DENSITY, DMatrix::from_row_slice(1, density.len(), &density));
+    }
     if !loads.is_empty() {
         solution.tables.insert(FORCES, forces);
         solution.loads = loads.iter().map(LoadMeta::new).collect();
@@ -181,7 +206,7 @@ fn compute(
 
 fn write(body: &Precomputed, meta: &mut BodyMeta) -> Vec<(String, Tensor)> {
     meta.loads.clone_from(&body.solution.loads);
-    TABLES.iter().chain([&FORCES]).flat_map(|name| table::write(body, name)).collect()
+    TABLES.iter().chain([&FORCES, &DENSITY]).flat_map(|name| table::write(body, name)).collect()
 }
 
 fn check(file: &GreenFile, name: &str, body: &BodyMeta) -> Result<(), String> {

@@ -1,11 +1,12 @@
 //! Compliance of the surface of a body under forces at its single nodes, in the way in which its file has it.
 //!
-//! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`. Out: columns of (K⁻¹)ₛ.
+//! In: a .green file with one of the families `compliance`, `compressed` and `kept_factor`, or a file in memory whose maker solves for them.
+//! Out: columns of (K⁻¹)ₛ.
 
 use super::super::bytes::Tensor;
 use super::super::error::GreenError;
 use super::super::file::GreenFile;
-use super::super::on_demand::Yield;
+use super::super::on_demand::{SolvedCompliance, Yield};
 use super::super::update::ChangedSystem;
 use super::compliance::{COMPLIANCE, Order, Tiles};
 use super::compressed::{COMPRESSED, CompressedColumns};
@@ -16,14 +17,38 @@ use std::time::Duration;
 
 /// The compliance of a body, read where it lies.
 pub enum Compliance<'a> {
+    Solved(SolvedColumns<'a>),
     Tiles(Tiles<'a>),
     Factor(KeptColumns<'a>),
     Compressed(CompressedColumns<'a>),
 }
 
+/// The compliance of a body whose columns are solved for.
+pub struct SolvedColumns<'a> {
+    file: &'a GreenFile,
+    body: &'a str,
+    of: &'a dyn SolvedCompliance,
+    order: Order<'a>,
+}
+
+impl SolvedColumns<'_> {
+    fn columns(&self, places: &[usize]) -> Result<Vec<Arc<Yield>>, GreenError> {
+        self.file.on_demand.body(self.body).columns(places, |missing| {
+            let nodes: Vec<u32> = missing.iter().map(|place| self.order.nodes[*place]).collect();
+            self.of.columns(&nodes).map_err(|reason| self.failed(&reason))
+        })
+    }
+
+    fn failed(&self, reason: &str) -> GreenError {
+        let reason = format!("the compliance of {}: {reason}", self.body);
+        GreenError::Damaged { path: self.file.path.clone(), reason }
+    }
+}
+
 impl Compliance<'_> {
     fn order(&self) -> Order<'_> {
         match self {
+            Compliance::Solved(solved) => solved.order,
             Compliance::Tiles(tiles) => tiles.order,
             Compliance::Factor(kept) => kept.order,
             Compliance::Compressed(compressed) => compressed.order,
@@ -44,6 +69,9 @@ impl Compliance<'_> {
                 Ok(kept.columns(&[place])?.iter().flat_map(|column| column.iter().copied()).collect())
             }
             Compliance::Compressed(compressed) => compressed.column(place),
+            Compliance::Solved(solved) => {
+                Ok(solved.columns(&[place])?.iter().flat_map(|column| column.iter().copied()).collect())
+            }
         }
     }
 
@@ -55,6 +83,7 @@ impl Compliance<'_> {
     /// Reads all of it; errors at the first that is not what was written.
     pub fn verify(&self) -> Result<(), GreenError> {
         match self {
+            Compliance::Solved(_) => Ok(()),
             Compliance::Tiles(tiles) => tiles.verify(),
             Compliance::Factor(kept) => kept.load().map(drop),
             Compliance::Compressed(compressed) => compressed.verify(),
@@ -68,6 +97,7 @@ impl Compliance<'_> {
         change: &ChangedSystem<'_>,
     ) -> Result<Vec<(String, Tensor)>, GreenError> {
         match self {
+            Compliance::Solved(solved) => Err(solved.failed("it is that of a cut body")),
             Compliance::Tiles(tiles) => tiles.changed(freed, change),
             Compliance::Factor(kept) => kept.changed(freed, change),
             Compliance::Compressed(compressed) => compressed.changed(freed, change),
@@ -79,6 +109,11 @@ impl GreenFile {
     /// The compliance of a body's surface, where the scene asked for it.
     pub fn compliance(&self, body: &str) -> Option<Compliance<'_>> {
         let (body, meta) = self.meta.bodies.get_key_value(body)?;
+        if let Some(of) = self.solved.as_deref() {
+            let nodes = of.nodes();
+            let order = Order { nodes, n: nodes.len(), surface_nodes: meta.surface_nodes };
+            return Some(Compliance::Solved(SolvedColumns { file: self, body, of, order }));
+        }
         if meta.requirements.has(KEPT_FACTOR) {
             return KeptColumns::open(self, body, meta).map(Compliance::Factor);
         }
@@ -99,16 +134,18 @@ impl GreenFile {
     ) -> Result<Option<Vec<Arc<Yield>>>, GreenError> {
         match self.compliance(body) {
             None => Ok(None),
-            Some(Compliance::Factor(_)) if patience < Duration::MAX => {
+            Some(Compliance::Factor(_) | Compliance::Solved(_)) if patience < Duration::MAX => {
                 let (file, name) = (self.clone(), body.to_owned());
                 self.on_demand.body(body).columns_within(places, patience, move |places| {
                     match file.compliance(&name) {
                         Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
+                        Some(Compliance::Solved(solved)) => solved.columns(places).map(drop),
                         _ => Ok(()),
                     }
                 })
             }
             Some(Compliance::Factor(kept)) => kept.columns(places).map(Some),
+            Some(Compliance::Solved(solved)) => solved.columns(places).map(Some),
             Some(compliance) => {
                 let column = |&place: &usize| compliance.column(place).map(Arc::new);
                 places.iter().map(column).collect::<Result<_, _>>().map(Some)

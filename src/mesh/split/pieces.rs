@@ -5,6 +5,7 @@ use super::{CutEdges, edge, share};
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::surface::sorted_faces;
 use crate::mesh::tet_mesh::{FACES, TetMesh};
+use nalgebra::{Matrix4, Vector4};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -25,10 +26,17 @@ pub struct Piece {
     pub tet: u32,
     /// Whether each node of the tetrahedron lies in it.
     pub own: [bool; 4],
-    /// Part of the tetrahedron's volume.
-    pub volume: f64,
+    /// ∫ N dV over it of the shape function N of each node of the tetrahedron, as parts of the tetrahedron's volume.
+    pub shares: [f64; 4],
     /// The nodes with which it moves: those of the mesh, or copies, which are counted on from them.
     pub nodes: [u32; 4],
+}
+
+impl Piece {
+    /// Part of the tetrahedron's volume.
+    pub fn volume(&self) -> f64 {
+        self.shares.iter().sum()
+    }
 }
 
 /// A mesh that has fallen into pieces.
@@ -121,10 +129,10 @@ impl Splitter {
                 continue;
             }
             first.insert(tet, pieces.len());
-            let shares = self.volumes(tet, &group, cut);
+            let shares = self.shares(tet, &group, cut);
             for lowest in (0..4).filter(|node| group[*node] == *node) {
                 let own = group.map(|of| of == lowest);
-                pieces.push(Piece { tet, own, volume: shares[lowest], nodes: self.mesh.tets[tet as usize] });
+                pieces.push(Piece { tet, own, shares: shares[lowest], nodes: self.mesh.tets[tet as usize] });
             }
         }
         let copies = self.copy_nodes(&mut pieces, &first, held);
@@ -133,31 +141,44 @@ impl Splitter {
         split
     }
 
-    /// Part of the volume of each group of a tetrahedron's nodes, at its lowest node.
-    fn volumes(&self, tet: u32, group: &[usize; 4], cut: &CutEdges) -> [f64; 4] {
+    /// [`Piece::shares`] of each group of a tetrahedron's nodes, at its lowest node.
+    fn shares(&self, tet: u32, group: &[usize; 4], cut: &CutEdges) -> [[f64; 4]; 4] {
         let nodes = self.mesh.tets[tet as usize];
-        let along = |a: usize, b: usize| share(cut, [nodes[a], nodes[b]]);
-        let mut shares = [0.0; 4];
+        let corner = |a: usize| Vector4::ith(a, 1.0);
+        let on = |a: usize, b: usize| corner(a).lerp(&corner(b), share(cut, [nodes[a], nodes[b]]));
+        let whole = Vector4::repeat(0.25);
+        let mut shares = [Vector4::zeros(); 4];
         if let Some([a, b, c, d]) = pairs(group) {
-            let [ac, ad, bc, bd] = [along(a, c), along(a, d), along(b, c), along(b, d)];
             // The quadrilateral of the cut has its diagonal from ac to bd.
-            shares[group[a]] = bc * bd + ac * ad * (1.0 - bd) + ac * bd * (1.0 - bc);
-            shares[group[c]] = 1.0 - shares[group[a]];
-            return shares;
+            let (ac, bd) = (on(a, c), on(b, d));
+            let parts = [
+                [corner(b), on(b, c), bd, corner(a)],
+                [corner(a), ac, on(a, d), bd],
+                [corner(a), ac, on(b, c), bd],
+            ];
+            shares[group[a]] = parts.iter().map(share_of).sum();
+            shares[group[c]] = whole - shares[group[a]];
+            return shares.map(Into::into);
         }
-        let mut rest = 1.0;
+        let mut rest = whole;
         for a in (0..4).filter(|a| is_single(group, *a)) {
-            shares[a] = (0..4).filter(|other| *other != a).map(|other| along(a, other)).product();
+            let around: Vec<usize> = (0..4).filter(|other| *other != a).collect();
+            shares[a] = share_of(&[corner(a), on(a, around[0]), on(a, around[1]), on(a, around[2])]);
             rest -= shares[a];
         }
         if let Some(other) = (0..4).find(|node| !is_single(group, *node)) {
             shares[group[other]] = rest;
         }
-        shares
+        shares.map(Into::into)
     }
 
     /// Gives the pieces copies of the nodes beyond their cuts; the node of each copy.
-    fn copy_nodes(&self, pieces: &mut [Piece], first: &BTreeMap<u32, usize>, held: &[Option<usize>]) -> Vec<u32> {
+    fn copy_nodes(
+        &self,
+        pieces: &mut [Piece],
+        first: &BTreeMap<u32, usize>,
+        held: &[Option<usize>],
+    ) -> Vec<u32> {
         let mut affected: Vec<u32> = pieces.iter().flat_map(|piece| piece.nodes).collect();
         affected.sort_unstable();
         affected.dedup();
@@ -227,4 +248,10 @@ fn pieces_of(tet: u32, first: &BTreeMap<u32, usize>, pieces: &[Piece]) -> Option
     let from = *first.get(&tet)?;
     let count = pieces[from..].iter().take_while(|piece| piece.tet == tet).count();
     Some(from..from + count)
+}
+
+/// [`Piece::shares`] of a tetrahedron within another one, from its corners in barycentric coordinates.
+fn share_of(corners: &[Vector4<f64>; 4]) -> Vector4<f64> {
+    let volume = Matrix4::from_columns(corners).determinant().abs();
+    corners.iter().sum::<Vector4<f64>>() * (0.25 * volume)
 }

@@ -81,14 +81,14 @@ fn a_plane_divides_a_block() {
     let mut far = 0.0;
     for (tet, nodes) in mesh.tets.iter().enumerate() {
         let own: Vec<_> = split.pieces.iter().filter(|piece| piece.tet as usize == tet).collect();
-        let sum: f64 = own.iter().map(|piece| piece.volume).sum();
+        let sum: f64 = own.iter().map(|piece| piece.volume()).sum();
         assert!(own.is_empty() || (sum - 1.0).abs() < 1e-14, "{sum}");
         let part = match own.is_empty() {
             true => f64::from(u8::from(beyond(nodes[0]))),
             false => own
                 .iter()
                 .filter(|piece| (0..4).any(|k| piece.own[k] && beyond(nodes[k])))
-                .map(|piece| piece.volume)
+                .map(|piece| piece.volume())
                 .sum(),
         };
         far += part * volume_of_tet(&mesh, tet);
@@ -148,7 +148,7 @@ fn any_cut_keeps_the_volume() {
         let surface = splitter.surface(&split, &cut);
         let (volume, open) = enclosed(&splitter, &split, &surface);
         assert!((volume / whole - 1.0).abs() < 1e-12 && open < 1e-14, "{volume} of {whole}, {open:e}");
-        assert!(split.pieces.iter().all(|piece| piece.volume > 0.0));
+        assert!(split.pieces.iter().all(|piece| piece.volume() > 0.0));
         for piece in &split.pieces {
             let of = |node: u32| (node as usize).checked_sub(mesh.nodes.len());
             for (k, node) in piece.nodes.iter().enumerate() {
@@ -170,11 +170,9 @@ fn crossing_cuts_leave_no_holes() {
     let middle = (low + high) * 0.5;
     let held = holding(&mesh, &|x| x.x < low.x + 1e-9);
     let mut cut = CutEdges::new();
-    for (n, d) in [
-        (V3::new(1.0, 0.1, 0.3), 0.004),
-        (V3::new(0.2, 1.0, 0.1), 0.003),
-        (V3::new(0.1, 0.2, 1.0), 0.002),
-    ] {
+    for (n, d) in
+        [(V3::new(1.0, 0.1, 0.3), 0.004), (V3::new(0.2, 1.0, 0.1), 0.003), (V3::new(0.1, 0.2, 1.0), 0.002)]
+    {
         for (edge, share) in by_plane(&mesh, n, n.dot(&middle) + d, &|_| true) {
             if cut.contains_key(&edge) {
                 continue;
