@@ -188,6 +188,9 @@ impl Bench<'_> {
                 costs
             }
         };
+        // The first start of a program is slower.
+        let warm = self.program(&["--version".to_owned()], Duration::MAX);
+        warm.map_err(|why| Failure::work(anyhow::anyhow!("{why}")))?;
         let without = costs_of(Vec::new())
             .map_err(|why| Failure::wrong(format!("{nodes} nodes without any effect: {why}")))?;
         progress.advance(1);
