@@ -105,10 +105,10 @@ fn every_effect_is_measured_beside_the_same_block_without_it() {
 #[test]
 fn an_effect_that_a_model_refuses_and_a_block_that_takes_too_long_say_so() {
     let cut = EFFECTS.iter().find(|effect| effect.is_cut).unwrap().name;
-    let told = costs_of_effects("bench-refused", &[&format!("--effects={cut}"), "--model", "rod"]);
+    let told = costs_of_effects("bench-refused", &[&format!("--effects={cut}"), "--model", "stvk"]);
     let [row] = &told["effects"].as_array().unwrap()[..] else { panic!("{told}") };
     let why = row["why_not"].as_str().unwrap();
-    assert!(why.starts_with("refused: body.block.model: ") && why.contains("\"rod\""), "{why}");
+    assert!(why.starts_with("refused: body.block.model: ") && why.contains("\"stvk\""), "{why}");
     let slow = EFFECTS.iter().find(|effect| effect.measures_errors).unwrap().name;
     let told = costs_of_effects("bench-late", &[&format!("--effects={slow}"), "--limit", "2"]);
     assert_eq!(told["effects"][0]["why_not"], "not within 2 s", "{told}");

@@ -281,7 +281,8 @@ impl Bench<'_> {
             let took_s = started.elapsed().as_secs_f64();
             if !child.wait()?.success() {
                 let said = std::fs::read_to_string(said)?;
-                anyhow::bail!("{}", said.lines().last().unwrap_or("it ended without a word"));
+                let last = said.lines().last().unwrap_or("it ended without a word");
+                anyhow::bail!("{}", last.trim_start_matches("error: "));
             }
             Ok((std::fs::read_to_string(told)?, took_s))
         };
