@@ -36,7 +36,7 @@ use std::time::Instant;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Scene file (TOML); or a mesh or surface file, for which a scene is proposed
-    #[arg(required_unless_present = "sizes")]
+    #[arg(required_unless_present_any = ["sizes", "effects", "moved"])]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub guess: Guess,
@@ -52,9 +52,9 @@ pub struct Args {
     /// A session recorded by `greenstage view --record`, in place of the scene's script and on its stage
     #[arg(long)]
     pub replay: Option<PathBuf>,
-    /// Frames to draw for each figure
-    #[arg(long, default_value_t = 24, value_parser = parsers::frames)]
-    pub frames: usize,
+    /// Frames for each figure [default: 24 to draw, 300 with --effects]
+    #[arg(long, value_parser = parsers::frames)]
+    pub frames: Option<usize>,
     /// Measure the force loop's ticks on all bodies, not only on those that list the effect haptics
     #[arg(long)]
     pub haptics: bool,
@@ -68,8 +68,13 @@ pub struct Args {
     #[arg(long, hide = true)]
     pub test_build: bool,
     #[command(flatten)]
+    pub of_effects: effects::Args,
+    #[command(flatten)]
     pub device: device::Args,
 }
+
+/// Frames to draw where nobody asks for a number.
+const FRAMES: usize = 24;
 
 /// The script by which a scene without one is moved: at rest nothing is deformed.
 const MOVING: &str = "bend";
@@ -78,12 +83,18 @@ const MOVING: &str = "bend";
 const PAPER_NODES: usize = 10_000;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(scene) = &args.of_effects.moved {
+        return effects::run_moved(scene, args.frames);
+    }
+    if args.of_effects.effects.is_some() {
+        return effects::run(args);
+    }
     let full_speed = machine::expect_full_speed(args.test_build);
     let Some(scene) = &args.scene else {
         full_speed.map_err(Failure::request)?;
         let stage = crate::track::find_stage(args.stage.as_deref().unwrap_or("cyberstage"))
             .map_err(Failure::request)?;
-        let figures = (args.storage, args.frames);
+        let figures = (args.storage, args.frames.unwrap_or(FRAMES));
         return super::sizes::run(&args.sizes, figures, args.device, &stage, args.json);
     };
     let scene = Resolved::load(scene)?;
@@ -107,7 +118,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let device = device::Args { shadows, ..args.device };
         let many = Samples::Exactly(samples);
         let mut targets = Targets::new(&mut session.world, Pictures::Eyes, many, 1.0, device)?;
-        let count = args.frames.max(2);
+        let count = args.frames.unwrap_or(FRAMES).max(2);
         let mut playback = Playback::new(&session, count)?;
         let mut frames = Vec::new();
         let mut counts = Vec::new();
@@ -466,6 +477,7 @@ fn markdown(tables: &[(String, Table)]) -> String {
     tables.iter().map(|(title, table)| format!("{title}:\n\n{}\n", table.markdown())).collect()
 }
 
+mod effects;
 mod reading;
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
-//! `greenstage bench --sizes` as JSON.
+//! `greenstage bench --sizes` and `--effects` as JSON.
 
 use crate::common::{block_text, folder, greenstage};
 use crate::render_common;
 
 use greenstage::base::machine::IS_TEST_BUILD;
+use greenstage::effect::EFFECTS;
 use render_common::require_gpu;
 use serde_json::Value;
 use std::path::Path;
@@ -64,6 +65,55 @@ fn the_force_loop_of_a_scene_without_forces_is_measured_and_its_file_stays() {
     assert!(file() == before, "what only the measurement needs is not written beside the scene");
 }
 
+/// Costs of effects on a block of 225 nodes, from the JSON.
+fn costs_of_effects(test: &str, arguments: &[&str]) -> Value {
+    let asked = [&["bench", "--nodes", "225", "--frames", "6", "--json", "--test-build"], arguments].concat();
+    let told: Value = serde_json::from_slice(&greenstage(&folder(test), &asked).stdout).unwrap();
+    told["sizes"][0].clone()
+}
+
+#[test]
+fn every_effect_is_measured_beside_the_same_block_without_it() {
+    // Errors take long to measure.
+    let effects: Vec<_> = EFFECTS.iter().filter(|effect| !effect.measures_errors).collect();
+    let asked: Vec<&str> = effects.iter().map(|effect| effect.name).collect();
+    let told = costs_of_effects("bench-effects", &[&format!("--effects={}", asked.join(","))]);
+    let file_bytes = |costs: &Value| costs["file_bytes"].as_f64().unwrap();
+    let plain = file_bytes(&told["without"]);
+    assert_eq!((told["nodes"].as_u64(), told["without"]["surface_nodes"].as_u64()), (Some(225), Some(162)));
+    assert_eq!(file_bytes(&told["again"][0]["with"]), plain, "no effect costs no byte");
+    let rows = told["effects"].as_array().unwrap();
+    let names: Vec<_> = rows.iter().map(|row| row["effect"].as_str().unwrap()).collect();
+    assert_eq!(names, asked);
+    for (row, effect) in rows.iter().zip(&effects) {
+        let (without, with) = (&row["without"], &row["with"]);
+        let number = |key: &str| with[key].as_f64().unwrap_or_else(|| panic!("{key} of {row}"));
+        assert!(number("precompute_s") > 0.0 && number("frame_mean_s") > 0.0, "{row}");
+        assert!(number("frame_worst_s") >= number("frame_mean_s"), "{row}");
+        let adds = !effect.requirements.is_empty() || effect.precompute.is_some();
+        assert_eq!(file_bytes(with) > file_bytes(without), adds, "{row}");
+        assert_eq!(row["beside"].as_array().unwrap().len(), usize::from(effect.is_heard), "{row}");
+    }
+    let frame_worst_s = |row: &Value| row["with"]["frame_worst_s"].as_f64().unwrap();
+    let cut = effects.iter().position(|effect| effect.is_cut).unwrap();
+    assert!(
+        frame_worst_s(&rows[cut]) > told["without"]["frame_mean_s"].as_f64().unwrap(),
+        "the blade meets the block"
+    );
+}
+
+#[test]
+fn an_effect_that_a_model_refuses_and_a_block_that_takes_too_long_say_so() {
+    let cut = EFFECTS.iter().find(|effect| effect.is_cut).unwrap().name;
+    let told = costs_of_effects("bench-refused", &[&format!("--effects={cut}"), "--model", "stvk"]);
+    let [row] = &told["effects"].as_array().unwrap()[..] else { panic!("{told}") };
+    let why = row["why_not"].as_str().unwrap();
+    assert!(why.starts_with("refused: body.block.model: ") && why.contains("\"stvk\""), "{why}");
+    let slow = EFFECTS.iter().find(|effect| effect.measures_errors).unwrap().name;
+    let told = costs_of_effects("bench-late", &[&format!("--effects={slow}"), "--limit", "2"]);
+    assert_eq!(told["effects"][0]["why_not"], "not within 2 s", "{told}");
+}
+
 #[test]
 fn a_test_build_measures_nothing() {
     let program = env!("CARGO_BIN_EXE_greenstage");
@@ -75,7 +125,12 @@ fn a_test_build_measures_nothing() {
     if is_in_release {
         return;
     }
-    for command in [&["bench", "--sizes", "300"][..], &["scale", "--up-to", "1000"], &["bench", "tube"]] {
+    for command in [
+        &["bench", "--sizes", "300"][..],
+        &["bench", "--effects"],
+        &["scale", "--up-to", "1000"],
+        &["bench", "tube"],
+    ] {
         let output = Command::new(program).args(command).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");

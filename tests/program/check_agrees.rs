@@ -33,7 +33,7 @@ fn check_and_a_session_agree_for_every_model() {
         for (variant, lines) in &variants {
             let name = format!("{}-{variant}.toml", model.name);
             let scene = format!(
-                "[body.b]\ngenerate = {{ block = {{ size = [2.0, 0.5, 0.5], cells = [8, 2, 2] }} }}\n\
+                "[body.b]\ngenerate = {{ block = {{ size = [2.0, 0.5, 0.5], cells = [8, 1, 1] }} }}\n\
                  material.young = 1.0e6\nmaterial.poisson = 0.3\nmodel = \"{}\"\n{lines}",
                 model.name
             );
