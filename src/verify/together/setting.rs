@@ -24,10 +24,10 @@ pub struct Shape {
     pub young: f64,
 }
 
-/// Shapes of a few hundred nodes; a model has the first that suits it.
+/// Shapes of about a hundred nodes; a model has the first that suits it.
 const SHAPES: [Shape; 3] = [
-    Shape { size: [0.3, 0.1, 0.06], cells: [9, 4, 3], element: &TET4, young: 1e5 },
-    Shape { size: [0.4, 0.03, 0.03], cells: [20, 2, 2], element: &TET4, young: 1e6 },
+    Shape { size: [0.3, 0.1, 0.06], cells: [6, 3, 2], element: &TET4, young: 1e5 },
+    Shape { size: [0.4, 0.03, 0.03], cells: [14, 2, 2], element: &TET4, young: 1e6 },
     Shape { size: [0.3, 0.006, 0.06], cells: [8, 1, 2], element: &TET10, young: 1e7 },
 ];
 
