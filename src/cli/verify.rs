@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return judge_truth(args);
     }
     if args.problems == [TOGETHER] {
-        return print_study(args, TOGETHER, |told| together::study(args.frames, told));
+        return print_study(args, TOGETHER, |told| together::tables::study(args.frames, told));
     }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),

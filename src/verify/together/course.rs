@@ -31,6 +31,8 @@ const HANDS: usize = 2;
 const WAY: usize = 120;
 const DOWN: f64 = 75.0;
 const ALONG: f64 = 400.0;
+/// Ticks of the force loop in a second: fewer than devices have, since each finds an equilibrium with some models.
+const RATE_HZ: f64 = 300.0;
 
 /// What was seen in all frames.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -187,18 +189,18 @@ impl Course<'_> {
         }
     }
 
-    /// The hand at the right end of a body, pointing at it: for three quarters of the time it carries the end aside, up and outward, turned, and back.
+    /// The hand at the right end of a body, pointing at it: for half of the time it carries the end aside, up and outward, turned, and back.
     fn hand(&self, b: usize, frame: usize) -> (Isometry3<f64>, bool) {
         let length = self.accepted.setting.shape.size[0];
         let share = (frame % WAY) as f64 / WAY as f64;
-        let phase = ((share - 0.1) / 0.75).clamp(0.0, 1.0);
+        let phase = ((share - 0.1) / 0.5).clamp(0.0, 1.0);
         let away = (PI * phase).sin().powi(2);
         let aside = V3::new(0.03, 0.06, 0.04 * (TAU * phase).sin()) * (away * length);
         let turn = UnitQuaternion::from_scaled_axis(V3::new(0.1, 0.0, 0.2) * away);
         let pointing = UnitQuaternion::from_scaled_axis(V3::y() * FRAC_PI_2);
         let end = self.places[b] + V3::x() * (0.5 * length);
         let place = end + aside + turn * (V3::x() * 0.1);
-        (Isometry3::from_parts(Translation3::from(place), turn * pointing), (0.1..0.85).contains(&share))
+        (Isometry3::from_parts(Translation3::from(place), turn * pointing), (0.1..0.6).contains(&share))
     }
 
     /// The ball above the body that it presses: it goes along it, and down by 3 % of its length and up again.
@@ -242,7 +244,7 @@ struct ForceDevice {
 
 impl ForceDevice {
     fn new(world: &World, body: usize) -> Result<ForceDevice, String> {
-        let haptic = Haptic::simulated("hand");
+        let haptic = Haptic { rate_hz: RATE_HZ, ..Haptic::simulated("hand") };
         let elastic = Elastic::from_deformer(&world.bodies[body].deformer)?;
         Ok(ForceDevice {
             device: Simulated::new(&haptic, Hand::FINGERS),
@@ -259,9 +261,9 @@ impl ForceDevice {
     fn follow(&mut self, room_from_hand: Isometry3<f64>, time_s: f64) -> Result<Isometry3<f64>, String> {
         self.room_from_hand = room_from_hand;
         self.device.hand(&room_from_hand);
-        while self.ticks as f64 * 1e-3 < time_s {
+        while (self.ticks as f64) < time_s * RATE_HZ {
             self.ticks += 1;
-            let now_s = self.ticks as f64 * 1e-3;
+            let now_s = self.ticks as f64 / RATE_HZ;
             let reading = self.device.read(now_s);
             let push = self.control.tick(reading.as_ref(), now_s);
             if !push.is_finite() {

@@ -9,10 +9,9 @@
 
 mod course;
 mod setting;
-mod tables;
+pub mod tables;
 
 pub use course::{Failed, Ran};
-pub use tables::study;
 
 use crate::base::progress::Silent;
 use crate::deform::ModelEntry;
