@@ -24,7 +24,7 @@ use std::time::Duration;
 pub struct Args {
     /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
     /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations, of the bodies of scenes that follow, or of three of its own), `bent` (whether the
-    /// force in the hand generates energy on bent bodies; takes minutes), `together` (all pairs of effects with every model; minutes),
+    /// force in the hand generates energy on bent bodies; takes minutes), `together` (all pairs of effects, with every model or those that follow; minutes),
     /// `truth` (how often printed errors hold, on random bodies; minutes for each on one core)
     pub problems: Vec<String>,
     /// Frames of each scene of `together`
@@ -73,8 +73,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if args.problems == [TRUTH] {
         return judge_truth(args);
     }
-    if args.problems == [TOGETHER] {
-        return print_study(args, TOGETHER, |told| together::tables::study(args.frames, told));
+    if let [name, models @ ..] = &args.problems[..]
+        && name == TOGETHER
+    {
+        return print_study(args, name, |told| together::tables::study(models, args.frames, told));
     }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),

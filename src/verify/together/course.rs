@@ -32,7 +32,7 @@ const WAY: usize = 120;
 const DOWN: f64 = 75.0;
 const ALONG: f64 = 400.0;
 /// Ticks of the force loop in a second: fewer than devices have, since each finds an equilibrium with some models.
-const RATE_HZ: f64 = 300.0;
+const RATE_HZ: f64 = 120.0;
 
 /// What was seen in all frames.
 #[derive(Clone, Debug, Default, Serialize)]

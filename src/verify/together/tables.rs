@@ -3,6 +3,7 @@
 use super::{Outcome, Trial, run};
 use crate::base::failure::Failure;
 use crate::base::table::Table;
+use crate::config::unknown_name;
 use crate::deform::MODELS;
 use crate::effect::EFFECTS;
 use crate::verify::studies::Study;
@@ -13,10 +14,16 @@ use std::time::Instant;
 /// The row of the most effects that go together with a model.
 const MOST: &str = "all that go together";
 
-/// All sets of effects with all models, for so many frames each; `told` hears of each model as it ends.
-pub fn study(frames: usize, told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
+/// All sets of effects with the models of these names, or with all, for so many frames each; `told` hears of each model as it ends.
+pub fn study(names: &[String], frames: usize, told: &mut dyn FnMut(String)) -> Result<Study, Failure> {
+    let known = || MODELS.iter().map(|model| model.name);
+    if let Some(unknown) = names.iter().find(|name| known().all(|known| known != *name)) {
+        return Err(Failure::wrong(unknown_name("model", unknown, known())));
+    }
+    let is_meant = |name: &str| names.is_empty() || names.iter().any(|meant| meant == name);
+    let models: Vec<&str> = known().filter(|name| is_meant(name)).collect();
     let mut trials = Vec::new();
-    for model in MODELS {
+    for model in MODELS.iter().filter(|model| is_meant(model.name)) {
         let started = Instant::now();
         let of_model = run(model, frames).map_err(Failure::wrong)?;
         told(format!(
@@ -31,14 +38,14 @@ pub fn study(frames: usize, told: &mut dyn FnMut(String)) -> Result<Study, Failu
         0 => Ok(Some(format!("all scenes that are not refused ran {frames} frames"))),
         count => Err(format!("{count} scenes failed:\n{}", failed.join("\n"))),
     };
-    let [pairs, models] = pairs(&trials);
-    let [times, refusals] = times(&trials);
+    let [pairs, legend] = pairs(&trials, &models);
+    let [times, refusals] = times(&trials, &models);
     let tables = vec![
         headed(
             "Two effects in one body, or, after \"apart\", in two bodies of a scene: the models with which they run",
             pairs,
         ),
-        headed("Models", models),
+        headed("Models", legend),
         headed(&format!("Milliseconds of a frame, mean of {frames}, or the number of the refusal"), times),
         headed("Refusals", refusals),
     ];
@@ -71,7 +78,7 @@ fn models_of(
 }
 
 /// Effects × effects, with a letter for the models with which a pair runs; and the models of each letter.
-fn pairs(trials: &[Trial]) -> [Table; 2] {
+fn pairs(trials: &[Trial], meant: &[&str]) -> [Table; 2] {
     let mut letters: IndexSet<Vec<&str>> = IndexSet::new();
     let mut letter = |models: Vec<&'static str>| {
         (!models.is_empty()).then(|| char::from(b'A' + letters.insert_full(models).0 as u8).to_string())
@@ -96,16 +103,15 @@ fn pairs(trials: &[Trial]) -> [Table; 2] {
     }
     let mut legend = Table::new(&["", "models"]);
     for (i, models) in letters.iter().enumerate() {
-        let all = if models.len() == MODELS.len() { "all" } else { &models.join(", ") };
+        let all = if models.len() == meant.len() { "all" } else { &models.join(", ") };
         legend.row(&[&char::from(b'A' + i as u8).to_string(), all]);
     }
     [table, legend]
 }
 
 /// Sets of effects × models, with the time of a frame or the number of the refusal; and the sentences of the refusals.
-fn times(trials: &[Trial]) -> [Table; 2] {
-    let models: Vec<&str> = MODELS.iter().map(|model| model.name).collect();
-    let mut table = Table::new(&[&["effects"], &models[..]].concat());
+fn times(trials: &[Trial], models: &[&str]) -> [Table; 2] {
+    let mut table = Table::new(&[&["effects"], models].concat());
     let mut refusals: IndexSet<String> = IndexSet::new();
     let mut cell = |model: &str, outcome: &Outcome| match outcome {
         Outcome::Ran(ran) => format!("{:.2}", 1e3 * ran.frame_s),
