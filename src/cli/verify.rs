@@ -10,7 +10,7 @@ use crate::config::unknown_name;
 use crate::tuning;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
 use crate::verify::truth::{self, JudgedBody, KeptBodies, Run, Source, Standing, held, offenders};
-use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem};
+use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem, together};
 use indexmap::IndexMap;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -24,9 +24,12 @@ use std::time::Duration;
 pub struct Args {
     /// Problems to solve (default: all), or one of: `hard-cases` (bodies for which a solver can silently be wrong), `haptics`
     /// (stability of the force in the hand), `forces` (the models' forces and shapes at large rotations, of the bodies of scenes that follow, or of three of its own), `bent` (whether the
-    /// force in the hand generates energy on bent bodies; takes minutes), `truth` (how often printed errors hold, on random bodies;
-    /// minutes for each on one core)
+    /// force in the hand generates energy on bent bodies; takes minutes), `together` (all pairs of effects, with every model or those that follow; minutes),
+    /// `truth` (how often printed errors hold, on random bodies; minutes for each on one core)
     pub problems: Vec<String>,
+    /// Frames of each scene of `together`
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub frames: usize,
     /// Number of random bodies of `truth`
     #[arg(long, default_value_t = 12, value_name = "N")]
     pub bodies: u64,
@@ -69,6 +72,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     if args.problems == [TRUTH] {
         return judge_truth(args);
+    }
+    if let [name, models @ ..] = &args.problems[..]
+        && name == TOGETHER
+    {
+        return print_study(args, name, |told| together::tables::study(models, args.frames, told));
     }
     let study = match &args.problems[..] {
         [name] => STUDIES.iter().find(|(known, _)| known == name),
@@ -116,6 +124,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 const TRUTH: &str = "truth";
+const TOGETHER: &str = "together";
 /// Statements that do not hold, which are listed.
 const OFFENDERS: usize = 12;
 /// Part of the statements of each kind that must hold.

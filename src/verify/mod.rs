@@ -19,6 +19,7 @@ pub mod large_rotation;
 mod problem;
 mod published;
 pub mod studies;
+pub mod together;
 pub mod truth;
 
 pub use problem::{Bound, Measure, Problem};

@@ -31,7 +31,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("prepare", &["effect", "deform", "green", "scene", "mesh", "fem", "config"]),
     ("export", &["prepare effect world", BELOW_WORLD]),
     ("measure", &["prepare effect deform green scene mesh fem solve"]),
-    ("verify", &["measure effect world deform green scene mesh fem solve stage render"]),
+    ("verify", &["measure effect world deform green scene mesh fem solve track stage render config"]),
     ("report", &["measure export green scene mesh solve"]),
     ("session", &["prepare effect world", BELOW_WORLD]),
     ("tuning", &["session measure prepare world deform green scene mesh fem solve"]),

@@ -139,6 +139,10 @@ impl DeformationModel for Equilibria {
                 self.acting = acting;
             }
         }
+        if self.waits {
+            // What a state left unfinished is found first: how far it came until these poses would depend on the time.
+            drop(self.background.awaited());
+        }
         self.background.ask(poses, &self.acting, anew);
         let found = if self.waits { self.background.awaited() } else { self.background.newest() };
         if self.version != found.version {

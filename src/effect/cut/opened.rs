@@ -202,8 +202,7 @@ impl Cuttable {
         let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
         let surface: Vec<Corners> = self.surface.iter().map(alone).collect();
         let (w, gx) = (DMatrix::zeros(0, self.loads.columns), DMatrix::zeros(0, 0));
-        let rows = (BTreeMap::new(), Arc::new(Mat::zeros(0, 0)));
-        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, rows);
+        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, Default::default());
         Ok(Moved { w, yielding: Arc::new(yielding) })
     }
 
@@ -243,7 +242,8 @@ impl Cuttable {
         let (surface, rows) = self.corners_of(split, opened);
         let at_rows = Arc::new(self.gathered(&rows, &known.x));
         let columns = self.columns_of(whole, &surface, (&rows, &at_rows), &w);
-        let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, (rows, at_rows)));
+        let rows = if self.tables.takes_points { (rows, at_rows) } else { Default::default() };
+        let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, rows));
         let weight = self.tables.weight.as_ref().map(|[reaction, compliance]| NewWeight {
             columns: columns.columns(affine, 3).into_owned(),
             reaction: reaction + work.view((0, affine), (affine, 3)),
