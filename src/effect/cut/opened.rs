@@ -23,7 +23,7 @@ use super::couplings::{CopyKey, Couplings, Row};
 use super::point_fields::PointFields;
 use super::solves::Solves;
 use super::system::System;
-use super::yielding::{Corner, Corners, Yielding};
+use super::yielding::{Corner, Corners, Rows, Yielding};
 use crate::base::machine;
 use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
@@ -202,7 +202,7 @@ impl Cuttable {
         let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
         let surface: Vec<Corners> = self.surface.iter().map(alone).collect();
         let (w, gx) = (DMatrix::zeros(0, self.loads.columns), DMatrix::zeros(0, 0));
-        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, Default::default());
+        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, Rows::default());
         Ok(Moved { w, yielding: Arc::new(yielding) })
     }
 
@@ -211,13 +211,13 @@ impl Cuttable {
         x: Vec<Arc<DMatrix<f32>>>,
         system: System,
         surface: Vec<Corners>,
-        (rows, at_rows): (BTreeMap<u32, usize>, Arc<Mat<f32>>),
+        rows: Rows,
     ) -> Yielding {
         let moves = |corner: &Corner| corner.copy.is_some() || self.free_at[corner.node as usize].is_some();
         let takes = |(_, corners): &(u32, &Corners)| corners.iter().any(moves);
         let taking = (0..).zip(&surface).filter(takes).map(|(node, _)| node).collect();
         let (fields, free_at) = (self.fields.clone(), self.free_at.clone());
-        Yielding { fields, free_at, x, system, surface, taking, rows, at_rows }
+        Yielding { fields, free_at, x, system, surface, taking, rows }
     }
 
     /// The body after cuts by which its mesh has fallen into these pieces. The error says why there is none.
@@ -239,10 +239,10 @@ impl Cuttable {
                 "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}"
             ));
         }
-        let (surface, rows) = self.corners_of(split, opened);
-        let at_rows = Arc::new(self.gathered(&rows, &known.x));
-        let columns = self.columns_of(whole, &surface, (&rows, &at_rows), &w);
-        let rows = if self.tables.takes_points { (rows, at_rows) } else { Default::default() };
+        let surface = self.corners_of(split, opened);
+        let rows = self.rows(&surface, &known.x);
+        let columns = self.columns_of(whole, &surface, &rows, &w);
+        let rows = if self.tables.takes_points { rows } else { Rows::default() };
         let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, rows));
         let weight = self.tables.weight.as_ref().map(|[reaction, compliance]| NewWeight {
             columns: columns.columns(affine, 3).into_owned(),
@@ -350,8 +350,8 @@ impl Cuttable {
         row.iter().filter_map(|(node, block)| Some((self.free_at[*node as usize]?, block)))
     }
 
-    /// The nodes of which each point of the cut surface is the sum, and a row for each free node that has a part in it.
-    fn corners_of(&self, split: &Split, opened: &CutSurface) -> (Vec<Corners>, BTreeMap<u32, usize>) {
+    /// The nodes of which each point of the cut surface is the sum.
+    fn corners_of(&self, split: &Split, opened: &CutSurface) -> Vec<Corners> {
         let count = self.splitter.mesh.nodes.len();
         let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
         let mut surface: Vec<Corners> = self.surface.iter().map(alone).collect();
@@ -364,26 +364,26 @@ impl Cuttable {
             };
             point.nodes.into_iter().zip(shares).map(corner).collect()
         }));
-        let free = surface.iter().flatten().map(|corner| corner.node);
-        let mut nodes: Vec<u32> = free.filter(|node| self.free_at[*node as usize].is_some()).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        (surface, nodes.into_iter().zip(0..).collect())
+        surface
     }
 
-    /// X of all copies at these nodes.
-    fn gathered(&self, rows: &BTreeMap<u32, usize>, x: &[Arc<DMatrix<f32>>]) -> Mat<f32> {
-        let mut gathered = Mat::<f32>::zeros(3 * rows.len(), 3 * x.len());
-        for (j, x) in x.iter().enumerate() {
+    /// X of these copies at the nodes of a surface.
+    fn rows(&self, surface: &[Corners], of_copies: &[Arc<DMatrix<f32>>]) -> Rows {
+        let nodes = surface.iter().flatten().map(|corner| corner.node);
+        let mut nodes: Vec<u32> = nodes.filter(|node| self.free_at[*node as usize].is_some()).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut x = Mat::<f32>::zeros(3 * nodes.len(), 3 * of_copies.len());
+        for (j, own) in of_copies.iter().enumerate() {
             for k in 0..3 {
-                let (from, to) = (x.column(k), gathered.col_as_slice_mut(3 * j + k));
-                for (to, node) in to.chunks_exact_mut(3).zip(rows.keys()) {
+                let (from, to) = (own.column(k), x.col_as_slice_mut(3 * j + k));
+                for (to, node) in to.chunks_exact_mut(3).zip(&nodes) {
                     let Some(free) = self.free_at[*node as usize] else { continue };
                     to.copy_from_slice(&from.as_slice()[3 * free as usize..][..3]);
                 }
             }
         }
-        gathered
+        Rows { of: nodes.into_iter().zip(0..).collect(), x }
     }
 
     /// U - X W at the points of a surface, with W at the copies.
@@ -391,16 +391,16 @@ impl Cuttable {
         &self,
         whole: &NodeFields,
         surface: &[Corners],
-        (rows, at_rows): (&BTreeMap<u32, usize>, &Mat<f32>),
+        rows: &Rows,
         w: &DMatrix<f64>,
     ) -> DMatrix<f64> {
         let of_copies = Mat::<f32>::from_fn(w.nrows(), w.ncols(), |i, j| w[(i, j)] as f32);
-        let mut beyond = Mat::<f32>::zeros(3 * rows.len(), w.ncols());
-        matmul(beyond.as_mut(), Accum::Replace, at_rows.as_ref(), of_copies.as_ref(), -1.0, Par::Seq);
+        let mut beyond = Mat::<f32>::zeros(rows.x.nrows(), w.ncols());
+        matmul(beyond.as_mut(), Accum::Replace, rows.x.as_ref(), of_copies.as_ref(), -1.0, Par::Seq);
         let mut columns = DMatrix::zeros(3 * surface.len(), whole.columns);
         for (at, corners) in surface.iter().enumerate() {
             for Corner { node, copy, share } in corners {
-                let row = rows.get(node);
+                let row = rows.of.get(node);
                 for axis in 0..3 {
                     let u = whole.row(3 * *node as usize + axis);
                     for (k, u) in u.iter().enumerate() {

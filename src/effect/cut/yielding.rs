@@ -46,9 +46,20 @@ pub struct Yielding {
     pub surface: Vec<Corners>,
     /// Those that take forces.
     pub taking: Vec<u32>,
-    /// Nodes of the mesh that have a part in the surface, and X at each: 3 × 3 copies.
-    pub rows: BTreeMap<u32, usize>,
-    pub at_rows: Arc<Mat<f32>>,
+    /// Empty where nothing asks for columns.
+    pub rows: Rows,
+}
+
+/// The free nodes of the mesh that have a part in a surface, and X of all copies at each: 3 × 3 copies.
+pub struct Rows {
+    pub of: BTreeMap<u32, usize>,
+    pub x: Mat<f32>,
+}
+
+impl Default for Rows {
+    fn default() -> Rows {
+        Rows { of: BTreeMap::new(), x: Mat::zeros(0, 0) }
+    }
 }
 
 /// Forces along x, y and z at a point of the surface, and the answer of the copies.
@@ -80,19 +91,12 @@ impl Yielding {
 
     /// -X v of these, at the nodes that have a part in the surface.
     fn beyond(&self, pressed: &[Pressed]) -> Mat<f32> {
-        let v = Mat::<f32>::from_fn(self.at_rows.ncols(), 3 * TOGETHER, |i, j| {
+        let v = Mat::<f32>::from_fn(self.rows.x.ncols(), 3 * TOGETHER, |i, j| {
             pressed.get(j / 3).map_or(0.0, |pressed| pressed.v[(i, j % 3)] as f32)
         });
-        let mut product = Mat::<f32>::zeros(self.at_rows.nrows(), v.ncols());
+        let mut product = Mat::<f32>::zeros(self.rows.x.nrows(), v.ncols());
         if v.nrows() > 0 {
-            matmul(
-                product.as_mut(),
-                Accum::Replace,
-                self.at_rows.as_ref().as_ref(),
-                v.as_ref(),
-                -1.0,
-                Par::Seq,
-            );
+            matmul(product.as_mut(), Accum::Replace, self.rows.x.as_ref(), v.as_ref(), -1.0, Par::Seq);
         }
         product
     }
@@ -109,7 +113,7 @@ impl Yielding {
                 let at = |axis, force| f64::from(field[(3 * free as usize + axis, force)]);
                 add(&mut u, |axis, force| share * part * at(axis, force));
             }
-            if let Some(row) = self.rows.get(node) {
+            if let Some(row) = self.rows.of.get(node) {
                 add(&mut u, |axis, force| share * f64::from(beyond[(3 * row + axis, first + force)]));
             }
         }
