@@ -83,7 +83,7 @@ stylus.ball = { position = [0.05, 0.12, 0.0] }
 time = 5.0
 "#;
 
-/// What one block costs.
+/// Costs of one block.
 #[derive(Clone, Serialize)]
 struct Costs {
     precompute_s: f64,
@@ -92,7 +92,7 @@ struct Costs {
     moved: Moved,
 }
 
-/// What a block costs while it is moved.
+/// Costs of a block while it is moved.
 #[derive(Clone, Serialize, Deserialize)]
 struct Moved {
     surface_nodes: usize,

@@ -129,8 +129,12 @@ impl Cuttable {
         let Volume { element, mesh, lame, held: of_controls, surface, forces, density } = volume;
         let k = Element::assemble(element, &mesh, &lame).map_err(|error| error.to_string())?;
         let count = mesh.nodes.len();
-        if tables.weight.is_some() && (density.len() != mesh.tets.len() || forces.ncols() != 3) {
-            return Err("its file has no densities: run `greenstage precompute` again".to_owned());
+        let (weights, densities) = if tables.weight.is_some() { (3, mesh.tets.len()) } else { (0, 0) };
+        if forces.ncols() != weights || density.len() != densities {
+            return Err(
+                "its file does not have what gravity does to its pieces: run `greenstage precompute --force`"
+                    .to_owned(),
+            );
         }
         let (low, high) = quality::bounding_box(&mesh.nodes);
         let affine = FIELDS * of_controls.len();

@@ -44,7 +44,7 @@ pub struct Yielding {
     pub system: System,
     /// The points of the surface.
     pub surface: Vec<Corners>,
-    /// Those that take forces.
+    /// Points that take forces.
     pub taking: Vec<u32>,
     /// Empty where nothing asks for columns.
     pub rows: Rows,
@@ -132,7 +132,7 @@ impl Yielding {
         let mut u = Vec::new();
         let mut b = DMatrix::<f64>::zeros(3 * self.x.len(), 1);
         for (node, force) in forces {
-            let Some(free) = self.free_at[*node as usize] else { continue };
+            let Some(free) = self.free_at.get(*node as usize).copied().flatten() else { continue };
             for (j, x) in self.x.iter().enumerate() {
                 let mut block = b.fixed_view_mut::<3, 1>(3 * j, 0);
                 block -= x.fixed_view::<3, 3>(3 * free as usize, 0).into_owned().cast::<f64>().tr_mul(force);

@@ -6,10 +6,11 @@
 use super::{Split, Splitter};
 use crate::base::disjoint::DisjointSets;
 
-/// So many nodes hold a part.
+/// Number of nodes that hold a part.
 const HOLDING: usize = 3;
 
 impl Splitter {
+    /// Whether some part is not held.
     pub(super) fn falls_apart(&self, split: &Split, held: &[Option<usize>]) -> bool {
         let whole = self.mesh.tets.len();
         let mut nodes = self.mesh.tets.clone();

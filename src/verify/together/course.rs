@@ -34,7 +34,7 @@ const ALONG: f64 = 400.0;
 /// Ticks of the force loop in a second: fewer than devices have, since each finds an equilibrium with some models.
 const RATE_HZ: f64 = 120.0;
 
-/// What was seen in all frames.
+/// Times, motions and warnings of all frames.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Ran {
     /// Mean time of [`World::step`], s.
@@ -274,7 +274,7 @@ impl ForceDevice {
         Ok(self.device.device_from_handle)
     }
 
-    /// What the hand holds after a frame.
+    /// Takes over what the hand holds after a frame.
     fn take(&mut self, world: &World) {
         let hands = &world.graph.get(world.fields.hands).hands;
         let body = &world.bodies[self.body];

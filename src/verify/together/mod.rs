@@ -22,7 +22,7 @@ use serde::Serialize;
 use setting::{Accepted, Setting, Shape};
 use std::sync::Arc;
 
-/// What came of a scene.
+/// Result of a scene.
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
@@ -37,9 +37,9 @@ pub struct Trial {
     /// One, two, or the most that go together. In a pair, what is heard brings along the effect that makes it vibrate.
     pub effects: Vec<&'static str>,
     pub model: &'static str,
-    /// In one body.
+    /// Result with all in one body.
     pub together: Outcome,
-    /// In two bodies of a scene, each of which has one of them: where one body cannot have both, and could have either.
+    /// Result with two bodies of a scene, each of which has one of them: where one body cannot have both, and could have either.
     pub apart: Option<Outcome>,
 }
 
@@ -72,7 +72,7 @@ struct Bench {
     shape: &'static Shape,
     model: &'static ModelEntry,
     frames: usize,
-    /// By what is required of each body.
+    /// Files by what is required of each body.
     files: IndexMap<String, Result<Arc<GreenFile>, String>>,
 }
 

@@ -16,7 +16,7 @@ type V3 = Vector3<f64>;
 
 /// A block about its place, held at both ends along x.
 pub struct Shape {
-    /// Its sides, m, and the cells along them.
+    /// Sides, m, and the cells along them.
     pub size: [f64; 3],
     pub cells: [usize; 3],
     pub element: &'static Element,
@@ -54,7 +54,7 @@ pub struct Setting {
 pub struct Accepted {
     pub setting: Setting,
     pub scene: Resolved,
-    /// What must be precomputed for each body.
+    /// Families and sections that must be precomputed for each body.
     pub required: Vec<Requirements>,
 }
 
@@ -86,13 +86,13 @@ impl Setting {
         of(true).or_else(|_| of(false))
     }
 
-    /// The same with the effects of each body in the opposite order.
+    /// A setting with the effects of each body in the opposite order.
     pub fn reversed(&self) -> Setting {
         let turned = |effects: &Vec<_>| effects.iter().rev().copied().collect();
         Setting { bodies: self.bodies.iter().map(turned).collect(), ..*self }
     }
 
-    /// Which body has an effect of this kind; the first if none has.
+    /// Index of the body that has an effect of this kind; the first if none has.
     pub fn body_with(&self, is_meant: fn(&EffectEntry) -> bool) -> usize {
         self.bodies.iter().position(|effects| effects.iter().any(|effect| is_meant(effect))).unwrap_or(0)
     }
@@ -138,7 +138,7 @@ impl Setting {
         Ok(text)
     }
 
-    /// What `check` finds: the scene, or the error that refuses it.
+    /// The scene, or the error by which `check` refuses it.
     pub fn accepted(self) -> Result<Accepted, String> {
         let told = |text: String| text.strip_prefix(FILE).map_or(text.clone(), |rest| rest[2..].to_owned());
         let failed = |failure: Failure| told(failure.to_string());
