@@ -87,7 +87,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return effects::run_moved(scene, args.frames);
     }
     if args.of_effects.effects.is_some() {
-        return effects::run(args);
+        let readme = args.readme.as_deref();
+        let options =
+            effects::Options { frames: args.frames, json: args.json, readme, test_build: args.test_build };
+        return effects::run(&args.of_effects, &options);
     }
     let full_speed = machine::expect_full_speed(args.test_build);
     let Some(scene) = &args.scene else {

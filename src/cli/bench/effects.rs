@@ -5,15 +5,14 @@
 //! mean nothing. Each block is precomputed in one process and moved in another, so that no row finds the memory of the row before,
 //! and one that takes too long is ended.
 
-use super::super::marks;
 use super::super::print::print;
-use super::parsers;
+use super::super::{marks, parsers};
 use crate::base::failure::Failure;
 use crate::base::machine;
 use crate::base::progress::{Bars, Progress};
 use crate::base::table::{Table, bytes, count, seconds};
-use crate::deform::{LINEAR, ModelEntry, find_model};
-use crate::effect::{EFFECTS, EffectEntry, find_effect};
+use crate::deform::LINEAR;
+use crate::effect::{EFFECTS, EffectEntry};
 use crate::fem::TET4;
 use crate::prepare::{self, Resolved};
 use crate::session::{Request, Session};
@@ -43,6 +42,9 @@ pub struct Args {
     #[arg(long, hide = true)]
     pub moved: Option<PathBuf>,
 }
+
+/// Name of the body.
+const BODY: &str = "block";
 
 /// Frames of the script at 60 a second.
 const FRAMES: usize = 300;
@@ -120,43 +122,51 @@ struct Size {
     rows: Vec<Row>,
 }
 
+/// What `bench` asks of all its measurements.
+pub struct Options<'a> {
+    pub frames: Option<usize>,
+    pub json: bool,
+    pub readme: Option<&'a Path>,
+    pub test_build: bool,
+}
+
 /// Measures all sizes, and prints tables, or the same as JSON.
-pub fn run(args: &super::Args) -> Result<(), Failure> {
-    let of = &args.of_effects;
-    let names = of.effects.iter().flatten().filter(|name| !name.is_empty());
-    let asked = names.map(|name| find_effect(name)).collect::<Result<Vec<_>, _>>().map_err(Failure::wrong)?;
+pub fn run(of: &Args, options: &Options<'_>) -> Result<(), Failure> {
+    let names: Vec<&str> =
+        of.effects.iter().flatten().map(String::as_str).filter(|name| !name.is_empty()).collect();
+    let resolved = Resolved::parse(&block(1, &of.model, &names), Path::new("block.toml"))?;
+    let asked: Vec<_> = resolved.bodies[BODY].entries().collect();
     let effects = if asked.is_empty() { EFFECTS.iter().collect() } else { asked };
-    let model = find_model(&of.model).map_err(Failure::wrong)?;
     if let Some(nodes) = of.nodes.iter().find(|nodes| !SIZES.contains(nodes)) {
         let (least, most) = (SIZES.start(), SIZES.end());
         return Err(Failure::wrong(format!(
             "--nodes {nodes}: from {least} to {most} nodes can be asked for"
         )));
     }
-    args.readme.as_ref().map_or(Ok(()), |path| marks::try_between(path, "effects"))?;
-    machine::expect_full_speed(args.test_build).map_err(Failure::request)?;
+    options.readme.map_or(Ok(()), |path| marks::try_between(path, "effects"))?;
+    machine::expect_full_speed(options.test_build).map_err(Failure::request)?;
     let bars = Bars::new("effects", false);
     let sizes = of.nodes.iter().map(|nodes| {
-        let bench =
-            Bench { args, model, cells: cells(*nodes), folder: tempfile::tempdir().map_err(Failure::work)? };
+        let folder = tempfile::tempdir().map_err(Failure::work)?;
+        let bench = Bench { of, options, cells: cells(*nodes), folder };
         bench.size(&effects, &bars)
     });
     let sizes = sizes.collect::<Result<Vec<_>, Failure>>()?;
-    if let Some(path) = &args.readme {
+    if let Some(path) = options.readme {
         let tables: String = sizes.iter().map(|size| size.told(Table::markdown)).collect();
         marks::write_between(
             path,
             "effects",
-            &format!("{}, model `{}`.\n{tables}", machine::description(), model.name),
+            &format!("{}, model `{}`.\n{tables}", machine::description(), of.model),
         )?;
     }
-    if args.json {
+    if options.json {
         let sizes: Vec<Value> = sizes.iter().map(Size::json).collect();
-        let all = json!({ "processor": machine::processor(), "version": env!("CARGO_PKG_VERSION"), "model": model.name, "sizes": sizes });
+        let all = json!({ "processor": machine::processor(), "version": env!("CARGO_PKG_VERSION"), "model": of.model, "sizes": sizes });
         return print(&format!("{all:#}\n"));
     }
     let tables: String = sizes.iter().map(|size| size.told(Table::text)).collect();
-    print(&format!("{}, model {}\n{tables}", machine::description(), model.name))
+    print(&format!("{}, model {}\n{tables}", machine::description(), of.model))
 }
 
 /// Cells across a block twice as long as wide, with about so many nodes.
@@ -167,10 +177,29 @@ fn cells(nodes: usize) -> usize {
         .map_or(1, |low| if nodes - of(low).min(nodes) < of(low + 1) - nodes { low } else { low + 1 })
 }
 
+/// The scene of a block that lists these effects; where it vibrates, its right end is released.
+fn block(cells: usize, model: &str, listed: &[&str]) -> String {
+    let vibrating = EFFECTS.iter().filter(|effect| effect.vibrates && listed.contains(&effect.name));
+    let settings: String =
+        vibrating.map(|effect| format!("effect.{}.free = [\"right\"]\n", effect.name)).collect();
+    format!(
+        "stage = \"desktop\"\nscript = \"script.toml\"\n\
+         tool.ball = {{ shape = {{ ball = {{ radius = 0.02 }} }}, stylus = 1 }}\n\
+         tool.blade = {{ shape = {{ blade = {{ length = 0.12, width = 0.02 }} }}, stylus = 2 }}\n\
+         [body.{BODY}]\ngenerate = {{ block = {{ size = [0.2, 0.1, 0.1], cells = [{}, {cells}, {cells}] }} }}\n\
+         material = {{ young = 1.0e5, poisson = 0.4, density = 1000.0 }}\nelement = \"{}\"\nmodel = {model:?}\n\
+         place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\neffects = {listed:?}\n{settings}\
+         control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+         control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
+        2 * cells,
+        TET4.name,
+    )
+}
+
 /// Blocks of one size.
 struct Bench<'a> {
-    args: &'a super::Args,
-    model: &'static ModelEntry,
+    of: &'a Args,
+    options: &'a Options<'a>,
     cells: usize,
     folder: tempfile::TempDir,
 }
@@ -211,34 +240,11 @@ impl Bench<'_> {
         Ok(Size { nodes, without, rows })
     }
 
-    /// A block that lists these effects; control elements that may be released are.
-    fn scene(&self, listed: &[&str]) -> String {
-        let names: Vec<String> = listed.iter().map(|name| format!("\"{name}\"")).collect();
-        let vibrating = EFFECTS.iter().filter(|effect| effect.vibrates && listed.contains(&effect.name));
-        let settings: String =
-            vibrating.map(|effect| format!("effect.{}.free = [\"right\"]\n", effect.name)).collect();
-        format!(
-            "stage = \"desktop\"\nscript = \"script.toml\"\n\
-             tool.ball = {{ shape = {{ ball = {{ radius = 0.02 }} }}, stylus = 1 }}\n\
-             tool.blade = {{ shape = {{ blade = {{ length = 0.12, width = 0.02 }} }}, stylus = 2 }}\n\
-             [body.block]\ngenerate = {{ block = {{ size = [0.2, 0.1, 0.1], cells = [{}, {cells}, {cells}] }} }}\n\
-             material = {{ young = 1.0e5, poisson = 0.4, density = 1000.0 }}\nelement = \"{}\"\nmodel = \"{}\"\n\
-             place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\neffects = [{}]\n{settings}\
-             control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
-             control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
-            2 * self.cells,
-            TET4.name,
-            self.model.name,
-            names.join(", "),
-            cells = self.cells,
-        )
-    }
-
     /// Precomputes and moves the block with these effects. The error says why it cannot.
     fn costs(&self, listed: &[&str]) -> Result<Costs, String> {
-        let text = self.scene(listed);
+        let text = block(self.cells, &self.of.model, listed);
         let required =
-            Resolved::parse(&text, Path::new("block.toml")).and_then(|scene| scene.requirements("block"));
+            Resolved::parse(&text, Path::new("block.toml")).and_then(|scene| scene.requirements(BODY));
         required
             .map_err(|error| format!("refused: {}", error.to_string().trim_start_matches("block.toml: ")))?;
         let folder = self.folder.path();
@@ -247,15 +253,15 @@ impl Bench<'_> {
         let write = |path: &Path, text: &str| std::fs::write(path, text).map_err(|error| error.to_string());
         write(&scene, &text)?;
         write(&script, SCRIPT)?;
-        let limit = Duration::from_secs_f64(self.args.of_effects.limit.min(1e9));
+        let limit = Duration::from_secs_f64(self.of.limit.min(1e9));
         let precompute = ["precompute", "block.toml", "--quiet", "--force"].map(String::from);
         let (_, precompute_s) = self.program(&precompute, limit)?;
         let file_bytes = green.metadata().map_err(|error| error.to_string())?.len() as f64;
         let left = limit.saturating_sub(Duration::from_secs_f64(precompute_s));
-        let frames = self.args.frames.unwrap_or(FRAMES).to_string();
+        let frames = self.options.frames.unwrap_or(FRAMES).to_string();
         let mut arguments =
             ["bench", "--moved", "block.toml", "--frames", &frames].map(String::from).to_vec();
-        arguments.extend(self.args.test_build.then(|| "--test-build".to_owned()));
+        arguments.extend(self.options.test_build.then(|| "--test-build".to_owned()));
         let (told, _) = self.program(&arguments, left)?;
         let moved = serde_json::from_str(&told).map_err(|error| error.to_string())?;
         Ok(Costs { precompute_s, file_bytes, moved })
@@ -274,7 +280,7 @@ impl Bench<'_> {
                 if started.elapsed() > limit {
                     child.kill()?;
                     child.wait()?;
-                    anyhow::bail!("not within {} s", self.args.of_effects.limit);
+                    anyhow::bail!("not within {} s", self.of.limit);
                 }
                 std::thread::sleep(Duration::from_millis(1));
             }
