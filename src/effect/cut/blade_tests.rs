@@ -302,6 +302,7 @@ fn bodies_that_cannot_be_cut_are_refused() {
         ("load.squeeze = { nodes = { group = \"ymax\" }, kind = \"pressure\" }", "body.b.load.squeeze: "),
         ("accuracy = { force = 0.1 }", "measured of the whole body"),
         ("effects = [\"cut\", \"stress\"]", "\"stress\" keeps numbers"),
+        ("effects = [\"cut\", \"force_curve\"]\nmodel = \"rotation\"", "write model = \"linear\""),
     ] {
         let error = scene(BOTH, keys).unwrap_err();
         assert!(error.contains(told), "{keys}: {error}");

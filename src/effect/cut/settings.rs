@@ -1,7 +1,7 @@
 //! Conditions under which a body can be cut.
 
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
-use crate::effect::entry::{ListedEffect, ResolvedBody};
+use crate::effect::entry::{EffectEntry, ResolvedBody};
 use crate::fem::TET4;
 use crate::scene::{Body, LoadSource, Scene, SceneError};
 
@@ -53,18 +53,24 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
         );
         return wrong(key, message);
     }
+    let others = || resolved.effects.iter().map(|listed| listed.entry).filter(|entry| entry.name != NAME);
     // What it shows, or keeps, of the whole body would not be true of the cut one.
-    let is_of_whole = |listed: &&ListedEffect| {
-        let entry = listed.entry;
+    let is_of_whole = |entry: &&EffectEntry| {
         let keeps = entry.precompute.is_some() || entry.vibrates || entry.needs_inside;
         let shows = entry.shows_stress || entry.measures_errors || entry.is_felt;
-        let has_no_energy = entry.needs_energy && *resolved.model != LINEAR;
-        entry.name != NAME && (keeps || shows || has_no_energy)
+        keeps || shows
     };
-    if let Some(other) = resolved.effects.iter().find(is_of_whole) {
+    if let Some(other) = others().find(is_of_whole) {
         let message = format!(
             "\"{}\" keeps numbers of the body as it was before a cut, and would go on to show them: list it in another body",
-            other.entry.name
+            other.name
+        );
+        return wrong("effects", message);
+    }
+    if let Some(other) = others().find(|entry| entry.needs_energy && *resolved.model != LINEAR) {
+        let message = format!(
+            "\"{}\" needs the energy of the cut body, which \"{}\" does not have: write model = \"{}\", or list it in another body",
+            other.name, resolved.model.name, LINEAR.name
         );
         return wrong("effects", message);
     }
