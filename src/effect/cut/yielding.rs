@@ -101,7 +101,7 @@ impl Yielding {
         product
     }
 
-    /// The displacement of a point of the surface for a force along each axis, [axis][force].
+    /// The displacement of a point of the surface by axis, for a force along each axis.
     fn moved(&self, corners: &Corners, pressed: &Pressed, beyond: &Mat<f32>, first: usize) -> [[f32; 3]; 3] {
         let mut u = [[0.0_f64; 3]; 3];
         for Corner { node, copy, share } in corners {
