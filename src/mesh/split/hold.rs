@@ -3,7 +3,7 @@
 //! In: the pieces, and the nodes that control elements hold. Out: whether each part that hangs together by faces has three held nodes, or
 //! three nodes in common with a part that is held. A part on a single node or on an edge could turn about it freely.
 
-use super::{Split, Splitter};
+use super::pieces::{Split, Splitter};
 use crate::base::disjoint::DisjointSets;
 
 /// Number of nodes that hold a part.

@@ -9,6 +9,7 @@
 //! (P. Hansbo and A. Hansbo, Computer Methods in Applied Mechanics and Engineering 193, 2004, 3523-3540; N. Molino, Z. Bao and
 //! R. Fedkiw, ACM Transactions on Graphics 23, 2004, 385-392). No tetrahedron is made smaller, so that none becomes a sliver.
 
+mod edges;
 mod groups;
 mod hold;
 mod pieces;
@@ -16,21 +17,6 @@ mod surface;
 #[cfg(test)]
 mod tests;
 
+pub use edges::{CutEdges, edge};
 pub use pieces::{Piece, Split, Splitter};
 pub use surface::{CutPoint, CutSurface};
-
-use std::collections::BTreeMap;
-
-/// Edges that are cut: both nodes, the smaller first, and where, as a part of the way from the first to the second.
-pub type CutEdges = BTreeMap<[u32; 2], f64>;
-
-/// An edge as it stands in [`CutEdges`].
-pub fn edge([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
-/// Place of the cut of an edge, as a part of the way from its first node; a half where it is not.
-fn share(cut: &CutEdges, [a, b]: [u32; 2]) -> f64 {
-    let share = cut.get(&edge([a, b])).copied().unwrap_or(0.5);
-    if a < b { share } else { 1.0 - share }
-}

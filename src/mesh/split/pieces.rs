@@ -1,7 +1,7 @@
 //! The pieces of divided tetrahedra, and the copies of nodes with which they move.
 
+use super::edges::{CutEdges, edge, share};
 use super::groups::{PAIRS, is_single, pairs};
-use super::{CutEdges, edge, share};
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::surface::sorted_faces;
 use crate::mesh::tet_mesh::{FACES, TetMesh};

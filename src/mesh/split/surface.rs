@@ -1,7 +1,8 @@
 //! The surface of a mesh in pieces: the outer one with the cuts in it.
 
+use super::edges::{CutEdges, edge, share};
 use super::groups::{is_single, pairs, seen_from_outside};
-use super::{CutEdges, Piece, Split, Splitter, edge, share};
+use super::pieces::{Piece, Split, Splitter};
 use crate::mesh::tet_mesh::FACES;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;

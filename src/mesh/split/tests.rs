@@ -226,3 +226,35 @@ fn a_slit_closes_at_its_end() {
     let at_end = holding(&mesh, &|x| x.x < low.x + 1e-9);
     assert!(splitter.split(&beside, &at_end).falls_apart);
 }
+
+/// Two control elements that touch, and a cut between them: each holds its own side alone.
+#[test]
+fn what_touching_elements_hold_comes_apart() {
+    let mesh = a_block();
+    let splitter = Splitter::new(mesh.clone());
+    let cut = by_plane(&mesh, V3::x(), 0.02, &|_| true);
+    let held: Vec<Option<usize>> = mesh.nodes.iter().map(|x| Some(usize::from(x.x > 0.02))).collect();
+    let split = splitter.split(&cut, &held);
+    assert!(!split.falls_apart && !split.pieces.is_empty());
+    for piece in &split.pieces {
+        for (own, node) in piece.own.iter().zip(&piece.nodes) {
+            assert_eq!(*own, (*node as usize) < mesh.nodes.len());
+        }
+    }
+}
+
+/// A tetrahedron beside one that is held: on a common face it is held too, on an edge or a node it could turn.
+#[test]
+fn a_part_on_an_edge_is_not_held() {
+    let nodes =
+        [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [1., 1., 1.], [2., 1., 1.], [1., 2., 2.]];
+    let falls_apart = |second: [u32; 4]| {
+        let tets = vec![[0, 1, 2, 3], second];
+        let mesh = TetMesh { nodes: nodes.map(V3::from).to_vec(), tets, ..TetMesh::default() };
+        let held: Vec<Option<usize>> = (0..nodes.len()).map(|node| (node < 3).then_some(0)).collect();
+        Splitter::new(Arc::new(mesh)).split(&CutEdges::new(), &held).falls_apart
+    };
+    assert!(!falls_apart([1, 2, 3, 4]));
+    assert!(falls_apart([2, 3, 4, 5]));
+    assert!(falls_apart([3, 4, 5, 6]));
+}
