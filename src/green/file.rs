@@ -210,21 +210,7 @@ impl GreenFile {
         let on_disk = OnDisk::new(file, places);
         let bytes = Bytes::read(&mut on_disk.others(), length - left).map_err(unread)?;
         let on_disk = (left > 0).then_some(on_disk);
-        let (recent, shapes, on_demand) = (Recent::default(), Shapes::default(), OnDemand::default());
-        let path_of = path.to_owned();
-        let (base, solved) = (None, None);
-        let file = GreenFile {
-            path: path_of,
-            meta,
-            bytes,
-            tensors,
-            on_disk,
-            recent,
-            shapes,
-            on_demand,
-            base,
-            solved,
-        };
+        let file = GreenFile::of(path, (meta, tensors), bytes, on_disk);
         file.check().map_err(damaged)?;
         Ok(file)
     }
@@ -233,24 +219,24 @@ impl GreenFile {
     pub(super) fn parse(path: &Path, bytes: Bytes) -> Result<GreenFile, String> {
         let length = bytes.as_slice().len() as u64;
         let (meta, tensors) = read_container(bytes.as_slice(), length)?;
-        let (on_disk, recent, shapes, on_demand) =
-            (None, Recent::default(), Shapes::default(), OnDemand::default());
-        let path_of = path.to_owned();
-        let (base, solved) = (None, None);
-        let file = GreenFile {
-            path: path_of,
+        let file = GreenFile::of(path, (meta, tensors), bytes, None);
+        file.check()?;
+        Ok(file)
+    }
+
+    fn of(path: &Path, (meta, tensors): (Meta, Tensors), bytes: Bytes, on_disk: Option<OnDisk>) -> GreenFile {
+        GreenFile {
+            path: path.to_owned(),
             meta,
             bytes,
             tensors,
             on_disk,
-            recent,
-            shapes,
-            on_demand,
-            base,
-            solved,
-        };
-        file.check()?;
-        Ok(file)
+            recent: Recent::default(),
+            shapes: Shapes::default(),
+            on_demand: OnDemand::default(),
+            base: None,
+            solved: None,
+        }
     }
 
     /// Errors where body `name` was made from something else than `fingerprint` says.

@@ -122,7 +122,7 @@ struct Size {
     rows: Vec<Row>,
 }
 
-/// What `bench` asks of all its measurements.
+/// Options of `bench` for all its measurements.
 pub struct Options<'a> {
     pub frames: Option<usize>,
     pub json: bool,

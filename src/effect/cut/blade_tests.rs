@@ -333,7 +333,7 @@ fn each_end_carries_the_weight_of_its_half() {
         let expected = V3::new(0.0, 0.0, (middle - end) * weight);
         println!("{} N of {weight}, {} N m of {}", wrench.force.y, wrench.moment.z, expected.z);
         assert!((wrench.force - V3::new(0.0, weight, 0.0)).norm() < 1e-10 * weight, "{:?}", wrench.force);
-        assert!((wrench.moment - expected).norm() < 1e-10 * weight, "{:?}", wrench.moment);
+        assert!((wrench.moment - expected).norm() < 2e-11 * weight, "{:?}", wrench.moment);
     }
 }
 
@@ -380,7 +380,7 @@ fn a_ball_presses_the_lip_of_a_growing_cut() {
     );
     println!("the lip went from {lip} to {} m", first.lowest_beside(0.024));
     assert!(first.is_quiet(), "{:?}", first.world.warnings);
-    assert!(growing > 3 && deepest < 2e-6, "{growing}, {deepest}");
+    assert!(growing > 3 && deepest < 1e-7, "{growing}, {deepest}");
     // The deeper the slit, the softer its lip; the ball keeps it where it is.
     assert!(lip < -0.006 && (first.lowest_beside(0.024) - lip).abs() < 1e-3);
 }

@@ -99,7 +99,6 @@ pub struct Opened {
 }
 
 /// The motion of all nodes beyond that of the whole body.
-#[derive(Clone)]
 pub struct Moved {
     w: DMatrix<f64>,
     yielding: Arc<Yielding>,
@@ -203,8 +202,7 @@ impl Cuttable {
 
     /// The motion of the body while it is whole: none beyond its own.
     pub fn unmoved(&self) -> Result<Moved, String> {
-        let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
-        let surface: Vec<Corners> = self.surface.iter().map(alone).collect();
+        let surface = self.corners_of(&Split::default(), &CutSurface::default());
         let (w, gx) = (DMatrix::zeros(0, self.loads.columns), DMatrix::zeros(0, 0));
         let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, Rows::default());
         Ok(Moved { w, yielding: Arc::new(yielding) })

@@ -170,8 +170,7 @@ impl CutBody {
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
-    /// Cuts what blades have passed through since the last frame. The error says what of it stays
-    /// uncut, and why.
+    /// Cuts what blades have passed through since the last frame. The error says what of it stays uncut, and why.
     fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<(), String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
         if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
@@ -199,7 +198,10 @@ impl CutBody {
             self.go_on(cut, step, split)?;
         }
         match falls_apart {
-            true => Err("a piece would fall off that no control element holds".to_owned()),
+            true => {
+                Err("a piece would fall off that no control element holds, or hang on a single node or edge"
+                    .to_owned())
+            }
             false => Ok(()),
         }
     }
