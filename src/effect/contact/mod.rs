@@ -24,6 +24,7 @@ mod running;
 mod settings;
 mod shape;
 mod shown;
+mod slides;
 mod system;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ use super::candidates::{Nodes, Places};
 use super::crossing::{Side, apart, crossing, edge_of, near_edges, pass_through};
 use super::detection::{distance, find};
 use super::meeting::{Meeting, Met};
+use super::slides::Slides;
 use super::tool::Tool;
 use super::touch::{Against, Contact, shifted};
 use super::touched_body::{SurfaceSpot, TouchedBody};
@@ -19,8 +20,6 @@ type V3 = Vector3<f64>;
 /// Parts of a tool's thickness, and of a surface's edges, by which a gap may be off.
 const EXACT: f64 = 1e-5;
 const EXACT_SURFACE: f64 = 2e-4;
-/// Change of a spot's weights by which it has moved.
-const SHIFT: f64 = 1e-4;
 /// Part of an edge by which nodes of the coarser of two surfaces, and edges, may pass into the other: as much as rounds one between its
 /// nodes.
 const BETWEEN_NODES: f64 = 0.02;
@@ -163,9 +162,15 @@ impl Round<'_> {
             .all(|(contact, gap)| (self.gap(contact).0 - gap).abs() <= self.tolerance(contact))
     }
 
-    /// Adds contacts where a tool reaches into a body, and moves those whose nearest point has moved. True if there are any.
-    pub fn meet_tools(&self, contacts: &mut Vec<Contact>, outcome: &mut Outcome) -> bool {
-        let (before, mut has_moved) = (contacts.len(), false);
+    /// Adds contacts where a tool touches a body, and moves those whose nearest point has moved. True if one of them has reached into the body
+    /// by more than its gap may be off.
+    pub fn meet_tools(
+        &self,
+        contacts: &mut Vec<Contact>,
+        slides: &mut Slides,
+        outcome: &mut Outcome,
+    ) -> bool {
+        let mut has_changed = false;
         let step = self.step;
         for (number, body) in self.bodies.iter().enumerate() {
             for (t, tool) in step.tools.iter().enumerate().filter(|(t, _)| body.tools[*t]) {
@@ -189,21 +194,25 @@ impl Round<'_> {
                         tool.name
                     ));
                 }
+                let gap = |spot: &SurfaceSpot| distance(&tool.shape, &pose, &self.places[number].of(spot)).0;
                 for spot in found.spots {
                     let is_same = |contact: &&mut Contact| is_of(contact) && contact.spot.nodes == spot.nodes;
-                    if let Some(contact) = contacts.iter_mut().find(is_same) {
+                    match contacts.iter_mut().find(is_same) {
                         // The nearest point of the same triangle, or of the same edge.
-                        let old = contact.spot.weights.iter();
-                        let shift = old.zip(spot.weights).map(|(old, new)| (old - new).abs());
-                        has_moved |= shift.fold(0.0, f64::max) > SHIFT;
-                        contact.spot = spot;
-                    } else {
-                        add(contacts, number, spot, Against::Tool(t), outcome);
+                        Some(contact) if gap(&spot) < gap(&contact.spot) - near => {
+                            contact.spot = slides.towards((number, t), &contact.spot, &spot);
+                            has_changed = true;
+                        }
+                        Some(_) => {}
+                        None => {
+                            has_changed |= gap(&spot) < -near;
+                            add(contacts, number, spot, Against::Tool(t), outcome);
+                        }
                     }
                 }
             }
         }
-        has_moved || contacts.len() > before
+        has_changed
     }
 
     /// Adds contacts where nodes of the finer of two surfaces reach the other, and moves those whose nearest point has moved; lets go what

@@ -14,6 +14,7 @@
 use super::candidates::Places;
 use super::inertial::{self, Inertias, Living};
 use super::round::{Outcome, Round, Step, Watch, leads};
+use super::slides::Slides;
 use super::touch::{Contact, at_nodes, fetch, force_on_tool, friction, static_between, turns};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::base::quantity::quantity;
@@ -51,11 +52,11 @@ pub fn advance(
     let mut free: Vec<Places> =
         bodies.iter().zip(step.starts).map(|(body, starts)| Places::free(body, starts.nodes())).collect();
     let mut places = with_contact(bodies, contacts, &free);
-    let mut watch = Watch::new(step.meetings.len());
+    let (mut watch, mut slides) = (Watch::new(step.meetings.len()), Slides::default());
     for round in 0..MOST_ROUNDS {
         let yielded = all_yielded(bodies, contacts, step);
         let now = Round { bodies, step, places: &places, yielded: &yielded };
-        let mut found = now.meet_tools(contacts, &mut outcome);
+        let mut found = now.meet_tools(contacts, &mut slides, &mut outcome);
         found |= now.meet_surfaces(contacts, &mut watch, round == 0, &mut outcome);
         let mut is_exact = true;
         // What has no normal cannot be pressed.
@@ -87,6 +88,7 @@ pub fn advance(
         if is_settled && (outcome.is_unfinished || !now.pass_surfaces(contacts, &watch, &mut outcome)) {
             break;
         }
+        outcome.is_unfinished |= round + 1 == MOST_ROUNDS;
     }
     contacts.retain(|contact| contact.force != V3::zeros() && contact.force.iter().all(|f| f.is_finite()));
     if let Some(Reached { missed, largest, .. }) = outcome.reached.filter(|reached| reached.is_far()) {
