@@ -26,6 +26,9 @@ pub trait SolvedCompliance: Send + Sync + fmt::Debug {
 const KEPT_BYTES: usize = 64 << 20;
 const KEPT: usize = 12;
 
+/// Columns that the thread solves for together: 8 nodes take twice the time of one.
+const TOGETHER: usize = 8;
+
 /// Columns of all bodies of a file.
 #[derive(Debug, Default)]
 pub struct OnDemand(Mutex<BTreeMap<String, Arc<OfBody>>>);
@@ -44,6 +47,8 @@ struct State {
     columns: VecDeque<(usize, Arc<Yield>)>,
     /// The thread's next places.
     wanted: Vec<usize>,
+    /// Places that the thread, or somebody who waits, is solving for.
+    solving: BTreeSet<usize>,
     is_at_work: bool,
     /// Error with which the thread failed: it would fail again.
     fault: Option<Arc<GreenError>>,
@@ -68,25 +73,57 @@ impl OfBody {
         }
     }
 
-    /// The columns at these places; `solve` is asked for those that are not there, as many.
+    /// The columns at these places; `solve` is asked for those that are not there and that nobody else is solving for, as many.
     pub fn columns(
         &self,
         places: &[usize],
-        solve: impl FnOnce(&[usize]) -> Result<Vec<Yield>, GreenError>,
+        solve: impl Fn(&[usize]) -> Result<Vec<Yield>, GreenError>,
     ) -> Result<Vec<Arc<Yield>>, GreenError> {
-        let mut found = lock(&self.state).found(places);
-        let missing: BTreeSet<usize> = places.iter().copied().filter(|at| !found.contains_key(at)).collect();
-        if !missing.is_empty() {
-            let missing: Vec<usize> = missing.into_iter().collect();
-            let solved = solve(&missing)?;
-            let mut state = lock(&self.state);
-            for (place, column) in missing.into_iter().zip(solved) {
-                let column = Arc::new(column);
-                found.insert(place, column.clone());
-                state.keep(place, column);
+        let mut found = BTreeMap::new();
+        let mut state = lock(&self.state);
+        loop {
+            let open: Vec<usize> = places.iter().copied().filter(|at| !found.contains_key(at)).collect();
+            found.extend(state.found(&open));
+            let missing: BTreeSet<usize> = open.into_iter().filter(|at| !found.contains_key(at)).collect();
+            if missing.is_empty() {
+                break;
             }
+            let own: Vec<usize> = missing.into_iter().filter(|at| !state.solving.contains(at)).collect();
+            if own.is_empty() {
+                state = self.arrived.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            }
+            state.solving.extend(&own);
+            drop(state);
+            let solving = Solving { of: self, places: &own };
+            let solved = solve(&own)?;
+            state = lock(&self.state);
+            for (place, column) in own.iter().zip(solved) {
+                let column = Arc::new(column);
+                found.insert(*place, column.clone());
+                state.keep(*place, column);
+            }
+            drop(state);
+            drop(solving);
+            state = lock(&self.state);
         }
         Ok(places.iter().filter_map(|place| found.get(place).cloned()).collect())
+    }
+
+    /// Has the columns at `places` solved for by `work` on a thread, the first ones first, so that they are there when they are asked for.
+    /// Places that were to come and are not among these are left out.
+    pub fn prepare(
+        self: &Arc<Self>,
+        places: &[usize],
+        work: impl Fn(&[usize]) -> Result<(), GreenError> + Send + 'static,
+    ) -> Result<(), GreenError> {
+        let mut state = lock(&self.state);
+        let found = state.found(places);
+        state.wanted = places.iter().copied().filter(|place| !found.contains_key(place)).collect();
+        if state.wanted.is_empty() || state.fault.is_some() {
+            return Ok(());
+        }
+        self.have_thread(&mut state, work)
     }
 
     /// The columns at `places`, or `None` where they are not there within `patience`: they come later, by `work` on a thread,
@@ -109,23 +146,7 @@ impl OfBody {
                 state.wanted.push(*place);
             }
         }
-        if !std::mem::replace(&mut state.is_at_work, true) {
-            let of_thread = self.clone();
-            let started = std::thread::Builder::new().name("columns".into()).spawn(move || {
-                let _ending = Ending(&of_thread);
-                while let Some(places) = of_thread.next() {
-                    if let Err(error) = work(&places) {
-                        lock(&of_thread.state).fault = Some(Arc::new(error));
-                        return;
-                    }
-                    of_thread.arrived.notify_all();
-                }
-            });
-            if let Err(source) = started {
-                state.is_at_work = false;
-                return Err(GreenError::Io { path: "a thread for columns of the compliance".into(), source });
-            }
-        }
+        self.have_thread(&mut state, work)?;
         let waits = |state: &mut State| state.is_at_work && state.known(places).is_none();
         let waited = self.arrived.wait_timeout_while(state, patience, waits);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
@@ -135,12 +156,43 @@ impl OfBody {
         }
     }
 
+    /// Starts the thread, unless it is at work.
+    fn have_thread(
+        self: &Arc<Self>,
+        state: &mut State,
+        work: impl Fn(&[usize]) -> Result<(), GreenError> + Send + 'static,
+    ) -> Result<(), GreenError> {
+        if std::mem::replace(&mut state.is_at_work, true) {
+            return Ok(());
+        }
+        let of_thread = self.clone();
+        let started = std::thread::Builder::new().name("columns".into()).spawn(move || {
+            let _ending = Ending(&of_thread);
+            while let Some(places) = of_thread.next() {
+                if let Err(error) = work(&places) {
+                    lock(&of_thread.state).fault = Some(Arc::new(error));
+                    return;
+                }
+                of_thread.arrived.notify_all();
+            }
+        });
+        started.map(drop).map_err(|source| {
+            state.is_at_work = false;
+            GreenError::Io { path: "a thread for columns of the compliance".into(), source }
+        })
+    }
+
     /// The next places of the thread; with none it ends.
     fn next(&self) -> Option<Vec<usize>> {
         let mut state = lock(&self.state);
-        let wanted = std::mem::take(&mut state.wanted);
-        let found = state.found(&wanted);
-        let missing: Vec<usize> = wanted.into_iter().filter(|place| !found.contains_key(place)).collect();
+        let mut missing = Vec::new();
+        while missing.is_empty() && !state.wanted.is_empty() {
+            let count = state.wanted.len().min(TOGETHER);
+            let wanted: Vec<usize> = state.wanted.drain(..count).collect();
+            let found = state.found(&wanted);
+            let is_missing = |place: &usize| !found.contains_key(place) && !state.solving.contains(place);
+            missing = wanted.into_iter().filter(is_missing).collect();
+        }
         state.is_at_work = !missing.is_empty();
         state.is_at_work.then_some(missing)
     }
@@ -165,6 +217,19 @@ impl State {
         self.columns.retain(|(kept, _)| *kept != place);
         self.columns.truncate(most - 1);
         self.columns.push_front((place, column));
+    }
+}
+
+/// Guard of places that are being solved for, however that ends.
+struct Solving<'a> {
+    of: &'a OfBody,
+    places: &'a [usize],
+}
+
+impl Drop for Solving<'_> {
+    fn drop(&mut self) {
+        lock(&self.of.state).solving.retain(|place| !self.places.contains(place));
+        self.of.arrived.notify_all();
     }
 }
 

@@ -46,6 +46,14 @@ impl Deformer {
         Ok(self.file.columns(&self.body, &places, Duration::MAX)?.unwrap_or_default())
     }
 
+    /// Has the columns of the compliance of these nodes of the surface solved for in the background.
+    pub fn prepare_columns(&self, nodes: impl Iterator<Item = u32>) -> Result<(), GreenError> {
+        let Some(compliance) = self.file.compliance(&self.body) else { return Ok(()) };
+        let at = compliance.places();
+        let places: Vec<usize> = nodes.filter_map(|node| at.get(&node).copied()).collect();
+        self.file.prepare_columns(&self.body, &places)
+    }
+
     /// Displacement along a force of 1 N at a point of the surface, in the mean over all directions, m/N; `None` while its
     /// columns are on their way. The point's corners take forces.
     pub fn softness(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> Result<Option<f64>, GreenError> {

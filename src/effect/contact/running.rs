@@ -5,6 +5,7 @@
 //! through a body and friction knows its way.
 
 use super::candidates::{Nodes, Places};
+use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::inertial::{self, Inertias};
 use super::round::{Outcome, Step};
@@ -293,6 +294,7 @@ impl Contacts {
             }
         }
         self.forget_columns(&near.all);
+        self.prepare_columns(&near.by_tools, &way, &now.tools);
         self.felt.moved(near.by_tools, way.tools);
     }
 
@@ -433,6 +435,23 @@ impl Contacts {
             Places::free(body, nodes).moved(body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b)))
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
+    }
+
+    /// Has the columns of nodes that tools come near solved for before they touch, the nearest first.
+    fn prepare_columns(&mut self, near: &[Arc<Nodes>], way: &Way, poses: &[Option<Isometry3<f64>>]) {
+        for ((body, near), places) in self.bodies.iter_mut().zip(near).zip(&way.after) {
+            let tools = self.tools.iter().zip(poses).zip(&body.tools).filter(|(_, touches)| **touches);
+            let tools: Vec<_> = tools.filter_map(|((tool, pose), _)| Some((&tool.shape, (*pose)?))).collect();
+            let gap = |node: u32| {
+                let gaps = tools.iter().map(|(shape, pose)| distance(shape, pose, &places[node as usize]).0);
+                gaps.fold(f64::INFINITY, f64::min)
+            };
+            let mut nodes: Vec<(f64, u32)> = near.iter().map(|node| (gap(node), node)).collect();
+            nodes.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            if let Err(message) = body.prepare(nodes.into_iter().map(|(_, node)| node).collect()) {
+                self.warnings.push(message);
+            }
+        }
     }
 
     /// Drops the columns of nodes that nothing is near.

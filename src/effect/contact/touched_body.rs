@@ -51,6 +51,8 @@ pub struct TouchedBody {
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: Columns,
+    /// Nodes whose columns the background was asked for last.
+    prepared: Vec<u32>,
 }
 
 /// Columns of nodes, and the compliance between each two of these nodes.
@@ -185,12 +187,14 @@ impl TouchedBody {
             outward_at_rest: Vec::new(),
             room_from_body,
             columns: Columns::default(),
+            prepared: Vec::new(),
         })
     }
 
     /// Goes on with the deformer of the same body that has been remade, whose nodes beyond the first `kept` are others. The error says why it
     /// cannot be deformed a second time.
     pub fn reshape(&mut self, body: &Deformer, kept: usize) -> Result<(), String> {
+        self.prepare(Vec::new())?;
         let free = self.free.remade(body.file().clone(), kept)?;
         let last = std::mem::take(&mut self.tools);
         let fresh = TouchedBody::new(self.b, body, (self.friction, self.is_felt), last)?;
@@ -291,6 +295,18 @@ impl TouchedBody {
         self.columns.slots.resize(self.takes.len(), None);
         missing.into_iter().zip(columns).for_each(|(node, column)| self.columns.add(node, column));
         Ok(())
+    }
+
+    /// Has the columns of these nodes solved for in the background, the first ones first.
+    pub fn prepare(&mut self, nodes: Vec<u32>) -> Result<(), String> {
+        let is_missing = |node: &u32| !self.has_no_column(*node) && self.columns.slot(*node).is_none();
+        let missing: Vec<u32> = nodes.into_iter().filter(is_missing).collect();
+        if missing == self.prepared {
+            return Ok(());
+        }
+        let prepared = self.free.prepare_columns(missing.iter().copied());
+        self.prepared = missing;
+        prepared.map_err(|error| error.to_string())
     }
 
     /// Drops the columns of other nodes.

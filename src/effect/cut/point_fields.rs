@@ -1,12 +1,12 @@
 //! Displacements of the whole body for forces at single free nodes.
 //!
 //! In: free nodes. Out: A⁻¹ of unit forces there, over all free nodes. They do not depend on cuts; those that were asked for last are
-//! kept. Each node is solved for alone, so that its bits do not depend on what else is asked for.
+//! kept.
 
 use super::solves::Solves;
 use crate::fem::NodeFields;
 use nalgebra::DMatrix;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of the fields that are kept, and the number that is kept whatever they take.
@@ -34,27 +34,30 @@ impl PointFields {
         self.solves.solve(b)
     }
 
-    /// The field of a free node.
-    pub fn at(&self, node: u32) -> Result<PointField, String> {
+    /// The fields of these free nodes.
+    pub fn at(&self, nodes: impl IntoIterator<Item = u32>) -> Result<BTreeMap<u32, PointField>, String> {
         // Fields are whole even if a thread has panicked between them.
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let nodes: BTreeSet<u32> = nodes.into_iter().collect();
         let mut kept = lock();
-        if let Some(place) = kept.iter().position(|(of, _)| *of == node)
-            && let Some(found) = kept.remove(place)
-        {
-            let field = found.1.clone();
-            kept.push_front(found);
-            return Ok(field);
-        }
+        let (asked, others): (VecDeque<_>, VecDeque<_>) =
+            kept.drain(..).partition(|(node, _)| nodes.contains(node));
+        let mut found: BTreeMap<u32, PointField> = asked.iter().cloned().collect();
+        *kept = asked;
+        kept.extend(others);
         drop(kept);
-        let mut b = NodeFields::zeros(self.free, 3);
-        (0..3).for_each(|axis| b.row_mut(3 * node as usize + axis)[axis] = 1.0);
-        let x = self.solves.solve(b)?;
-        let field = Arc::new(DMatrix::from_fn(3 * self.free, 3, |row, axis| x.row(row)[axis] as f32));
+        let missing: Vec<u32> = nodes.into_iter().filter(|node| !found.contains_key(node)).collect();
+        if missing.is_empty() {
+            return Ok(found);
+        }
+        let fields = self.solves.points(missing.clone())?;
         let most = (KEPT_BYTES / (36 * self.free).max(1)).max(KEPT);
         let mut kept = lock();
-        kept.truncate(most - 1);
-        kept.push_front((node, field.clone()));
-        Ok(field)
+        for (node, field) in missing.into_iter().zip(fields) {
+            kept.push_front((node, field.clone()));
+            found.insert(node, field);
+        }
+        kept.truncate(most);
+        Ok(found)
     }
 }

@@ -1,16 +1,21 @@
 //! Solves with the factor of a body, in a thread that holds it.
 //!
-//! In: A of the free nodes. Out: A⁻¹ b. The thread factorises while the session begins, so that the factor is there when a blade comes;
-//! it ends when its [`Solves`] is dropped, or as soon as the factor is done then.
+//! In: A of the free nodes. Out: A⁻¹ b, and displacements for forces at single nodes. The thread factorises while the session begins, so
+//! that the factor is there when a blade comes; it ends when its [`Solves`] is dropped, or as soon as the factor is done then.
 
+use super::point_fields::PointField;
 use crate::fem::{NodeFields, StiffnessMatrix};
-use crate::solve::{Silent, SolveError, Solver};
+use crate::solve::{Factor, Silent, SolveError, Solver};
+use nalgebra::DMatrix;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-struct Question {
-    b: NodeFields,
-    answer: Sender<Result<NodeFields, String>>,
+enum Question {
+    Fields(NodeFields, Answer<NodeFields>),
+    Points(Vec<u32>, Answer<Vec<PointField>>),
 }
+
+type Answer<T> = Sender<Result<T, String>>;
 
 pub struct Solves {
     ask: Sender<Question>,
@@ -25,22 +30,31 @@ impl Solves {
 
     /// A⁻¹ b; waits for the factor and the solve. The error says why there is none.
     pub fn solve(&self, b: NodeFields) -> Result<NodeFields, String> {
+        self.answered(|answer| Question::Fields(b, answer))
+    }
+
+    /// A⁻¹ of unit forces at each of these nodes. The bits of one do not depend on the others.
+    pub fn points(&self, nodes: Vec<u32>) -> Result<Vec<PointField>, String> {
+        self.answered(|answer| Question::Points(nodes, answer))
+    }
+
+    fn answered<T>(&self, question: impl FnOnce(Answer<T>) -> Question) -> Result<T, String> {
         let (answer, answered) = channel();
         let ended = || "the thread that solves for cuts has ended".to_owned();
-        self.ask.send(Question { b, answer }).map_err(|_closed| ended())?;
+        self.ask.send(question(answer)).map_err(|_closed| ended())?;
         answered.recv().map_err(|_closed| ended())?
     }
 }
 
 fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
-    match serve(a, asked) {
-        Ok(()) => {}
-        Err(error) => {
-            let message = error.to_string();
-            while let Ok(question) = asked.recv() {
-                // Who does not wait any more needs no answer.
-                let _ = question.answer.send(Err(message.clone()));
-            }
+    if let Err(error) = serve(a, asked) {
+        let message = error.to_string();
+        while let Ok(question) = asked.recv() {
+            // Who does not wait any more needs no answer.
+            let _ = match question {
+                Question::Fields(_, answer) => answer.send(Err(message.clone())).is_ok(),
+                Question::Points(_, answer) => answer.send(Err(message.clone())).is_ok(),
+            };
         }
     }
 }
@@ -48,10 +62,31 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
 fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveError> {
     let analysed = Solver::default().analyse(a, &Silent)?;
     let factor = analysed.factor(a, &Silent)?;
-    while let Ok(Question { b, answer }) = asked.recv() {
-        let solved = factor.solve(&b, &Silent).map(|(x, _)| x).map_err(|error| error.to_string());
+    while let Ok(question) = asked.recv() {
         // Who does not wait any more needs no answer.
-        let _ = answer.send(solved);
+        let _ = match question {
+            Question::Fields(b, answer) => {
+                let solved = factor.solve(&b, &Silent).map(|(x, _)| x);
+                answer.send(solved.map_err(|error| error.to_string())).is_ok()
+            }
+            Question::Points(nodes, answer) => {
+                answer.send(points(&*factor, &nodes).map_err(|error| error.to_string())).is_ok()
+            }
+        };
     }
     Ok(())
+}
+
+fn points(factor: &dyn Factor, nodes: &[u32]) -> Result<Vec<PointField>, SolveError> {
+    // An iterative method ends when all columns of a solve are exact enough.
+    let together = if factor.columns_together() == usize::MAX { nodes.len().max(1) } else { 1 };
+    let all: Vec<u32> = (0..factor.nodes() as u32).collect();
+    let mut fields = Vec::new();
+    for some in nodes.chunks(together) {
+        let x = factor.solve_at(some, &NodeFields::unit(some.len()), &all)?;
+        fields.extend((0..some.len()).map(|k| {
+            Arc::new(DMatrix::from_fn(3 * x.nodes, 3, |row, axis| x.row(row)[3 * k + axis] as f32))
+        }));
+    }
+    Ok(fields)
 }

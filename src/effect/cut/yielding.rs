@@ -70,23 +70,31 @@ struct Pressed {
 }
 
 impl Yielding {
-    fn press(&self, node: u32) -> Result<Pressed, String> {
-        let corners = self.surface.get(node as usize).map_or(&[][..], Vec::as_slice);
+    fn corners(&self, point: u32) -> &[Corner] {
+        self.surface.get(point as usize).map_or(&[], Vec::as_slice)
+    }
+
+    /// Place of a node among the free ones.
+    fn free(&self, node: u32) -> Option<u32> {
+        self.free_at.get(node as usize).copied().flatten()
+    }
+
+    fn press(&self, point: u32, known: &BTreeMap<u32, PointField>) -> Pressed {
         let mut fields = Vec::new();
         let mut b = DMatrix::zeros(3 * self.x.len(), 3);
-        for Corner { node, copy, share } in corners {
+        for Corner { node, copy, share } in self.corners(point) {
             if let Some(copy) = copy {
                 (0..3).for_each(|axis| b[(3 * copy + axis, axis)] += share);
             }
-            let Some(free) = self.free_at[*node as usize] else { continue };
+            let Some(free) = self.free(*node) else { continue };
             for (j, x) in self.x.iter().enumerate() {
                 let own = x.fixed_view::<3, 3>(3 * free as usize, 0).transpose().cast::<f64>();
                 let mut block = b.fixed_view_mut::<3, 3>(3 * j, 0);
                 block -= own * *share;
             }
-            fields.push((self.fields.at(free)?, *share));
+            fields.extend(known.get(&free).map(|field| (field.clone(), *share)));
         }
-        Ok(Pressed { fields, v: self.system.solve(&b).0 })
+        Pressed { fields, v: self.system.solve(&b).0 }
     }
 
     /// -X v of these, at the nodes that have a part in the surface.
@@ -108,7 +116,7 @@ impl Yielding {
             if let Some(copy) = copy {
                 add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, force)]);
             }
-            let Some(free) = self.free_at[*node as usize] else { continue };
+            let Some(free) = self.free(*node) else { continue };
             for (field, part) in &pressed.fields {
                 let at = |axis, force| f64::from(field[(3 * free as usize + axis, force)]);
                 add(&mut u, |axis, force| share * part * at(axis, force));
@@ -122,22 +130,24 @@ impl Yielding {
 
     /// The node of the mesh on whose side a point of the surface lies.
     pub fn node_of(&self, point: u32) -> Option<u32> {
-        let corners = self.surface.get(point as usize)?;
+        let corners = self.corners(point);
         let own = corners.iter().find(|corner| corner.copy.is_none()).or(corners.first());
         own.map(|corner| corner.node)
     }
 
     /// Displacements of all free nodes by forces at nodes of the mesh, 3 for each.
     pub fn field(&self, forces: &[(u32, V3)]) -> Result<Vec<f32>, String> {
+        let fields = self.fields.at(forces.iter().filter_map(|(node, _)| self.free(*node)))?;
         let mut u = Vec::new();
         let mut b = DMatrix::<f64>::zeros(3 * self.x.len(), 1);
         for (node, force) in forces {
-            let Some(free) = self.free_at.get(*node as usize).copied().flatten() else { continue };
+            let Some(free) = self.free(*node) else { continue };
             for (j, x) in self.x.iter().enumerate() {
                 let mut block = b.fixed_view_mut::<3, 1>(3 * j, 0);
                 block -= x.fixed_view::<3, 3>(3 * free as usize, 0).into_owned().cast::<f64>().tr_mul(force);
             }
-            let (field, by) = (self.fields.at(free)?, force.cast::<f32>());
+            let Some(field) = fields.get(&free) else { continue };
+            let by = force.cast::<f32>();
             u.resize(field.nrows(), 0.0);
             u.iter_mut().zip(field.row_iter()).for_each(|(u, row)| {
                 *u += row[0] * by.x + row[1] * by.y + row[2] * by.z;
@@ -166,10 +176,11 @@ impl SolvedCompliance for Yielding {
     }
 
     fn columns(&self, nodes: &[u32]) -> Result<Vec<Yield>, String> {
+        let corners = nodes.iter().flat_map(|point| self.corners(*point));
+        let known = self.fields.at(corners.filter_map(|corner| self.free(corner.node)))?;
         let mut columns = Vec::new();
         for some in nodes.chunks(TOGETHER) {
-            let pressed: Vec<Pressed> =
-                some.iter().map(|node| self.press(*node)).collect::<Result<_, _>>()?;
+            let pressed: Vec<Pressed> = some.iter().map(|point| self.press(*point, &known)).collect();
             let beyond = self.beyond(&pressed);
             for (k, pressed) in pressed.iter().enumerate() {
                 let of = |corners: &Corners| self.moved(corners, pressed, &beyond, 3 * k);

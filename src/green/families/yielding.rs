@@ -135,14 +135,7 @@ impl GreenFile {
         match self.compliance(body) {
             None => Ok(None),
             Some(Compliance::Factor(_) | Compliance::Solved(_)) if patience < Duration::MAX => {
-                let (file, name) = (self.clone(), body.to_owned());
-                self.on_demand.body(body).columns_within(places, patience, move |places| {
-                    match file.compliance(&name) {
-                        Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
-                        Some(Compliance::Solved(solved)) => solved.columns(places).map(drop),
-                        _ => Ok(()),
-                    }
-                })
+                self.on_demand.body(body).columns_within(places, patience, self.solving(body))
             }
             Some(Compliance::Factor(kept)) => kept.columns(places).map(Some),
             Some(Compliance::Solved(solved)) => solved.columns(places).map(Some),
@@ -150,6 +143,27 @@ impl GreenFile {
                 let column = |&place: &usize| compliance.column(place).map(Arc::new);
                 places.iter().map(column).collect::<Result<_, _>>().map(Some)
             }
+        }
+    }
+
+    /// Has the columns at these places solved for in the background, the first ones first, where they have to be. Those that were to come
+    /// before and are not among these are left out.
+    pub fn prepare_columns(self: &Arc<Self>, body: &str, places: &[usize]) -> Result<(), GreenError> {
+        match self.compliance(body) {
+            Some(Compliance::Factor(_) | Compliance::Solved(_)) => {
+                self.on_demand.body(body).prepare(places, self.solving(body))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Solves for columns of a body, and leaves them where they are kept.
+    fn solving(self: &Arc<Self>, body: &str) -> impl Fn(&[usize]) -> Result<(), GreenError> + Send + use<> {
+        let (file, body) = (self.clone(), body.to_owned());
+        move |places| match file.compliance(&body) {
+            Some(Compliance::Factor(kept)) => kept.columns(places).map(drop),
+            Some(Compliance::Solved(solved)) => solved.columns(places).map(drop),
+            _ => Ok(()),
         }
     }
 
