@@ -1,6 +1,7 @@
 //! Blades in a world: whole cuts, slits, pieces that would fall off, and cuts that go on from a state.
 
 use super::blade::Sweep;
+use super::opened::LEAST_FRAMES;
 use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
@@ -87,9 +88,15 @@ impl Operated {
         self.world.step(&TrackerState { head: None, styli, time_s }.into());
     }
 
-    /// Goes from one place to another in so many frames.
+    /// Goes from one place to another in so many frames, and stays there until the body has opened.
     fn pass(&mut self, from: V3, to: V3, frames: usize) {
         (0..=frames).for_each(|k| self.put(from.lerp(&to, k as f64 / frames as f64)));
+        self.wait(to);
+    }
+
+    /// As many frames as two steps of a cut take.
+    fn wait(&mut self, tip: V3) {
+        (0..2 * LEAST_FRAMES).for_each(|_| self.put(tip));
     }
 
     /// Moves the right end by this way from now on.
@@ -211,6 +218,8 @@ fn a_held_end_pulls_less_while_it_is_cut() {
             assert!((19.9..22.0).contains(&pull), "{pull} N");
         }
     }
+    operated.wait(V3::new(0.011, -0.08, -0.1));
+    let last = operated.world.bodies[0].deformer.wrenches().unwrap().0[1].force.x;
     println!("{last:e} N are left");
     assert!(last.abs() < 8e-13, "{last} N");
 }

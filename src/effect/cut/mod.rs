@@ -11,6 +11,7 @@ mod blade;
 mod blade_tests;
 mod couplings;
 mod opened;
+mod opening;
 mod point_fields;
 mod running;
 mod settings;

@@ -29,16 +29,19 @@ use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
 use crate::mesh::quality;
 use crate::mesh::split::{CutEdges, CutPoint, CutSurface, Split, Splitter};
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use faer::Mat;
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, OnceLock};
 
 type V3 = Vector3<f64>;
 
-/// The message where the columns of the whole body are asked for before they were solved.
-const UNKNOWN: &str = "the columns of the whole body are not known yet";
+/// Frames that a step of a cut takes at least, and free nodes of the mesh for which it takes one more.
+pub const LEAST_FRAMES: u32 = 2;
+const NODES_A_FRAME: usize = 2000;
+
+/// Rows of X that are multiplied together.
+const ROWS: usize = 768;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
@@ -70,18 +73,17 @@ pub struct Cuttable {
     /// Place of each node among the free ones.
     free_at: Arc<Vec<Option<u32>>>,
     fields: Arc<PointFields>,
-    /// U and the columns of gravity over all nodes; `None` until they are needed first.
-    whole: Option<NodeFields>,
+    /// U and the columns of gravity over all nodes, once they are needed first.
+    whole: OnceLock<NodeFields>,
     /// Their right-hand sides.
     loads: NodeFields,
     prescribed: NodeFields,
     tables: Tables,
-    known: Known,
 }
 
-/// Data on the copies of the last cut.
+/// Data on the copies of a cut.
 #[derive(Default)]
-struct Known {
+pub struct Known {
     /// Number of each copy among `x` and in `gx`.
     places: BTreeMap<CopyKey, usize>,
     /// X of each, 3 free nodes × 3.
@@ -94,13 +96,15 @@ struct Known {
 pub struct Opened {
     pub surface: NewSurface,
     pub moved: Moved,
+    pub known: Known,
     /// Part of its largest number by which (H - G X) W misses its right-hand side, or by which S' misses its transpose.
     pub error: f64,
 }
 
 /// The motion of all nodes beyond that of the whole body.
 pub struct Moved {
-    w: DMatrix<f64>,
+    /// -X W at all free nodes; without rows while nothing is cut.
+    beyond: DMatrix<f32>,
     yielding: Arc<Yielding>,
 }
 
@@ -170,11 +174,10 @@ impl Cuttable {
             centre,
             partition,
             free_at: Arc::new(free_at),
-            whole: None,
+            whole: OnceLock::new(),
             loads,
             prescribed,
             tables,
-            known: Known::default(),
         })
     }
 
@@ -185,14 +188,19 @@ impl Cuttable {
     }
 
     /// U and the columns of gravity of the whole body over all nodes.
-    pub fn whole(&mut self) -> Result<&NodeFields, String> {
-        if self.whole.is_none() {
-            let free = self.fields.solve(self.loads.clone())?;
-            let mut fields = self.prescribed.clone();
-            self.partition.insert_free(&free, &mut fields);
-            self.whole = Some(fields);
+    pub fn whole(&self) -> Result<&NodeFields, String> {
+        if let Some(whole) = self.whole.get() {
+            return Ok(whole);
         }
-        self.whole.as_ref().ok_or_else(|| UNKNOWN.to_owned())
+        let free = self.fields.solve(self.loads.clone())?;
+        let mut fields = self.prescribed.clone();
+        self.partition.insert_free(&free, &mut fields);
+        Ok(self.whole.get_or_init(|| fields))
+    }
+
+    /// Frames in which a step of a cut is worked out in the background, fixed so that a replay sees it in the same frame.
+    pub fn frames(&self) -> u32 {
+        LEAST_FRAMES + (self.partition.free.len() / NODES_A_FRAME) as u32
     }
 
     /// The mesh after these cuts.
@@ -203,9 +211,9 @@ impl Cuttable {
     /// The motion of the body while it is whole: none beyond its own.
     pub fn unmoved(&self) -> Result<Moved, String> {
         let surface = self.corners_of(&Split::default(), &CutSurface::default());
-        let (w, gx) = (DMatrix::zeros(0, self.loads.columns), DMatrix::zeros(0, 0));
-        let yielding = self.yielding(Vec::new(), System::new(&gx)?, surface, Rows::default());
-        Ok(Moved { w, yielding: Arc::new(yielding) })
+        let system = System::new(&DMatrix::zeros(0, 0))?;
+        let yielding = self.yielding(Vec::new(), system, surface, Rows::default());
+        Ok(Moved { beyond: DMatrix::zeros(0, self.loads.columns), yielding: Arc::new(yielding) })
     }
 
     fn yielding(
@@ -222,12 +230,12 @@ impl Cuttable {
         Yielding { fields, free_at, x, system, surface, taking, rows }
     }
 
-    /// The body after cuts by which its mesh has fallen into these pieces. The error says why there is none.
-    pub fn open(&mut self, split: &Split, opened: &CutSurface) -> Result<Opened, String> {
-        self.whole()?;
+    /// The body after cuts by which its mesh has fallen into these pieces, with what is known of an earlier cut. The error says why there is
+    /// none.
+    pub fn open(&self, known: &Known, split: &Split, opened: &CutSurface) -> Result<Opened, String> {
+        let whole = self.whole()?;
         let couplings = Couplings::new(&self.splitter, split, &self.lame, &self.density);
-        let known = self.solve_copies(&couplings.rows, couplings.keys.clone())?;
-        let Some(whole) = &self.whole else { return Err(UNKNOWN.to_owned()) };
+        let known = self.solve_copies(known, &couplings.rows, couplings.keys.clone())?;
         let acting = self.on_copies(&couplings, whole);
         let system = System::new(&couplings.system(&known.gx))?;
         let (w, missed) = system.solve(&acting);
@@ -242,9 +250,9 @@ impl Cuttable {
             ));
         }
         let surface = self.corners_of(split, opened);
-        let rows = self.rows(&surface, &known.x);
-        let columns = self.columns_of(whole, &surface, &rows, &w);
-        let rows = if self.tables.takes_points { rows } else { Rows::default() };
+        let beyond = self.beyond(&known.x, &w);
+        let columns = self.columns_of(whole, &surface, &beyond, &w);
+        let rows = if self.tables.takes_points { self.rows(&surface, &known.x) } else { Rows::default() };
         let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, rows));
         let weight = self.tables.weight.as_ref().map(|[reaction, compliance]| NewWeight {
             columns: columns.columns(affine, 3).into_owned(),
@@ -262,8 +270,7 @@ impl Cuttable {
             weight,
             compliance: of_points,
         };
-        self.known = known;
-        Ok(Opened { surface, moved: Moved { w, yielding }, error })
+        Ok(Opened { surface, moved: Moved { beyond, yielding }, known, error })
     }
 
     /// g - G U: what acts on the copies while they move with their nodes.
@@ -285,42 +292,27 @@ impl Cuttable {
         acting
     }
 
-    /// Takes one more step on the way to a cut, without its surface: the copies are known then as if the body had been opened there.
-    pub fn follow(&mut self, split: &Split) -> Result<(), String> {
+    /// What is known after one more step on the way to a cut, as if the body had been opened there.
+    pub fn follow(&self, known: &Known, split: &Split) -> Result<Known, String> {
         let Couplings { rows, keys, .. } = Couplings::new(&self.splitter, split, &self.lame, &[]);
-        self.known = self.solve_copies(&rows, keys)?;
-        Ok(())
-    }
-
-    /// Forgets all copies.
-    pub fn close(&mut self) {
-        self.known = Known::default();
+        self.solve_copies(known, &rows, keys)
     }
 
     /// X and G X of these copies, solved where they are not known.
-    fn solve_copies(&self, rows: &[Row], keys: Vec<CopyKey>) -> Result<Known, String> {
-        let before: Vec<Option<usize>> = keys.iter().map(|key| self.known.places.get(key).copied()).collect();
+    fn solve_copies(&self, known: &Known, rows: &[Row], keys: Vec<CopyKey>) -> Result<Known, String> {
+        let before: Vec<Option<usize>> = keys.iter().map(|key| known.places.get(key).copied()).collect();
         let missing: Vec<usize> = (0..keys.len()).filter(|i| before[*i].is_none()).collect();
         let (free, copies) = (self.partition.free.len() as f64, keys.len() as f64);
         let need = 72.0 * free * copies + 144.0 * missing.len() as f64 * free + 216.0 * copies * copies;
         let of = format!("A cut with {copies} copies of nodes");
         machine::fits(of, need, 0.0).map_err(|error| error.to_string())?;
-        let mut b = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
-        for (k, i) in missing.iter().enumerate() {
-            for (free, block) in self.free_blocks(&rows[*i]) {
-                for axis in 0..3 {
-                    let row = &mut b.row_mut(3 * free as usize + axis)[3 * k..3 * k + 3];
-                    row.iter_mut().enumerate().for_each(|(other, to)| *to = block[(other, axis)]);
-                }
-            }
-        }
-        let x = if missing.is_empty() { b } else { self.fields.solve(b)? };
+        let x = self.solve_rows(missing.iter().map(|i| &rows[*i]))?;
         let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
         for (i, was) in before.iter().enumerate() {
             let Some(was) = was else { continue };
             for (j, other) in before.iter().enumerate() {
                 let Some(other) = other else { continue };
-                let block = self.known.gx.fixed_view::<3, 3>(3 * was, 3 * other);
+                let block = known.gx.fixed_view::<3, 3>(3 * was, 3 * other);
                 gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
             }
         }
@@ -338,13 +330,36 @@ impl Cuttable {
             }
         }
         let mut columns: Vec<Option<Arc<DMatrix<f32>>>> =
-            before.iter().map(|was| was.map(|was| self.known.x[was].clone())).collect();
+            before.iter().map(|was| was.map(|was| known.x[was].clone())).collect();
         for (k, i) in missing.iter().enumerate() {
             let own = DMatrix::from_fn(3 * x.nodes, 3, |row, other| x.row(row)[3 * k + other] as f32);
             columns[*i] = Some(Arc::new(own));
         }
         let places = keys.into_iter().zip(0..).collect();
         Ok(Known { places, x: columns.into_iter().flatten().collect(), gx })
+    }
+
+    /// A⁻¹ Gᵀ of these rows of G.
+    fn solve_rows<'a>(
+        &self,
+        rows: impl ExactSizeIterator<Item = &'a Row> + Clone,
+    ) -> Result<NodeFields, String> {
+        let all = rows.clone().flat_map(|row| self.free_blocks(row).map(|(free, _)| free));
+        let loaded: Vec<u32> = all.collect::<BTreeSet<u32>>().into_iter().collect();
+        let mut b = NodeFields::zeros(loaded.len(), 3 * rows.len());
+        for (k, row) in rows.enumerate() {
+            for (free, block) in self.free_blocks(row) {
+                let at = loaded.partition_point(|other| *other < free);
+                for axis in 0..3 {
+                    let row = &mut b.row_mut(3 * at + axis)[3 * k..3 * k + 3];
+                    row.iter_mut().enumerate().for_each(|(other, to)| *to = block[(other, axis)]);
+                }
+            }
+        }
+        match b.columns {
+            0 => Ok(NodeFields::zeros(self.partition.free.len(), 0)),
+            _ => self.fields.solve_at(loaded, b),
+        }
     }
 
     /// The blocks of a row of G at free nodes.
@@ -388,25 +403,43 @@ impl Cuttable {
         Rows { of: nodes.into_iter().zip(0..).collect(), x }
     }
 
+    /// -X W at all free nodes.
+    fn beyond(&self, x: &[Arc<DMatrix<f32>>], w: &DMatrix<f64>) -> DMatrix<f32> {
+        let w = w.map(|w| w as f32);
+        let rows = 3 * self.partition.free.len();
+        let mut beyond = DMatrix::zeros(rows, w.ncols());
+        // What stands in these rows stays in the nearest cache while all copies pass.
+        for first in (0..rows).step_by(ROWS) {
+            let count = ROWS.min(rows - first);
+            let mut part = beyond.rows_mut(first, count);
+            for (j, x) in x.iter().enumerate() {
+                for k in 0..w.ncols() {
+                    let mut to = part.column_mut(k);
+                    (0..3).for_each(|axis| {
+                        to.axpy(-w[(3 * j + axis, k)], &x.column(axis).rows(first, count), 1.0)
+                    });
+                }
+            }
+        }
+        beyond
+    }
+
     /// U - X W at the points of a surface, with W at the copies.
     fn columns_of(
         &self,
         whole: &NodeFields,
         surface: &[Corners],
-        rows: &Rows,
+        beyond: &DMatrix<f32>,
         w: &DMatrix<f64>,
     ) -> DMatrix<f64> {
-        let of_copies = Mat::<f32>::from_fn(w.nrows(), w.ncols(), |i, j| w[(i, j)] as f32);
-        let mut beyond = Mat::<f32>::zeros(rows.x.nrows(), w.ncols());
-        matmul(beyond.as_mut(), Accum::Replace, rows.x.as_ref(), of_copies.as_ref(), -1.0, Par::Seq);
         let mut columns = DMatrix::zeros(3 * surface.len(), whole.columns);
         for (at, corners) in surface.iter().enumerate() {
             for Corner { node, copy, share } in corners {
-                let row = rows.of.get(node);
+                let free = self.free_at[*node as usize].map(|free| 3 * free as usize);
                 for axis in 0..3 {
                     let u = whole.row(3 * *node as usize + axis);
                     for (k, u) in u.iter().enumerate() {
-                        let own = row.map_or(0.0, |row| f64::from(beyond[(3 * row + axis, k)]));
+                        let own = free.map_or(0.0, |row| f64::from(beyond[(row + axis, k)]));
                         let apart = copy.map_or(0.0, |copy| w[(3 * copy + axis, k)]);
                         columns[(3 * at + axis, k)] += share * (u + own + apart);
                     }
@@ -461,25 +494,23 @@ impl Cuttable {
     }
 
     /// Places of all nodes of a shape, about the centre, m.
-    pub fn places(&mut self, moved: &Moved, shape: &Shape<'_>) -> Result<Vec<V3>, String> {
-        let coefficients = shape.coefficients;
-        let c = DVector::from_fn(moved.w.ncols(), |k, _| coefficients.get(k).copied().unwrap_or(0.0));
-        let mut beyond = DVector::<f32>::zeros(3 * self.partition.free.len());
-        let apart = &moved.w * c;
-        for (j, x) in moved.yielding.x.iter().enumerate() {
-            let own = apart.fixed_rows::<3>(3 * j).into_owned().cast::<f32>();
-            beyond.gemv(-1.0, &**x, &own, 1.0);
-        }
+    pub fn places(&self, moved: &Moved, shape: &Shape<'_>) -> Result<Vec<V3>, String> {
+        let c = shape.coefficients;
         let pressed = moved.yielding.field(shape.forces)?;
-        beyond.iter_mut().zip(pressed).for_each(|(u, by)| *u += by);
         let whole = self.whole()?;
-        let axis = |row: usize| whole.row(row).iter().zip(coefficients).map(|(u, c)| u * c).sum::<f64>();
-        let mut u: Vec<V3> = (0..whole.nodes)
-            .map(|node| Vector3::new(axis(3 * node), axis(3 * node + 1), axis(3 * node + 2)))
-            .collect();
-        for (free, node) in self.partition.free.iter().enumerate() {
-            u[*node as usize] += beyond.fixed_rows::<3>(3 * free).into_owned().cast::<f64>();
-        }
-        Ok(self.splitter.mesh.nodes.iter().zip(u).map(|(x, u)| x - self.centre + u).collect())
+        let beyond = |row: usize| -> f64 {
+            let by_motion = match moved.beyond.nrows() {
+                0 => 0.0,
+                _ => c.iter().enumerate().map(|(k, c)| f64::from(moved.beyond[(row, k)]) * c).sum(),
+            };
+            by_motion + pressed.get(row).copied().map_or(0.0, f64::from)
+        };
+        let axis = |row: usize| whole.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+        let place = |(node, x): (usize, &V3)| {
+            let u = V3::from_fn(|k, _| axis(3 * node + k));
+            let free = self.free_at[node].map(|free| 3 * free as usize);
+            x - self.centre + u + free.map_or_else(V3::zeros, |row| V3::from_fn(|k, _| beyond(row + k)))
+        };
+        Ok(self.splitter.mesh.nodes.iter().enumerate().map(place).collect())
     }
 }

@@ -34,6 +34,11 @@ impl PointFields {
         self.solves.solve(b)
     }
 
+    /// A⁻¹ b, with b at these nodes, ascending, and zero at all others.
+    pub fn solve_at(&self, nodes: Vec<u32>, b: NodeFields) -> Result<NodeFields, String> {
+        self.solves.solve_at(nodes, b)
+    }
+
     /// The fields of these free nodes.
     pub fn at(&self, nodes: impl IntoIterator<Item = u32>) -> Result<BTreeMap<u32, PointField>, String> {
         // Fields are whole even if a thread has panicked between them.

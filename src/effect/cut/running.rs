@@ -1,13 +1,14 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
 use super::blade::{Blade, Sweep};
-use super::opened::{Cuttable, Moved, Opened, Shape, Tables};
+use super::opened::{Cuttable, Shape, Tables};
+use super::opening::{CutStep, Opening, State, Whole};
 use super::settings::NAME;
 use crate::base::failure::Failure;
 use crate::deform::{AppliedLoads, Contribution, Deformer, Pull};
 use crate::effect::entry::EffectInput;
-use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume, resurfaced};
-use crate::mesh::split::{CutEdges, CutSurface, Split};
+use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
+use crate::mesh::split::CutEdges;
 use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
@@ -36,27 +37,21 @@ struct Cuts {
     first_s: Option<f64>,
 }
 
-/// Edges that were cut in one frame, and where.
-type CutStep = Vec<([u32; 2], f64)>;
-
 struct CutBody {
     b: usize,
-    name: String,
-    file: Arc<GreenFile>,
-    cuttable: Cuttable,
+    whole: Whole,
     edges: Vec<[u32; 2]>,
-    cut: CutEdges,
-    /// The mesh after it, and its surface.
-    split: Split,
-    surface: CutSurface,
-    /// Steps in which it was made; the last bits of the columns depend on them.
+    /// The body as it is cut now.
+    state: State,
+    /// Steps in which it was cut; the last bits of the columns depend on them.
     steps: Vec<CutStep>,
-    /// Changes of the columns at all nodes by the cut.
-    moved: Moved,
+    /// The next step, which is being worked out.
+    opening: Option<Opening>,
+    /// Edges that blades have passed since that step began, and all that are or will be cut.
+    more: CutStep,
+    cut: CutEdges,
     /// Shape in the last frame.
     seen: Option<Seen>,
-    /// Copies of nodes in the cut body, and the part by which its equations are missed.
-    outcome: Option<(usize, f64)>,
     /// The file that has the new surface, until the world takes it.
     remade: Option<Arc<GreenFile>>,
 }
@@ -98,7 +93,18 @@ struct Posed(#[serde(with = "crate::field::numbers::option")] Option<Isometry3<f
 #[serde(deny_unknown_fields)]
 struct BodyMemory {
     steps: Vec<CutStep>,
+    opening: Option<Begun>,
+    more: CutStep,
     seen: Option<Seen>,
+}
+
+/// A step that is being worked out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Begun {
+    step: CutStep,
+    /// Frames until it is taken.
+    left: u32,
 }
 
 pub fn attach(
@@ -129,21 +135,19 @@ impl CutBody {
             false => file.table(name, REACTION).zip(file.table(name, LOAD_COMPLIANCE)).map(Into::into),
         };
         let tables = Tables { stiffness, weight, takes_points: file.compliance(name).is_some() };
-        let cuttable = Cuttable::new(volume, &names, V3::from(meta.centre), tables)?;
+        let cuttable = Arc::new(Cuttable::new(volume, &names, V3::from(meta.centre), tables)?);
+        let whole = Whole { name: name.to_owned(), file, cuttable };
         Ok(CutBody {
             b,
-            name: name.to_owned(),
-            edges: cuttable.edges(),
-            moved: cuttable.unmoved()?,
-            cuttable,
-            cut: CutEdges::new(),
-            split: Split::default(),
-            surface: CutSurface::default(),
+            edges: whole.cuttable.edges(),
+            state: whole.state()?,
+            whole,
             steps: Vec::new(),
+            opening: None,
+            more: CutStep::new(),
+            cut: CutEdges::new(),
             seen: None,
-            outcome: None,
             remade: None,
-            file: file.clone(),
         })
     }
 
@@ -155,7 +159,7 @@ impl CutBody {
         for point in points {
             let Pull::Force(force) = point.pull else { continue };
             for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
-                let Some(node) = self.moved.node_of(node) else { continue };
+                let Some(node) = self.state.moved.node_of(node) else { continue };
                 *all.entry(node).or_default() += in_columns * force * weight;
             }
         }
@@ -163,10 +167,10 @@ impl CutBody {
     }
 
     /// Places of all nodes in the room.
-    fn places(&mut self, seen: &Seen) -> Result<Vec<V3>, String> {
+    fn places(&self, seen: &Seen) -> Result<Vec<V3>, String> {
         let forces: Vec<_> = seen.forces.iter().map(|at| (at.node, at.force)).collect();
         let shape = Shape { coefficients: &seen.coefficients, forces: &forces };
-        let at = self.cuttable.places(&self.moved, &shape)?;
+        let at = self.whole.cuttable.places(&self.state.moved, &shape)?;
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
@@ -189,14 +193,12 @@ impl CutBody {
         if step.is_empty() {
             return Ok(());
         }
-        let mut split = self.cuttable.split(&cut);
-        let falls_apart = split.falls_apart;
+        let falls_apart = self.whole.cuttable.split(&cut).falls_apart;
         if falls_apart {
-            (step, cut, split) = self.longest_that_holds(step);
+            (step, cut) = self.longest_that_holds(step);
         }
-        if !step.is_empty() {
-            self.go_on(cut, step, split)?;
-        }
+        self.more.extend(step);
+        self.cut = cut;
         match falls_apart {
             true => {
                 Err("a piece would fall off that no control element holds, or hang on a single node or edge"
@@ -206,24 +208,57 @@ impl CutBody {
         }
     }
 
-    /// The cut with these edges more, and the mesh after it.
-    fn with(&self, more: &[([u32; 2], f64)]) -> (CutEdges, Split) {
+    /// Takes the step that was worked out, if this is its frame. The error says what stays uncut, and why.
+    fn arrive(&mut self) -> Result<(), String> {
+        let Some(mut opening) = self.opening.take() else { return Ok(()) };
+        opening.left -= 1;
+        if opening.left > 0 {
+            self.opening = Some(opening);
+            return Ok(());
+        }
+        let (step, next) = opening.finish();
+        match next {
+            Ok((state, file)) => {
+                self.state = state;
+                self.remade = file.or(self.remade.take());
+                self.steps.push(step);
+                Ok(())
+            }
+            Err(message) => {
+                self.more.clear();
+                self.cut.clone_from(&self.state.cut);
+                Err(message)
+            }
+        }
+    }
+
+    /// Begins the next step, unless one is being worked out.
+    fn begin(&mut self) {
+        if self.opening.is_none() && !self.more.is_empty() {
+            let step = std::mem::take(&mut self.more);
+            let left = self.whole.cuttable.frames();
+            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+        }
+    }
+
+    /// The cut with these edges more.
+    fn with(&self, more: &[([u32; 2], f64)]) -> CutEdges {
         let mut cut = self.cut.clone();
         cut.extend(more.iter().copied());
-        let split = self.cuttable.split(&cut);
-        (cut, split)
+        cut
     }
 
     /// The first edges of a step after which no piece falls off, if one does after all of them.
-    fn longest_that_holds(&self, mut step: CutStep) -> (CutStep, CutEdges, Split) {
+    fn longest_that_holds(&self, mut step: CutStep) -> (CutStep, CutEdges) {
         let (mut holds, mut falls) = (0, step.len());
         while falls - holds > 1 {
             let middle = (holds + falls) / 2;
-            if self.with(&step[..middle]).1.falls_apart { falls = middle } else { holds = middle }
+            let split = self.whole.cuttable.split(&self.with(&step[..middle]));
+            if split.falls_apart { falls = middle } else { holds = middle }
         }
         step.truncate(holds);
-        let (cut, split) = self.with(&step);
-        (step, cut, split)
+        let cut = self.with(&step);
+        (step, cut)
     }
 
     /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
@@ -232,7 +267,7 @@ impl CutBody {
             return false;
         }
         cut.insert(edge, share);
-        let splitter = &self.cuttable.splitter;
+        let splitter = &self.whole.cuttable.splitter;
         let shatters = splitter.tets_around(edge[0]).iter().any(|tet| splitter.shatters(*tet, cut));
         if shatters {
             cut.remove(&edge);
@@ -240,28 +275,23 @@ impl CutBody {
         !shatters
     }
 
-    /// Goes on to this cut by one step. A step that divides nothing further changes nothing of the body.
-    fn go_on(&mut self, cut: CutEdges, step: CutStep, split: Split) -> Result<(), String> {
-        let opened = self.cuttable.splitter.surface(&split, &cut);
-        if split.pieces != self.split.pieces || (!split.pieces.is_empty() && opened != self.surface) {
-            let Opened { surface, moved, error } = self.cuttable.open(&split, &opened)?;
-            let file =
-                resurfaced(self.file.clone(), &self.name, &surface).map_err(|error| error.to_string())?;
-            (self.moved, self.remade) = (moved, Some(Arc::new(file)));
-            self.outcome = Some((split.copies.len(), error));
+    fn remember(&self) -> BodyMemory {
+        let begun = |opening: &Opening| Begun { step: opening.step.clone(), left: opening.left };
+        BodyMemory {
+            steps: self.steps.clone(),
+            opening: self.opening.as_ref().map(begun),
+            more: self.more.clone(),
+            seen: self.seen.clone(),
         }
-        (self.cut, self.split, self.surface) = (cut, split, opened);
-        self.steps.push(step);
-        Ok(())
     }
 
-    /// Goes on from the cut that these steps have made. After an error the body is whole.
-    fn restore(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
-        if steps == self.steps {
+    /// Goes on from a memory. After an error the body is whole.
+    fn restore(&mut self, memory: BodyMemory) -> Result<(), String> {
+        self.seen.clone_from(&memory.seen);
+        if memory == self.remember() {
             return Ok(());
         }
-        self.close()?;
-        let gone = self.go_through(steps);
+        let gone = self.go_through(memory);
         if gone.is_err() {
             self.close()?;
         }
@@ -270,31 +300,55 @@ impl CutBody {
 
     /// Makes the body whole again.
     fn close(&mut self) -> Result<(), String> {
-        self.moved = self.cuttable.unmoved()?;
-        self.cuttable.close();
-        (self.steps, self.outcome) = (Vec::new(), None);
-        (self.cut, self.split, self.surface) = (CutEdges::new(), Split::default(), CutSurface::default());
-        self.remade = Some(self.file.clone());
+        self.state = self.whole.state()?;
+        (self.steps, self.opening) = (Vec::new(), None);
+        (self.more, self.cut) = (CutStep::new(), CutEdges::new());
+        self.remade = Some(self.whole.file.clone());
         Ok(())
     }
 
-    fn go_through(&mut self, steps: Vec<CutStep>) -> Result<(), String> {
-        let last = steps.len().saturating_sub(1);
-        let mut cut = CutEdges::new();
-        for (number, step) in steps.into_iter().enumerate() {
-            for (edge, share) in &step {
-                let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
-                if !is_edge || !self.add(*edge, *share, &mut cut) {
-                    return Err(format!("body.{}: its cut is that of another body", self.name));
+    fn go_through(&mut self, memory: BodyMemory) -> Result<(), String> {
+        let BodyMemory { steps, opening, more, .. } = memory;
+        if steps != self.steps {
+            self.close()?;
+            let last = steps.len().saturating_sub(1);
+            for (number, step) in steps.into_iter().enumerate() {
+                self.add_all(&step)?;
+                let cut = self.cut.clone();
+                if number < last {
+                    let split = self.whole.cuttable.split(&cut);
+                    let known = self.whole.cuttable.follow(&self.state.known, &split)?;
+                    self.state.known = Arc::new(known);
+                } else {
+                    let (state, file) = self.whole.cut(&self.state, cut)?;
+                    self.state = state;
+                    self.remade = file.or(self.remade.take());
                 }
+                self.steps.push(step);
             }
-            let split = self.cuttable.split(&cut);
-            if number == last {
-                return self.go_on(cut, step, split);
-            }
-            self.cuttable.follow(&split)?;
-            self.steps.push(step);
         }
+        self.opening = None;
+        self.cut.clone_from(&self.state.cut);
+        if let Some(Begun { step, left }) = opening {
+            self.add_all(&step)?;
+            let left = left.clamp(1, self.whole.cuttable.frames());
+            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+        }
+        self.add_all(&more)?;
+        self.more = more;
+        Ok(())
+    }
+
+    /// Adds edges to the cut. The error says that they are none of this body.
+    fn add_all(&mut self, step: &[([u32; 2], f64)]) -> Result<(), String> {
+        let mut cut = std::mem::take(&mut self.cut);
+        for (edge, share) in step {
+            let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
+            if !is_edge || !self.add(*edge, *share, &mut cut) {
+                return Err(format!("body.{}: its cut is that of another body", self.whole.name));
+            }
+        }
+        self.cut = cut;
         Ok(())
     }
 }
@@ -351,10 +405,14 @@ impl RunningEffect for Cuts {
                 forces: body.forces_on(&placed.deformer),
                 room_from_columns: placed.room_from_body * state.body_from_surface(),
             };
-            if let Err(message) = body.pass(&near, now) {
-                let name = &body.name;
-                self.warnings.push(format!("body.{name}: what a blade passes here stays uncut: {message}"));
+            for passed in [body.arrive(), body.pass(&near, now)] {
+                if let Err(message) = passed {
+                    let name = &body.whole.name;
+                    self.warnings
+                        .push(format!("body.{name}: what a blade passes here stays uncut: {message}"));
+                }
             }
+            body.begin();
         }
     }
 
@@ -382,8 +440,8 @@ impl RunningEffect for Cuts {
 
     fn summary(&mut self) -> String {
         let of = |body: &CutBody| {
-            let (copies, error) = body.outcome?;
-            let (name, edges) = (&body.name, body.cut.len());
+            let (copies, error) = body.state.outcome?;
+            let (name, edges) = (&body.whole.name, body.state.cut.len());
             Some(format!(
                 "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes; its equations hold to a part of {error:.0e}\n"
             ))
@@ -392,10 +450,9 @@ impl RunningEffect for Cuts {
     }
 
     fn memory(&self) -> Option<Memory> {
-        let of = |body: &CutBody| BodyMemory { steps: body.steps.clone(), seen: body.seen.clone() };
         written(&Memorised {
             blades: self.last.iter().copied().map(Posed).collect(),
-            bodies: self.bodies.iter().map(of).collect(),
+            bodies: self.bodies.iter().map(CutBody::remember).collect(),
         })
     }
 
@@ -406,8 +463,7 @@ impl RunningEffect for Cuts {
         }
         self.last = blades.into_iter().map(|Posed(pose)| pose).collect();
         for (body, memory) in self.bodies.iter_mut().zip(bodies) {
-            body.seen = memory.seen;
-            body.restore(memory.steps)?;
+            body.restore(memory)?;
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 enum Question {
     Fields(NodeFields, Answer<NodeFields>),
+    At(Vec<u32>, NodeFields, Answer<NodeFields>),
     Points(Vec<u32>, Answer<Vec<PointField>>),
 }
 
@@ -33,6 +34,11 @@ impl Solves {
         self.answered(|answer| Question::Fields(b, answer))
     }
 
+    /// A⁻¹ b, with b at these nodes, and zero at all others; as exact as the factor, without refinement.
+    pub fn solve_at(&self, nodes: Vec<u32>, b: NodeFields) -> Result<NodeFields, String> {
+        self.answered(|answer| Question::At(nodes, b, answer))
+    }
+
     /// A⁻¹ of unit forces at each of these nodes. The bits of one do not depend on the others.
     pub fn points(&self, nodes: Vec<u32>) -> Result<Vec<PointField>, String> {
         self.answered(|answer| Question::Points(nodes, answer))
@@ -52,7 +58,9 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
         while let Ok(question) = asked.recv() {
             // Who does not wait any more needs no answer.
             let _ = match question {
-                Question::Fields(_, answer) => answer.send(Err(message.clone())).is_ok(),
+                Question::Fields(_, answer) | Question::At(_, _, answer) => {
+                    answer.send(Err(message.clone())).is_ok()
+                }
                 Question::Points(_, answer) => answer.send(Err(message.clone())).is_ok(),
             };
         }
@@ -62,6 +70,7 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
 fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveError> {
     let analysed = Solver::default().analyse(a, &Silent)?;
     let factor = analysed.factor(a, &Silent)?;
+    let all: Vec<u32> = (0..factor.nodes() as u32).collect();
     while let Ok(question) = asked.recv() {
         // Who does not wait any more needs no answer.
         let _ = match question {
@@ -69,21 +78,24 @@ fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveErr
                 let solved = factor.solve(&b, &Silent).map(|(x, _)| x);
                 answer.send(solved.map_err(|error| error.to_string())).is_ok()
             }
+            Question::At(nodes, b, answer) => {
+                let solved = factor.solve_at(&nodes, &b, &all);
+                answer.send(solved.map_err(|error| error.to_string())).is_ok()
+            }
             Question::Points(nodes, answer) => {
-                answer.send(points(&*factor, &nodes).map_err(|error| error.to_string())).is_ok()
+                answer.send(points(&*factor, &nodes, &all).map_err(|error| error.to_string())).is_ok()
             }
         };
     }
     Ok(())
 }
 
-fn points(factor: &dyn Factor, nodes: &[u32]) -> Result<Vec<PointField>, SolveError> {
+fn points(factor: &dyn Factor, nodes: &[u32], all: &[u32]) -> Result<Vec<PointField>, SolveError> {
     // An iterative method ends when all columns of a solve are exact enough.
     let together = if factor.columns_together() == usize::MAX { nodes.len().max(1) } else { 1 };
-    let all: Vec<u32> = (0..factor.nodes() as u32).collect();
     let mut fields = Vec::new();
     for some in nodes.chunks(together) {
-        let x = factor.solve_at(some, &NodeFields::unit(some.len()), &all)?;
+        let x = factor.solve_at(some, &NodeFields::unit(some.len()), all)?;
         fields.extend((0..some.len()).map(|k| {
             Arc::new(DMatrix::from_fn(3 * x.nodes, 3, |row, axis| x.row(row)[3 * k + axis] as f32))
         }));

@@ -1,0 +1,104 @@
+//! A step of a cut while it is worked out: frames go on meanwhile.
+//!
+//! In: a body, its cut so far, and the cut after one more step. Out: the cut body, in the background; the frame in which it is taken
+//! does not depend on how fast that is.
+
+use super::opened::{Cuttable, Known, Moved, Opened};
+use crate::green::{GreenFile, resurfaced};
+use crate::mesh::split::{CutEdges, CutSurface, Split};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Edges that were cut together, and where.
+pub type CutStep = Vec<([u32; 2], f64)>;
+
+/// A body and the name that it has in its file, as it was before any cut.
+#[derive(Clone)]
+pub struct Whole {
+    pub name: String,
+    pub file: Arc<GreenFile>,
+    pub cuttable: Arc<Cuttable>,
+}
+
+/// A cut body.
+#[derive(Clone)]
+pub struct State {
+    pub cut: CutEdges,
+    /// The mesh after it, and its surface.
+    pub split: Arc<Split>,
+    pub surface: Arc<CutSurface>,
+    pub known: Arc<Known>,
+    /// Changes of the columns at all nodes by the cut.
+    pub moved: Arc<Moved>,
+    /// Copies of nodes, and the part by which its equations are missed; `None` while it is whole.
+    pub outcome: Option<(usize, f64)>,
+}
+
+/// The body after a step, and its file where the step divides anything.
+pub type Next = (State, Option<Arc<GreenFile>>);
+
+impl Whole {
+    /// The body without cuts.
+    pub fn state(&self) -> Result<State, String> {
+        Ok(State {
+            cut: CutEdges::new(),
+            split: Arc::default(),
+            surface: Arc::default(),
+            known: Arc::default(),
+            moved: Arc::new(self.cuttable.unmoved()?),
+            outcome: None,
+        })
+    }
+
+    /// The body after a cut that goes on from `before`.
+    pub fn cut(&self, before: &State, cut: CutEdges) -> Result<Next, String> {
+        let split = self.cuttable.split(&cut);
+        let surface = self.cuttable.splitter.surface(&split, &cut);
+        if split.pieces == before.split.pieces && (split.pieces.is_empty() || surface == *before.surface) {
+            return Ok((State { cut, ..before.clone() }, None));
+        }
+        let opened = self.cuttable.open(&before.known, &split, &surface)?;
+        let Opened { surface: new, moved, known, error } = opened;
+        let file = resurfaced(self.file.clone(), &self.name, &new).map_err(|error| error.to_string())?;
+        let outcome = Some((split.copies.len(), error));
+        let (split, surface) = (Arc::new(split), Arc::new(surface));
+        let state = State { cut, split, surface, known: Arc::new(known), moved: Arc::new(moved), outcome };
+        Ok((state, Some(Arc::new(file))))
+    }
+}
+
+/// A step that is being worked out.
+pub struct Opening {
+    pub step: CutStep,
+    /// Frames until it is taken.
+    pub left: u32,
+    work: Work,
+}
+
+enum Work {
+    Thread(JoinHandle<Result<Next, String>>),
+    Done(Box<Result<Next, String>>),
+}
+
+impl Opening {
+    pub fn begin(of: &Whole, before: &State, (step, cut): (CutStep, CutEdges), left: u32) -> Opening {
+        let (own, from, to) = (of.clone(), before.clone(), cut.clone());
+        let thread = std::thread::Builder::new().name("cut".into()).spawn(move || own.cut(&from, to));
+        let work = match thread {
+            Ok(thread) => Work::Thread(thread),
+            Err(_no_thread) => Work::Done(Box::new(of.cut(before, cut))),
+        };
+        Opening { step, left, work }
+    }
+
+    /// The result; waits for it.
+    pub fn finish(self) -> (CutStep, Result<Next, String>) {
+        let next = match self.work {
+            Work::Done(next) => *next,
+            Work::Thread(thread) => thread
+                .join()
+                .unwrap_or_else(|_panic| Err("the thread that works it out has ended".to_owned())),
+        };
+        (self.step, next)
+    }
+}
