@@ -23,7 +23,7 @@ use super::couplings::{CopyKey, Couplings, Row};
 use super::point_fields::PointFields;
 use super::solves::Solves;
 use super::system::System;
-use super::yielding::{Corner, Corners, Rows, Yielding};
+use super::yielding::{Corner, Corners, Rows, Yielding, apart};
 use crate::base::machine;
 use crate::fem::{Element, Lame, NodeFields, Partition};
 use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
@@ -39,9 +39,6 @@ type V3 = Vector3<f64>;
 /// Frames that a step of a cut takes at least, and free nodes of the mesh for which it takes one more.
 pub const LEAST_FRAMES: u32 = 2;
 const NODES_A_FRAME: usize = 2000;
-
-/// Rows of X that are multiplied together.
-const ROWS: usize = 768;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
@@ -103,8 +100,8 @@ pub struct Opened {
 
 /// The motion of all nodes beyond that of the whole body.
 pub struct Moved {
-    /// -X W at all free nodes; without rows while nothing is cut.
-    beyond: DMatrix<f32>,
+    /// -X W at all free nodes, row after row; empty while nothing is cut.
+    beyond: Vec<f32>,
     yielding: Arc<Yielding>,
 }
 
@@ -213,7 +210,7 @@ impl Cuttable {
         let surface = self.corners_of(&Split::default(), &CutSurface::default());
         let system = System::new(&DMatrix::zeros(0, 0))?;
         let yielding = self.yielding(Vec::new(), system, surface, Rows::default());
-        Ok(Moved { beyond: DMatrix::zeros(0, self.loads.columns), yielding: Arc::new(yielding) })
+        Ok(Moved { beyond: Vec::new(), yielding: Arc::new(yielding) })
     }
 
     fn yielding(
@@ -250,7 +247,7 @@ impl Cuttable {
             ));
         }
         let surface = self.corners_of(split, opened);
-        let beyond = self.beyond(&known.x, &w);
+        let beyond = apart(&known.x, &w, 3 * self.partition.free.len());
         let columns = self.columns_of(whole, &surface, &beyond, &w);
         let rows = if self.tables.takes_points { self.rows(&surface, &known.x) } else { Rows::default() };
         let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, rows));
@@ -403,33 +400,12 @@ impl Cuttable {
         Rows { of: nodes.into_iter().zip(0..).collect(), x }
     }
 
-    /// -X W at all free nodes.
-    fn beyond(&self, x: &[Arc<DMatrix<f32>>], w: &DMatrix<f64>) -> DMatrix<f32> {
-        let w = w.map(|w| w as f32);
-        let rows = 3 * self.partition.free.len();
-        let mut beyond = DMatrix::zeros(rows, w.ncols());
-        // What stands in these rows stays in the nearest cache while all copies pass.
-        for first in (0..rows).step_by(ROWS) {
-            let count = ROWS.min(rows - first);
-            let mut part = beyond.rows_mut(first, count);
-            for (j, x) in x.iter().enumerate() {
-                for k in 0..w.ncols() {
-                    let mut to = part.column_mut(k);
-                    (0..3).for_each(|axis| {
-                        to.axpy(-w[(3 * j + axis, k)], &x.column(axis).rows(first, count), 1.0)
-                    });
-                }
-            }
-        }
-        beyond
-    }
-
     /// U - X W at the points of a surface, with W at the copies.
     fn columns_of(
         &self,
         whole: &NodeFields,
         surface: &[Corners],
-        beyond: &DMatrix<f32>,
+        beyond: &[f32],
         w: &DMatrix<f64>,
     ) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(3 * surface.len(), whole.columns);
@@ -439,7 +415,7 @@ impl Cuttable {
                 for axis in 0..3 {
                     let u = whole.row(3 * *node as usize + axis);
                     for (k, u) in u.iter().enumerate() {
-                        let own = free.map_or(0.0, |row| f64::from(beyond[(row + axis, k)]));
+                        let own = free.map_or(0.0, |row| f64::from(beyond[(row + axis) * whole.columns + k]));
                         let apart = copy.map_or(0.0, |copy| w[(3 * copy + axis, k)]);
                         columns[(3 * at + axis, k)] += share * (u + own + apart);
                     }
@@ -498,11 +474,10 @@ impl Cuttable {
         let c = shape.coefficients;
         let pressed = moved.yielding.field(shape.forces)?;
         let whole = self.whole()?;
-        let beyond = |row: usize| -> f64 {
-            let by_motion = match moved.beyond.nrows() {
-                0 => 0.0,
-                _ => c.iter().enumerate().map(|(k, c)| f64::from(moved.beyond[(row, k)]) * c).sum(),
-            };
+        let width = whole.columns;
+        let beyond = |row: usize| {
+            let motion = moved.beyond.get(row * width..).unwrap_or_default().iter().zip(c).take(width);
+            let by_motion: f64 = motion.map(|(u, c)| f64::from(*u) * c).sum();
             by_motion + pressed.get(row).copied().map_or(0.0, f64::from)
         };
         let axis = |row: usize| whole.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();

@@ -1,7 +1,7 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
 use super::blade::{Blade, Sweep};
-use super::opened::{Cuttable, Shape, Tables};
+use super::opened::{Cuttable, Moved, Shape, Tables};
 use super::opening::{CutStep, Opening, State, Whole};
 use super::settings::NAME;
 use crate::base::failure::Failure;
@@ -52,6 +52,8 @@ struct CutBody {
     cut: CutEdges,
     /// Shape in the last frame.
     seen: Option<Seen>,
+    /// Places of all nodes in a shape, and the motion with which they were found.
+    placed: Option<(Seen, Arc<Moved>, Vec<V3>)>,
     /// The file that has the new surface, until the world takes it.
     remade: Option<Arc<GreenFile>>,
 }
@@ -147,6 +149,7 @@ impl CutBody {
             more: CutStep::new(),
             cut: CutEdges::new(),
             seen: None,
+            placed: None,
             remade: None,
         })
     }
@@ -168,6 +171,12 @@ impl CutBody {
 
     /// Places of all nodes in the room.
     fn places(&self, seen: &Seen) -> Result<Vec<V3>, String> {
+        if let Some((of, moved, places)) = &self.placed
+            && of == seen
+            && Arc::ptr_eq(moved, &self.state.moved)
+        {
+            return Ok(places.clone());
+        }
         let forces: Vec<_> = seen.forces.iter().map(|at| (at.node, at.force)).collect();
         let shape = Shape { coefficients: &seen.coefficients, forces: &forces };
         let at = self.whole.cuttable.places(&self.state.moved, &shape)?;
@@ -180,8 +189,9 @@ impl CutBody {
         if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
             return Ok(());
         }
-        let to = self.places(&now)?;
-        let from = if before == now { to.clone() } else { self.places(&before)? };
+        let from = self.places(&before)?;
+        let to = if before == now { from.clone() } else { self.places(&now)? };
+        self.placed = Some((now, self.state.moved.clone(), to.clone()));
         let (mut cut, mut step) = (self.cut.clone(), CutStep::new());
         for sweep in sweeps {
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {

@@ -12,7 +12,8 @@ use super::system::System;
 use crate::green::{SolvedCompliance, Yield};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -22,6 +23,9 @@ type V3 = Vector3<f64>;
 /// Nodes whose columns are multiplied together. There are always so many, some of them empty, so that the bits of one do not depend on the
 /// others.
 const TOGETHER: usize = 4;
+
+/// Rows of X that one thread multiplies.
+const ROWS: usize = 768;
 
 /// A node's part in a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,7 +142,7 @@ impl Yielding {
     /// Displacements of all free nodes by forces at nodes of the mesh, 3 for each.
     pub fn field(&self, forces: &[(u32, V3)]) -> Result<Vec<f32>, String> {
         let fields = self.fields.at(forces.iter().filter_map(|(node, _)| self.free(*node)))?;
-        let mut u = Vec::new();
+        let mut pressed = DVector::<f32>::zeros(0);
         let mut b = DMatrix::<f64>::zeros(3 * self.x.len(), 1);
         for (node, force) in forces {
             let Some(free) = self.free(*node) else { continue };
@@ -147,21 +151,38 @@ impl Yielding {
                 block -= x.fixed_view::<3, 3>(3 * free as usize, 0).into_owned().cast::<f64>().tr_mul(force);
             }
             let Some(field) = fields.get(&free) else { continue };
-            let by = force.cast::<f32>();
-            u.resize(field.nrows(), 0.0);
-            u.iter_mut().zip(field.row_iter()).for_each(|(u, row)| {
-                *u += row[0] * by.x + row[1] * by.y + row[2] * by.z;
-            });
+            if pressed.is_empty() {
+                pressed = DVector::zeros(field.nrows());
+            }
+            pressed.gemv(1.0, &**field, &force.cast::<f32>(), 1.0);
         }
         let (v, _) = self.system.solve(&b);
-        for (j, x) in self.x.iter().enumerate().filter(|_| !forces.is_empty()) {
-            let by = v.fixed_view::<3, 1>(3 * j, 0).into_owned().cast::<f32>();
-            u.iter_mut().zip(x.row_iter()).for_each(|(u, row)| {
-                *u -= row[0] * by[0] + row[1] * by[1] + row[2] * by[2];
-            });
-        }
+        let mut u = apart(&self.x, &v, pressed.len());
+        u.iter_mut().zip(&pressed).for_each(|(u, pressed)| *u += pressed);
         Ok(u)
     }
+}
+
+/// -X w at this many rows, row after row.
+pub fn apart(x: &[Arc<DMatrix<f32>>], w: &DMatrix<f64>, rows: usize) -> Vec<f32> {
+    let (w, columns) = (w.map(|w| w as f32), w.ncols());
+    let mut all = vec![0.0; rows * columns];
+    all.par_chunks_mut((ROWS * columns).max(1)).enumerate().for_each(|(block, to)| {
+        let (first, count) = (ROWS * block, to.len() / columns);
+        // It stays in the nearest cache while all copies pass.
+        let mut part = DMatrix::<f32>::zeros(count, columns);
+        for (j, x) in x.iter().enumerate() {
+            for (k, mut sum) in part.column_iter_mut().enumerate() {
+                (0..3).for_each(|axis| {
+                    sum.axpy(-w[(3 * j + axis, k)], &x.column(axis).rows(first, count), 1.0)
+                });
+            }
+        }
+        for (to, row) in to.chunks_exact_mut(columns).zip(part.row_iter()) {
+            to.iter_mut().zip(row.iter()).for_each(|(to, u)| *to = *u);
+        }
+    });
+    all
 }
 
 fn add(u: &mut [[f64; 3]; 3], more: impl Fn(usize, usize) -> f64) {
