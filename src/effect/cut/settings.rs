@@ -57,7 +57,7 @@ pub fn suits(scene: &Scene, name: &str, body: &Body, resolved: &ResolvedBody) ->
     // What it shows, or keeps, of the whole body would not be true of the cut one.
     let is_of_whole = |entry: &&EffectEntry| {
         let keeps = entry.precompute.is_some() || entry.vibrates || entry.needs_inside;
-        let shows = entry.shows_stress || entry.measures_errors || entry.is_felt;
+        let shows = entry.shows_stress || entry.measures_errors;
         keeps || shows
     };
     if let Some(other) = others().find(is_of_whole) {

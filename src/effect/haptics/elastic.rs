@@ -111,6 +111,12 @@ impl Elastic {
         self.model.set_turn(e, turn);
     }
 
+    /// Goes on with another model of the same elements, as after a cut, and leaves its own in its place. The stiffness has to be found anew.
+    pub fn exchange(&mut self, model: &mut Box<dyn DeformationModel>) {
+        std::mem::swap(&mut self.model, model);
+        self.is_stiffened = true;
+    }
+
     /// The next response begins at rest.
     pub fn forget(&mut self) {
         self.model.forget();
@@ -187,5 +193,51 @@ impl Elastic {
             turned.max(if size > 0.0 { shifted / size } else { 0.0 })
         };
         self.poses.iter().zip(&self.marked).map(of).fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::device::Reading;
+    use super::super::stability::spring;
+    use super::super::tick::Renewal;
+    use super::*;
+    use crate::deform::LINEAR;
+    use crate::green::STIFFNESS;
+    use crate::stage::Haptic;
+    use nalgebra::{Isometry3, Translation3};
+
+    fn model(stiffness: f64) -> Box<dyn DeformationModel> {
+        let matrix = DMatrix::from_fn(12, 12, |i, j| if i == j && i < 3 { stiffness } else { 0.0 });
+        let rest = ControlRest { name: "spring".into(), origin: Vector3::zeros(), nodes: 1 };
+        let table = |name: &str| (name == STIFFNESS.name).then(|| matrix.clone());
+        Elastic::of_tables(&LINEAR, &[rest], &table).unwrap().model
+    }
+
+    /// A spring that a hand holds stretched is cut to half its stiffness: half of the force is left, and the energy that went into the cut is
+    /// not braked as if the loop had made it.
+    #[test]
+    fn a_body_that_is_cut_is_felt_softer() {
+        let haptic = Haptic::simulated("cut");
+        let (mut control, grasp) = spring(&haptic, 200.0).unwrap();
+        let mut renewal = Renewal { body: 0, model: model(100.0) };
+        let mut forces = Vec::new();
+        for tick in 0..2000_u32 {
+            let now_s = 1e-3 * f64::from(tick);
+            if tick == 1600 {
+                control.renew(&mut renewal);
+            }
+            if tick.is_multiple_of(16) {
+                control.take(&grasp);
+            }
+            let at = Translation3::new(2e-3 * (now_s / 0.5).min(1.0), 0.0, 0.0);
+            let push = control.tick(Some(&Reading::at(Isometry3::from(at), now_s)), now_s);
+            forces.push(push.force.x);
+        }
+        println!("{} N, then {} N and {} N", forces[1599], forces[1601], forces[1999]);
+        assert!((forces[1599] + 0.4).abs() < 1e-6, "{} N", forces[1599]);
+        for at in [1601, 1700, 1999] {
+            assert!((forces[at] + 0.2).abs() < 1e-6, "tick {at}: {} N", forces[at]);
+        }
     }
 }

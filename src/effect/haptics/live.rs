@@ -14,7 +14,7 @@ use super::loop_state::{LoopFaults, LoopState};
 use super::reading::HapticReading;
 use super::simulated::{Hand, Simulated};
 use super::thread::{Loop, Report};
-use super::tick::Control;
+use super::tick::{Control, Renewal};
 use super::vrpn::VrpnDevice;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
@@ -233,6 +233,16 @@ impl RunningEffect for HapticSession {
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
         self.tell(world, frame);
+    }
+
+    fn reshaped(&mut self, world: &World, body: usize, _kept: usize) -> Result<(), String> {
+        for link in &mut self.links {
+            if let Some(own) = link.bodies.iter().position(|felt| *felt == body) {
+                let model = world.bodies[body].deformer.another_model()?;
+                link.running.renew(Renewal { body: own, model });
+            }
+        }
+        Ok(())
     }
 
     fn source(&mut self, tracker: &str) -> Option<Box<dyn Source>> {

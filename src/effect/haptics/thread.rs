@@ -7,11 +7,12 @@ use super::device::{Device, Push, Reading};
 use super::grasp::{Grasp, device_from_handle};
 use super::haptic_source::HapticSource;
 use super::loop_state::LoopState;
-use super::tick::Control;
+use super::tick::{Control, Renewal};
 use crate::track::device::now_s;
 use spin_sleep::SpinSleeper;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use triple_buffer::{Input, Output, triple_buffer};
@@ -74,28 +75,57 @@ pub struct Loop {
     grasp: Input<Grasp>,
     report: Output<Report>,
     readings: Option<Output<Option<Reading>>>,
+    renewals: Renewals,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
+
+/// Models on their way into the loop, and old ones on their way out of it: the loop itself frees no memory.
+struct Renewals {
+    waiting: Vec<Renewal>,
+    into: SyncSender<Renewal>,
+    old: Receiver<Renewal>,
+}
+
+/// Models on their way at most; others wait for a later frame.
+const RENEWALS: usize = 8;
 
 impl Loop {
     pub fn start(control: Control, device: Box<dyn Device>) -> std::io::Result<Loop> {
         let (grasp, newest) = triple_buffer(&Grasp::default());
         let (told, report) = triple_buffer(&Report::default());
         let (read, readings) = triple_buffer(&None);
+        let ((into, new), (retire, old)) = (sync_channel(RENEWALS), sync_channel(RENEWALS));
+        let renewals = Renewals { waiting: Vec::new(), into, old };
         let stop = Arc::new(AtomicBool::new(false));
         let (described, stopped) = (device.describe(), stop.clone());
         let counted = RunCount::new();
         let work = move || {
-            run(control, device, newest, told, read, &stopped);
+            run((control, device), (newest, new, retire), (told, read), &stopped);
             drop(counted);
         };
         let thread = std::thread::Builder::new().name("haptics".into()).spawn(work)?;
-        Ok(Loop { device: described, grasp, report, readings: Some(readings), stop, thread: Some(thread) })
+        let (readings, thread) = (Some(readings), Some(thread));
+        Ok(Loop { device: described, grasp, report, readings, renewals, stop, thread })
+    }
+
+    /// Gives a body another model from the next frame on that is told.
+    pub fn renew(&mut self, renewal: Renewal) {
+        let waiting = &mut self.renewals.waiting;
+        waiting.retain(|other| other.body != renewal.body);
+        waiting.push(renewal);
     }
 
     /// Passes a frame's data to the loop. `write` gets one of three buffers with old contents and must write all of it.
     pub fn tell(&mut self, write: impl FnOnce(&mut Grasp)) {
+        let Renewals { waiting, into, old } = &mut self.renewals;
+        old.try_iter().for_each(drop);
+        while let Some(renewal) = waiting.pop() {
+            if let Err(TrySendError::Full(renewal)) = into.try_send(renewal) {
+                waiting.push(renewal);
+                break;
+            }
+        }
         write(self.grasp.input_buffer_mut());
         self.grasp.publish();
     }
@@ -121,11 +151,9 @@ impl Drop for Loop {
 }
 
 fn run(
-    mut control: Control,
-    mut device: Box<dyn Device>,
-    mut grasp: Output<Grasp>,
-    mut told: Input<Report>,
-    mut read: Input<Option<Reading>>,
+    (mut control, mut device): (Control, Box<dyn Device>),
+    (mut grasp, renewals, retire): (Output<Grasp>, Receiver<Renewal>, SyncSender<Renewal>),
+    (mut told, mut read): (Input<Report>, Input<Option<Reading>>),
     stop: &AtomicBool,
 ) {
     let period = Duration::from_secs_f64(control.haptic.period_s());
@@ -168,6 +196,11 @@ fn run(
         control.latency_s = device.latency_s();
         let started = Instant::now();
         if news {
+            while let Ok(mut renewal) = renewals.try_recv() {
+                control.renew(&mut renewal);
+                // With no room left it is freed here.
+                let _ = retire.try_send(renewal);
+            }
             control.take(grasp.output_buffer());
         }
         let push = control.tick(reading.as_ref(), now);

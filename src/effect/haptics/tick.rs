@@ -14,7 +14,7 @@ use super::haptic_source::{ActingPush, TimedPush};
 use super::loop_state::{LoopState, Measures};
 use super::passivity::{MARGIN, Motion, largest_stiffness};
 use super::stiffness::Stiffness;
-use crate::deform::{TouchPotential, se3};
+use crate::deform::{DeformationModel, TouchPotential, se3};
 use crate::stage::{Haptic, HapticDevice, ROOM_LIMIT_M};
 use nalgebra::{Isometry3, Vector3, Vector6};
 
@@ -42,6 +42,12 @@ const SHARE_S: f64 = 0.1;
 const LEAST_J: f64 = 1e-9;
 /// Time constant of the velocity for the virtual damper, s.
 const VELOCITY_S: f64 = 0.005;
+
+/// Another model for a body, by its number among those of a loop.
+pub struct Renewal {
+    pub body: usize,
+    pub model: Box<dyn DeformationModel>,
+}
 
 /// The force loop without its clock, so that tests run the same code as devices.
 pub struct Control {
@@ -123,6 +129,14 @@ impl Control {
             last: None,
             last_s: None,
             velocity: [Vector3::zeros(); 2],
+        }
+    }
+
+    /// Gives a body another model, and hands back its old one. The energy by which they differ is not the hand's: [`Control::take`] sees to
+    /// that, and has to follow.
+    pub fn renew(&mut self, renewal: &mut Renewal) {
+        if let Some(body) = self.bodies.get_mut(renewal.body) {
+            body.exchange(&mut renewal.model);
         }
     }
 
