@@ -12,6 +12,7 @@ use crate::base::machine;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Bodies of more parts are refused: every part is asked at every lattice vertex.
 const MOST_PARTS: usize = 1000;
@@ -31,7 +32,7 @@ pub struct Blobs {
 }
 
 /// A ball, or with `to` a round cone: the hull of two balls.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Blob {
     pub from: [f64; 3],
@@ -39,6 +40,9 @@ pub struct Blob {
     pub radius: f64,
     /// Radius at `to`, m; the same as at `from` where it is left out.
     pub end_radius: Option<f64>,
+    /// Region of the tetrahedra that lie deepest in this part, for a material of its own; those of other parts are region 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
 }
 
 impl Blob {
@@ -155,7 +159,40 @@ pub fn blobs(blobs: &Blobs) -> Result<LoadedMesh, GenerateError> {
     }
     let mut notices = Vec::new();
     drop_crumbs(&mut mesh, &mut notices);
+    name_regions(blobs, &mut mesh);
     Ok(LoadedMesh { mesh, notices })
+}
+
+/// Gives each tetrahedron the region of the part in which its middle lies deepest; named regions are node groups, too.
+fn name_regions(blobs: &Blobs, mesh: &mut TetMesh) {
+    let mut names: Vec<&str> = Vec::new();
+    let numbers = blobs.parts.iter().map(|part| {
+        let Some(name) = &part.region else { return 0 };
+        let known = names.iter().position(|other| other == name);
+        known.unwrap_or_else(|| {
+            names.push(name);
+            names.len() - 1
+        }) as u32
+            + 1
+    });
+    let numbers: Vec<u32> = numbers.collect();
+    if names.is_empty() {
+        return;
+    }
+    let mut nodes = vec![BTreeSet::new(); names.len()];
+    for tet in 0..mesh.tets.len() {
+        let middle = mesh.corners(tet).iter().sum::<Vector3<f64>>() / 4.0;
+        let depths = blobs.parts.iter().map(|part| part.depth(&middle)).zip(&numbers);
+        let deepest = depths.reduce(|a, b| if b.0 > a.0 { b } else { a });
+        mesh.regions[tet] = deepest.map_or(0, |(_, region)| *region);
+        if let Some(own) = (mesh.regions[tet] as usize).checked_sub(1) {
+            nodes[own].extend(mesh.tets[tet]);
+        }
+    }
+    for ((number, name), nodes) in (1..).zip(names).zip(nodes) {
+        mesh.region_names.insert(number, name.to_owned());
+        mesh.groups.insert(name.to_owned(), nodes.into_iter().collect());
+    }
 }
 
 #[cfg(test)]
@@ -166,7 +203,7 @@ mod tests {
     use std::f64::consts::PI;
 
     fn ball(from: [f64; 3], radius: f64) -> Blob {
-        Blob { from, to: None, radius, end_radius: None }
+        Blob { from, to: None, radius, end_radius: None, region: None }
     }
 
     fn volume(body: &Blobs) -> f64 {
@@ -229,6 +266,35 @@ mod tests {
         assert_eq!(2 * vertices, triangles + 4, "Euler: a sphere");
     }
 
+    /// A large ball with a small one of another material at its side: each region has the volume of its own part up to the seam.
+    #[test]
+    fn a_part_with_a_region_has_a_material_of_its_own() {
+        let small = Blob { region: Some("bladder".into()), ..ball([0.6, 0.0, 0.0], 0.25) };
+        let body = Blobs { cell: 0.05, blend: 0.0, parts: vec![ball([0.0; 3], 0.5), small] };
+        let mesh = blobs(&body).unwrap().mesh;
+        assert_eq!(mesh.region_names.iter().collect::<Vec<_>>(), [(&1, &"bladder".to_owned())]);
+        let of = |tet: &usize| mesh.regions[*tet] == 1;
+        for tet in (0..mesh.tets.len()).filter(of) {
+            assert!(mesh.tets[tet].iter().all(|node| mesh.groups["bladder"].contains(node)));
+        }
+        let own: f64 =
+            (0..mesh.tets.len()).filter(of).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
+        // By counting the points of a grid.
+        let (h, steps) = (0.01, -30..30);
+        let inside = |x: &Vector3<f64>| {
+            let depths = [0, 1].map(|part| body.parts[part].depth(x));
+            depths[1] > 0.0 && depths[1] > depths[0]
+        };
+        let at = |i: i32, j: i32, k: i32| Vector3::new(0.6, 0.0, 0.0) + Vector3::new(i, j, k).cast() * h;
+        let all = steps.clone().flat_map(|i| {
+            let steps = steps.clone();
+            steps.clone().flat_map(move |j| steps.clone().map(move |k| at(i, j, k)))
+        });
+        let exact = all.filter(inside).count() as f64 * h.powi(3);
+        println!("{own} m³ of {exact}");
+        assert!((own / exact - 1.0).abs() < 0.05, "{own} of {exact}");
+    }
+
     #[test]
     fn what_cannot_be_made_is_refused_with_the_number() {
         let refused = |cell: f64, blend: f64, parts: Vec<Blob>| {
@@ -271,7 +337,8 @@ mod tests {
             numbers in proptest::collection::vec(prop_oneof![-1.0..1.0f64, any::<f64>()], 8),
         ) {
             let [a, b, c, r, d, e, f, s] = numbers[..] else { unreachable!() };
-            let part = Blob { from: [a, b, c], to: Some([d, e, f]), radius: r, end_radius: Some(s) };
+            let (from, to) = ([a, b, c], Some([d, e, f]));
+            let part = Blob { from, to, radius: r, end_radius: Some(s), region: Some("r".into()) };
             let _ = blobs(&Blobs { cell, blend, parts: vec![part] });
         }
     }

@@ -38,6 +38,8 @@ pub enum ToolShape {
     Ball { radius: f64 },
     /// A rod with round ends, from its tip's centre at the origin along z, away from where a stylus points.
     Capsule { radius: f64, length: f64 },
+    /// A bent rod with round ends, as a hook or a ring: through these points in the axes of the tool.
+    Rod { radius: f64, points: Vec<[f64; 3]> },
     /// About the origin, with these sides; its edges are rounded with `radius`, 5 % of the shortest side where that is left out.
     Box { size: [f64; 3], radius: Option<f64> },
     /// All that lies below y = 0.
@@ -79,6 +81,13 @@ impl ToolShape {
             ToolShape::Capsule { radius, length } => {
                 positive("radius", *radius)?;
                 positive("length", *length)
+            }
+            ToolShape::Rod { radius, points } => {
+                positive("radius", *radius)?;
+                if points.len() < 2 || points.iter().flatten().any(|x| !x.is_finite()) {
+                    return Err("points: at least two are needed, of finite numbers".to_owned());
+                }
+                Ok(())
             }
             ToolShape::Box { size, radius } => {
                 size.iter().try_for_each(|side| positive("a side of size", *side))?;

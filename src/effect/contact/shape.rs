@@ -7,7 +7,7 @@
 use crate::base::failure::Failure;
 use crate::render::GhostShape;
 use crate::scene::{Scene, ToolShape};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use parry3d::math::Vector as Vec3;
 use parry3d::query::PointQuery;
 use parry3d::shape::{TriMesh, TriMeshFlags};
@@ -26,6 +26,10 @@ enum Core {
     /// The line from the origin to z = length.
     Segment {
         length: f64,
+    },
+    /// Lines from each point to the next one.
+    Path {
+        points: Vec<V3>,
     },
     /// Half sides.
     Box {
@@ -57,6 +61,10 @@ impl Shape {
             ToolShape::Ball { radius } => Shape { core: Core::Point, radius: *radius },
             ToolShape::Capsule { radius, length } => {
                 Shape { core: Core::Segment { length: *length }, radius: *radius }
+            }
+            ToolShape::Rod { radius, points } => {
+                let points = points.iter().map(|point| V3::from(*point)).collect();
+                Shape { core: Core::Path { points }, radius: *radius }
             }
             ToolShape::Box { size, radius } => {
                 let radius = ToolShape::box_radius(size, *radius);
@@ -94,7 +102,7 @@ impl Shape {
             Core::Floor => (x.y, V3::y()),
             Core::Box { half } => in_box(half, x),
             Core::Mesh(mesh) => mesh.distance(x),
-            Core::Point | Core::Segment { .. } => {
+            Core::Point | Core::Segment { .. } | Core::Path { .. } => {
                 let away = x - self.nearest_of_core(x);
                 let distance = away.norm();
                 (distance, if distance > 0.0 { away / distance } else { V3::y() })
@@ -108,6 +116,11 @@ impl Shape {
         match &self.core {
             Core::Point => V3::zeros(),
             Core::Segment { length } => V3::new(0.0, 0.0, x.z.clamp(0.0, *length)),
+            Core::Path { points } => {
+                let all = points.windows(2).map(|ends| nearest_of_line([&ends[0], &ends[1]], x));
+                let nearer = |a: V3, b: V3| if (b - x).norm() < (a - x).norm() { b } else { a };
+                all.reduce(nearer).unwrap_or_else(V3::zeros)
+            }
             _ => {
                 let (distance, normal) = self.distance(x);
                 x - normal * (distance + self.radius)
@@ -115,13 +128,27 @@ impl Shape {
         }
     }
 
-    /// Weights of the corners in the point of a triangle that is nearest to the core, by projecting to and fro between the two.
+    /// Weights of the corners in the point of a triangle that is nearest to the core.
     pub fn nearest_of_triangle(&self, corners: &[V3; 3]) -> [f64; 3] {
+        let Core::Path { points } = &self.core else {
+            return self.nearest_between(corners, &|x| self.nearest_of_core(x));
+        };
+        // Each line by itself, for together they are not convex.
+        let all = points.windows(2).map(|ends| {
+            let weights = self.nearest_between(corners, &|x| nearest_of_line([&ends[0], &ends[1]], x));
+            let at = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+            ((at - nearest_of_line([&ends[0], &ends[1]], &at)).norm(), weights)
+        });
+        all.reduce(|a, b| if b.0 < a.0 { b } else { a }).map_or([1.0 / 3.0; 3], |(_, weights)| weights)
+    }
+
+    /// Weights of the corners in the point of a triangle that is nearest to a convex core, by projecting to and fro between the two.
+    fn nearest_between(&self, corners: &[V3; 3], nearest_of_core: &dyn Fn(&V3) -> V3) -> [f64; 3] {
         let mut weights = [1.0 / 3.0; 3];
         let place = |w: &[f64; 3]| corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2];
         for _ in 0..STEPS {
             let now = place(&weights);
-            weights = nearest_weights(corners, &self.nearest_of_core(&now));
+            weights = nearest_weights(corners, &nearest_of_core(&now));
             if (place(&weights) - now).norm() <= NEAR * self.radius {
                 break;
             }
@@ -132,7 +159,7 @@ impl Shape {
     /// A length by which the tool may move without passing its own middle, m.
     pub fn thickness(&self) -> f64 {
         match &self.core {
-            Core::Point | Core::Segment { .. } => self.radius,
+            Core::Point | Core::Segment { .. } | Core::Path { .. } => self.radius,
             Core::Box { half } => self.radius + half.min(),
             Core::Floor => f64::INFINITY,
             Core::Mesh(mesh) => self.radius + 0.25 * mesh.half.min(),
@@ -150,6 +177,7 @@ impl Shape {
             + match &self.core {
                 Core::Point | Core::Floor => 0.0,
                 Core::Segment { length } => *length,
+                Core::Path { points } => points.iter().map(V3::norm).fold(0.0, f64::max),
                 Core::Box { half } => half.norm(),
                 Core::Mesh(mesh) => mesh.vertices.iter().map(V3::norm).fold(0.0, f64::max),
             }
@@ -183,8 +211,27 @@ impl Shape {
                     triangles: mesh.triangles.clone(),
                 }
             }
+            Core::Path { points } => self.rods(points),
             _ => self.round_surface(),
         }
+    }
+
+    /// The surfaces of capsules from each point to the next one.
+    fn rods(&self, points: &[V3]) -> GhostShape {
+        let mut all = GhostShape { positions: Vec::new(), normals: Vec::new(), triangles: Vec::new() };
+        for ends in points.windows(2) {
+            let along = ends[1] - ends[0];
+            let straight = Shape { core: Core::Segment { length: along.norm() }, radius: self.radius };
+            let GhostShape { positions, normals, triangles } = straight.round_surface();
+            let turned = Rotation3::rotation_between(&V3::z(), &along);
+            let turn = turned.unwrap_or_else(|| Rotation3::from_axis_angle(&V3::x_axis(), PI)).cast::<f32>();
+            let from = ends[0].cast::<f32>();
+            let first = all.positions.len() as u32;
+            all.triangles.extend(triangles.iter().map(|triangle| triangle.map(|node| node + first)));
+            all.positions.extend(positions.iter().map(|x| <[f32; 3]>::from(turn * Vector3::from(*x) + from)));
+            all.normals.extend(normals.iter().map(|n| <[f32; 3]>::from(turn * Vector3::from(*n))));
+        }
+        all
     }
 
     /// The surface of a convex core: the farthest point of the core along each direction, and the radius along it.
@@ -229,6 +276,14 @@ impl MeshCore {
         let distance = away.norm();
         (sign * distance, if distance > 0.0 { away * (sign / distance) } else { V3::y() })
     }
+}
+
+/// The point of a line between two ends that is nearest to `x`.
+fn nearest_of_line([a, b]: [&V3; 2], x: &V3) -> V3 {
+    let along = b - a;
+    let share = (x - a).dot(&along) / along.norm_squared();
+    // Two ends in one place are a ball.
+    a + along * if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
 }
 
 /// Signed distance of a box, and its gradient.
@@ -315,6 +370,10 @@ mod tests {
             ToolShape::Box { size: [1.0, 2.0, 1.4], radius: Some(0.2) },
             ToolShape::Floor,
             wedge(),
+            ToolShape::Rod {
+                radius: 0.2,
+                points: vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.7, 1.3], [0.0, 0.9, 0.4]],
+            },
         ];
         kinds.iter().map(|kind| made(kind, FACES[0]).unwrap()).collect()
     }
@@ -359,6 +418,8 @@ mod tests {
             (3, V3::new(4.0, -0.25, 3.0), -0.25),
             (4, V3::new(0.5, 0.5, -1.0), 0.9),
             (4, V3::new(0.3, 0.3, 0.3), -0.4),
+            (5, V3::new(0.5, 0.0, 0.5), 0.3),
+            (5, V3::new(0.0, 1.9, 0.4), 0.8),
         ] {
             let (distance, _) = shapes[number].distance(&x);
             assert!((distance - expected).abs() < 1e-6, "shape {number} at {x}: {distance}, not {expected}");
@@ -369,7 +430,8 @@ mod tests {
     #[test]
     fn the_nearest_point_of_a_triangle() {
         let mut random = Random::default();
-        for (number, shape) in shapes().iter().enumerate().filter(|(number, _)| *number < 3) {
+        for (number, shape) in shapes().iter().enumerate().filter(|(number, _)| [0, 1, 2, 5].contains(number))
+        {
             for _ in 0..40 {
                 let away = V3::new(0.0, 3.0, 0.0);
                 let corners = [(); 3].map(|()| away + V3::from_fn(|_, _| 3.0 * random.draw()));
@@ -398,7 +460,12 @@ mod tests {
                 let (distance, _) = shape.distance(&V3::from(x.map(f64::from)));
                 // Corners of a thickened mesh are cut off.
                 let exact = if number == 4 { shape.radius } else { 1e-6 };
-                assert!(distance.abs() < exact, "shape {number}: {distance} m off at {x:?}, {normal:?}");
+                // The ends of a bent rod's straight parts lie in one another.
+                let is_within = number == 5 && distance > -shape.radius && distance < 0.0;
+                assert!(
+                    distance.abs() < exact || is_within,
+                    "shape {number}: {distance} m off at {x:?}, {normal:?}"
+                );
             }
             for [a, b, c] in &drawn.triangles {
                 let [x, y, z] =
