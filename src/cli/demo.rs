@@ -9,7 +9,7 @@ use crate::display::device;
 use crate::render::{Samples, window};
 use std::path::{Path, PathBuf};
 
-/// Play the demo: six chapters in one window, which you can take over with the mouse at any time
+/// Play the demo: seven chapters in one window, which you can take over with the mouse at any time
 ///
 /// The window names the keys. Without a display, or with --output, the demo is written as pictures, a contact sheet and a film.
 /// The first start computes what is needed and keeps it in ~/.cache/greenstage.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct SessionArgs {
-    /// Scene file (TOML); or a built-in scene: tube, hose, bar, bear, models, stylus; or a mesh or surface file, for which a scene is proposed
+    /// Scene file (TOML); or a built-in scene: liver, tube, hose, bar, bear, models, stylus; or a mesh or surface file, for which a scene is proposed
     pub scene: PathBuf,
     #[command(flatten)]
     pub guess: Guess,

@@ -45,6 +45,20 @@ pub enum Looks {
 
 pub const CHAPTERS: &[Chapter] = &[
     Chapter {
+        name: "liver",
+        title: "An organ is cut, hooked and pressed",
+        text: "Each frame is in equilibrium: the blade opens the finite elements that it passes, and the tools feel the cut organ.",
+        scene: "liver",
+        script: None,
+        effects: &[],
+        stage: "desktop",
+        looks: Looks::AtScreens,
+        springs_back_s: None,
+        holds_s: 1.5,
+        numbers: measure::cut,
+        stills_s: &[2.2, 4.0],
+    },
+    Chapter {
         name: "hose",
         title: "A hose is bent, and let go",
         text: "The force is computed live: a sum of responses that were solved in advance.",

@@ -82,6 +82,21 @@ pub fn hands(_: &Scene, world: &World, mechanics_s: f64) -> String {
     }
 }
 
+/// The points that a blade has added to the surface of the first body, and the time of a frame's mechanics.
+pub fn cut(_: &Scene, world: &World, mechanics_s: f64) -> String {
+    let Some(body) = world.bodies.first() else { return String::new() };
+    let (file, name) = (body.deformer.file(), &body.deformer.body);
+    let whole = file.base.as_ref().unwrap_or(file).rest(name).len();
+    let opened = match body.deformer.node_count() - whole {
+        0 => format!("a surface of {whole} points"),
+        more => format!("{more} points of the cut beside {whole} of the surface"),
+    };
+    match mechanics_s {
+        0.0 => opened,
+        _ => format!("{opened}     mechanics of a frame {}", table::seconds(mechanics_s)),
+    }
+}
+
 /// The line of the equilibrium's plate: how far it is solved, or how far the model is from it.
 pub fn ghost(_: &Scene, world: &World, _: f64) -> String {
     let Some(plate) = world.frame.all(Drawable::plate).find(|plate| plate.anchor == Anchor::LowerLeft) else {

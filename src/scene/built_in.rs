@@ -5,7 +5,8 @@ use crate::config;
 use std::path::{Path, PathBuf};
 
 /// The files of the built-in scenes, by name.
-pub const BUILT_IN: [(&str, &str); 6] = [
+pub const BUILT_IN: [(&str, &str); 7] = [
+    ("liver", include_str!("../../configs/scenes/liver.toml")),
     ("tube", include_str!("../../configs/scenes/tube.toml")),
     ("hose", include_str!("../../configs/scenes/hose.toml")),
     ("bar", include_str!("../../configs/scenes/bar.toml")),

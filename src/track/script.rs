@@ -74,8 +74,9 @@ struct StylusKey {
 }
 
 /// The built-in scripts, by name.
-pub const BUILT_IN: [(&str, &str); 6] = [
+pub const BUILT_IN: [(&str, &str); 7] = [
     ("bend", include_str!("../../configs/scripts/bend.toml")),
+    ("liver", include_str!("../../configs/scripts/liver.toml")),
     ("pull", include_str!("../../configs/scripts/pull.toml")),
     ("two-hands", include_str!("../../configs/scripts/two-hands.toml")),
     ("raise", include_str!("../../configs/scripts/raise.toml")),
