@@ -56,7 +56,7 @@ pub const CHAPTERS: &[Chapter] = &[
         springs_back_s: None,
         holds_s: 1.5,
         numbers: measure::cut,
-        stills_s: &[2.2, 4.0],
+        stills_s: &[3.3, 4.0],
     },
     Chapter {
         name: "hose",
