@@ -4,9 +4,9 @@
 //! frames. All times are those of the tracker's states, so that a replay does the same.
 
 use super::body::PlacedBody;
-use super::edit_state::{Change, EditState, ElementPose, REST};
+use super::edit_state::{Change, EditState, ElementPose, REST, Step};
 use super::flow::{BodyPlace, HandState};
-use super::running::World;
+use super::running::{RunningEffect, World};
 use crate::deform::{ControlPose, FollowedTurn, PoseLimiter};
 use crate::interact::{
     Action, Ease, HandRequests, Hands, Hit, Mode, PickRay, pick, place_aside, towards_rest,
@@ -25,13 +25,23 @@ impl World {
             Action::Reset => self.reset(),
             Action::Undo => {
                 self.release();
-                let entry = self.edit.history.undo().unwrap_or_default();
-                self.put_targets(entry.iter().map(|change| (change.target, change.before)));
+                match self.edit.history.undo() {
+                    Some(Step::Poses(changes)) => {
+                        self.put_targets(changes.iter().map(|change| (change.target, change.before)));
+                    }
+                    Some(Step::Effect(name)) => self.ask_effect(&name, |effect| effect.undo()),
+                    None => {}
+                }
             }
             Action::Redo => {
                 self.release();
-                let entry = self.edit.history.redo().unwrap_or_default();
-                self.put_targets(entry.iter().map(|change| (change.target, change.after)));
+                match self.edit.history.redo() {
+                    Some(Step::Poses(changes)) => {
+                        self.put_targets(changes.iter().map(|change| (change.target, change.after)));
+                    }
+                    Some(Step::Effect(name)) => self.ask_effect(&name, |effect| effect.redo()),
+                    None => {}
+                }
             }
             Action::SnapBack => self.snap_back(time_s),
             Action::ResetNavigation => {
@@ -51,6 +61,13 @@ impl World {
             Action::Measure => self.measure(),
             Action::NextField => self.field_changes += 1,
             Action::Clear => self.effects.iter_mut().for_each(|effect| effect.clear()),
+        }
+    }
+
+    fn ask_effect(&mut self, name: &str, ask: impl FnOnce(&mut dyn RunningEffect) -> Result<(), String>) {
+        let effect = self.effects.iter_mut().find(|effect| effect.name() == name);
+        if let Some(Err(message)) = effect.map(|effect| ask(effect.as_mut())) {
+            self.warn(message);
         }
     }
 
@@ -221,7 +238,7 @@ impl World {
             .collect();
         if !away.is_empty() {
             let change = |&(target, before): &(usize, ElementPose)| Change { target, before, after: REST };
-            self.edit.history.push(away.iter().map(change).collect());
+            self.edit.history.push(Step::Poses(away.iter().map(change).collect()));
             self.edit.easing = Some((Ease::start(time_s), away));
         }
     }
@@ -252,7 +269,7 @@ impl World {
             }
             let (before, after) = (self.edit.before[target], self.posed(target));
             if before != after {
-                self.edit.history.push(vec![Change { target, before, after }]);
+                self.edit.history.push(Step::Poses(vec![Change { target, before, after }]));
             }
         }
     }

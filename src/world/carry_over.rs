@@ -5,7 +5,7 @@
 //! effects of the same bodies keep their memory.
 
 use super::body::PlacedBody;
-use super::edit_state::Change;
+use super::edit_state::{Change, Step};
 use super::running::World;
 use std::collections::BTreeSet;
 
@@ -23,10 +23,10 @@ impl World {
         let now: Vec<Option<usize>> = old.fields.targets.iter().map(now).collect();
         let posed = now.iter().enumerate().filter_map(|(before, now)| Some(((*now)?, old.posed(before))));
         self.put_targets(posed.collect::<Vec<_>>());
-        self.edit.history = old.edit.history.filter_map(|changes: &Vec<Change>| {
+        self.edit.history = old.edit.history.filter_map(|step| {
             let moved = |change: &Change| Some(Change { target: now[change.target]?, ..*change });
-            let kept: Vec<Change> = changes.iter().filter_map(moved).collect();
-            (!kept.is_empty()).then_some(kept)
+            let kept: Vec<Change> = step.changes().iter().filter_map(moved).collect();
+            (!kept.is_empty()).then_some(Step::Poses(kept))
         });
         self.change_hands(|hands| hands.mode = old.mode());
         self.field_changes = old.field_changes;

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 pub struct EditState {
     pub navigation: Navigation,
     pub asides: Vec<Aside>,
-    pub(super) history: History<Vec<Change>>,
+    pub(super) history: History<Step>,
     /// Control elements on their way back to rest, with their poses at its beginning.
     pub(super) easing: Option<(Ease, Vec<(usize, ElementPose)>)>,
     /// Every target as it was when it was last not held.
@@ -31,6 +31,24 @@ pub(super) struct ElementPose {
 }
 
 pub(super) const REST: ElementPose = ElementPose { pose: ControlPose::REST, turn: FollowedTurn::REST };
+
+/// What can be undone at once: poses of control elements, or a change by the effect of this name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Step {
+    Poses(Vec<Change>),
+    Effect(String),
+}
+
+impl Step {
+    /// The targets that it moved.
+    pub fn changes(&self) -> &[Change] {
+        match self {
+            Step::Poses(changes) => changes,
+            Step::Effect(_) => &[],
+        }
+    }
+}
 
 /// One target, before and after.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +81,7 @@ impl EditState {
         if let Some((what, found, expected)) = counts.iter().find(|(_, found, expected)| found != expected) {
             return Err(format!("it has {found} {what}, the scene has {expected}"));
         }
-        let changed = self.history.entries().flatten().map(|change| change.target);
+        let changed = self.history.entries().flat_map(Step::changes).map(|change| change.target);
         let eased = self.easing.iter().flat_map(|(_, from)| from.iter().map(|(target, _)| *target));
         match changed.chain(eased).chain(self.held.iter().copied()).find(|target| *target >= targets) {
             Some(target) => Err(format!("it names control element {target} of {targets}")),

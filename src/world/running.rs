@@ -129,6 +129,20 @@ pub trait RunningEffect {
         Ok(())
     }
 
+    /// Whether a change has begun since this was asked last that [`RunningEffect::undo`] takes back.
+    fn has_begun(&mut self) -> bool {
+        false
+    }
+
+    /// Takes back the last change that it has told of, or does again what was taken back last. The error says why it cannot.
+    fn undo(&mut self) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn redo(&mut self) -> Result<(), String> {
+        Ok(())
+    }
+
     /// The control elements to which [`RunningEffect::solve`] gave another pose. It asks [`World::is_carried`] first: what a hand
     /// holds goes where the hand is.
     fn moved(&self) -> Vec<MovedElement> {

@@ -6,7 +6,7 @@
 
 use super::assets::{self, Assets};
 use super::body::PlacedBody;
-use super::edit_state::EditState;
+use super::edit_state::{EditState, Step};
 use super::flow::{self, Bodies, BodyPlace, Contributions, Fields, MOST_STYLI, Tracked};
 use super::force;
 use super::frame::{Frame, HeldForce, Highlight, StepTimes};
@@ -185,6 +185,9 @@ impl World {
             let mut inertias: Vec<_> = later.iter_mut().flat_map(|effect| effect.inertias()).collect();
             let effect = &mut now[at];
             effect.solve(self, &mut contributions, &mut inertias);
+            if effect.has_begun() {
+                self.edit.history.push(Step::Effect(effect.name().to_owned()));
+            }
             effect.moved().iter().for_each(|moved| self.move_element(moved));
             self.remake(&mut effects, at);
         }

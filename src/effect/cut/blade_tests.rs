@@ -5,10 +5,11 @@ use super::opened::LEAST_FRAMES;
 use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
+use crate::interact::Action;
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
-use crate::world::World;
+use crate::world::{Input, World};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -77,7 +78,16 @@ impl Operated {
         self.step(&[blade, probe]);
     }
 
+    /// A command, with the tip at this place.
+    fn act(&mut self, action: Action, tip: V3) {
+        self.step_with(&[tip], vec![action]);
+    }
+
     fn step(&mut self, tips: &[V3]) {
+        self.step_with(tips, Vec::new());
+    }
+
+    fn step_with(&mut self, tips: &[V3], actions: Vec<Action>) {
         self.frame += 1;
         let stylus = |tip: &V3| StylusState {
             room_from_stylus: Isometry3::from(Translation3::from(*tip)).cast(),
@@ -85,7 +95,8 @@ impl Operated {
         };
         let time_s = self.frame as f64 / 60.0;
         let styli = tips.iter().map(stylus).collect();
-        self.world.step(&TrackerState { head: None, styli, time_s }.into());
+        let trackers = TrackerState { head: None, styli, time_s };
+        self.world.step(&Input { actions, ..trackers.into() });
     }
 
     /// Goes from one place to another in so many frames, and stays there until the body has opened.
@@ -282,6 +293,63 @@ fn a_cut_goes_on_from_a_state() {
     assert_ne!(broken, state);
     let error = second.world.set_state(&serde_json::from_str(&broken).unwrap()).unwrap_err();
     assert!(error.contains("another body"), "{error}");
+}
+
+/// Two slits that are taken back one after the other, and cut again; a world that takes the state in between goes on with the same bits.
+#[test]
+fn strokes_are_undone_and_done_again() {
+    let scene = scene(BOTH, "model = \"rotation\"").unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    let (low, away) = (V3::new(0.0, 0.01, -0.1), V3::new(0.3, 0.2, -0.1));
+    let mut counts = vec![first.nodes()];
+    for x in [0.011, -0.045] {
+        let at = V3::x() * x;
+        first.pass(at + V3::new(0.0, 0.08, -0.1), at + low, 9);
+        first.put(at + V3::new(0.0, 0.2, -0.1));
+        (0..30).for_each(|_| first.put(away));
+        counts.push(first.nodes());
+    }
+    assert!(counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
+    assert_eq!(first.world.undo_depth(), [2, 0]);
+    let rounded = |operated: &Operated| -> Vec<[i64; 3]> {
+        operated.places().iter().map(|x| [x.x, x.y, x.z].map(|x| (x * 1e8).round() as i64)).collect()
+    };
+    first.hold(V3::new(0.004, -0.003, 0.002));
+    first.put(away);
+    let open = rounded(&first);
+    let mut second: Option<Operated> = None;
+    for (action, nodes) in [
+        (Action::Undo, counts[1]),
+        (Action::Undo, counts[0]),
+        (Action::Redo, counts[1]),
+        (Action::Redo, counts[2]),
+        (Action::Undo, counts[1]),
+        (Action::Redo, counts[2]),
+    ] {
+        for operated in [Some(&mut first), second.as_mut()].into_iter().flatten() {
+            operated.act(action, away);
+            operated.wait(away);
+            assert_eq!(operated.nodes(), nodes, "{action:?}");
+        }
+        let other = second.get_or_insert_with(|| {
+            let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+            let mut other = Operated::new(&scene, &file);
+            other.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+            other.frame = first.frame;
+            other
+        });
+        assert_eq!(first.world.state_hash(), other.world.state_hash(), "{action:?}");
+    }
+    assert!(first.is_quiet(), "{:?}", first.world.warnings);
+    // In two steps instead of many: the same but for rounding.
+    let differ = rounded(&first).iter().zip(&open).filter(|(a, b)| a != b).count();
+    println!("{differ} of {} nodes differ by 1e-8 m", open.len());
+    assert!(differ < open.len() / 10, "{differ}");
+    // A new stroke ends what could be done again.
+    first.act(Action::Undo, away);
+    first.pass(V3::new(0.08, 0.08, -0.1), V3::new(0.08, 0.01, -0.1), 9);
+    assert_eq!(first.world.undo_depth(), [2, 0]);
 }
 
 /// A blade that stands still cuts what is moved through it, and one that is carried along cuts nothing.

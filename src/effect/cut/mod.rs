@@ -9,6 +9,7 @@
 mod blade;
 #[cfg(test)]
 mod blade_tests;
+mod body;
 mod couplings;
 mod opened;
 mod opening;

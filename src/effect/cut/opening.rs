@@ -32,10 +32,9 @@ pub struct State {
     pub moved: Arc<Moved>,
     /// Copies of nodes, and the part by which its equations are missed; `None` while it is whole.
     pub outcome: Option<(usize, f64)>,
+    /// The file that has its surface and its columns.
+    pub file: Arc<GreenFile>,
 }
-
-/// The body after a step, and its file where the step divides anything.
-pub type Next = (State, Option<Arc<GreenFile>>);
 
 impl Whole {
     /// The body without cuts.
@@ -47,23 +46,24 @@ impl Whole {
             known: Arc::default(),
             moved: Arc::new(self.cuttable.unmoved()?),
             outcome: None,
+            file: self.file.clone(),
         })
     }
 
-    /// The body after a cut that goes on from `before`.
-    pub fn cut(&self, before: &State, cut: CutEdges) -> Result<Next, String> {
+    /// The body after a cut that goes on from `before`; its file is the same where nothing more is divided.
+    pub fn cut(&self, before: &State, cut: CutEdges) -> Result<State, String> {
         let split = self.cuttable.split(&cut);
         let surface = self.cuttable.splitter.surface(&split, &cut);
         if split.pieces == before.split.pieces && (split.pieces.is_empty() || surface == *before.surface) {
-            return Ok((State { cut, ..before.clone() }, None));
+            return Ok(State { cut, ..before.clone() });
         }
         let opened = self.cuttable.open(&before.known, &split, &surface)?;
         let Opened { surface: new, moved, known, error } = opened;
         let file = resurfaced(self.file.clone(), &self.name, &new).map_err(|error| error.to_string())?;
         let outcome = Some((split.copies.len(), error));
-        let (split, surface) = (Arc::new(split), Arc::new(surface));
-        let state = State { cut, split, surface, known: Arc::new(known), moved: Arc::new(moved), outcome };
-        Ok((state, Some(Arc::new(file))))
+        let (split, surface, file) = (Arc::new(split), Arc::new(surface), Arc::new(file));
+        let (known, moved) = (Arc::new(known), Arc::new(moved));
+        Ok(State { cut, split, surface, known, moved, outcome, file })
     }
 }
 
@@ -76,8 +76,8 @@ pub struct Opening {
 }
 
 enum Work {
-    Thread(JoinHandle<Result<Next, String>>),
-    Done(Box<Result<Next, String>>),
+    Thread(JoinHandle<Result<State, String>>),
+    Done(Box<Result<State, String>>),
 }
 
 impl Opening {
@@ -92,7 +92,7 @@ impl Opening {
     }
 
     /// The result; waits for it.
-    pub fn finish(self) -> (CutStep, Result<Next, String>) {
+    pub fn finish(self) -> (CutStep, Result<State, String>) {
         let next = match self.work {
             Work::Done(next) => *next,
             Work::Thread(thread) => thread

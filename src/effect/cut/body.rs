@@ -1,0 +1,392 @@
+//! A body that blades cut, from frame to frame: its steps, the one that is being worked out, and what can be taken back.
+
+use super::blade::Sweep;
+use super::opened::{Cuttable, Moved, Shape, Tables};
+use super::opening::{CutStep, Opening, State, Whole};
+use crate::deform::{AppliedLoads, Deformer, Pull};
+use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
+use crate::mesh::split::CutEdges;
+use crate::world::World;
+use nalgebra::{Point3, Similarity3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// A body that blades cut.
+pub struct CutBody {
+    /// Index in the world.
+    pub b: usize,
+    pub whole: Whole,
+    edges: Vec<[u32; 2]>,
+    /// The body as it is cut now.
+    pub state: State,
+    /// Steps in which it was cut; the last bits of the columns depend on them.
+    steps: Vec<CutStep>,
+    /// The next step, which is being worked out.
+    opening: Option<Opening>,
+    /// Edges that blades have passed since that step began, and all that are or will be cut.
+    more: CutStep,
+    cut: CutEdges,
+    /// Number of steps at the beginning of each stroke of the blades, and the body there.
+    strokes: Vec<(usize, State)>,
+    /// Edges of the strokes that were taken back, the last ones last.
+    undone: Vec<CutStep>,
+    /// Shape in the last frame.
+    seen: Option<Seen>,
+    /// Places of all nodes in a shape, and the motion with which they were found.
+    placed: Option<(Seen, Arc<Moved>, Vec<V3>)>,
+    /// The file that has the new surface, until the world takes it.
+    pub remade: Option<Arc<GreenFile>>,
+}
+
+/// Coefficients and motion from which the places of a body's nodes follow.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seen {
+    #[serde(with = "crate::field::numbers::flat")]
+    coefficients: Vec<f64>,
+    /// Forces at nodes of the mesh along the axes of the columns, N. One at a point of a cut counts at the node on its side.
+    forces: Vec<Force>,
+    #[serde(with = "crate::field::numbers")]
+    room_from_columns: Similarity3<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Force {
+    node: u32,
+    #[serde(with = "crate::field::numbers")]
+    force: V3,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyMemory {
+    steps: Vec<CutStep>,
+    opening: Option<Begun>,
+    more: CutStep,
+    strokes: Vec<usize>,
+    undone: Vec<CutStep>,
+    seen: Option<Seen>,
+}
+
+/// A step that is being worked out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Begun {
+    step: CutStep,
+    /// Frames until it is taken.
+    left: u32,
+}
+
+impl CutBody {
+    pub fn new(b: usize, name: &str, file: Arc<GreenFile>) -> Result<CutBody, String> {
+        let meta = file.meta.bodies.get(name).ok_or("the file does not have it")?;
+        let names: Vec<&str> = meta.controls.iter().map(|control| control.name.as_str()).collect();
+        let volume = Volume::read(&|table| file.table(name, table), names.len())?;
+        let lacks = || format!("its file has no numbers of the family {}", VOLUME.name);
+        let stiffness = file.stiffness(name).ok_or_else(lacks)?;
+        let weight = match meta.loads.is_empty() {
+            true => None,
+            false => file.table(name, REACTION).zip(file.table(name, LOAD_COMPLIANCE)).map(Into::into),
+        };
+        let tables = Tables { stiffness, weight, takes_points: file.compliance(name).is_some() };
+        let cuttable = Arc::new(Cuttable::new(volume, &names, V3::from(meta.centre), tables)?);
+        let whole = Whole { name: name.to_owned(), file, cuttable };
+        Ok(CutBody {
+            b,
+            edges: whole.cuttable.edges(),
+            state: whole.state()?,
+            whole,
+            steps: Vec::new(),
+            opening: None,
+            more: CutStep::new(),
+            cut: CutEdges::new(),
+            strokes: Vec::new(),
+            undone: Vec::new(),
+            seen: None,
+            placed: None,
+            remade: None,
+        })
+    }
+
+    /// Its shape as the world shows it.
+    pub fn seen_in(&self, world: &World) -> Seen {
+        let placed = &world.bodies[self.b];
+        let state = &placed.deformer.state;
+        Seen {
+            coefficients: state.coefficients.clone(),
+            forces: self.forces_on(&placed.deformer),
+            room_from_columns: placed.room_from_body * state.body_from_surface(),
+        }
+    }
+
+    /// Forces on a deformer's points as forces at nodes of the mesh, along the axes of its columns.
+    fn forces_on(&self, deformer: &Deformer) -> Vec<Force> {
+        let AppliedLoads { points, .. } = deformer.acting();
+        let in_columns = deformer.state.body_from_surface().rotation.inverse();
+        let mut all: BTreeMap<u32, V3> = BTreeMap::new();
+        for point in points {
+            let Pull::Force(force) = point.pull else { continue };
+            for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
+                let Some(node) = self.state.moved.node_of(node) else { continue };
+                *all.entry(node).or_default() += in_columns * force * weight;
+            }
+        }
+        all.into_iter().map(|(node, force)| Force { node, force }).collect()
+    }
+
+    /// Places of all nodes in the room.
+    fn places(&self, seen: &Seen) -> Result<Vec<V3>, String> {
+        if let Some((of, moved, places)) = &self.placed
+            && of == seen
+            && Arc::ptr_eq(moved, &self.state.moved)
+        {
+            return Ok(places.clone());
+        }
+        let forces: Vec<_> = seen.forces.iter().map(|at| (at.node, at.force)).collect();
+        let shape = Shape { coefficients: &seen.coefficients, forces: &forces };
+        let at = self.whole.cuttable.places(&self.state.moved, &shape)?;
+        Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
+    }
+
+    /// Cuts what blades have passed through since the last frame. The error says what of it stays uncut, and why.
+    pub fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<(), String> {
+        let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
+        if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
+            return Ok(());
+        }
+        let from = self.places(&before)?;
+        let to = if before == now { from.clone() } else { self.places(&now)? };
+        self.placed = Some((now, self.state.moved.clone(), to.clone()));
+        let (mut cut, mut step) = (self.cut.clone(), CutStep::new());
+        for sweep in sweeps {
+            for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
+                if self.add(edge, share, &mut cut) {
+                    step.push((edge, share));
+                }
+            }
+        }
+        if step.is_empty() {
+            return Ok(());
+        }
+        let falls_apart = self.whole.cuttable.split(&cut).falls_apart;
+        if falls_apart {
+            (step, cut) = self.longest_that_holds(step);
+        }
+        self.more.extend(step);
+        self.cut = cut;
+        match falls_apart {
+            true => {
+                Err("a piece would fall off that no control element holds, or hang on a single node or edge"
+                    .to_owned())
+            }
+            false => Ok(()),
+        }
+    }
+
+    /// Takes the step that was worked out, if this is its frame. The error says what stays uncut, and why.
+    pub fn arrive(&mut self) -> Result<(), String> {
+        let Some(mut opening) = self.opening.take() else { return Ok(()) };
+        opening.left -= 1;
+        if opening.left > 0 {
+            self.opening = Some(opening);
+            return Ok(());
+        }
+        self.take(opening)
+    }
+
+    /// Takes a step that is worked out; waits for it.
+    fn take(&mut self, opening: Opening) -> Result<(), String> {
+        let (step, next) = opening.finish();
+        match next {
+            Ok(state) => {
+                self.go_to(state);
+                self.steps.push(step);
+                Ok(())
+            }
+            Err(message) => {
+                self.more.clear();
+                self.cut.clone_from(&self.state.cut);
+                Err(message)
+            }
+        }
+    }
+
+    fn go_to(&mut self, state: State) {
+        if !Arc::ptr_eq(&state.file, &self.state.file) {
+            self.remade = Some(state.file.clone());
+        }
+        self.state = state;
+    }
+
+    /// Whether nothing is being worked out, or waits for it.
+    pub fn is_idle(&self) -> bool {
+        self.opening.is_none() && self.more.is_empty()
+    }
+
+    /// Takes note that a stroke begins.
+    pub fn begin_stroke(&mut self) {
+        self.strokes.push((self.steps.len(), self.state.clone()));
+        self.undone.clear();
+    }
+
+    /// Takes back the last stroke.
+    pub fn undo(&mut self) {
+        let Some((steps, state)) = self.strokes.pop() else { return };
+        let mut undone: CutStep = self.steps.split_off(steps).into_iter().flatten().collect();
+        undone.extend(self.opening.take().map(|opening| opening.step).unwrap_or_default());
+        undone.append(&mut self.more);
+        self.undone.push(undone);
+        self.cut.clone_from(&state.cut);
+        self.go_to(state);
+    }
+
+    /// Cuts the stroke again that was taken back last, in one step.
+    pub fn redo(&mut self) -> Result<(), String> {
+        let Some(step) = self.undone.pop() else { return Ok(()) };
+        if let Some(opening) = self.opening.take() {
+            self.take(opening)?;
+        }
+        self.strokes.push((self.steps.len(), self.state.clone()));
+        self.add_all(&step)?;
+        self.more.extend(step);
+        self.begin();
+        Ok(())
+    }
+
+    /// Begins the next step, unless one is being worked out.
+    pub fn begin(&mut self) {
+        if self.opening.is_none() && !self.more.is_empty() {
+            let step = std::mem::take(&mut self.more);
+            let left = self.whole.cuttable.frames();
+            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+        }
+    }
+
+    /// The cut with these edges more.
+    fn with(&self, more: &[([u32; 2], f64)]) -> CutEdges {
+        let mut cut = self.cut.clone();
+        cut.extend(more.iter().copied());
+        cut
+    }
+
+    /// The first edges of a step after which no piece falls off, if one does after all of them.
+    fn longest_that_holds(&self, mut step: CutStep) -> (CutStep, CutEdges) {
+        let (mut holds, mut falls) = (0, step.len());
+        while falls - holds > 1 {
+            let middle = (holds + falls) / 2;
+            let split = self.whole.cuttable.split(&self.with(&step[..middle]));
+            if split.falls_apart { falls = middle } else { holds = middle }
+        }
+        step.truncate(holds);
+        let cut = self.with(&step);
+        (step, cut)
+    }
+
+    /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
+    fn add(&self, edge: [u32; 2], share: f64, cut: &mut CutEdges) -> bool {
+        if cut.contains_key(&edge) {
+            return false;
+        }
+        cut.insert(edge, share);
+        let splitter = &self.whole.cuttable.splitter;
+        let shatters = splitter.tets_around(edge[0]).iter().any(|tet| splitter.shatters(*tet, cut));
+        if shatters {
+            cut.remove(&edge);
+        }
+        !shatters
+    }
+
+    pub fn remember(&self) -> BodyMemory {
+        let begun = |opening: &Opening| Begun { step: opening.step.clone(), left: opening.left };
+        BodyMemory {
+            steps: self.steps.clone(),
+            opening: self.opening.as_ref().map(begun),
+            more: self.more.clone(),
+            strokes: self.strokes.iter().map(|(steps, _)| *steps).collect(),
+            undone: self.undone.clone(),
+            seen: self.seen.clone(),
+        }
+    }
+
+    /// Goes on from a memory. After an error the body is whole.
+    pub fn restore(&mut self, memory: BodyMemory) -> Result<(), String> {
+        self.seen.clone_from(&memory.seen);
+        if memory == self.remember() {
+            return Ok(());
+        }
+        let gone = self.go_through(memory);
+        if gone.is_err() {
+            self.close()?;
+        }
+        gone
+    }
+
+    /// Makes the body whole again.
+    fn close(&mut self) -> Result<(), String> {
+        let whole = self.whole.state()?;
+        self.go_to(whole);
+        (self.steps, self.opening) = (Vec::new(), None);
+        (self.more, self.cut) = (CutStep::new(), CutEdges::new());
+        (self.strokes, self.undone) = (Vec::new(), Vec::new());
+        Ok(())
+    }
+
+    fn go_through(&mut self, memory: BodyMemory) -> Result<(), String> {
+        let BodyMemory { steps, opening, more, strokes, undone, .. } = memory;
+        if steps != self.steps || strokes != self.remember().strokes {
+            self.close()?;
+            let last = steps.len();
+            let begins = |body: &mut CutBody| {
+                let at = body.steps.len();
+                let here = strokes.iter().filter(|begin| **begin == at);
+                body.strokes.extend(here.map(|begin| (*begin, body.state.clone())));
+            };
+            begins(self);
+            for step in steps {
+                self.add_all(&step)?;
+                let (cut, at) = (self.cut.clone(), self.steps.len() + 1);
+                if at == last || strokes.contains(&at) {
+                    let state = self.whole.cut(&self.state, cut)?;
+                    self.go_to(state);
+                } else {
+                    let split = self.whole.cuttable.split(&cut);
+                    let known = self.whole.cuttable.follow(&self.state.known, &split)?;
+                    self.state.known = Arc::new(known);
+                }
+                self.steps.push(step);
+                begins(self);
+            }
+            if self.strokes.len() != strokes.len() {
+                return Err(format!("body.{}: its strokes are those of another cut", self.whole.name));
+            }
+        }
+        self.undone = undone;
+        self.opening = None;
+        self.cut.clone_from(&self.state.cut);
+        if let Some(Begun { step, left }) = opening {
+            self.add_all(&step)?;
+            let left = left.clamp(1, self.whole.cuttable.frames());
+            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+        }
+        self.add_all(&more)?;
+        self.more = more;
+        Ok(())
+    }
+
+    /// Adds edges to the cut. The error says that they are none of this body.
+    fn add_all(&mut self, step: &[([u32; 2], f64)]) -> Result<(), String> {
+        let mut cut = std::mem::take(&mut self.cut);
+        for (edge, share) in step {
+            let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
+            if !is_edge || !self.add(*edge, *share, &mut cut) {
+                return Err(format!("body.{}: its cut is that of another body", self.whole.name));
+            }
+        }
+        self.cut = cut;
+        Ok(())
+    }
+}
