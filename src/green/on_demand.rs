@@ -97,6 +97,7 @@ impl OfBody {
             drop(state);
             let solving = Solving { of: self, places: &own };
             let solved = solve(&own)?;
+            let is_whole = solved.len() == own.len();
             state = lock(&self.state);
             for (place, column) in own.iter().zip(solved) {
                 let column = Arc::new(column);
@@ -105,6 +106,9 @@ impl OfBody {
             }
             drop(state);
             drop(solving);
+            if !is_whole {
+                break;
+            }
             state = lock(&self.state);
         }
         Ok(places.iter().filter_map(|place| found.get(place).cloned()).collect())
@@ -154,6 +158,12 @@ impl OfBody {
             (None, Some(fault)) => Err(GreenError::InBackground(fault.clone())),
             (known, _) => Ok(known),
         }
+    }
+
+    /// Drops all columns.
+    pub fn forget(&self) {
+        let mut state = lock(&self.state);
+        (state.columns, state.wanted) = (VecDeque::new(), Vec::new());
     }
 
     /// Starts the thread, unless it is at work.

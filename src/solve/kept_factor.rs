@@ -181,6 +181,21 @@ mod tests {
         assert!(sizes[0] < sizes[1] && sizes[1] <= sizes[2], "{sizes:?}");
     }
 
+    /// A column has the same bits whatever is solved with it.
+    #[test]
+    fn a_column_does_not_depend_on_the_others() {
+        let loaded = load(&KEPT).unwrap();
+        let places = [5, 0, 17, 3, 9, 12, 1, 20];
+        for count in 1..=places.len() {
+            let together = loaded.columns(&places[..count]).unwrap();
+            for (k, place) in places[..count].iter().enumerate() {
+                let alone = loaded.columns(&[*place]).unwrap();
+                let same = |row: usize| alone.row(row) == &together.row(row)[3 * k..3 * k + 3];
+                assert!((0..3 * alone.nodes).all(same), "place {place} among {count}");
+            }
+        }
+    }
+
     #[test]
     fn numbers_are_rounded_to_29_bits() {
         for number in [1.0, -1.0 / 3.0, 1e-300, -0.0, 0.1 + 1e-9, 1.999_999_999_9, 123_456_789.25] {

@@ -22,6 +22,10 @@ pub struct CutBody {
     edges: Vec<[u32; 2]>,
     /// The body as it is cut now.
     pub state: State,
+    /// Its motion on the surface that the world has.
+    shown: Arc<Moved>,
+    /// Points of that surface that are pressed.
+    pressed: Vec<u32>,
     /// Steps in which it was cut; the last bits of the columns depend on them.
     steps: Vec<CutStep>,
     /// The next step, which is being worked out.
@@ -38,7 +42,7 @@ pub struct CutBody {
     /// Places of all nodes in a shape, and the motion with which they were found.
     placed: Option<(Seen, Arc<Moved>, Vec<V3>)>,
     /// The file that has the new surface, until the world takes it.
-    pub remade: Option<Arc<GreenFile>>,
+    remade: Option<Arc<GreenFile>>,
 }
 
 /// Coefficients and motion from which the places of a body's nodes follow.
@@ -95,10 +99,13 @@ impl CutBody {
         let tables = Tables { stiffness, weight, takes_points: file.compliance(name).is_some() };
         let cuttable = Arc::new(Cuttable::new(volume, &names, V3::from(meta.centre), tables)?);
         let whole = Whole { name: name.to_owned(), file, cuttable };
+        let state = whole.state()?;
         Ok(CutBody {
             b,
             edges: whole.cuttable.edges(),
-            state: whole.state()?,
+            shown: state.moved.clone(),
+            pressed: Vec::new(),
+            state,
             whole,
             steps: Vec::new(),
             opening: None,
@@ -112,9 +119,11 @@ impl CutBody {
         })
     }
 
-    /// Its shape as the world shows it.
-    pub fn seen_in(&self, world: &World) -> Seen {
+    /// Its shape as the world shows it; takes note of where it is pressed.
+    pub fn see(&mut self, world: &World) -> Seen {
         let placed = &world.bodies[self.b];
+        let points = placed.deformer.acting().points;
+        self.pressed = points.iter().flat_map(|point| point.nodes).collect();
         let state = &placed.deformer.state;
         Seen {
             coefficients: state.coefficients.clone(),
@@ -131,7 +140,7 @@ impl CutBody {
         for point in points {
             let Pull::Force(force) = point.pull else { continue };
             for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
-                let Some(node) = self.state.moved.node_of(node) else { continue };
+                let Some(node) = self.shown.node_of(node) else { continue };
                 *all.entry(node).or_default() += in_columns * force * weight;
             }
         }
@@ -215,8 +224,16 @@ impl CutBody {
         }
     }
 
+    /// The new surface, once.
+    pub fn remade(&mut self) -> Option<(usize, Arc<GreenFile>)> {
+        let file = self.remade.take()?;
+        self.shown = self.state.moved.clone();
+        Some((self.b, file))
+    }
+
     fn go_to(&mut self, state: State) {
         if !Arc::ptr_eq(&state.file, &self.state.file) {
+            self.state.file.forget_columns(&self.whole.name);
             self.remade = Some(state.file.clone());
         }
         self.state = state;
@@ -247,10 +264,9 @@ impl CutBody {
     /// Cuts the stroke again that was taken back last, in one step.
     pub fn redo(&mut self) -> Result<(), String> {
         let Some(step) = self.undone.pop() else { return Ok(()) };
-        if let Some(opening) = self.opening.take() {
-            self.take(opening)?;
-        }
+        let arrived = self.opening.take().map_or(Ok(()), |opening| self.take(opening));
         self.strokes.push((self.steps.len(), self.state.clone()));
+        arrived?;
         self.add_all(&step)?;
         self.more.extend(step);
         self.begin();
@@ -262,7 +278,8 @@ impl CutBody {
         if self.opening.is_none() && !self.more.is_empty() {
             let step = std::mem::take(&mut self.more);
             let left = self.whole.cuttable.frames();
-            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+            let asked = (step, self.cut.clone(), self.pressed.clone());
+            self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
         }
     }
 
@@ -350,7 +367,7 @@ impl CutBody {
                 self.add_all(&step)?;
                 let (cut, at) = (self.cut.clone(), self.steps.len() + 1);
                 if at == last || strokes.contains(&at) {
-                    let state = self.whole.cut(&self.state, cut)?;
+                    let state = self.whole.cut(&self.state, cut, &[])?;
                     self.go_to(state);
                 } else {
                     let split = self.whole.cuttable.split(&cut);
@@ -370,7 +387,8 @@ impl CutBody {
         if let Some(Begun { step, left }) = opening {
             self.add_all(&step)?;
             let left = left.clamp(1, self.whole.cuttable.frames());
-            self.opening = Some(Opening::begin(&self.whole, &self.state, (step, self.cut.clone()), left));
+            let asked = (step, self.cut.clone(), Vec::new());
+            self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
         }
         self.add_all(&more)?;
         self.more = more;

@@ -8,6 +8,7 @@ use crate::green::{GreenFile, resurfaced};
 use crate::mesh::split::{CutEdges, CutSurface, Split};
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Edges that were cut together, and where.
 pub type CutStep = Vec<([u32; 2], f64)>;
@@ -50,8 +51,9 @@ impl Whole {
         })
     }
 
-    /// The body after a cut that goes on from `before`; its file is the same where nothing more is divided.
-    pub fn cut(&self, before: &State, cut: CutEdges) -> Result<State, String> {
+    /// The body after a cut that goes on from `before`; its file is the same where nothing more is divided. Else it has the columns of the
+    /// points `pressed`, which will be asked for next.
+    pub fn cut(&self, before: &State, cut: CutEdges, pressed: &[u32]) -> Result<State, String> {
         let split = self.cuttable.split(&cut);
         let surface = self.cuttable.splitter.surface(&split, &cut);
         if split.pieces == before.split.pieces && (split.pieces.is_empty() || surface == *before.surface) {
@@ -62,6 +64,12 @@ impl Whole {
         let file = resurfaced(self.file.clone(), &self.name, &new).map_err(|error| error.to_string())?;
         let outcome = Some((split.copies.len(), error));
         let (split, surface, file) = (Arc::new(split), Arc::new(surface), Arc::new(file));
+        if let Some(compliance) = file.compliance(&self.name).filter(|_| !pressed.is_empty()) {
+            let places = compliance.places();
+            let places: Vec<usize> = pressed.iter().filter_map(|point| places.get(point).copied()).collect();
+            // An error comes again when they are asked for.
+            let _ = file.columns(&self.name, &places, Duration::MAX);
+        }
         let (known, moved) = (Arc::new(known), Arc::new(moved));
         Ok(State { cut, split, surface, known, moved, outcome, file })
     }
@@ -81,12 +89,18 @@ enum Work {
 }
 
 impl Opening {
-    pub fn begin(of: &Whole, before: &State, (step, cut): (CutStep, CutEdges), left: u32) -> Opening {
+    /// Begins with a step, the whole cut after it, and the points that are pressed.
+    pub fn begin(
+        of: &Whole,
+        before: &State,
+        (step, cut, pressed): (CutStep, CutEdges, Vec<u32>),
+        left: u32,
+    ) -> Opening {
         let (own, from, to) = (of.clone(), before.clone(), cut.clone());
-        let thread = std::thread::Builder::new().name("cut".into()).spawn(move || own.cut(&from, to));
-        let work = match thread {
+        let work = move || own.cut(&from, to, &pressed);
+        let work = match std::thread::Builder::new().name("cut".into()).spawn(work) {
             Ok(thread) => Work::Thread(thread),
-            Err(_no_thread) => Work::Done(Box::new(of.cut(before, cut))),
+            Err(_no_thread) => Work::Done(Box::new(of.cut(before, cut, &[]))),
         };
         Opening { step, left, work }
     }

@@ -114,7 +114,7 @@ impl RunningEffect for Cuts {
             sweeps.push(Sweep { from: blade.edge(last), to: blade.edge(now) });
         }
         self.last = poses;
-        let shapes: Vec<Seen> = self.bodies.iter().map(|body| body.seen_in(world)).collect();
+        let shapes: Vec<Seen> = self.bodies.iter_mut().map(|body| body.see(world)).collect();
         let arrived: Vec<_> = self.bodies.iter_mut().map(CutBody::arrive).collect();
         let is_over = self.quiet == QUIET && self.bodies.iter().all(CutBody::is_idle);
         for ((body, now), arrived) in self.bodies.iter_mut().zip(shapes).zip(arrived) {
@@ -150,7 +150,7 @@ impl RunningEffect for Cuts {
     }
 
     fn remade(&mut self) -> Vec<(usize, Arc<GreenFile>)> {
-        self.bodies.iter_mut().filter_map(|body| Some((body.b, body.remade.take()?))).collect()
+        self.bodies.iter_mut().filter_map(CutBody::remade).collect()
     }
 
     fn show(&mut self, world: &World, frame: &mut Frame) {

@@ -157,6 +157,11 @@ impl GreenFile {
         }
     }
 
+    /// Drops the columns that were solved for.
+    pub fn forget_columns(&self, body: &str) {
+        self.on_demand.body(body).forget();
+    }
+
     /// Solves for columns of a body, and leaves them where they are kept.
     fn solving(self: &Arc<Self>, body: &str) -> impl Fn(&[usize]) -> Result<(), GreenError> + Send + use<> {
         let (file, body) = (self.clone(), body.to_owned());
