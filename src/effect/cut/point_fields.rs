@@ -3,18 +3,14 @@
 //! In: free nodes. Out: A⁻¹ of unit forces there, over all free nodes. They do not depend on cuts; those that were asked for last are
 //! kept.
 
-use super::solves::Solves;
+use super::solves::{PointField, Solves};
 use crate::fem::NodeFields;
-use nalgebra::DMatrix;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// Bytes of the fields that are kept, and the number that is kept whatever they take.
 const KEPT_BYTES: usize = 256 << 20;
 const KEPT: usize = 12;
-
-/// Displacements of all free nodes for a force of 1 N along each axis: 3 free nodes × 3, m/N.
-pub type PointField = Arc<DMatrix<f32>>;
 
 pub struct PointFields {
     solves: Solves,

@@ -3,12 +3,14 @@
 //! In: A of the free nodes. Out: A⁻¹ b, and displacements for forces at single nodes. The thread factorises while the session begins, so
 //! that the factor is there when a blade comes; it ends when its [`Solves`] is dropped, or as soon as the factor is done then.
 
-use super::point_fields::PointField;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Factor, Silent, SolveError, Solver};
 use nalgebra::DMatrix;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// Displacements of all free nodes for a force of 1 N along each axis: 3 free nodes × 3, m/N.
+pub type PointField = Arc<DMatrix<f32>>;
 
 enum Question {
     Fields(NodeFields, Answer<NodeFields>),

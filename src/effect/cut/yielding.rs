@@ -7,7 +7,8 @@
 //! (H - G X) v = g - Xᵀ f        u = A⁻¹ f - X v
 //! ```
 
-use super::point_fields::{PointField, PointFields};
+use super::point_fields::PointFields;
+use super::solves::PointField;
 use super::system::System;
 use crate::green::{SolvedCompliance, Yield};
 use faer::linalg::matmul::matmul;
