@@ -21,7 +21,7 @@
 
 use super::couplings::{CopyKey, Couplings, Row};
 use super::point_fields::PointFields;
-use super::solves::Solves;
+use super::solves::{Solves, TOGETHER};
 use super::system::System;
 use super::yielding::{Corner, Corners, Rows, Yielding, apart};
 use crate::base::machine;
@@ -303,7 +303,13 @@ impl Cuttable {
         let need = 72.0 * free * copies + 144.0 * missing.len() as f64 * free + 216.0 * copies * copies;
         let of = format!("A cut with {copies} copies of nodes");
         machine::fits(of, need, 0.0).map_err(|error| error.to_string())?;
-        let x = self.solve_rows(missing.iter().map(|i| &rows[*i]))?;
+        let mut x = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
+        for (part, some) in missing.chunks(TOGETHER).enumerate() {
+            let own = self.solve_rows(some.iter().map(|i| &rows[*i]))?;
+            for row in 0..3 * x.nodes {
+                x.row_mut(row)[3 * TOGETHER * part..][..own.columns].copy_from_slice(own.row(row));
+            }
+        }
         let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
         for (i, was) in before.iter().enumerate() {
             let Some(was) = was else { continue };
@@ -353,10 +359,7 @@ impl Cuttable {
                 }
             }
         }
-        match b.columns {
-            0 => Ok(NodeFields::zeros(self.partition.free.len(), 0)),
-            _ => self.fields.solve_at(loaded, b),
-        }
+        self.fields.solve_at(loaded, b)
     }
 
     /// The blocks of a row of G at free nodes.

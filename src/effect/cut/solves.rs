@@ -12,6 +12,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// Displacements of all free nodes for a force of 1 N along each axis: 3 free nodes × 3, m/N.
 pub type PointField = Arc<DMatrix<f32>>;
 
+/// Nodes that are solved for together: one block of a factor's solve, so that the bits of one do not depend on how many others are asked
+/// for, and nobody waits long for another one's answer.
+pub const TOGETHER: usize = 8;
+
 enum Question {
     Fields(NodeFields, Answer<NodeFields>),
     At(Vec<u32>, NodeFields, Answer<NodeFields>),
@@ -94,7 +98,7 @@ fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveErr
 
 fn points(factor: &dyn Factor, nodes: &[u32], all: &[u32]) -> Result<Vec<PointField>, SolveError> {
     // An iterative method ends when all columns of a solve are exact enough.
-    let together = if factor.columns_together() == usize::MAX { nodes.len().max(1) } else { 1 };
+    let together = if factor.columns_together() == usize::MAX { TOGETHER } else { 1 };
     let mut fields = Vec::new();
     for some in nodes.chunks(together) {
         let x = factor.solve_at(some, &NodeFields::unit(some.len()), all)?;
