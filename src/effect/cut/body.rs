@@ -277,7 +277,7 @@ impl CutBody {
     pub fn begin(&mut self) {
         if self.opening.is_none() && !self.more.is_empty() {
             let step = std::mem::take(&mut self.more);
-            let left = self.whole.cuttable.frames();
+            let left = self.whole.cuttable.frames(step.len());
             let asked = (step, self.cut.clone(), self.pressed.clone());
             self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
         }
@@ -386,7 +386,7 @@ impl CutBody {
         self.cut.clone_from(&self.state.cut);
         if let Some(Begun { step, left }) = opening {
             self.add_all(&step)?;
-            let left = left.clamp(1, self.whole.cuttable.frames());
+            let left = left.clamp(1, self.whole.cuttable.frames(step.len()));
             let asked = (step, self.cut.clone(), Vec::new());
             self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
         }

@@ -36,9 +36,10 @@ use std::sync::{Arc, OnceLock};
 
 type V3 = Vector3<f64>;
 
-/// Frames that a step of a cut takes at least, and free nodes of the mesh for which it takes one more.
+/// Frames that a step of a cut takes at least; free nodes of the mesh for which it takes one more, and edges times free nodes.
 pub const LEAST_FRAMES: u32 = 2;
-const NODES_A_FRAME: usize = 1000;
+const NODES_A_FRAME: usize = 2000;
+const EDGES_A_FRAME: usize = 100_000;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
@@ -195,9 +196,11 @@ impl Cuttable {
         Ok(self.whole.get_or_init(|| fields))
     }
 
-    /// Frames in which a step of a cut is worked out in the background, fixed so that a replay sees it in the same frame.
-    pub fn frames(&self) -> u32 {
-        LEAST_FRAMES + (self.partition.free.len() / NODES_A_FRAME) as u32
+    /// Frames in which a step of a cut with so many edges is worked out in the background: as many as that should take, and the same in a
+    /// replay.
+    pub fn frames(&self, edges: usize) -> u32 {
+        let free = self.partition.free.len();
+        LEAST_FRAMES + (free / NODES_A_FRAME + edges * free / EDGES_A_FRAME) as u32
     }
 
     /// The mesh after these cuts.
