@@ -39,7 +39,7 @@ type V3 = Vector3<f64>;
 /// Frames that a step of a cut takes at least; free nodes of the mesh for which it takes one more, and edges times free nodes.
 pub const LEAST_FRAMES: u32 = 2;
 const NODES_A_FRAME: usize = 2000;
-const EDGES_A_FRAME: usize = 100_000;
+const EDGES_A_FRAME: usize = 60_000;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
