@@ -40,6 +40,8 @@ type V3 = Vector3<f64>;
 pub const LEAST_FRAMES: u32 = 2;
 const NODES_A_FRAME: usize = 2000;
 const EDGES_A_FRAME: usize = 60_000;
+/// Frames that it takes at most; a larger step makes the last one wait.
+const MOST_FRAMES: usize = 20;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
@@ -200,7 +202,8 @@ impl Cuttable {
     /// replay.
     pub fn frames(&self, edges: usize) -> u32 {
         let free = self.partition.free.len();
-        LEAST_FRAMES + (free / NODES_A_FRAME + edges * free / EDGES_A_FRAME) as u32
+        let frames = LEAST_FRAMES as usize + free / NODES_A_FRAME + edges * free / EDGES_A_FRAME;
+        frames.min(MOST_FRAMES) as u32
     }
 
     /// The mesh after these cuts.
