@@ -40,7 +40,7 @@ pub struct Blob {
     pub radius: f64,
     /// Radius at `to`, m; the same as at `from` where it is left out.
     pub end_radius: Option<f64>,
-    /// Region of the tetrahedra that lie deepest in this part, for a material of its own; those of other parts are region 0.
+    /// Region of the tetrahedra in this part that lie in no later one, for a material of its own; those of other parts are region 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
 }
@@ -163,7 +163,7 @@ pub fn blobs(blobs: &Blobs) -> Result<LoadedMesh, GenerateError> {
     Ok(LoadedMesh { mesh, notices })
 }
 
-/// Gives each tetrahedron the region of the part in which its middle lies deepest; named regions are node groups, too.
+/// Gives each tetrahedron the region of the last part in which its middle lies; named regions are node groups, too.
 fn name_regions(blobs: &Blobs, mesh: &mut TetMesh) {
     let mut names: Vec<&str> = Vec::new();
     let numbers = blobs.parts.iter().map(|part| {
@@ -183,8 +183,9 @@ fn name_regions(blobs: &Blobs, mesh: &mut TetMesh) {
     for tet in 0..mesh.tets.len() {
         let middle = mesh.corners(tet).iter().sum::<Vector3<f64>>() / 4.0;
         let depths = blobs.parts.iter().map(|part| part.depth(&middle)).zip(&numbers);
-        let deepest = depths.reduce(|a, b| if b.0 > a.0 { b } else { a });
-        mesh.regions[tet] = deepest.map_or(0, |(_, region)| *region);
+        // In the seam between parts lies what is in none of them.
+        let last = depths.reduce(|a, b| if b.0 >= 0.0 || b.0 > a.0 { b } else { a });
+        mesh.regions[tet] = last.map_or(0, |(_, region)| *region);
         if let Some(own) = (mesh.regions[tet] as usize).checked_sub(1) {
             nodes[own].extend(mesh.tets[tet]);
         }
@@ -281,10 +282,7 @@ mod tests {
             (0..mesh.tets.len()).filter(of).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
         // By counting the points of a grid.
         let (h, steps) = (0.01, -30..30);
-        let inside = |x: &Vector3<f64>| {
-            let depths = [0, 1].map(|part| body.parts[part].depth(x));
-            depths[1] > 0.0 && depths[1] > depths[0]
-        };
+        let inside = |x: &Vector3<f64>| body.parts[1].depth(x) > 0.0;
         let at = |i: i32, j: i32, k: i32| Vector3::new(0.6, 0.0, 0.0) + Vector3::new(i, j, k).cast() * h;
         let all = steps.clone().flat_map(|i| {
             let steps = steps.clone();
