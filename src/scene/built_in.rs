@@ -16,9 +16,11 @@ pub const BUILT_IN: [(&str, &str); 7] = [
 ];
 
 /// The text of the built-in scene of this name, and where its file would stand; `None` for a path, which has a folder or an
-/// extension, or is there.
+/// extension, or is there. A folder of a scene's name hides no scene.
 pub fn named(name: &Path) -> Option<Result<(&'static str, PathBuf), String>> {
-    let is_path = name.components().count() != 1 || name.extension().is_some() || name.exists();
+    let is_known = BUILT_IN.iter().any(|(known, _)| name.as_os_str() == *known);
+    let is_there = name.is_file() || (name.exists() && !is_known);
+    let is_path = name.components().count() != 1 || name.extension().is_some() || is_there;
     let name = name.to_str().filter(|_| !is_path)?;
     Some(match BUILT_IN.iter().find(|(known, _)| *known == name) {
         Some((_, text)) => Ok((text, cache::folder().join(name).with_extension("toml"))),

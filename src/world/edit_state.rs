@@ -32,7 +32,7 @@ pub(super) struct ElementPose {
 
 pub(super) const REST: ElementPose = ElementPose { pose: ControlPose::REST, turn: FollowedTurn::REST };
 
-/// What can be undone at once: poses of control elements, or a change by the effect of this name.
+/// One entry of the history: poses of control elements, or a change by the effect of this name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Step {

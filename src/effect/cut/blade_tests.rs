@@ -105,7 +105,7 @@ impl Operated {
         self.wait(to);
     }
 
-    /// As many frames as two steps of a cut take.
+    /// Lets two steps of a cut be worked out.
     fn wait(&mut self, tip: V3) {
         (0..2 * LEAST_FRAMES).for_each(|_| self.put(tip));
     }

@@ -22,7 +22,7 @@ pub struct CutBody {
     edges: Vec<[u32; 2]>,
     /// The body as it is cut now.
     pub state: State,
-    /// Its motion on the surface that the world has.
+    /// Motion that belongs to the surface which the world has.
     shown: Arc<Moved>,
     /// Points of that surface that are pressed.
     pressed: Vec<u32>,
@@ -119,7 +119,7 @@ impl CutBody {
         })
     }
 
-    /// Its shape as the world shows it; takes note of where it is pressed.
+    /// Takes the shape that the world shows, and the points that are pressed.
     pub fn see(&mut self, world: &World) -> Seen {
         let placed = &world.bodies[self.b];
         let points = placed.deformer.acting().points;

@@ -40,7 +40,7 @@ type V3 = Vector3<f64>;
 pub const LEAST_FRAMES: u32 = 2;
 const NODES_A_FRAME: usize = 2000;
 const EDGES_A_FRAME: usize = 60_000;
-/// Frames that it takes at most; a larger step makes the last one wait.
+/// The most frames: where a step takes longer, the frame in which it is taken waits.
 const MOST_FRAMES: usize = 20;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
@@ -295,7 +295,7 @@ impl Cuttable {
         acting
     }
 
-    /// What is known after one more step on the way to a cut, as if the body had been opened there.
+    /// Data on the copies after one more step on the way to a cut, as if the body had been opened there.
     pub fn follow(&self, known: &Known, split: &Split) -> Result<Known, String> {
         let Couplings { rows, keys, .. } = Couplings::new(&self.splitter, split, &self.lame, &[]);
         self.solve_copies(known, &rows, keys)
