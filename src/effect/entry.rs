@@ -73,6 +73,9 @@ pub struct EffectInput<'a> {
     pub bodies: Vec<(usize, &'a str)>,
 }
 
+/// Coefficient of friction with which the tool of this name touches the body; `None` where it does not.
+pub type Friction = fn(&ResolvedBody, &str) -> Option<f64>;
+
 /// Checks the effect's section of the body of this name.
 pub type CheckSection = fn(&GreenFile, &str) -> Result<(), GreenError>;
 
@@ -98,6 +101,8 @@ pub struct EffectEntry {
     pub needs_inside: bool,
     /// Whether it presses single points of the surface: a body whose scene gives it no `surface_compliance` has it by the factor.
     pub presses_points: bool,
+    /// Friction of tools on a body that lists it; `None` where it lets nothing touch the body.
+    pub friction: Option<Friction>,
     /// Whether blades cut the body.
     pub is_cut: bool,
     /// Whether hands with a force device feel the body.
@@ -138,6 +143,7 @@ impl EffectEntry {
         needs_energy: false,
         needs_inside: false,
         presses_points: false,
+        friction: None,
         is_cut: false,
         is_felt: false,
         vibrates: false,

@@ -43,6 +43,8 @@ pub struct NewWeight {
     pub reaction: DMatrix<f64>,
     /// FᵀG: 3 × 3.
     pub compliance: DMatrix<f64>,
+    /// Forces and moments ([`MOMENTS`]) of what is no part of the body any more: 12 × 3.
+    pub lost: DMatrix<f64>,
 }
 
 impl NewWeight {
@@ -114,13 +116,15 @@ pub fn resurfaced(base: Arc<GreenFile>, name: &str, new: &NewSurface) -> Result<
         let stored = StoredColumns::new(meta.accuracy.storage, &columns);
         own.accuracy.storage_error = own.accuracy.storage_error.max(stored.relative_error());
         tensors.extend(load_tensors(rest.len(), meta.accuracy.storage, stored));
-        // The masses and their places at rest are those of the whole body.
         let moments =
             base.table(name, MOMENTS).ok_or_else(|| damaged(format!("table {MOMENTS} is missing")))?;
+        if moments.shape() != weight.lost.shape() {
+            return Err(damaged(format!("table {MOMENTS} is not that of gravity")));
+        }
         let tables = [
             (REACTION, weight.reaction.clone()),
             (LOAD_COMPLIANCE, weight.compliance.clone()),
-            (MOMENTS, moments),
+            (MOMENTS, moments - &weight.lost),
             (TORQUES, weight.torques()),
         ];
         tensors.extend(tables.map(|(name, table)| {

@@ -33,6 +33,13 @@ pub struct Texture {
 /// Between two triangles of a smooth surface, degrees; what is folded more sharply keeps its edge.
 pub const CREASE: f64 = 40.0;
 
+impl Color {
+    /// Linear RGB, as drawables have it.
+    pub fn linear(self) -> [f32; 3] {
+        self.0.map(|byte| (f32::from(byte) / 255.0).powf(2.2))
+    }
+}
+
 impl Default for Color {
     /// The blue of steel in daylight, against grey and orange control elements.
     fn default() -> Color {

@@ -3,9 +3,9 @@
 //! In: contacts between surfaces with their forces. Out: W_ij - W_ip W_pp⁻¹ W_pj for two contacts i and j of a tool, with p the directions in
 //! which surfaces hold each other: that of the force without friction, and all with it, as if they stuck.
 
-use super::tool::Tool;
 use super::touch::{Contact, compliance, compliance_between, friction, turns};
 use super::touched_body::TouchedBody;
+use crate::world::tool::Tool;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 type V3 = Vector3<f64>;

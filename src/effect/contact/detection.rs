@@ -4,8 +4,8 @@
 //! triangle whose outside does not face the tool is passed over: the tool has come from within.
 
 use super::candidates::{Nodes, Places};
-use super::shape::Shape;
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::world::tool_shape::Shape;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 type V3 = Vector3<f64>;

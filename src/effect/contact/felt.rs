@@ -6,13 +6,13 @@
 use super::backing::Backed;
 use super::candidates::{Nodes, Places};
 use super::detection::{distance, find};
-use super::tool::Tool;
 use super::touch::{Against, Contact, at_nodes, fetch};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;
 use crate::track::usable;
 use crate::world::World;
+use crate::world::tool::Tool;
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
 

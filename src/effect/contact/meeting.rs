@@ -5,8 +5,8 @@
 //! edges that are not creases, so that a node slides from triangle to triangle without a jerk.
 
 use super::candidates::Places;
-use super::shape::nearest_weights;
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::world::tool_shape::nearest_weights;
 use glamx::Vec3;
 use nalgebra::Vector3;
 use parry3d::bounding_volume::{Aabb, BoundingVolume};

@@ -22,13 +22,11 @@ mod response;
 mod round;
 mod running;
 mod settings;
-mod shape;
 mod shown;
 mod slides;
 mod system;
 #[cfg(test)]
 mod tests;
-mod tool;
 mod touch;
 mod touched_body;
 mod way;
@@ -42,6 +40,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS],
     needs_energy: true,
     presses_points: true,
+    friction: Some(settings::Settings::friction_of),
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
     attach: Some(running::attach),

@@ -52,6 +52,12 @@ impl Settings {
         settings.cloned().unwrap_or_default()
     }
 
+    /// Friction of the tool of this name on a body that lists the effect.
+    pub fn friction_of(body: &ResolvedBody, tool: &str) -> Option<f64> {
+        let settings = Settings::of(body);
+        settings.touches(tool).then_some(settings.friction)
+    }
+
     /// Whether the tool of this name touches the body.
     pub fn touches(&self, tool: &str) -> bool {
         self.tools.as_ref().is_none_or(|tools| tools.iter().any(|name| name == tool))

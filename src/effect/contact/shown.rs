@@ -1,12 +1,12 @@
 //! Contact in the picture: the shapes of tools, and forces on hands and between bodies as arrows with their newtons.
 
-use super::tool::Tool;
 use super::touch::{Contact, at_nodes, force_on_tool};
 use super::touched_body::TouchedBody;
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
 use crate::interact::force_arrow;
 use crate::render::{Arrow, Drawable, Formed};
+use crate::world::tool::Tool;
 use crate::world::{Frame, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 

@@ -3,8 +3,8 @@
 //! A force at spot j, along the room's axes, moves spot i by R C R^T of each body on which both lie, with the sign of either side, and by 1/k
 //! of a tool's spring that both press.
 
-use super::tool::Tool;
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::world::tool::Tool;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Translation3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

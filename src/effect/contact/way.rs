@@ -6,9 +6,9 @@
 use super::candidates::Nodes;
 use super::detection::distance;
 use super::meeting::{Meeting, meetings};
-use super::tool::{Tool, pose_between};
 use super::touched_body::TouchedBody;
 use crate::deform::ControlPose;
+use crate::world::tool::{Tool, pose_between};
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use std::sync::Arc;
 

@@ -27,12 +27,11 @@ impl Blade {
     /// `None` for a tool that is no blade.
     pub fn new(name: &str, tool: &Tool) -> Option<Blade> {
         let ToolShape::Blade { length, width } = tool.shape else { return None };
-        let linear = |byte: u8| (f32::from(byte) / 255.0).powf(2.2);
         Some(Blade {
             name: name.to_owned(),
             place: ToolPlace::new(tool),
             drawn: Arc::new(wedge(length, width)),
-            color: tool.color.0.map(linear),
+            color: tool.color.linear(),
             length,
         })
     }

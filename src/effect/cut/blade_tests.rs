@@ -1,4 +1,4 @@
-//! Blades in a world: whole cuts, slits, pieces that would fall off, and cuts that go on from a state.
+//! Blades in a world: whole cuts, slits, pieces that fall off, and cuts that go on from a state.
 
 use super::blade::Sweep;
 use super::opened::LEAST_FRAMES;
@@ -6,6 +6,7 @@ use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
 use crate::interact::Action;
+use crate::render::Drawable;
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
@@ -148,8 +149,14 @@ impl Operated {
         self.world.bodies[0].deformer.node_count()
     }
 
-    fn has_warned(&self, of: &str) -> bool {
-        self.world.warnings.iter().any(|(_, warning)| warning.contains(of))
+    /// Middles of the pieces that have fallen off.
+    fn pieces(&self) -> Vec<V3> {
+        let color = self.world.bodies[0].assets.color.linear();
+        let formed = self.world.frame.drawables.iter().filter_map(|drawable| match drawable {
+            Drawable::Formed(formed) if formed.color == color => Some(formed.room_from_shape),
+            _ => None,
+        });
+        formed.map(|m| V3::new(m.m14.into(), m.m24.into(), m.m34.into())).collect()
     }
 
     /// Whether nothing was told but that the block is large for a desk.
@@ -254,14 +261,66 @@ fn a_second_pass_cuts_nothing_more() {
     assert!(operated.nodes() > once && operated.is_quiet(), "{:?}", operated.world.warnings);
 }
 
-/// A blade through a block that is held at one end alone: the piece would fall off, which is told, and the block stays in one.
+/// A blade through a block that is held at one end alone, under gravity: the other half comes off and falls by g t²/2, and a world that takes
+/// the state meanwhile goes on with the same bits. What is left weighs half as much. Undo joins both.
 #[test]
-fn what_nothing_would_hold_is_not_cut_off() {
-    let mut operated = Operated::of(ONE, "");
-    operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
-    assert!(operated.has_warned("fall off"), "{:?}", operated.world.warnings);
-    let moved = operated.moved(ControlPose { translation: V3::new(0.0, 0.01, 0.0), ..ControlPose::REST });
-    assert!(moved.iter().all(|(_, u)| (u.norm() - 0.01).abs() < 1e-6));
+fn what_nothing_holds_falls_off() {
+    let scene = parsed(&text(ONE, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    let weight = |operated: &Operated| operated.world.bodies[0].deformer.wrenches().unwrap().0[0].force.y;
+    let at = f64::from(0.011_f32);
+    let (above, below) = (V3::new(at, 0.08, -0.1), V3::new(at, -0.08, -0.1));
+    first.put(above);
+    let before = weight(&first);
+    let came_off = (0..30).position(|k| {
+        first.put(above.lerp(&below, f64::from(k.min(16)) / 16.0));
+        !first.pieces().is_empty()
+    });
+    assert!(came_off.is_some());
+    // The piece's middle, between the cut and the end.
+    let start = V3::new(0.5 * (at + 0.15), 0.0, 0.0);
+    let off = (first.pieces()[0] - start).norm();
+    println!("comes off {off:e} m beside its place");
+    assert!(off < 1e-7, "{off}");
+    let left = weight(&first) / before;
+    assert!((left - (at + 0.15) / 0.3).abs() < 1e-7, "{left}");
+    let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+    let mut second = Operated::new(&scene, &file);
+    second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+    second.frame = first.frame;
+    for k in 1..=30 {
+        [&mut first, &mut second].into_iter().for_each(|operated| operated.put(below));
+        assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
+        let t = f64::from(k) / 60.0;
+        let expected = start - V3::y() * (0.5 * 9.80665 * t * t);
+        let off = (first.pieces()[0] - expected).norm();
+        assert!(off < 1e-6, "{off} m after {t} s");
+    }
+    assert!(first.is_quiet(), "{:?}", first.world.warnings);
+    first.act(Action::Undo, below);
+    first.wait(below);
+    assert!(first.pieces().is_empty() && (weight(&first) / before - 1.0).abs() < 1e-12);
+    first.act(Action::Redo, below);
+    first.wait(below);
+    assert_eq!(first.pieces().len(), 1);
+}
+
+/// Without gravity it stays where it came off, with contact and gravity it lands on the floor.
+#[test]
+fn what_falls_off_lands_on_the_floor() {
+    let floor = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";
+    let contact = "effects = [\"cut\", \"contact\"]\n";
+    for (keys, height) in [(contact.to_owned(), 0.0), (format!("{contact}gravity = true\n"), -0.05)] {
+        let scene = parsed(&text(ONE, &keys, floor).replace("1.0e5", "1.0e12")).unwrap();
+        let mut operated = Operated::new(&scene, &file(&scene));
+        operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
+        (0..120).for_each(|_| operated.put(V3::new(0.3, 0.2, -0.1)));
+        let pieces = operated.pieces();
+        assert_eq!(pieces.len(), 1);
+        println!("{keys}: lies at {} m", pieces[0].y);
+        assert!((pieces[0].y - height).abs() < 2e-5 && (pieces[0].x - 0.0805).abs() < 1e-4, "{}", pieces[0]);
+    }
 }
 
 /// A state in the middle of a cut: another world that takes it goes on with the same bits.

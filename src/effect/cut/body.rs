@@ -1,11 +1,13 @@
 //! A body that blades cut, from frame to frame: its steps, the one that is being worked out, and what can be taken back.
 
 use super::blade::Sweep;
+use super::fallen::{Fallen, Falling};
+use super::landing::Motion;
 use super::opened::{Cuttable, Moved, Shape, Tables};
 use super::opening::{CutStep, Opening, State, Whole};
 use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
-use crate::mesh::split::CutEdges;
+use crate::mesh::split::{CutEdges, Split};
 use crate::world::World;
 use nalgebra::{Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -37,6 +39,8 @@ pub struct CutBody {
     strokes: Vec<(usize, State)>,
     /// Edges of the strokes that were taken back, the last ones last.
     undone: Vec<CutStep>,
+    /// Pieces that have fallen off.
+    fallen: Vec<Fallen>,
     /// Shape in the last frame.
     seen: Option<Seen>,
     /// Places of all nodes in a shape, and the motion with which they were found.
@@ -73,7 +77,16 @@ pub struct BodyMemory {
     more: CutStep,
     strokes: Vec<usize>,
     undone: Vec<CutStep>,
+    fallen: Vec<Piece>,
     seen: Option<Seen>,
+}
+
+/// A piece that has fallen off: its first node, and its motion.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Piece {
+    node: u32,
+    motion: Motion,
 }
 
 /// A step that is being worked out.
@@ -113,6 +126,7 @@ impl CutBody {
             cut: CutEdges::new(),
             strokes: Vec::new(),
             undone: Vec::new(),
+            fallen: Vec::new(),
             seen: None,
             placed: None,
             remade: None,
@@ -170,30 +184,17 @@ impl CutBody {
         let from = self.places(&before)?;
         let to = if before == now { from.clone() } else { self.places(&now)? };
         self.placed = Some((now, self.state.moved.clone(), to.clone()));
-        let (mut cut, mut step) = (self.cut.clone(), CutStep::new());
+        let mut cut = std::mem::take(&mut self.cut);
         for sweep in sweeps {
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
-                if self.add(edge, share, &mut cut) {
-                    step.push((edge, share));
+                let has_fallen = self.state.split.is_loose(edge[0]);
+                if !has_fallen && self.add(edge, share, &mut cut) {
+                    self.more.push((edge, share));
                 }
             }
         }
-        if step.is_empty() {
-            return Ok(());
-        }
-        let falls_apart = self.whole.cuttable.split(&cut).falls_apart;
-        if falls_apart {
-            (step, cut) = self.longest_that_holds(step);
-        }
-        self.more.extend(step);
         self.cut = cut;
-        match falls_apart {
-            true => {
-                Err("a piece would fall off that no control element holds, or hang on a single node or edge"
-                    .to_owned())
-            }
-            false => Ok(()),
-        }
+        Ok(())
     }
 
     /// Takes the step that was worked out, if this is its frame. The error says what stays uncut, and why.
@@ -212,9 +213,10 @@ impl CutBody {
         let (step, next) = opening.finish();
         match next {
             Ok(state) => {
+                let came_off = self.come_off(&state);
                 self.go_to(state);
                 self.steps.push(step);
-                Ok(())
+                came_off
             }
             Err(message) => {
                 self.more.clear();
@@ -222,6 +224,31 @@ impl CutBody {
                 Err(message)
             }
         }
+    }
+
+    /// Adds the pieces that this state has and the present one has not, where the body shows them now.
+    fn come_off(&mut self, state: &State) -> Result<(), String> {
+        let mut pieces = Fallen::all(&self.whole.cuttable, (&state.split, &state.cut), &self.state.split);
+        let Some(seen) = self.seen.clone().filter(|_| !pieces.is_empty()) else { return Ok(()) };
+        let places = self.places(&seen)?;
+        let mesh = &self.whole.cuttable.splitter.mesh;
+        for piece in &mut pieces {
+            let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.centre;
+            let of = |node: &u32| (rest(*node as usize), places[*node as usize]);
+            let own: Vec<(V3, V3)> = piece.nodes.iter().map(of).collect();
+            piece.put(&own, &seen.room_from_columns);
+        }
+        self.fallen.append(&mut pieces);
+        Ok(())
+    }
+
+    /// Moves the pieces that have fallen off on by a frame.
+    pub fn fall(&mut self, falling: &Falling<'_>) {
+        self.fallen.iter_mut().for_each(|piece| piece.fall(falling));
+    }
+
+    pub fn fallen(&self) -> &[Fallen] {
+        &self.fallen
     }
 
     /// The new surface, once.
@@ -258,6 +285,7 @@ impl CutBody {
         undone.append(&mut self.more);
         self.undone.push(undone);
         self.cut.clone_from(&state.cut);
+        self.fallen.retain(|piece| state.split.is_loose(piece.node()));
         self.go_to(state);
     }
 
@@ -283,26 +311,6 @@ impl CutBody {
         }
     }
 
-    /// The cut with these edges more.
-    fn with(&self, more: &[([u32; 2], f64)]) -> CutEdges {
-        let mut cut = self.cut.clone();
-        cut.extend(more.iter().copied());
-        cut
-    }
-
-    /// The first edges of a step after which no piece falls off, if one does after all of them.
-    fn longest_that_holds(&self, mut step: CutStep) -> (CutStep, CutEdges) {
-        let (mut holds, mut falls) = (0, step.len());
-        while falls - holds > 1 {
-            let middle = (holds + falls) / 2;
-            let split = self.whole.cuttable.split(&self.with(&step[..middle]));
-            if split.falls_apart { falls = middle } else { holds = middle }
-        }
-        step.truncate(holds);
-        let cut = self.with(&step);
-        (step, cut)
-    }
-
     /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
     fn add(&self, edge: [u32; 2], share: f64, cut: &mut CutEdges) -> bool {
         if cut.contains_key(&edge) {
@@ -325,6 +333,11 @@ impl CutBody {
             more: self.more.clone(),
             strokes: self.strokes.iter().map(|(steps, _)| *steps).collect(),
             undone: self.undone.clone(),
+            fallen: self
+                .fallen
+                .iter()
+                .map(|piece| Piece { node: piece.node(), motion: piece.motion })
+                .collect(),
             seen: self.seen.clone(),
         }
     }
@@ -349,11 +362,12 @@ impl CutBody {
         (self.steps, self.opening) = (Vec::new(), None);
         (self.more, self.cut) = (CutStep::new(), CutEdges::new());
         (self.strokes, self.undone) = (Vec::new(), Vec::new());
+        self.fallen.clear();
         Ok(())
     }
 
     fn go_through(&mut self, memory: BodyMemory) -> Result<(), String> {
-        let BodyMemory { steps, opening, more, strokes, undone, .. } = memory;
+        let BodyMemory { steps, opening, more, strokes, undone, fallen, .. } = memory;
         if steps != self.steps || strokes != self.remember().strokes {
             self.close()?;
             let last = steps.len();
@@ -363,17 +377,21 @@ impl CutBody {
                 body.strokes.extend(here.map(|begin| (*begin, body.state.clone())));
             };
             begins(self);
+            let mut before = Split::default();
             for step in steps {
                 self.add_all(&step)?;
                 let (cut, at) = (self.cut.clone(), self.steps.len() + 1);
+                let split = self.whole.cuttable.split(&cut);
+                let mut pieces = Fallen::all(&self.whole.cuttable, (&split, &cut), &before);
+                self.fallen.append(&mut pieces);
                 if at == last || strokes.contains(&at) {
                     let state = self.whole.cut(&self.state, cut, &[])?;
                     self.go_to(state);
                 } else {
-                    let split = self.whole.cuttable.split(&cut);
                     let known = self.whole.cuttable.follow(&self.state.known, &split)?;
                     self.state.known = Arc::new(known);
                 }
+                before = split;
                 self.steps.push(step);
                 begins(self);
             }
@@ -382,6 +400,10 @@ impl CutBody {
             }
         }
         self.undone = undone;
+        if !fallen.iter().map(|piece| piece.node).eq(self.fallen.iter().map(Fallen::node)) {
+            return Err(format!("body.{}: the pieces that have fallen off it are others", self.whole.name));
+        }
+        self.fallen.iter_mut().zip(fallen).for_each(|(own, piece)| own.motion = piece.motion);
         self.opening = None;
         self.cut.clone_from(&self.state.cut);
         if let Some(Begun { step, left }) = opening {

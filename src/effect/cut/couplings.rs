@@ -21,7 +21,7 @@ pub struct Couplings {
     pub h: BTreeMap<(usize, usize), Matrix3<f64>>,
     /// Dependence of X of each copy.
     pub keys: Vec<CopyKey>,
-    /// Mass that moves with each copy: ∫ N ρ dV over its pieces, kg.
+    /// Mass that moves with each copy: ∫ N ρ dV over its pieces, kg; 0 of those that nothing holds.
     pub masses: Vec<f64>,
 }
 
@@ -34,10 +34,13 @@ impl Couplings {
         let mut h: BTreeMap<(usize, usize), Matrix3<f64>> = BTreeMap::new();
         let mut keys: Vec<CopyKey> = split.copies.iter().map(|node| (*node, Vec::new())).collect();
         let mut masses = vec![0.0; split.copies.len()];
-        for piece in &split.pieces {
+        let mut is_loose = vec![false; split.pieces.len()];
+        split.loose.iter().flat_map(|part| &part.pieces).for_each(|piece| is_loose[*piece] = true);
+        for (piece, is_loose) in split.pieces.iter().zip(is_loose) {
             let tet = piece.tet as usize;
             let Some(geometry) = geometry(mesh.corners(tet)) else { continue };
-            let mass = density.get(tet).map_or(0.0, |density| density * geometry.volume.abs());
+            let density = density.get(tet).filter(|_| !is_loose);
+            let mass = density.map_or(0.0, |density| density * geometry.volume.abs());
             for a in 0..4 {
                 let Some(copy) = copy_of(piece.nodes[a]) else { continue };
                 keys[copy].1.push((piece.tet, piece.volume().to_bits()));

@@ -17,9 +17,10 @@
 //! with a column of W for each of U. Under gravity f at the nodes and g at the copies, W of its columns G' = A⁻¹f has g - G G' for -G U; what
 //! forces and energies need of both are entries of Wᵀ (g - G U), too. This is the augmented system of Y.-H. Yeung, J. Crouch and A. Pothen (ACM Transactions on Graphics
 //! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their X and G X
-//! are kept. G X is f64; X, of which only what is shown follows, is f32.
+//! are kept. G X is f64; X, of which only what is shown follows, is f32. What falls off is no part of the body any more ([`loose`]).
 
 use super::couplings::{CopyKey, Couplings, Row};
+use super::loose;
 use super::point_fields::PointFields;
 use super::solves::{Solves, TOGETHER};
 use super::system::System;
@@ -68,13 +69,13 @@ pub struct Cuttable {
     /// Node of the surface of each node of the mesh.
     surface_of: Vec<Option<u32>>,
     /// Mesh coordinates of the origin of the .green file's lengths, m.
-    centre: V3,
+    pub centre: V3,
     partition: Partition,
     /// Place of each node among the free ones.
     free_at: Arc<Vec<Option<u32>>>,
     fields: Arc<PointFields>,
     /// U and the columns of gravity over all nodes, once they are needed first.
-    whole: OnceLock<NodeFields>,
+    whole: OnceLock<Arc<NodeFields>>,
     /// Their right-hand sides.
     loads: NodeFields,
     prescribed: NodeFields,
@@ -103,6 +104,8 @@ pub struct Opened {
 
 /// The motion of all nodes beyond that of the whole body.
 pub struct Moved {
+    /// U and the columns of gravity over all nodes where something has fallen off, without its weight.
+    whole: Option<Arc<NodeFields>>,
     /// -X W at all free nodes, row after row; empty while nothing is cut.
     beyond: Vec<f32>,
     yielding: Arc<Yielding>,
@@ -188,14 +191,71 @@ impl Cuttable {
     }
 
     /// U and the columns of gravity of the whole body over all nodes.
-    pub fn whole(&self) -> Result<&NodeFields, String> {
+    pub fn whole(&self) -> Result<&Arc<NodeFields>, String> {
         if let Some(whole) = self.whole.get() {
             return Ok(whole);
         }
         let free = self.fields.solve(self.loads.clone())?;
         let mut fields = self.prescribed.clone();
         self.partition.insert_free(&free, &mut fields);
-        Ok(self.whole.get_or_init(|| fields))
+        Ok(self.whole.get_or_init(|| Arc::new(fields)))
+    }
+
+    /// The same without these masses at nodes.
+    fn whole_without(&self, lost: &BTreeMap<u32, f64>) -> Result<Arc<NodeFields>, String> {
+        let whole = self.whole()?.clone();
+        let affine = self.tables.stiffness.nrows();
+        let free_at = |(node, mass): (&u32, &f64)| Some((self.free_at[*node as usize]?, *mass));
+        let loaded: Vec<(u32, f64)> = lost.iter().filter_map(free_at).collect();
+        if loaded.is_empty() {
+            return Ok(whole);
+        }
+        let mut b = NodeFields::zeros(loaded.len(), 3);
+        for (at, (_, mass)) in loaded.iter().enumerate() {
+            (0..3).for_each(|axis| b.row_mut(3 * at + axis)[axis] = *mass);
+        }
+        let x = self.fields.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b)?;
+        let mut fields = NodeFields::clone(&whole);
+        for (at, node) in self.partition.free.iter().enumerate() {
+            for axis in 0..3 {
+                let own = &mut fields.row_mut(3 * *node as usize + axis)[affine..];
+                own.iter_mut().zip(x.row(3 * at + axis)).for_each(|(own, x)| *own -= x);
+            }
+        }
+        Ok(Arc::new(fields))
+    }
+
+    /// Tables of gravity without these masses at nodes, and what their moments lose: UᵀF, FᵀG and 12 × 3. In: the fields with and without them.
+    fn weight_without(
+        &self,
+        lost: &BTreeMap<u32, f64>,
+        [whole, without]: [&NodeFields; 2],
+    ) -> Option<[DMatrix<f64>; 3]> {
+        let [mut reaction, mut compliance] = self.tables.weight.clone()?;
+        let (affine, mut moments) = (reaction.nrows(), DMatrix::zeros(12, 3));
+        for (node, mass) in lost {
+            let x = self.splitter.mesh.nodes[*node as usize] - self.centre;
+            for axis in 0..3 {
+                let row = 3 * *node as usize + axis;
+                for (k, u) in whole.row(row)[..affine].iter().enumerate() {
+                    reaction[(k, axis)] -= mass * u;
+                }
+                for k in 0..3 {
+                    compliance[(k, axis)] -= mass * whole.row(row)[affine + k];
+                    compliance[(axis, k)] -= mass * without.row(row)[affine + k];
+                    moments[(3 + 3 * axis + k, axis)] += mass * x[k];
+                }
+                moments[(axis, axis)] += mass;
+            }
+        }
+        Some([reaction, compliance, moments])
+    }
+
+    /// Mass of a tetrahedron, kg; 0 where nothing is heavy.
+    pub fn mass(&self, tet: u32) -> f64 {
+        let [a, b, c, d] = self.splitter.mesh.corners(tet as usize);
+        let volume = (b - a).cross(&(c - a)).dot(&(d - a)).abs() / 6.0;
+        self.density.get(tet as usize).map_or(0.0, |density| density * volume)
     }
 
     /// Frames in which a step of a cut with so many edges is worked out in the background: as many as that should take, and the same in a
@@ -214,20 +274,26 @@ impl Cuttable {
     /// The motion of the body while it is whole: none beyond its own.
     pub fn unmoved(&self) -> Result<Moved, String> {
         let surface = self.corners_of(&Split::default(), &CutSurface::default());
-        let system = System::new(&DMatrix::zeros(0, 0))?;
-        let yielding = self.yielding(Vec::new(), system, surface, Rows::default());
-        Ok(Moved { beyond: Vec::new(), yielding: Arc::new(yielding) })
+        let system = System::new(&DMatrix::zeros(0, 0), Vec::new())?;
+        let yielding = self.yielding(Vec::new(), system, (surface, &Split::default()), Rows::default());
+        Ok(Moved { whole: None, beyond: Vec::new(), yielding: Arc::new(yielding) })
     }
 
     fn yielding(
         &self,
         x: Vec<Arc<DMatrix<f32>>>,
         system: System,
-        surface: Vec<Corners>,
+        (surface, split): (Vec<Corners>, &Split),
         rows: Rows,
     ) -> Yielding {
         let moves = |corner: &Corner| corner.copy.is_some() || self.free_at[corner.node as usize].is_some();
-        let takes = |(_, corners): &(u32, &Corners)| corners.iter().any(moves);
+        let number = |corner: &Corner| match corner.copy {
+            None => corner.node,
+            Some(copy) => (self.splitter.mesh.nodes.len() + copy) as u32,
+        };
+        let takes = |(_, corners): &(u32, &Corners)| {
+            corners.iter().any(moves) && !corners.iter().any(|corner| split.is_loose(number(corner)))
+        };
         let taking = (0..).zip(&surface).filter(takes).map(|(node, _)| node).collect();
         let (fields, free_at) = (self.fields.clone(), self.free_at.clone());
         Yielding { fields, free_at, x, system, surface, taking, rows }
@@ -236,11 +302,13 @@ impl Cuttable {
     /// The body after cuts by which its mesh has fallen into these pieces, with what is known of an earlier cut. The error says why there is
     /// none.
     pub fn open(&self, known: &Known, split: &Split, opened: &CutSurface) -> Result<Opened, String> {
-        let whole = self.whole()?;
+        let lost = loose::lost(&self.splitter, split, |tet| self.mass(tet));
+        let whole = &self.whole_without(&lost)?;
         let couplings = Couplings::new(&self.splitter, split, &self.lame, &self.density);
         let known = self.solve_copies(known, &couplings.rows, couplings.keys.clone())?;
         let acting = self.on_copies(&couplings, whole);
-        let system = System::new(&couplings.system(&known.gx))?;
+        let free = loose::rigid_motions(&self.splitter, split);
+        let system = System::new(&couplings.system(&known.gx), free)?;
         let (w, missed) = system.solve(&acting);
         let work = w.tr_mul(&acting);
         let affine = self.tables.stiffness.nrows();
@@ -256,11 +324,13 @@ impl Cuttable {
         let beyond = apart(&known.x, &w, 3 * self.partition.free.len());
         let columns = self.columns_of(whole, &surface, &beyond, &w);
         let rows = if self.tables.takes_points { self.rows(&surface, &known.x) } else { Rows::default() };
-        let yielding = Arc::new(self.yielding(known.x.clone(), system, surface, rows));
-        let weight = self.tables.weight.as_ref().map(|[reaction, compliance]| NewWeight {
+        let yielding = Arc::new(self.yielding(known.x.clone(), system, (surface, split), rows));
+        let weight = self.weight_without(&lost, [self.whole()?, whole]);
+        let weight = weight.map(|[reaction, compliance, lost]| NewWeight {
             columns: columns.columns(affine, 3).into_owned(),
             reaction: reaction + work.view((0, affine), (affine, 3)),
             compliance: compliance + work.view((affine, affine), (3, 3)),
+            lost,
         });
         let of_points: Option<Arc<dyn SolvedCompliance>> =
             if self.tables.takes_points { Some(yielding.clone()) } else { None };
@@ -273,7 +343,8 @@ impl Cuttable {
             weight,
             compliance: of_points,
         };
-        Ok(Opened { surface, moved: Moved { beyond, yielding }, known, error })
+        let whole = (!lost.is_empty()).then(|| whole.clone());
+        Ok(Opened { surface, moved: Moved { whole, beyond, yielding }, known, error })
     }
 
     /// g - G U: what acts on the copies while they move with their nodes.
@@ -463,7 +534,8 @@ impl Cuttable {
             Some(point) => Some((old + point) as u32),
         };
         let triangle = |nodes: &[u32; 3]| Some([number(nodes[0])?, number(nodes[1])?, number(nodes[2])?]);
-        let triangles: Option<Vec<_>> = opened.triangles.iter().map(triangle).collect();
+        let is_held = |nodes: &&[u32; 3]| !split.is_loose(opened.corner(nodes[0], count));
+        let triangles: Option<Vec<_>> = opened.triangles.iter().filter(is_held).map(triangle).collect();
         triangles.ok_or_else(|| {
             format!("a node of the surface cut with {} copies is none of the surface", split.copies.len())
         })
@@ -482,7 +554,7 @@ impl Cuttable {
     pub fn places(&self, moved: &Moved, shape: &Shape<'_>) -> Result<Vec<V3>, String> {
         let c = shape.coefficients;
         let pressed = moved.yielding.field(shape.forces)?;
-        let whole = self.whole()?;
+        let whole = moved.whole.as_ref().map_or_else(|| self.whole(), Ok)?;
         let width = whole.columns;
         let beyond = |row: usize| {
             let motion = moved.beyond.get(row * width..).unwrap_or_default().iter().zip(c).take(width);

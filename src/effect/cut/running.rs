@@ -2,14 +2,17 @@
 
 use super::blade::{Blade, Sweep};
 use super::body::{BodyMemory, CutBody, Seen};
+use super::fallen::Falling;
+use super::landing::Obstacle;
 use super::settings::NAME;
 use crate::base::failure::Failure;
 use crate::deform::Contribution;
-use crate::effect::entry::EffectInput;
+use crate::effect::entry::{EffectInput, ResolvedBody};
 use crate::green::GreenFile;
 use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
+use crate::world::tool::Tool;
 use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -29,8 +32,13 @@ const SEEN_S: f64 = 2.0;
 struct Cuts {
     blades: Vec<Blade>,
     bodies: Vec<CutBody>,
-    /// Pose of each blade in the last frame.
+    /// Tools on which pieces land, with their friction on each body.
+    tools: Vec<(Tool, Vec<Option<f64>>)>,
+    /// Pose of each blade and of each tool in the last frame.
     last: Vec<Option<Isometry3<f64>>>,
+    last_of_tools: Vec<Option<Isometry3<f64>>>,
+    /// Time of the last frame, s.
+    last_s: Option<f64>,
     /// Frames since something was cut or worked out, [`QUIET`] at most.
     quiet: u32,
     /// Whether a stroke has begun of which the world does not know yet.
@@ -45,8 +53,11 @@ struct Cuts {
 #[serde(deny_unknown_fields)]
 struct Memorised {
     blades: Vec<Posed>,
+    tools: Vec<Posed>,
     bodies: Vec<BodyMemory>,
     quiet: u32,
+    #[serde(with = "crate::field::numbers::flat")]
+    last_s: Vec<f64>,
 }
 
 /// Pose of a blade that was there.
@@ -66,9 +77,31 @@ pub fn attach(
         let wrong = |message: String| Failure::request(anyhow::anyhow!("body.{name}: {message}"));
         bodies.push(CutBody::new(b, name, file).map_err(wrong)?);
     }
-    let last = vec![None; blades.len()];
-    let warnings = Vec::new();
-    Ok(Some(Box::new(Cuts { blades, bodies, last, quiet: QUIET, has_begun: false, warnings, first_s: None })))
+    let mut tools = Vec::new();
+    for (name, tool) in listed.scene.tool.iter().filter(|(_, tool)| !tool.shape.is_blade()) {
+        let of = |(_, body): &(usize, &str)| friction(listed.scene.bodies.get(*body)?, name);
+        let frictions: Vec<Option<f64>> = listed.bodies.iter().map(of).collect();
+        if frictions.iter().any(Option::is_some) {
+            tools.push((Tool::new(listed.scene, name, tool)?, frictions));
+        }
+    }
+    Ok(Some(Box::new(Cuts {
+        last: vec![None; blades.len()],
+        last_of_tools: vec![None; tools.len()],
+        last_s: None,
+        blades,
+        bodies,
+        tools,
+        quiet: QUIET,
+        has_begun: false,
+        warnings: Vec::new(),
+        first_s: None,
+    })))
+}
+
+/// Friction of the tool of this name on a body, if an effect lets it touch the body.
+fn friction(body: &ResolvedBody, tool: &str) -> Option<f64> {
+    body.effects.iter().find_map(|listed| listed.entry.friction?(body, tool))
 }
 
 /// Whether the edge of a blade comes near the body as it is shown.
@@ -89,6 +122,34 @@ fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
     };
     let more = (high - low) * BESIDE;
     (0..3).all(|k| reach[0][k] <= high[k] + more[k] && reach[1][k] >= low[k] - more[k])
+}
+
+impl Cuts {
+    /// Moves pieces that have fallen off on to this frame.
+    fn let_fall(&mut self, world: &World) {
+        let now_s = Some(*world.graph.get(world.fields.time)).filter(|now| now.is_finite());
+        let dt_s = self.last_s.zip(now_s).map_or(0.0, |(last, now)| now - last);
+        let poses: Vec<_> = self.tools.iter().map(|(tool, _)| tool.place.pose(world)).collect();
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            let tools = self.tools.iter().zip(self.last_of_tools.iter().zip(&poses));
+            let there = tools.filter_map(|((tool, frictions), (last, now))| {
+                let (friction, to) = frictions[number].zip(*now)?;
+                Some(Obstacle { shape: &tool.shape, from: last.unwrap_or(to), to, friction })
+            });
+            let obstacles: Vec<Obstacle<'_>> = there.collect();
+            let gravity = gravity(world, body.b);
+            let scale = world.bodies[body.b].room_from_body.scaling();
+            body.fall(&Falling { dt_s, gravity, scale, obstacles: &obstacles });
+        }
+        (self.last_of_tools, self.last_s) = (poses, now_s);
+    }
+}
+
+/// Acceleration by the gravity that acts on a body now, along the room's axes, m/s².
+fn gravity(world: &World, body: usize) -> Option<V3> {
+    let loads = world.graph.get(world.fields.bodies[body].loads?);
+    let axes = loads.0.get(..3).filter(|_| world.bodies[body].assets.has_gravity)?;
+    Some(V3::from_column_slice(axes))
 }
 
 impl RunningEffect for Cuts {
@@ -114,6 +175,7 @@ impl RunningEffect for Cuts {
             sweeps.push(Sweep { from: blade.edge(last), to: blade.edge(now) });
         }
         self.last = poses;
+        self.let_fall(world);
         let shapes: Vec<Seen> = self.bodies.iter_mut().map(|body| body.see(world)).collect();
         let arrived: Vec<_> = self.bodies.iter_mut().map(CutBody::arrive).collect();
         let is_over = self.quiet == QUIET && self.bodies.iter().all(CutBody::is_idle);
@@ -162,6 +224,14 @@ impl RunningEffect for Cuts {
                 .warnings
                 .extend(unseen.filter_map(|(blade, _)| blade.place.unseen(&blade.name, SEEN_S, world)));
         }
+        for body in &self.bodies {
+            let placed = &world.bodies[body.b];
+            for piece in body.fallen() {
+                let (shape, room_from_shape) = piece.drawn(placed.room_from_body.scaling());
+                let color = placed.assets.color.linear();
+                frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
+            }
+        }
         for (blade, pose) in self.blades.iter().zip(&self.last) {
             let Some(pose) = pose else { continue };
             blade.place.hide_pen(world, frame);
@@ -175,8 +245,14 @@ impl RunningEffect for Cuts {
         let of = |body: &CutBody| {
             let (copies, error) = body.state.outcome?;
             let (name, edges) = (&body.whole.name, body.state.cut.len());
+            let fallen = match body.fallen().len() {
+                0 => String::new(),
+                1 => ", 1 piece has fallen off".to_owned(),
+                pieces => format!(", {pieces} pieces have fallen off"),
+            };
             Some(format!(
-                "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes; its equations hold to a part of {error:.0e}\n"
+                "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes{fallen}; its equations hold to a part of \
+                 {error:.0e}\n"
             ))
         };
         self.bodies.iter().filter_map(of).collect()
@@ -185,16 +261,21 @@ impl RunningEffect for Cuts {
     fn memory(&self) -> Option<Memory> {
         written(&Memorised {
             blades: self.last.iter().copied().map(Posed).collect(),
+            tools: self.last_of_tools.iter().copied().map(Posed).collect(),
             bodies: self.bodies.iter().map(CutBody::remember).collect(),
             quiet: self.quiet,
+            last_s: self.last_s.into_iter().collect(),
         })
     }
 
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
-        let Memorised { blades, bodies, quiet } = read(memory)?;
-        if (blades.len(), bodies.len()) != (self.blades.len(), self.bodies.len()) {
-            return Err("its blades and bodies are those of another scene".to_owned());
+        let Memorised { blades, tools, bodies, quiet, last_s } = read(memory)?;
+        let own = [self.blades.len(), self.tools.len(), self.bodies.len()];
+        if [blades.len(), tools.len(), bodies.len()] != own || last_s.len() > 1 {
+            return Err("its blades, tools and bodies are those of another scene".to_owned());
         }
+        self.last_of_tools = tools.into_iter().map(|Posed(pose)| pose).collect();
+        self.last_s = last_s.first().copied();
         self.quiet = quiet.min(QUIET);
         self.last = blades.into_iter().map(|Posed(pose)| pose).collect();
         for (body, memory) in self.bodies.iter_mut().zip(bodies) {

@@ -1,11 +1,12 @@
 use super::opened::{Cuttable, Known, Shape, Tables};
 use crate::fem::dense_fields::products;
-use crate::fem::{Element, Lame, NodeFields, Partition, TET4};
+use crate::fem::{Element, Lame, NodeFields, Partition, TET4, tet4};
 use crate::green::{ControlElement, FIELDS, Volume};
 use crate::mesh::split::{CutEdges, Split, edge};
 use crate::mesh::{Block, Surface, TetMesh, block, edges_of, quality};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
 
 type V3 = Vector3<f64>;
 
@@ -76,7 +77,7 @@ fn as_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>) {
     mesh.nodes.extend(split.copies.iter().map(|node| volume.mesh.nodes[*node as usize]));
     mesh.tags = (1..=mesh.nodes.len() as u64).collect();
     let mut lame = volume.lame.clone();
-    let mut seen = std::collections::BTreeSet::new();
+    let mut seen = BTreeSet::new();
     for piece in &split.pieces {
         let tet = piece.tet as usize;
         let Lame { lambda, mu } = volume.lame[tet];
@@ -184,7 +185,7 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let mut mesh = along.mesh.clone();
         let (low, high) = quality::bounding_box(&mesh.nodes);
         let middle = (low + high) * 0.5;
-        let mut twice = std::collections::BTreeMap::new();
+        let mut twice = BTreeMap::new();
         for (node, x) in (0..).zip(&along.mesh.nodes) {
             if (x.x - middle.x).abs() < 1e-9 && x.y > middle.y + 1e-9 {
                 twice.insert(node, (along.mesh.nodes.len() + twice.len()) as u32);
@@ -270,5 +271,137 @@ fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
     assert!(off < 9e-7, "{off:e}");
     for (node, column) in asked.iter().zip(&columns) {
         assert!(compliance.columns(&[*node]).unwrap()[0] == *column, "node {node}");
+    }
+}
+
+/// The cut body without what nothing holds, as a mesh of its own, with the new number of each node.
+fn held_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>, BTreeMap<u32, u32>) {
+    let (mut mesh, mut lame) = as_mesh(volume, split);
+    let is_held: Vec<bool> = mesh.tets.iter().map(|nodes| !split.is_loose(nodes[0])).collect();
+    let keep = |count: usize| is_held.iter().take(count).copied().collect::<Vec<_>>();
+    let (mut tets, mut materials) = (keep(mesh.tets.len()).into_iter(), keep(lame.len()).into_iter());
+    mesh.tets.retain(|_| tets.next().unwrap());
+    lame.retain(|_| materials.next().unwrap());
+    mesh.regions.truncate(mesh.tets.len());
+    let used: BTreeSet<u32> = mesh.tets.iter().flatten().copied().collect();
+    let numbers: BTreeMap<u32, u32> = used.iter().copied().zip(0..).collect();
+    mesh.tets.iter_mut().flatten().for_each(|node| *node = numbers[node]);
+    mesh.nodes = used.iter().map(|node| mesh.nodes[*node as usize]).collect();
+    mesh.tags = (1..=mesh.nodes.len() as u64).collect();
+    (mesh, lame, numbers)
+}
+
+/// A block whose far end is cut off, by a cut through its elements and then by one that leaves an edge: what is left is the body solved
+/// anew without that end, under gravity too. Held are its left end and some nodes below.
+#[test]
+fn what_falls_off_is_no_part_of_the_body_any_more() {
+    let mut volume = bar([8, 4, 3]);
+    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let middle = (low + high) * 0.5;
+    let below = |x: &V3| x.y < low.y + 1e-9 && x.x > low.x + 0.06 && x.x < low.x + 0.12;
+    volume.held[1] = (0..).zip(&volume.mesh.nodes).filter(|(_, x)| below(x)).map(|(n, _)| n).collect();
+    volume.density = (0..volume.mesh.tets.len()).map(|tet| 900.0 + 3.0 * tet as f64).collect();
+    let weigh = |mesh: &TetMesh, mass: &dyn Fn(usize) -> [f64; 4]| {
+        let mut forces = DMatrix::zeros(3 * mesh.nodes.len(), 3);
+        for (tet, nodes) in mesh.tets.iter().enumerate() {
+            for (node, mass) in nodes.iter().zip(mass(tet)) {
+                (0..3).for_each(|axis| forces[(3 * *node as usize + axis, axis)] += mass);
+            }
+        }
+        forces
+    };
+    let heavy = |tet: usize| volume.density[tet] * tet4::geometry(volume.mesh.corners(tet)).unwrap().volume;
+    volume.forces = weigh(&volume.mesh, &|tet| [heavy(tet) / 4.0; 4]);
+    let origins = controls(&volume);
+    let (stiffness, fields) = anew(&volume.mesh, &volume.lame, &volume.held, &origins);
+    let sag = |mesh: &TetMesh, lame: &[Lame], held: &[Vec<u32>], forces: &DMatrix<f64>| {
+        let k = Element::assemble(&TET4, mesh, lame).unwrap();
+        let partition = Partition::new(mesh.nodes.len(), held.iter().flatten().copied());
+        let data = forces.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>()).collect();
+        let b = NodeFields { nodes: mesh.nodes.len(), columns: 3, data };
+        let a = partition.a(&k);
+        let factor = Solver::default().analyse(&a, &Silent).unwrap();
+        let (x, _) = factor.factor(&a, &Silent).unwrap().solve(&b.at(&partition.free), &Silent).unwrap();
+        let mut all = NodeFields::zeros(mesh.nodes.len(), 3);
+        partition.insert_free(&x, &mut all);
+        all
+    };
+    let whole_sag = sag(&volume.mesh, &volume.lame, &volume.held, &volume.forces);
+    let work = |forces: &DMatrix<f64>, fields: &NodeFields| {
+        DMatrix::from_fn(fields.columns, 3, |c, k| {
+            (0..forces.nrows()).map(|row| fields.row(row)[c] * forces[(row, k)]).sum::<f64>()
+        })
+    };
+    let weight = [work(&volume.forces, &fields), work(&volume.forces, &whole_sag)];
+    let tables = Tables { stiffness, weight: Some(weight), takes_points: true };
+    let cuttable = Cuttable::new(volume.clone(), &["a", "b"], middle, tables).unwrap();
+    let n = V3::new(1.0, 0.2, 0.3);
+    let mut cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |_| true);
+    let mut known = Known::default();
+    // Another slit beside what has fallen off, and one through it.
+    for more in
+        [CutEdges::new(), by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01)]
+    {
+        cut.extend(more);
+        let split = cuttable.split(&cut);
+        assert_eq!(split.loose.len(), 1);
+        let points = cuttable.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&known, &split, &points).unwrap();
+        let (mesh, lame, numbers) = held_mesh(&volume, &split);
+        let held: Vec<Vec<u32>> =
+            volume.held.iter().map(|nodes| nodes.iter().map(|node| numbers[node]).collect()).collect();
+        let (stiffness, fields) = anew(&mesh, &lame, &held, &origins);
+        let mut forces = DMatrix::zeros(3 * mesh.nodes.len(), 3);
+        let mut weigh = |node: u32, mass: f64| {
+            (0..3).for_each(|axis| forces[(3 * numbers[&node] as usize + axis, axis)] += mass);
+        };
+        for (tet, nodes) in (0..).zip(&volume.mesh.tets) {
+            if split.pieces_of(tet).is_none() && !split.is_loose(nodes[0]) {
+                nodes.iter().for_each(|node| weigh(*node, heavy(tet as usize) / 4.0));
+            }
+        }
+        for piece in split.pieces.iter().filter(|piece| !split.is_loose(piece.nodes[0])) {
+            let mass = heavy(piece.tet as usize);
+            piece.nodes.iter().zip(piece.shares).for_each(|(node, share)| weigh(*node, mass * share));
+        }
+        let sunk = sag(&mesh, &lame, &held, &forces);
+        let new = &opened.surface;
+        let off = |a: &DMatrix<f64>, b: &DMatrix<f64>| (a - b).amax() / b.amax();
+        let of_weight = new.weight.as_ref().unwrap();
+        let lost = volume.forces.column(0).sum() - forces.column(0).sum();
+        let errors = [
+            off(&new.stiffness, &stiffness),
+            off(&of_weight.reaction, &work(&forces, &fields)),
+            off(&of_weight.compliance, &work(&forces, &sunk)),
+            (of_weight.lost[(0, 0)] / lost - 1.0).abs(),
+        ];
+        let mut apart = [0.0_f64; 2];
+        for (at, node) in volume.surface.iter().enumerate() {
+            let Some(number) = numbers.get(node) else { continue };
+            for axis in 0..3 {
+                let (row, own) = (3 * at + axis, 3 * *number as usize + axis);
+                for k in 0..fields.columns {
+                    apart[0] = apart[0].max((new.columns[(row, k)] - fields.row(own)[k]).abs());
+                }
+                for k in 0..3 {
+                    apart[1] = apart[1].max((of_weight.columns[(row, k)] - sunk.row(own)[k]).abs());
+                }
+            }
+        }
+        let largest = |of: &NodeFields| of.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+        let apart = [apart[0] / largest(&fields), apart[1] / largest(&sunk)];
+        println!("{} copies: forces off by {errors:?}, columns by {apart:?}", split.copies.len());
+        assert!(errors.iter().all(|error| *error < 1e-12), "{errors:?}");
+        assert!(apart.iter().all(|apart| *apart < 1e-6), "{apart:?}");
+        // What has fallen off takes no forces and is not drawn.
+        let place = |point: u32| match (point as usize).checked_sub(volume.surface.len()) {
+            None => volume.mesh.nodes[volume.surface[point as usize] as usize],
+            Some(point) => V3::from(new.points[point].map(f64::from)) + middle,
+        };
+        let is_beyond = |point: &u32| n.dot(&(place(*point) - middle)) > 0.004 + 1e-6;
+        let taking = new.compliance.as_ref().unwrap();
+        assert!(!taking.nodes().iter().any(is_beyond) && !new.triangles.as_flattened().iter().any(is_beyond));
+        assert!(new.triangles.len() > 100 && taking.nodes().len() > 50);
+        known = opened.known;
     }
 }

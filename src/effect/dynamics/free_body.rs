@@ -4,13 +4,13 @@
 //! of z in the six rigid motions about the centre of mass, w = (rᵀMr)⁻¹ rᵀM ż and ż - r w; of forces rᵀf and f - M r (rᵀMr)⁻¹ rᵀf,
 //! which deforms the body and moves its centre no more.
 
-use super::flying::{Inertia, Twist};
 use super::tables::Tables;
+use crate::world::flight::{RigidInertia, Twist};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeBody {
-    pub inertia: Inertia,
+    pub inertia: RigidInertia,
     /// r.
     rigid: DMatrix<f64>,
     /// (rᵀMr)⁻¹ rᵀM.
@@ -20,7 +20,7 @@ pub struct FreeBody {
 impl FreeBody {
     /// `mass` is M of z; `None` of a body without mass.
     pub fn new(tables: &Tables, mass: &DMatrix<f64>) -> Option<FreeBody> {
-        let inertia = Inertia::of_whole(&tables.whole)?;
+        let inertia = RigidInertia::of_whole(&tables.whole)?;
         let mut rigid = DMatrix::zeros(mass.nrows(), 6);
         for (e, origin) in tables.origins.iter().enumerate() {
             let arm = origin - inertia.centre;

@@ -1,16 +1,16 @@
 //! The step of a body that nothing holds.
 //!
-//! In: a motion and the forces on the body. Out: the motion at the end of the frame: as a whole by [`Inertia::flown`], about that motion
+//! In: a motion and the forces on the body. Out: the motion at the end of the frame: as a whole by [`RigidInertia::flown`], about that motion
 //! by its modes.
 
 use super::coupled::{Phase, StepLoads};
-#[cfg(doc)]
-use super::flying::Inertia;
 use super::free_body::FreeBody;
 use super::moving::{Motion, Moving, Stride, Strode};
 use super::system::System;
 use super::tables::squared;
 use crate::deform::{ControlPose, PoseSlope};
+#[cfg(doc)]
+use crate::world::flight::RigidInertia;
 use crate::world::vibration::VibrationStep;
 use nalgebra::{DVector, DVectorView, Rotation3, Vector3};
 

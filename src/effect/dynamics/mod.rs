@@ -9,7 +9,6 @@
 
 mod coupled;
 mod course;
-mod flying;
 mod forces;
 mod free_body;
 mod free_step;

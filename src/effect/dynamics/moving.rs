@@ -20,13 +20,13 @@
 //! A released element moves by all its fields in `linear`, as the theory has it, and is rigid in other models.
 
 use super::coupled::Damping;
-#[cfg(test)]
-use super::flying::Twist;
 use super::forces::{Forces, difference};
 use super::system::System;
 use super::tables::{Tables, seen};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseCurvature, PoseSlope};
 use crate::green::FIELDS;
+#[cfg(test)]
+use crate::world::flight::Twist;
 use crate::world::vibration::VibrationStep;
 use nalgebra::{SVector, UnitQuaternion};
 use serde::{Deserialize, Serialize};

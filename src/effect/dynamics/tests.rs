@@ -207,7 +207,7 @@ impl Rig {
     fn momenta(&self) -> [Vector3<f64>; 2] {
         let turn = self.deformer.state.body_from_surface().rotation;
         let twist = self.moving.twist(&turn).unwrap();
-        let inertia = super::flying::Inertia::of_whole(&self.moving.tables.whole).unwrap();
+        let inertia = crate::world::flight::RigidInertia::of_whole(&self.moving.tables.whole).unwrap();
         [twist.velocity * inertia.mass, turn * (inertia.moments * (turn.inverse() * twist.spin))]
     }
 

@@ -1,17 +1,93 @@
-//! Whether all parts of a mesh in pieces are held.
+//! The parts of a mesh in pieces that nothing holds.
 //!
-//! In: the pieces, and the nodes that control elements hold. Out: whether each part that hangs together by faces has three held nodes, or
-//! three nodes in common with a part that is held. A part on a single node or on an edge could turn about it freely.
+//! In: the pieces, and the nodes that control elements hold. Out: the parts that hang together by faces and have neither three held nodes
+//! nor three nodes in common with a part that is held; a part on a single node or on an edge could turn about it freely. They get nodes
+//! of their own wherever they would hang on others.
 
-use super::pieces::{Split, Splitter};
+use super::pieces::{Piece, Split, Splitter};
 use crate::base::disjoint::DisjointSets;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of nodes that hold a part.
 const HOLDING: usize = 3;
 
+/// A part of a mesh in pieces with which nothing else moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoosePart {
+    /// Its whole tetrahedra.
+    pub tets: Vec<u32>,
+    /// Its pieces, by their numbers.
+    pub pieces: Vec<usize>,
+    /// Its nodes and copies, ascending.
+    pub nodes: Vec<u32>,
+}
+
 impl Splitter {
-    /// Whether some part is not held.
-    pub(super) fn falls_apart(&self, split: &Split, held: &[Option<usize>]) -> bool {
+    /// Finds the parts that nothing holds, and parts them from all others.
+    pub(super) fn release(&self, split: &mut Split, held: &[Option<usize>]) {
+        let loose = self.not_held(split, held);
+        if loose.is_empty() {
+            return;
+        }
+        let mut part_of = vec![0; self.mesh.tets.len() + split.pieces.len()];
+        for (part, members) in (1..).zip(&loose) {
+            members.iter().for_each(|member| part_of[*member] = part);
+        }
+        let pieces = self.parted(split, &part_of, held);
+        split.first.clear();
+        for (number, (_, piece)) in pieces.iter().enumerate() {
+            split.first.entry(piece.tet).or_insert(number);
+        }
+        for (part, members) in (1..).zip(loose) {
+            let tets = members.into_iter().filter(|of| *of < self.mesh.tets.len()).map(|of| of as u32);
+            let tets: Vec<u32> = tets.filter(|tet| !split.first.contains_key(tet)).collect();
+            let own = pieces.iter().enumerate().filter(|(_, (of, _))| *of == part);
+            let numbers: Vec<usize> = own.map(|(number, _)| number).collect();
+            let of_tets = tets.iter().flat_map(|tet| self.mesh.tets[*tet as usize]);
+            let of_pieces = numbers.iter().flat_map(|number| pieces[*number].1.nodes);
+            let nodes: BTreeSet<u32> = of_tets.chain(of_pieces).collect();
+            let nodes = nodes.into_iter().collect();
+            split.loose.push(LoosePart { tets, pieces: numbers, nodes });
+        }
+        split.pieces = pieces.into_iter().map(|(_, piece)| piece).collect();
+    }
+
+    /// The pieces in their order, each with its part, after each loose part got copies of nodes that another one has; a whole tetrahedron
+    /// with such a node becomes a piece. Part 0 is all that is held.
+    fn parted(&self, split: &mut Split, part_of: &[usize], held: &[Option<usize>]) -> Vec<(usize, Piece)> {
+        let whole = self.mesh.tets.len();
+        let count = self.mesh.nodes.len() + split.copies.len();
+        let mut owners: Vec<Option<usize>> =
+            (0..count).map(|node| held.get(node).copied().flatten().map(|_| 0)).collect();
+        let mut copied: BTreeMap<(usize, u32), u32> = BTreeMap::new();
+        let mut pieces = Vec::new();
+        let mut members: Vec<usize> = (0..part_of.len()).collect();
+        members.sort_by_key(|member| part_of[*member]);
+        for member in members {
+            let part = part_of[member];
+            let mut own = match member.checked_sub(whole) {
+                Some(piece) => split.pieces[piece].clone(),
+                None if split.pieces_of(member as u32).is_some() => continue,
+                None => Piece::whole(member as u32, self.mesh.tets[member]),
+            };
+            let before = own.nodes;
+            own.nodes = before.map(|node| match *owners[node as usize].get_or_insert(part) == part {
+                true => node,
+                false => *copied.entry((part, node)).or_insert_with(|| {
+                    split.copies.push(split.original(node, self.mesh.nodes.len()));
+                    (self.mesh.nodes.len() + split.copies.len() - 1) as u32
+                }),
+            });
+            if member >= whole || own.nodes != before {
+                pieces.push((part, own));
+            }
+        }
+        pieces.sort_by_key(|(_, piece)| piece.tet);
+        pieces
+    }
+
+    /// The parts that are not held: their tetrahedra, and their pieces counted on from these.
+    fn not_held(&self, split: &Split, held: &[Option<usize>]) -> Vec<Vec<usize>> {
         let whole = self.mesh.tets.len();
         let mut nodes = self.mesh.tets.clone();
         for piece in &split.pieces {
@@ -46,11 +122,11 @@ impl Splitter {
                 part.iter().flat_map(|of| nodes[*of]).for_each(|node| holds[node as usize] = true);
             }
             if loose.is_empty() || loose.len() == before {
-                return !loose.is_empty();
+                return loose;
             }
             parts = loose;
         }
-        false
+        Vec::new()
     }
 
     /// Tetrahedra, and after them pieces, joined where they have three nodes of a face in common.

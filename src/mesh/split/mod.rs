@@ -1,7 +1,7 @@
 //! A mesh that is cut across its edges: which pieces each tetrahedron falls into, and which nodes move apart.
 //!
 //! In: a mesh, and the edges that are cut, each at a point of it. Out: the pieces of its tetrahedra with their share of the volume, and the
-//! copies of nodes that they need (`pieces.rs`); whether all of it is held (`hold.rs`); the surface with the cuts in it (`surface.rs`).
+//! copies of nodes that they need (`pieces.rs`); the parts that nothing holds (`hold.rs`); the surface with the cuts in it (`surface.rs`).
 //!
 //! A tetrahedron is divided where its four nodes, joined by the edges that are not cut, fall apart: a corner with three cut edges, or two
 //! pairs with four. Each piece moves with four nodes, the tetrahedron's own on its side and copies of those beyond the cut. Pieces of
@@ -18,5 +18,6 @@ mod surface;
 mod tests;
 
 pub use edges::{CutEdges, edge};
+pub use hold::LoosePart;
 pub use pieces::{Piece, Split, Splitter};
 pub use surface::{CutPoint, CutSurface};

@@ -2,6 +2,7 @@
 
 use super::edges::{CutEdges, edge, share};
 use super::groups::{PAIRS, is_single, pairs};
+use super::hold::LoosePart;
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::surface::sorted_faces;
 use crate::mesh::tet_mesh::{FACES, TetMesh};
@@ -33,6 +34,11 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// A tetrahedron in one piece that moves with these nodes.
+    pub(super) fn whole(tet: u32, nodes: [u32; 4]) -> Piece {
+        Piece { tet, own: [true; 4], shares: [0.25; 4], nodes }
+    }
+
     /// Part of the tetrahedron's volume.
     pub fn volume(&self) -> f64 {
         self.shares.iter().sum()
@@ -42,20 +48,25 @@ impl Piece {
 /// A mesh that has fallen into pieces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Split {
-    /// The pieces of divided tetrahedra, in their order.
+    /// The pieces of divided tetrahedra, in their order, and whole ones that move with copies.
     pub pieces: Vec<Piece>,
     /// The node of which each copy is one.
     pub copies: Vec<u32>,
     /// The first piece of each divided tetrahedron.
-    first: BTreeMap<u32, usize>,
-    /// Whether some part is not held: it has no three held nodes, and hangs on what has them by less than three nodes.
-    pub falls_apart: bool,
+    pub(super) first: BTreeMap<u32, usize>,
+    /// The parts that nothing holds.
+    pub loose: Vec<LoosePart>,
 }
 
 impl Split {
     /// The numbers of a tetrahedron's pieces; `None` of one that is whole.
     pub fn pieces_of(&self, tet: u32) -> Option<Range<usize>> {
         pieces_of(tet, &self.first, &self.pieces)
+    }
+
+    /// Whether a node or a copy belongs to a part that nothing holds.
+    pub fn is_loose(&self, node: u32) -> bool {
+        self.loose.iter().any(|part| part.nodes.binary_search(&node).is_ok())
     }
 
     /// The node of the mesh that a node is, or of which it is a copy, in a mesh of `nodes` nodes.
@@ -136,8 +147,8 @@ impl Splitter {
             }
         }
         let copies = self.copy_nodes(&mut pieces, &first, held);
-        let mut split = Split { pieces, copies, first, falls_apart: false };
-        split.falls_apart = self.falls_apart(&split, held);
+        let mut split = Split { pieces, copies, first, loose: Vec::new() };
+        self.release(&mut split, held);
         split
     }
 

@@ -24,6 +24,13 @@ pub struct CutSurface {
     pub triangles: Vec<[u32; 3]>,
 }
 
+impl CutSurface {
+    /// A node or copy of the piece to which a corner of a triangle belongs, in a mesh of `nodes` nodes.
+    pub fn corner(&self, corner: u32, nodes: usize) -> u32 {
+        (corner as usize).checked_sub(nodes).map_or(corner, |point| self.points[point].nodes[0])
+    }
+}
+
 impl Splitter {
     /// The outer surface of a mesh in pieces with the cuts.
     pub fn surface(&self, split: &Split, cut: &CutEdges) -> CutSurface {
@@ -73,9 +80,9 @@ impl Splitter {
                 polygon.push(points.at([piece.nodes[a], piece.nodes[b]], share));
             };
             match (piece.own[a], piece.own[b]) {
-                (true, true) => polygon.push(piece.nodes[a]),
+                (true, true) => polygon.push(points.corner(piece.nodes[a])),
                 (true, false) => {
-                    polygon.push(piece.nodes[a]);
+                    polygon.push(points.corner(piece.nodes[a]));
                     let share = share(cut, [nodes[a], nodes[b]]);
                     polygon.push(points.at([piece.nodes[a], piece.nodes[b]], share));
                 }
@@ -159,6 +166,11 @@ struct Points {
 }
 
 impl Points {
+    /// The number of a node, or of the point where a copy is.
+    fn corner(&mut self, node: u32) -> u32 {
+        if node < self.base { node } else { self.at([node; 2], 0.0) }
+    }
+
     /// The number of the point between two nodes or copies, at this part of the way from the first.
     fn at(&mut self, [a, b]: [u32; 2], share: f64) -> u32 {
         let point = match a < b {

@@ -1,5 +1,5 @@
 use super::groups::PAIRS;
-use super::{CutEdges, CutPoint, CutSurface, Split, Splitter, edge};
+use super::{CutEdges, CutPoint, CutSurface, LoosePart, Split, Splitter, edge};
 use crate::base::random::Random;
 use crate::mesh::{Block, TetMesh, block};
 use nalgebra::Vector3;
@@ -74,9 +74,9 @@ fn a_plane_divides_a_block() {
     let held = holding(&mesh, &|x| x.x < low.x + 1e-9);
     let split = splitter.split(&cut, &held);
     let surface = splitter.surface(&split, &cut);
-    assert!(split.falls_apart && !split.copies.is_empty());
+    assert!(split.loose.len() == 1 && !split.copies.is_empty());
     let both = holding(&mesh, &|x| x.x < low.x + 1e-9 || x.x > high.x - 1e-9);
-    assert!(!splitter.split(&cut, &both).falls_apart);
+    assert!(splitter.split(&cut, &both).loose.is_empty());
     let beyond = |node: u32| n.dot(&mesh.nodes[node as usize]) > d;
     let mut far = 0.0;
     for (tet, nodes) in mesh.tets.iter().enumerate() {
@@ -149,12 +149,13 @@ fn any_cut_keeps_the_volume() {
         let (volume, open) = enclosed(&splitter, &split, &surface);
         assert!((volume / whole - 1.0).abs() < 1e-12 && open < 1e-14, "{volume} of {whole}, {open:e}");
         assert!(split.pieces.iter().all(|piece| piece.volume() > 0.0));
+        let is_loose = |node: u32| split.loose.iter().any(|part| part.nodes.contains(&node));
         for piece in &split.pieces {
             let of = |node: u32| (node as usize).checked_sub(mesh.nodes.len());
             for (k, node) in piece.nodes.iter().enumerate() {
                 let own = mesh.tets[piece.tet as usize][k];
                 assert_eq!(of(*node).map_or(*node, |copy| split.copies[copy]), own);
-                assert!(!piece.own[k] || *node == own);
+                assert!(!piece.own[k] || *node == own || is_loose(*node));
             }
         }
     }
@@ -215,7 +216,7 @@ fn a_slit_closes_at_its_end() {
     let deep = by_plane(&mesh, n, 0.5 * (low.x + high.x) + 0.004, &|x| x.y > high.y - 0.11);
     let held = holding(&mesh, &|x| x.y < low.y + 1e-9);
     let split = splitter.split(&deep, &held);
-    assert!(!split.falls_apart && split.copies.len() > 4);
+    assert!(split.loose.is_empty() && split.copies.len() > 4);
     // A row of cells below the slit's end keeps its nodes.
     let lowest = split.copies.iter().map(|node| mesh.nodes[*node as usize].y).fold(f64::MAX, f64::min);
     assert!(lowest > high.y - 0.11 - 1e-9, "{lowest}");
@@ -224,7 +225,7 @@ fn a_slit_closes_at_its_end() {
     // A cut beside what is held leaves nothing of the other side there.
     let beside = by_plane(&mesh, n, low.x + 0.02, &|_| true);
     let at_end = holding(&mesh, &|x| x.x < low.x + 1e-9);
-    assert!(splitter.split(&beside, &at_end).falls_apart);
+    assert!(splitter.split(&beside, &at_end).loose.len() == 1);
 }
 
 /// Two control elements that touch, and a cut between them: each holds its own side alone.
@@ -235,7 +236,7 @@ fn what_touching_elements_hold_comes_apart() {
     let cut = by_plane(&mesh, V3::x(), 0.02, &|_| true);
     let held: Vec<Option<usize>> = mesh.nodes.iter().map(|x| Some(usize::from(x.x > 0.02))).collect();
     let split = splitter.split(&cut, &held);
-    assert!(!split.falls_apart && !split.pieces.is_empty());
+    assert!(split.loose.is_empty() && !split.pieces.is_empty());
     for piece in &split.pieces {
         for (own, node) in piece.own.iter().zip(&piece.nodes) {
             assert_eq!(*own, (*node as usize) < mesh.nodes.len());
@@ -248,13 +249,18 @@ fn what_touching_elements_hold_comes_apart() {
 fn a_part_on_an_edge_is_not_held() {
     let nodes =
         [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [1., 1., 1.], [2., 1., 1.], [1., 2., 2.]];
-    let falls_apart = |second: [u32; 4]| {
+    let loose = |second: [u32; 4]| {
         let tets = vec![[0, 1, 2, 3], second];
         let mesh = TetMesh { nodes: nodes.map(V3::from).to_vec(), tets, ..TetMesh::default() };
         let held: Vec<Option<usize>> = (0..nodes.len()).map(|node| (node < 3).then_some(0)).collect();
-        Splitter::new(Arc::new(mesh)).split(&CutEdges::new(), &held).falls_apart
+        Splitter::new(Arc::new(mesh)).split(&CutEdges::new(), &held)
     };
-    assert!(!falls_apart([1, 2, 3, 4]));
-    assert!(falls_apart([2, 3, 4, 5]));
-    assert!(falls_apart([3, 4, 5, 6]));
+    assert!(loose([1, 2, 3, 4]).loose.is_empty());
+    for (second, copies) in [([2, 3, 4, 5], vec![2, 3]), ([3, 4, 5, 6], vec![3])] {
+        let split = loose(second);
+        let own: Vec<u32> =
+            (4..7).filter(|node| second.contains(node)).chain(7..7 + copies.len() as u32).collect();
+        assert_eq!(split.loose, [LoosePart { tets: Vec::new(), pieces: vec![0], nodes: own }]);
+        assert_eq!(split.copies, copies);
+    }
 }

@@ -1,10 +1,10 @@
 //! A tool in a world: its shape, and where a hand or the scene puts it.
 
-use super::shape::Shape;
+use super::tool_place::ToolPlace;
+use super::tool_shape::Shape;
 use crate::base::failure::Failure;
 use crate::render::GhostShape;
 use crate::scene::{Scene, Tool as SceneTool};
-use crate::world::ToolPlace;
 use nalgebra::{Isometry3, UnitQuaternion};
 use std::sync::Arc;
 
@@ -22,12 +22,11 @@ pub struct Tool {
 impl Tool {
     pub fn new(scene: &Scene, name: &str, tool: &SceneTool) -> Result<Tool, Failure> {
         let shape = Shape::new(scene, name, &tool.shape)?;
-        let linear = |byte: u8| (f32::from(byte) / 255.0).powf(2.2);
         Ok(Tool {
             name: name.to_owned(),
             drawn: Arc::new(shape.surface()),
             shape,
-            color: tool.color.0.map(linear),
+            color: tool.color.linear(),
             place: ToolPlace::new(tool),
             stiffness: tool.stiffness,
         })

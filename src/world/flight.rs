@@ -22,7 +22,7 @@ const ITERATIONS: usize = 40;
 
 /// Inertia of a body in the axes of its frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inertia {
+pub struct RigidInertia {
     /// kg.
     pub mass: f64,
     /// The centre of mass about the origin of coordinates, m.
@@ -48,9 +48,9 @@ pub struct Flight {
     pub twist: Twist,
 }
 
-impl Inertia {
+impl RigidInertia {
     /// Inertia from XᵀMX of the twelve affine fields X; `None` without mass.
-    pub fn of_whole(whole: &DMatrix<f64>) -> Option<Inertia> {
+    pub fn of_whole(whole: &DMatrix<f64>) -> Option<RigidInertia> {
         let mass = whole[(0, 0)];
         if mass.is_nan() || mass <= 0.0 {
             return None;
@@ -59,7 +59,7 @@ impl Inertia {
         let centre = Vector3::from_fn(|i, _| whole[(0, 3 + i)]) / mass;
         let second = Matrix3::from_fn(|i, j| whole[(3 + i, 3 + j)]) - centre * centre.transpose() * mass;
         let moments = Matrix3::from_diagonal_element(second.trace()) - second;
-        Some(Inertia { mass, centre, moments })
+        Some(RigidInertia { mass, centre, moments })
     }
 
     /// The step of a body with this velocity under a force and a torque about its centre of mass, both constant in space.
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     /// A book: its moments differ, and about the middle one it tumbles.
-    const BOOK: Inertia = Inertia {
+    const BOOK: RigidInertia = RigidInertia {
         mass: 2.0,
         centre: Vector3::new(0.0, 0.0, 0.0),
         moments: Matrix3::new(1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.7),

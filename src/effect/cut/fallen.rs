@@ -1,0 +1,202 @@
+//! Pieces that have fallen off a body. They are rigid: what nothing holds is not strained.
+//!
+//! In: a loose part of a cut mesh, and where its nodes were. Out: its surface, mass and moments, and its motion from frame to frame, under
+//! gravity and against tools ([`super::landing`]). A piece starts at rest where it comes off, as all of a body without `dynamics` is at
+//! rest in every frame.
+
+use super::landing::{Motion, Obstacle, Solid};
+use super::loose::shares;
+use super::opened::Cuttable;
+use crate::mesh::split::{CutEdges, CutPoint, CutSurface, LoosePart, Split};
+use crate::render::GhostShape;
+use crate::scene::CREASE;
+use crate::world::flight::RigidInertia;
+use nalgebra::{Isometry3, Matrix3, Point3, Similarity3, UnitQuaternion, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+type V3 = Vector3<f64>;
+
+/// Weight of the turn of the body's axes against that of the nodes, where these leave the turn open.
+const AXES: f64 = 1e-6;
+/// The longest step in which a piece moves, s: after a pause it goes on where it was.
+const LONGEST_S: f64 = 0.1;
+
+/// A piece that has fallen off.
+pub struct Fallen {
+    /// Its nodes of the mesh, ascending; it is known by the first.
+    pub nodes: Vec<u32>,
+    drawn: Arc<GhostShape>,
+    /// Rest place of its middle about the body's centre, m.
+    middle: V3,
+    solid: Solid,
+    pub motion: Motion,
+}
+
+/// What moves pieces in a frame.
+pub struct Falling<'a> {
+    pub dt_s: f64,
+    /// Acceleration in the room, m/s²; `None` where the body has no gravity, and what comes off stays where it is.
+    pub gravity: Option<V3>,
+    /// Size of the body in the room against its own.
+    pub scale: f64,
+    pub obstacles: &'a [Obstacle<'a>],
+}
+
+/// The parts that have come loose since an earlier state of a body: none of their nodes was loose then.
+fn newly_loose<'a>(before: &Split, after: &'a Split, nodes: usize) -> Vec<&'a LoosePart> {
+    let was_loose = |part: &LoosePart| {
+        part.nodes.iter().filter(|node| (**node as usize) < nodes).any(|node| before.is_loose(*node))
+    };
+    after.loose.iter().filter(|part| !was_loose(part)).collect()
+}
+
+impl Fallen {
+    /// The pieces that a cut body has beyond those of an earlier cut, at rest where its mesh is.
+    pub fn all(of: &Cuttable, (split, cut): (&Split, &CutEdges), before: &Split) -> Vec<Fallen> {
+        let parts = newly_loose(before, split, of.splitter.mesh.nodes.len());
+        if parts.is_empty() {
+            return Vec::new();
+        }
+        let surface = of.splitter.surface(split, cut);
+        parts.iter().map(|part| Fallen::new(of, split, &surface, part)).collect()
+    }
+
+    fn new(of: &Cuttable, split: &Split, surface: &CutSurface, part: &LoosePart) -> Fallen {
+        let count = of.splitter.mesh.nodes.len();
+        let has = |corners: &&[u32; 3]| part.nodes.binary_search(&surface.corner(corners[0], count)).is_ok();
+        let place = |corner: u32| match (corner as usize).checked_sub(count) {
+            None => of.splitter.mesh.nodes[corner as usize] - of.centre,
+            Some(point) => {
+                let CutPoint { nodes, share } = surface.points[point];
+                let [a, b] = nodes.map(|node| of.splitter.place(split, node));
+                a.lerp(&b, share) - of.centre
+            }
+        };
+        let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
+        let mut corners = Vec::new();
+        let mut number = |corner: u32| {
+            *numbers.entry(corner).or_insert_with(|| {
+                corners.push(place(corner));
+                corners.len() as u32 - 1
+            })
+        };
+        let triangles: Vec<[u32; 3]> =
+            surface.triangles.iter().filter(has).map(|corners| corners.map(&mut number)).collect();
+        let mass: f64 = shares(split, part).map(|(tet, own)| of.mass(tet) * own.iter().sum::<f64>()).sum();
+        let (middle, inertia) = inertia_of(&corners, &triangles, mass);
+        corners.iter_mut().for_each(|x| *x -= middle);
+        let drawn = Arc::new(shape(&corners, &triangles));
+        let motion = Motion::at_rest(Isometry3::translation(middle.x, middle.y, middle.z));
+        let nodes = part.nodes.iter().copied().filter(|node| (*node as usize) < count).collect();
+        Fallen { nodes, drawn, middle, solid: Solid { corners, inertia }, motion }
+    }
+
+    pub fn node(&self) -> u32 {
+        self.nodes.first().copied().unwrap_or(u32::MAX)
+    }
+
+    /// Puts the piece to where these places of its nodes were, by the rigid motion that fits best; about the body's centre, and in the
+    /// room.
+    pub fn put(&mut self, places: &[(V3, V3)], room_from_columns: &Similarity3<f64>) {
+        let scale = room_from_columns.scaling();
+        let count = places.len().max(1) as f64;
+        let rest = places.iter().map(|(x, _)| x).sum::<V3>() / count;
+        let room = places.iter().map(|(_, y)| y / scale).sum::<V3>() / count;
+        let axes = room_from_columns.isometry.rotation;
+        let spread: Matrix3<f64> =
+            places.iter().map(|(x, y)| (y / scale - room) * (x - rest).transpose()).sum();
+        let part = AXES * spread.norm().max(f64::MIN_POSITIVE);
+        let turn = UnitQuaternion::from_matrix_eps(
+            &nearest_turn(&(spread + axes.to_rotation_matrix().matrix() * part)),
+            1e-15,
+            100,
+            axes,
+        );
+        let place = match places.is_empty() {
+            true => (room_from_columns * Point3::from(self.middle)).coords / scale,
+            false => room + turn * (self.middle - rest),
+        };
+        self.motion = Motion::at_rest(Isometry3::from_parts(place.into(), turn));
+    }
+
+    /// Moves it on by a frame.
+    pub fn fall(&mut self, falling: &Falling<'_>) {
+        let (Some(gravity), dt_s) = (falling.gravity, falling.dt_s.min(LONGEST_S)) else { return };
+        if self.solid.inertia.is_some() && dt_s > 0.0 {
+            let after = self.solid.moved(&self.motion, &gravity, (falling.obstacles, falling.scale), dt_s);
+            if after.pose.translation.vector.iter().chain(after.spin.iter()).all(|x| x.is_finite()) {
+                self.motion = after;
+            }
+        }
+    }
+
+    /// Its surface, and room_from_shape.
+    pub fn drawn(&self, scale: f64) -> (Arc<GhostShape>, nalgebra::Matrix4<f32>) {
+        let Isometry3 { translation, rotation } = self.motion.pose;
+        let room_from_shape = Similarity3::from_parts((translation.vector * scale).into(), rotation, scale);
+        (self.drawn.clone(), room_from_shape.to_homogeneous().cast())
+    }
+}
+
+/// The rotation next to a matrix.
+fn nearest_turn(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    let svd = matrix.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
+    // The singular values stand in no order: the least one belongs to the direction that is turned over.
+    let mut signs = V3::repeat(1.0);
+    signs[svd.singular_values.imin()] = (u * v_t).determinant().signum();
+    u * Matrix3::from_diagonal(&signs) * v_t
+}
+
+/// The middle of a closed surface, and the inertia of a body of this mass that fills it evenly, about its middle; `None` without mass or
+/// volume. Integrals over tetrahedra from the origin: ∫ x xᵀ dV = V/20 (Σ x_i x_iᵀ + s sᵀ), s = Σ x_i.
+fn inertia_of(corners: &[V3], triangles: &[[u32; 3]], mass: f64) -> (V3, Option<RigidInertia>) {
+    let start = corners.first().copied().unwrap_or_default();
+    let (mut volume, mut first, mut second) = (0.0, V3::zeros(), Matrix3::zeros());
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|corner| corners[corner as usize] - start);
+        let own = a.cross(&b).dot(&c) / 6.0;
+        let sum = a + b + c;
+        volume += own;
+        first += sum * (own / 4.0);
+        let squares = a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose();
+        second += squares * (own / 20.0);
+    }
+    if volume.is_nan() || volume <= 0.0 {
+        return (start, None);
+    }
+    let middle = first / volume;
+    let density = mass / volume;
+    let spread = (second - middle * middle.transpose() * volume) * density;
+    let moments = Matrix3::from_diagonal_element(spread.trace()) - spread;
+    let inertia = RigidInertia { mass, centre: V3::zeros(), moments };
+    (start + middle, Some(inertia).filter(|inertia| inertia.mass > 0.0 && moments.try_inverse().is_some()))
+}
+
+/// The surface as it is drawn: smooth, but for edges that are folded sharply.
+fn shape(corners: &[V3], triangles: &[[u32; 3]]) -> GhostShape {
+    let normal = |[a, b, c]: [u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|corner| corners[corner as usize]);
+        (b - a).cross(&(c - a))
+    };
+    let mut around: Vec<Vec<V3>> = vec![Vec::new(); corners.len()];
+    for triangle in triangles {
+        triangle.iter().for_each(|corner| around[*corner as usize].push(normal(*triangle)));
+    }
+    let least = CREASE.to_radians().cos();
+    let mut shape = GhostShape { positions: Vec::new(), normals: Vec::new(), triangles: Vec::new() };
+    for triangle in triangles {
+        let own = normal(*triangle);
+        let first = shape.positions.len() as u32;
+        for corner in triangle {
+            let is_smooth = |other: &&V3| other.dot(&own) >= least * other.norm() * own.norm();
+            let sum: V3 = around[*corner as usize].iter().filter(is_smooth).sum();
+            let smooth = sum.try_normalize(0.0).unwrap_or_else(V3::y);
+            shape.positions.push(corners[*corner as usize].cast::<f32>().into());
+            shape.normals.push(smooth.cast::<f32>().into());
+        }
+        shape.triangles.push([first, first + 1, first + 2]);
+    }
+    shape
+}
