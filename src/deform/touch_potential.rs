@@ -15,6 +15,9 @@
 //! ([`soften`](TouchPotential::soften)), which is part of W as J Γ Jᵀ, J the motion of the points by that of the tool: then the forces,
 //! not an iteration beside them, know where a point lifts off.
 //!
+//! Where a body breaks, as under a blade, f_n is at most a limit: farther in, the force stays the same, and the energy grows by limit times
+//! way. Every frame begins anew at the place to which it has come.
+//!
 //! [`respond`](TouchPotential::respond) allocates nothing: it begins with the forces that follow linearly while each contact stays as it
 //! is, and sweeps over the contacts. Contacts beyond [`MOST_POINTS`] are merged with their neighbours, which makes the touch softer,
 //! never stiffer: the energy is the greatest of all forces' (Castigliano), and fewer forces are left to choose from.
@@ -53,6 +56,8 @@ pub struct TouchPoint {
     pub force: V3,
     /// Distance to the tool, m; 0 or less where they touch.
     pub gap: f64,
+    /// Normal force at which the body yields without more, N; infinite where nothing breaks.
+    pub limit: f64,
 }
 
 /// The contacts of the tool of one stylus.
@@ -157,6 +162,13 @@ impl TouchPotential {
                 let more = self.motion_of(i) * spring * self.motion_of(j).transpose();
                 self.compliance[i * n + j] += more;
             }
+        }
+        if self.points.iter().any(|point| point.limit.is_finite()) {
+            // What yields has the force of the frame through any spring.
+            for i in 0..n {
+                self.free[i] = V3::x() * self.free[i].x.max(0.0) - self.yields(i, &self.forces);
+            }
+            return self.linearise();
         }
         let w = DMatrix::from_fn(3 * n, 3 * n, |r, c| {
             0.5 * (self.block(r / 3, c / 3)[(r % 3, c % 3)] + self.block(c / 3, r / 3)[(c % 3, r % 3)])
@@ -264,7 +276,7 @@ impl TouchPotential {
             largest = largest.max(free[i].norm());
             if self.is_pressed(i) {
                 let predicted = self.forces[i] + self.slopes[i] * motion;
-                let normal = predicted.x.max(0.0);
+                let normal = predicted.x.clamp(0.0, point.limit);
                 let tangent = within(&Vector2::new(predicted.y, predicted.z), point.friction * normal);
                 forces[i] = V3::new(normal, tangent.x, tangent.y);
             }
@@ -275,6 +287,7 @@ impl TouchPotential {
                 let (own, old) = (self.block(i, i), forces[i]);
                 let without = free[i] + self.yields(i, &forces[..n]) - own * old;
                 forces[i] = single(own, &without, self.points[i].friction, &old);
+                forces[i].x = forces[i].x.min(self.points[i].limit);
                 change = change.max((own * (forces[i] - old)).norm());
             }
             if change <= NEAR * largest {
@@ -284,7 +297,11 @@ impl TouchPotential {
         let mut response = TouchResponse { energy: 0.0, force: V3::zeros(), torque: V3::zeros() };
         for (i, point) in self.points.iter().enumerate() {
             let on_tool = -(point.axes * forces[i]);
-            response.energy += 0.5 * forces[i].dot(&self.yields(i, &forces[..n]));
+            let yielded = self.yields(i, &forces[..n]);
+            response.energy += 0.5 * forces[i].dot(&yielded);
+            if forces[i].x >= point.limit {
+                response.energy += point.limit * (-(free[i].x + yielded.x)).max(0.0);
+            }
             response.force += on_tool;
             response.torque += (turn * point.arm).cross(&on_tool);
         }
@@ -357,6 +374,7 @@ fn merged(points: &[TouchPoint], members: &[(usize, f64)]) -> TouchPoint {
         friction: members.iter().map(|(i, _)| points[*i].friction).fold(f64::INFINITY, f64::min),
         force: members.iter().map(|(i, _)| points[*i].force).sum(),
         gap: members.iter().map(|(i, _)| points[*i].gap).fold(f64::INFINITY, f64::min),
+        limit: members.iter().map(|(i, _)| points[*i].limit).sum(),
     }
 }
 
@@ -384,7 +402,14 @@ mod tests {
         };
         // Unloaded and just touching, then pressed: its response gives the forces of a pressed frame.
         let down = contact_axes(&-V3::y());
-        let point = |i| TouchPoint { arm: place(i), axes: down, friction, force: V3::zeros(), gap: 0.0 };
+        let point = |i| TouchPoint {
+            arm: place(i),
+            axes: down,
+            friction,
+            force: V3::zeros(),
+            gap: 0.0,
+            limit: f64::INFINITY,
+        };
         let points: Vec<TouchPoint> = (0..count).map(point).collect();
         let at = (0, Isometry3::identity(), Isometry3::identity());
         let just = TouchPotential::new(at, &points, &compliance);
@@ -402,6 +427,35 @@ mod tests {
         let f = w.cholesky().unwrap().solve(&DMatrix::from_element(n, 1, depth));
         assert!(f.iter().all(|f| *f > 0.0), "{f}");
         f.iter().map(|f| V3::x() * *f).collect()
+    }
+
+    /// What yields at 2 N: pressed by the frame up to there, the force stays at 2 N farther in and falls where the tool goes back; it is the
+    /// slope of the energy, through the spring of a softened touch as well.
+    #[test]
+    fn what_breaks_gives_no_more_force() {
+        let (limit, length) = (2.0, 5e-3);
+        let point = TouchPoint {
+            arm: V3::zeros(),
+            axes: contact_axes(&-V3::y()),
+            friction: 0.0,
+            force: V3::y() * -limit,
+            gap: 0.0,
+            limit,
+        };
+        let at = (0, Isometry3::identity(), Isometry3::identity());
+        let plain = TouchPotential::new(at, &[point], &|_, _| Matrix3::identity() * (length / limit));
+        let mut soft = plain.clone();
+        soft.soften(&(Matrix6::identity() * (length / limit)), 2.0);
+        for (touch, length) in [(plain, length), (soft, 2.0 * length)] {
+            let at = |depth: f64| touch.respond(&Isometry3::translation(0.0, -depth, 0.0));
+            for (depth, part) in [(-2.0, 0.0), (-0.5, 0.5), (0.0, 1.0), (0.3, 1.0), (4.0, 1.0)] {
+                let force = at(depth * length).force.y;
+                assert!((force - part * limit).abs() < 1e-12, "{depth}: {force} N");
+                let step = 1e-6;
+                let [less, more] = [-step, step].map(|step| at(depth * length + step).energy);
+                assert!(((more - less) / (2.0 * step) - force).abs() < 1e-3, "{depth}: {less} J, {more} J");
+            }
+        }
     }
 
     #[test]
@@ -462,6 +516,7 @@ mod tests {
             friction: 0.0,
             force: V3::zeros(),
             gap: 1e-3,
+            limit: f64::INFINITY,
         };
         let at = (0, Isometry3::identity(), Isometry3::identity());
         let near = TouchPotential::new(at, &[ahead], &|_, _| Matrix3::identity() / 200.0);

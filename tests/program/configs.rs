@@ -84,6 +84,7 @@ fn scripts() {
             "press.toml",
             "pull.toml",
             "raise.toml",
+            "resect.toml",
             "rub.toml",
             "stylus.toml",
             "two-hands.toml",
@@ -102,6 +103,7 @@ fn scripts() {
         ("press.toml", 5.0, 0),
         ("pull.toml", 6.5, 1),
         ("raise.toml", 5.0, 2),
+        ("resect.toml", 4.0, 0),
         ("rub.toml", 5.5, 1),
         ("two-hands.toml", 8.5, 2),
     ] {
@@ -291,6 +293,7 @@ fn scenes() {
             "models.toml",
             "pluck.toml",
             "press.toml",
+            "resect.toml",
             "rub.toml",
             "steel-bar.toml",
             "stylus.toml",

@@ -126,6 +126,7 @@ impl Felt {
                     friction: body.friction,
                     force: contact.force_in_room(bodies),
                     gap,
+                    limit: f64::INFINITY,
                 }
             })
             .collect();

@@ -36,6 +36,11 @@ impl Blade {
         })
     }
 
+    /// Length of its edge, m.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
     /// Both ends of its edge in the room.
     pub fn edge(&self, pose: &Isometry3<f64>) -> [V3; 2] {
         [0.0, self.length].map(|z| (pose * Point3::new(0.0, 0.0, z)).coords)
@@ -82,6 +87,11 @@ impl Sweep {
         let all = self.from.iter().chain(&self.to);
         let start = [self.from[0]; 2];
         all.fold(start, |[low, high], x| [low.inf(x), high.sup(x)])
+    }
+
+    /// Motion of the middle of the edge.
+    pub fn moved(&self) -> V3 {
+        (self.to[0] + self.to[1] - self.from[0] - self.from[1]) * 0.5
     }
 
     pub fn is_still(&self) -> bool {

@@ -450,6 +450,48 @@ fn bodies_that_cannot_be_cut_are_refused() {
     assert!(scene.unwrap_err().to_string().contains("nothing cuts the body"));
 }
 
+/// A block of 0.1 m × 0.06 m with a toughness of 100 J/m² that is cut in two: 0.6 J, with 6 N in the middle. A slit that is passed again takes
+/// no force.
+#[test]
+fn cutting_takes_toughness_times_area() {
+    let text = text(BOTH, "effect.cut = { toughness = 100.0 }", "").replace("[9, 4, 3]", "[17, 8, 6]");
+    let scene = parsed(&text).unwrap();
+    let mut operated = Operated::new(&scene, &file(&scene));
+    let resistance = |operated: &Operated| -> [f64; 3] {
+        let memory = operated.world.effects[0].memory().unwrap();
+        let memory: serde_json::Value = serde_json::from_str(memory.get()).unwrap();
+        ["due", "done", "limit"].map(|name| memory["bodies"][0]["resistances"][0][name].as_f64().unwrap())
+    };
+    let shown = |operated: &Operated| {
+        let plates =
+            operated.world.frame.drawables.iter().filter(|drawable| matches!(drawable, Drawable::Plate(_)));
+        plates.count()
+    };
+    let [above, middle, below] = [0.08, -0.03, -0.08].map(|y| V3::new(0.011, y, -0.1));
+    let mut forces = Vec::new();
+    for k in 0..110 {
+        operated.put(above.lerp(&middle, f64::from(k) / 110.0));
+        forces.push(resistance(&operated)[2]);
+    }
+    assert!(shown(&operated) > 0);
+    let late = &forces[60..];
+    let mean = late.iter().sum::<f64>() / late.len() as f64;
+    let (least, most) =
+        late.iter().fold((f64::MAX, 0.0_f64), |(least, most), f| (least.min(*f), most.max(*f)));
+    println!("{mean} N of 6 N, {least} to {most} N");
+    assert!((mean / 6.0 - 1.0).abs() < 0.2 && least > 3.0 && most < 12.0, "{mean}: {least} to {most}");
+    let before = resistance(&operated);
+    operated.pass(middle, above, 20);
+    assert_eq!(shown(&operated), 0);
+    operated.pass(above, middle, 20);
+    assert_eq!(resistance(&operated)[1], before[1]);
+    operated.pass(middle, below, 80);
+    let [due, done, _] = resistance(&operated);
+    println!("{done} J, {due} J are due, of 0.6 J");
+    assert!((due + done - 0.6).abs() < 1e-7 && due < 0.03, "{due} J, {done} J");
+    assert!(operated.world.effects[0].summary().contains("J of work"));
+}
+
 /// Gravity on a block that is cut in two beside its middle: each end carries the weight of its half, about the half's own centre of mass.
 #[test]
 fn each_end_carries_the_weight_of_its_half() {

@@ -5,11 +5,12 @@ use super::fallen::{Fallen, Falling};
 use super::landing::Motion;
 use super::opened::{Cuttable, Moved, Shape, Tables};
 use super::opening::{CutStep, Opening, State, Whole};
+use super::resistance::{Passed, Resistance};
 use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
 use crate::mesh::split::{CutEdges, Split};
 use crate::world::World;
-use nalgebra::{Point3, Similarity3, Vector3};
+use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -41,6 +42,12 @@ pub struct CutBody {
     undone: Vec<CutStep>,
     /// Pieces that have fallen off.
     fallen: Vec<Fallen>,
+    pub is_felt: bool,
+    /// Toughness, J/m², where the force of cutting is asked for, and the mean length of the mesh's edges, m.
+    toughness: f64,
+    length: f64,
+    /// Of each blade, where cutting takes force.
+    pub resistances: Vec<Resistance>,
     /// Shape in the last frame.
     seen: Option<Seen>,
     /// Places of all nodes in a shape, and the motion with which they were found.
@@ -78,6 +85,7 @@ pub struct BodyMemory {
     strokes: Vec<usize>,
     undone: Vec<CutStep>,
     fallen: Vec<Piece>,
+    resistances: Vec<Resistance>,
     seen: Option<Seen>,
 }
 
@@ -99,7 +107,13 @@ struct Begun {
 }
 
 impl CutBody {
-    pub fn new(b: usize, name: &str, file: Arc<GreenFile>) -> Result<CutBody, String> {
+    /// A body of this toughness, J/m², that so many blades cut, and whether hands with a force device feel it.
+    pub fn new(
+        b: usize,
+        name: &str,
+        file: Arc<GreenFile>,
+        (toughness, blades, is_felt): (f64, usize, bool),
+    ) -> Result<CutBody, String> {
         let meta = file.meta.bodies.get(name).ok_or("the file does not have it")?;
         let names: Vec<&str> = meta.controls.iter().map(|control| control.name.as_str()).collect();
         let volume = Volume::read(&|table| file.table(name, table), names.len())?;
@@ -113,9 +127,17 @@ impl CutBody {
         let cuttable = Arc::new(Cuttable::new(volume, &names, V3::from(meta.centre), tables)?);
         let whole = Whole { name: name.to_owned(), file, cuttable };
         let state = whole.state()?;
+        let edges = whole.cuttable.edges();
+        let nodes = &whole.cuttable.splitter.mesh.nodes;
+        let long = |[a, b]: &[u32; 2]| (nodes[*a as usize] - nodes[*b as usize]).norm();
+        let length = edges.iter().map(long).sum::<f64>() / edges.len().max(1) as f64;
         Ok(CutBody {
             b,
-            edges: whole.cuttable.edges(),
+            edges,
+            toughness,
+            length,
+            is_felt,
+            resistances: vec![Resistance::default(); if toughness > 0.0 { blades } else { 0 }],
             shown: state.moved.clone(),
             pressed: Vec::new(),
             state,
@@ -175,26 +197,66 @@ impl CutBody {
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
-    /// Cuts what blades have passed through since the last frame. The error says what of it stays uncut, and why.
-    pub fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<(), String> {
+    /// Cuts what blades have passed through since the last frame; what each of them has done. The error says why nothing is cut.
+    pub fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<Vec<Passed>, String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
         if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
-            return Ok(());
+            return Ok(vec![Passed::default(); sweeps.len()]);
         }
         let from = self.places(&before)?;
         let to = if before == now { from.clone() } else { self.places(&now)? };
         self.placed = Some((now, self.state.moved.clone(), to.clone()));
         let mut cut = std::mem::take(&mut self.cut);
+        let mut all = Vec::new();
         for sweep in sweeps {
+            let mut passed = Passed::default();
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
-                let has_fallen = self.state.split.is_loose(edge[0]);
-                if !has_fallen && self.add(edge, share, &mut cut) {
+                if self.state.split.is_loose(edge[0]) {
+                    continue;
+                }
+                let before = self.area_around(edge, &cut);
+                if self.add(edge, share, &mut cut) {
                     self.more.push((edge, share));
+                    passed.area += self.area_around(edge, &cut) - before;
+                    passed.places += to[edge[0] as usize].lerp(&to[edge[1] as usize], share);
+                    passed.count += 1;
                 }
             }
+            all.push(passed);
         }
         self.cut = cut;
-        Ok(())
+        Ok(all)
+    }
+
+    /// Area of the cuts through the tetrahedra around an edge, m², where cutting takes force.
+    fn area_around(&self, edge: [u32; 2], cut: &CutEdges) -> f64 {
+        let splitter = &self.whole.cuttable.splitter;
+        let around = splitter.tets_around(edge[0]).iter().filter(|_| self.toughness > 0.0);
+        around.map(|tet| splitter.cut_area(*tet, cut)).sum()
+    }
+
+    /// Takes what a blade has done in a frame in which it moved by so much in the room, and how to come from there to its axes.
+    pub fn resist(
+        &mut self,
+        blade: usize,
+        passed: &Passed,
+        moved: &V3,
+        room_from_blade: &Isometry3<f64>,
+        scale: f64,
+    ) {
+        let Some(resistance) = self.resistances.get_mut(blade) else { return };
+        let place = (passed.count > 0).then(|| Point3::from(passed.places / passed.count as f64));
+        let at = place.map(|place| room_from_blade.inverse_transform_point(&place).coords);
+        resistance.step(self.toughness * passed.area, at, &(moved / scale), self.length);
+    }
+
+    /// Mean length of the edges of the mesh, m.
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    pub fn toughness(&self) -> f64 {
+        self.toughness
     }
 
     /// Takes the step that was worked out, if this is its frame. The error says what stays uncut, and why.
@@ -338,6 +400,7 @@ impl CutBody {
                 .iter()
                 .map(|piece| Piece { node: piece.node(), motion: piece.motion })
                 .collect(),
+            resistances: self.resistances.clone(),
             seen: self.seen.clone(),
         }
     }
@@ -345,6 +408,10 @@ impl CutBody {
     /// Goes on from a memory. After an error the body is whole.
     pub fn restore(&mut self, memory: BodyMemory) -> Result<(), String> {
         self.seen.clone_from(&memory.seen);
+        if memory.resistances.len() != self.resistances.len() {
+            return Err(format!("body.{}: its cuts take another toughness", self.whole.name));
+        }
+        self.resistances.clone_from(&memory.resistances);
         if memory == self.remember() {
             return Ok(());
         }

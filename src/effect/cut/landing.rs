@@ -304,7 +304,7 @@ mod tests {
             let way = (gone.pose.translation.vector - lying(tilt).pose.translation.vector).norm();
             let expected = 0.5 * 9.81 * (tilt.sin() - friction * tilt.cos()).max(0.0) * 4.0;
             println!("{beyond}°: slid by {way} m of {expected} m");
-            assert!((way - expected).abs() < 0.01 * expected + 2e-5, "{beyond}°: {way} m of {expected} m");
+            assert!((way - expected).abs() < 0.01 * expected + 5e-6, "{beyond}°: {way} m of {expected} m");
             assert_eq!(expected == 0.0, stays);
         }
     }
@@ -318,15 +318,15 @@ mod tests {
         let height = lies.pose.translation.y;
         println!("lies {height} m high, at {} m/s and {} rad/s", lies.velocity.norm(), lies.spin.norm());
         let off = [0.05, 0.1].map(|half: f64| (height - half).abs()).into_iter().fold(f64::MAX, f64::min);
-        assert!(off < 2e-4 && lies.velocity.norm() < 1e-6 && lies.spin.norm() < 1e-5, "{lies:?}");
+        assert!(off < 5e-7 && lies.velocity.norm() < 4e-8 && lies.spin.norm() < 6e-7, "{lies:?}");
         for speed in [V3::new(0.3, 0.0, 0.1), V3::new(0.0, 0.4, 0.0)] {
             let carried = after(120, 0.0, 0.5, lying(0.0), speed);
             let moved = carried.pose.translation.vector - lying(0.0).pose.translation.vector;
-            println!("carried by {moved:?}");
-            assert!(
-                (moved - speed * 2.0).norm() < 0.03 && (carried.velocity - speed).norm() < 1e-6,
-                "{moved}"
-            );
+            // Friction takes it to the platform's speed within a time of v/(μ g).
+            let along = V3::new(speed.x, 0.0, speed.z);
+            let expected = speed * 2.0 - along * (along.norm() / (2.0 * 0.5 * 9.81));
+            println!("carried by {moved:?}, {expected:?}");
+            assert!((moved - expected).norm() < 2e-3 && (carried.velocity - speed).norm() < 1e-6, "{moved}");
         }
     }
 

@@ -17,8 +17,10 @@ mod loose;
 mod opened;
 mod opening;
 mod point_fields;
+mod resistance;
 mod running;
 mod settings;
+mod shown;
 mod solves;
 mod system;
 #[cfg(test)]
@@ -34,6 +36,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS, VOLUME],
     needs_inside: true,
     is_cut: true,
+    settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
     attach: Some(running::attach),
     ..EffectEntry::NOTHING

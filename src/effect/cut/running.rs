@@ -4,8 +4,11 @@ use super::blade::{Blade, Sweep};
 use super::body::{BodyMemory, CutBody, Seen};
 use super::fallen::Falling;
 use super::landing::Obstacle;
-use super::settings::NAME;
+use super::resistance::Resistance;
+use super::settings::{NAME, Settings};
+use super::shown;
 use crate::base::failure::Failure;
+use crate::base::quantity::quantity;
 use crate::deform::Contribution;
 use crate::effect::entry::{EffectInput, ResolvedBody};
 use crate::green::GreenFile;
@@ -13,7 +16,7 @@ use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
 use crate::world::tool::Tool;
-use crate::world::{Frame, PlacedBody, RunningEffect, World};
+use crate::world::{BodyFrame, Frame, PlacedBody, RunningEffect, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -74,8 +77,11 @@ pub fn attach(
     let mut bodies = Vec::new();
     for &(b, name) in &listed.bodies {
         let file = world.bodies[b].deformer.file().clone();
+        let resolved = &listed.scene.bodies[name];
+        let toughness = Settings::of(resolved).toughness;
+        let is_felt = resolved.entries().any(|effect| effect.is_felt);
         let wrong = |message: String| Failure::request(anyhow::anyhow!("body.{name}: {message}"));
-        bodies.push(CutBody::new(b, name, file).map_err(wrong)?);
+        bodies.push(CutBody::new(b, name, file, (toughness, blades.len(), is_felt)).map_err(wrong)?);
     }
     let mut tools = Vec::new();
     for (name, tool) in listed.scene.tool.iter().filter(|(_, tool)| !tool.shape.is_blade()) {
@@ -170,9 +176,10 @@ impl RunningEffect for Cuts {
         self.warnings.clear();
         let poses: Vec<_> = self.blades.iter().map(|blade| blade.place.pose(world)).collect();
         let mut sweeps = Vec::new();
-        for ((blade, last), now) in self.blades.iter().zip(&self.last).zip(&poses) {
+        for (number, (blade, (last, now))) in self.blades.iter().zip(self.last.iter().zip(&poses)).enumerate()
+        {
             let Some((last, now)) = last.as_ref().zip(now.as_ref()) else { continue };
-            sweeps.push(Sweep { from: blade.edge(last), to: blade.edge(now) });
+            sweeps.push((number, *now, Sweep { from: blade.edge(last), to: blade.edge(now) }));
         }
         self.last = poses;
         self.let_fall(world);
@@ -181,8 +188,18 @@ impl RunningEffect for Cuts {
         let is_over = self.quiet == QUIET && self.bodies.iter().all(CutBody::is_idle);
         for ((body, now), arrived) in self.bodies.iter_mut().zip(shapes).zip(arrived) {
             let placed = &world.bodies[body.b];
-            let near: Vec<Sweep> = sweeps.iter().copied().filter(|sweep| is_near(sweep, placed)).collect();
-            for message in [arrived, body.pass(&near, now)].into_iter().filter_map(Result::err) {
+            let near: Vec<_> = sweeps.iter().filter(|(.., sweep)| is_near(sweep, placed)).collect();
+            let ways: Vec<Sweep> = near.iter().map(|(.., sweep)| *sweep).collect();
+            let passed = body.pass(&ways, now);
+            for blade in 0..body.resistances.len() {
+                match near.iter().zip(passed.iter().flatten()).find(|((number, ..), _)| *number == blade) {
+                    Some(((_, pose, sweep), passed)) => {
+                        body.resist(blade, passed, &sweep.moved(), pose, placed.room_from_body.scaling());
+                    }
+                    None => body.resistances[blade].leave(),
+                }
+            }
+            for message in [arrived, passed.map(drop)].into_iter().filter_map(Result::err) {
                 let name = &body.whole.name;
                 self.warnings.push(format!("body.{name}: what a blade passes here stays uncut: {message}"));
             }
@@ -215,6 +232,16 @@ impl RunningEffect for Cuts {
         self.bodies.iter_mut().filter_map(CutBody::remade).collect()
     }
 
+    fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
+        for body in self.bodies.iter().filter(|body| body.is_felt) {
+            let scale = world.bodies[body.b].room_from_body.scaling();
+            for carried in shown::carried(&self.blades, world) {
+                let Some(resistance) = body.resistances.get(carried.0) else { continue };
+                bodies[body.b].touches.push(shown::touch(body, resistance, carried, scale));
+            }
+        }
+    }
+
     fn show(&mut self, world: &World, frame: &mut Frame) {
         frame.warnings.append(&mut self.warnings);
         let now_s = *world.graph.get(world.fields.time);
@@ -232,9 +259,10 @@ impl RunningEffect for Cuts {
                 frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
             }
         }
-        for (blade, pose) in self.blades.iter().zip(&self.last) {
+        for (number, (blade, pose)) in self.blades.iter().zip(&self.last).enumerate() {
             let Some(pose) = pose else { continue };
             blade.place.hide_pen(world, frame);
+            shown::force(&self.bodies, (number, blade, pose), world, frame);
             let (shape, color) = (blade.drawn.clone(), blade.color);
             let room_from_shape = pose.to_homogeneous().cast();
             frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
@@ -245,13 +273,19 @@ impl RunningEffect for Cuts {
         let of = |body: &CutBody| {
             let (copies, error) = body.state.outcome?;
             let (name, edges) = (&body.whole.name, body.state.cut.len());
+            let work: f64 = body.resistances.iter().map(Resistance::work).sum();
+            let work = if body.toughness() > 0.0 {
+                format!(", {} of work", quantity(work, "J"))
+            } else {
+                String::new()
+            };
             let fallen = match body.fallen().len() {
                 0 => String::new(),
                 1 => ", 1 piece has fallen off".to_owned(),
                 pieces => format!(", {pieces} pieces have fallen off"),
             };
             Some(format!(
-                "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes{fallen}; its equations hold to a part of \
+                "{name}: cut across {edges} edges of its mesh, {copies} copies of nodes{work}{fallen}; its equations hold to a part of \
                  {error:.0e}\n"
             ))
         };

@@ -1,12 +1,43 @@
-//! Conditions under which a body can be cut.
+//! Settings of `cut`, `[body.NAME.effect.cut]`, and conditions under which a body can be cut.
 
+use crate::config;
 use crate::deform::{LINEAR, ModelEntry, ROTATION};
-use crate::effect::entry::{EffectEntry, ResolvedBody};
+use crate::effect::entry::{EffectEntry, ResolvedBody, Settings as AnySettings};
 use crate::fem::TET4;
 use crate::scene::{Body, LoadSource, Scene, SceneError};
+use serde::Deserialize;
+use std::sync::Arc;
 
 /// The effect's name in scenes.
 pub const NAME: &str = "cut";
+
+#[derive(Clone, Debug, Default, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Work that a new area of cut takes, J/m²; without it cutting takes no force.
+    pub toughness: f64,
+}
+
+impl Settings {
+    /// The settings of a scene's table. The error names a value that cannot be.
+    pub fn read(table: Option<&toml::Table>) -> Result<AnySettings, String> {
+        let settings: Settings = table.map_or_else(|| Ok(Settings::default()), config::from_table)?;
+        let toughness = settings.toughness;
+        if !(toughness.is_finite() && toughness >= 0.0) {
+            return Err(format!(
+                "toughness = {toughness} is no work for an area: write J/m², as 100.0 for soft tissue, or 0 for none"
+            ));
+        }
+        Ok(Arc::new(settings))
+    }
+
+    /// The settings of a body that lists the effect.
+    pub fn of(body: &ResolvedBody) -> Settings {
+        let listed = body.effects.iter().find(|listed| listed.entry.name == NAME);
+        let settings = listed.and_then(|listed| listed.settings.as_ref()?.downcast_ref());
+        settings.cloned().unwrap_or_default()
+    }
+}
 
 /// Models that are sums of columns in one frame, which those of the cut body replace.
 const CUT: [&ModelEntry; 2] = [&LINEAR, &ROTATION];

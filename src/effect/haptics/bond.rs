@@ -160,7 +160,7 @@ mod tests {
                 let axes = contact_axes(&normals[i].normalize());
                 let force = axes * Vector3::new(1.0 + i as f64, 0.1, -0.2);
                 let arm = Vector3::new(0.01 * i as f64, 0.02, -0.01 * (i * i) as f64);
-                TouchPoint { arm, axes, friction: 2.0, force, gap: 0.0 }
+                TouchPoint { arm, axes, friction: 2.0, force, gap: 0.0, limit: f64::INFINITY }
             })
             .collect();
         let compliance = |i: usize, j: usize| Matrix3::identity() * if i == j { 1.5e-3 } else { 5e-4 };

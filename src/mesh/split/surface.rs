@@ -152,6 +152,26 @@ impl Splitter {
         }
     }
 
+    /// Area of the cuts through a tetrahedron at rest, each counted once.
+    pub fn cut_area(&self, tet: u32, cut: &CutEdges) -> f64 {
+        let nodes = self.mesh.tets[tet as usize];
+        let group = self.groups(tet, cut);
+        let at = |a: usize, b: usize| {
+            let [x, y] = [a, b].map(|corner| &self.mesh.nodes[nodes[corner] as usize]);
+            x.lerp(y, share(cut, [nodes[a], nodes[b]]))
+        };
+        let area = |[a, b, c]: [Vector3<f64>; 3]| 0.5 * (b - a).cross(&(c - a)).norm();
+        if let Some([a, b, c, d]) = pairs(&group) {
+            let quad = [at(a, c), at(a, d), at(b, d), at(b, c)];
+            return area([quad[0], quad[1], quad[2]]) + area([quad[0], quad[2], quad[3]]);
+        }
+        let corner = |alone: usize| {
+            let others: Vec<usize> = (0..4).filter(|node| *node != alone).collect();
+            area([0, 1, 2].map(|k| at(alone, others[k])))
+        };
+        (0..4).filter(|node| is_single(&group, *node)).map(corner).sum()
+    }
+
     /// Place of a node or copy at rest.
     pub fn place(&self, split: &Split, node: u32) -> Vector3<f64> {
         self.mesh.nodes[split.original(node, self.mesh.nodes.len()) as usize]

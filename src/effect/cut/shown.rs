@@ -1,0 +1,85 @@
+//! The force of cutting: as an arrow with its newtons at the blade, and as hands with a force device feel it.
+
+use super::blade::Blade;
+use super::body::CutBody;
+use super::resistance::Resistance;
+use crate::base::plates::{Anchor, Plate};
+use crate::base::quantity::quantity;
+use crate::deform::{TouchPoint, TouchPotential, contact_axes};
+use crate::interact::force_arrow;
+use crate::render::{Arrow, Drawable};
+use crate::track::usable;
+use crate::world::{Frame, World};
+use nalgebra::{Isometry3, Matrix3, Point3};
+
+/// Radius of an arrow's shaft and length of the longest arrow, against the workspace's radius.
+const SHAFT: f64 = 0.012;
+const LONGEST: f64 = 0.6;
+/// Linear.
+const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
+
+/// Adds the force on a blade. The longest arrow is that of a blade whose whole edge cuts.
+pub fn force(
+    bodies: &[CutBody],
+    (number, blade, pose): (usize, &Blade, &Isometry3<f64>),
+    world: &World,
+    frame: &mut Frame,
+) {
+    for body in bodies {
+        let Some(resistance) = body.resistances.get(number) else { continue };
+        let scale = world.bodies[body.b].room_from_body.scaling();
+        let force = resistance.force(body.length());
+        if force <= 0.0 {
+            continue;
+        }
+        let place = pose * Point3::from(*resistance.at());
+        let full = body.toughness() * blade.length() / scale;
+        let radius_m = world.assets.stage.workspace.radius_m;
+        if let Some(arrow) = force_arrow(&place, &(-resistance.along() * force), full, LONGEST * radius_m) {
+            frame.drawables.push(Drawable::Arrow(Arrow {
+                from: arrow.from.cast(),
+                along: arrow.along.cast(),
+                radius_m: (SHAFT * radius_m) as f32,
+                color: COLOR,
+                through: true,
+            }));
+        }
+        let words = format!("{}: {}, error unknown", blade.name, quantity(force, "N"));
+        frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
+    }
+}
+
+/// A blade that a force device carries: its number and stylus, and room_from_stylus and room_from_blade.
+pub type Carried = (usize, usize, [Isometry3<f64>; 2]);
+
+/// The blades whose stylus a force device of the stage moves, where they are in a frame. The mouse's stylus starts at the eye, where its
+/// blade is not.
+pub fn carried<'a>(blades: &'a [Blade], world: &'a World) -> impl Iterator<Item = Carried> + 'a {
+    let stage = &world.assets.stage;
+    let names = stage.tracking.stylus_names();
+    blades.iter().enumerate().filter_map(move |(number, blade)| {
+        let stylus = blade.place.stylus?;
+        let name = names.get(stylus)?;
+        stage.haptics.iter().find(|device| device.stylus == *name)?;
+        let carrier = blade.place.carrier(world).filter(|stylus| !stylus.from_eye)?;
+        Some((number, stylus, [usable(&carrier.room_from_stylus)?, blade.place.pose(world)?]))
+    })
+}
+
+/// The resistance as a hand feels it until the next frame: it is pressed out within the length of an edge of the mesh, and yields at its
+/// limit. `scale` is the size of the body in the room against its own.
+pub fn touch(body: &CutBody, resistance: &Resistance, carried: Carried, scale: f64) -> TouchPotential {
+    let (_, stylus, [room_from_stylus, room_from_blade]) = carried;
+    let (limit, length) = (resistance.limit(), body.length());
+    let point = TouchPoint {
+        arm: room_from_blade.rotation * resistance.at(),
+        axes: contact_axes(resistance.along()),
+        friction: 0.0,
+        force: resistance.along() * resistance.force(length),
+        gap: resistance.gap() * scale,
+        limit,
+    };
+    let points = if limit > 0.0 { &[point][..] } else { &[] };
+    let soft = Matrix3::from_diagonal_element(length * scale / limit);
+    TouchPotential::new((stylus, room_from_stylus, room_from_blade), points, &|_, _| soft)
+}
