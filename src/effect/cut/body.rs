@@ -52,6 +52,8 @@ pub struct CutBody {
     seen: Option<Seen>,
     /// Places of all nodes in a shape, and the motion with which they were found.
     placed: Option<(Seen, Arc<Moved>, Vec<V3>)>,
+    /// Motion with which the last frame ended.
+    last: Arc<Moved>,
     /// The file that has the new surface, until the world takes it.
     remade: Option<Arc<GreenFile>>,
 }
@@ -139,6 +141,7 @@ impl CutBody {
             is_felt,
             resistances: vec![Resistance::default(); if toughness > 0.0 { blades } else { 0 }],
             shown: state.moved.clone(),
+            last: state.moved.clone(),
             pressed: Vec::new(),
             state,
             whole,
@@ -184,43 +187,46 @@ impl CutBody {
     }
 
     /// Places of all nodes in the room.
-    fn places(&self, seen: &Seen) -> Result<Vec<V3>, String> {
-        if let Some((of, moved, places)) = &self.placed
+    fn places(&self, seen: &Seen, moved: &Arc<Moved>) -> Result<Vec<V3>, String> {
+        if let Some((of, own, places)) = &self.placed
             && of == seen
-            && Arc::ptr_eq(moved, &self.state.moved)
+            && Arc::ptr_eq(own, moved)
         {
             return Ok(places.clone());
         }
         let forces: Vec<_> = seen.forces.iter().map(|at| (at.node, at.force)).collect();
         let shape = Shape { coefficients: &seen.coefficients, forces: &forces };
-        let at = self.whole.cuttable.places(&self.state.moved, &shape)?;
+        let at = self.whole.cuttable.places(moved, &shape)?;
         Ok(at.into_iter().map(|x| (seen.room_from_columns * Point3::from(x)).coords).collect())
     }
 
     /// Cuts what blades have passed through since the last frame; what each of them has done. The error says why nothing is cut.
     pub fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<Vec<Passed>, String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
-        if sweeps.is_empty() || (before == now && sweeps.iter().all(Sweep::is_still)) {
+        let last = std::mem::replace(&mut self.last, self.state.moved.clone());
+        // A cut that has opened moves what is not cut yet, too, and that through a blade.
+        let has_opened = !Arc::ptr_eq(&last, &self.state.moved);
+        let is_still = !has_opened && before == now;
+        if sweeps.is_empty() || (is_still && sweeps.iter().all(Sweep::is_still)) {
             return Ok(vec![Passed::default(); sweeps.len()]);
         }
-        let from = self.places(&before)?;
-        let to = if before == now { from.clone() } else { self.places(&now)? };
+        let from = self.places(&before, &last)?;
+        let to = if is_still { from.clone() } else { self.places(&now, &self.state.moved)? };
         self.placed = Some((now, self.state.moved.clone(), to.clone()));
         let mut cut = std::mem::take(&mut self.cut);
         let mut all = Vec::new();
         for sweep in sweeps {
             let mut passed = Passed::default();
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
-                if self.state.split.is_loose(edge[0]) {
+                if cut.contains_key(&edge) || self.state.split.is_loose(edge[0]) {
                     continue;
                 }
                 let before = self.area_around(edge, &cut);
-                if self.add(edge, share, &mut cut) {
-                    self.more.push((edge, share));
-                    passed.area += self.area_around(edge, &cut) - before;
-                    passed.places += to[edge[0] as usize].lerp(&to[edge[1] as usize], share);
-                    passed.count += 1;
-                }
+                cut.insert(edge, share);
+                self.more.push((edge, share));
+                passed.area += self.area_around(edge, &cut) - before;
+                passed.places += to[edge[0] as usize].lerp(&to[edge[1] as usize], share);
+                passed.count += 1;
             }
             all.push(passed);
         }
@@ -292,7 +298,7 @@ impl CutBody {
     fn come_off(&mut self, state: &State) -> Result<(), String> {
         let mut pieces = Fallen::all(&self.whole.cuttable, (&state.split, &state.cut), &self.state.split);
         let Some(seen) = self.seen.clone().filter(|_| !pieces.is_empty()) else { return Ok(()) };
-        let places = self.places(&seen)?;
+        let places = self.places(&seen, &self.state.moved)?;
         let mesh = &self.whole.cuttable.splitter.mesh;
         for piece in &mut pieces {
             let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.centre;
@@ -348,6 +354,7 @@ impl CutBody {
         self.undone.push(undone);
         self.cut.clone_from(&state.cut);
         self.fallen.retain(|piece| state.split.is_loose(piece.node()));
+        self.last = state.moved.clone();
         self.go_to(state);
     }
 
@@ -371,20 +378,6 @@ impl CutBody {
             let asked = (step, self.cut.clone(), self.pressed.clone());
             self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
         }
-    }
-
-    /// Adds an edge to a cut; false where it is cut already, or a tetrahedron would fall into its four corners.
-    fn add(&self, edge: [u32; 2], share: f64, cut: &mut CutEdges) -> bool {
-        if cut.contains_key(&edge) {
-            return false;
-        }
-        cut.insert(edge, share);
-        let splitter = &self.whole.cuttable.splitter;
-        let shatters = splitter.tets_around(edge[0]).iter().any(|tet| splitter.shatters(*tet, cut));
-        if shatters {
-            cut.remove(&edge);
-        }
-        !shatters
     }
 
     pub fn remember(&self) -> BodyMemory {
@@ -419,6 +412,7 @@ impl CutBody {
         if gone.is_err() {
             self.close()?;
         }
+        self.last = self.state.moved.clone();
         gone
     }
 
@@ -489,7 +483,7 @@ impl CutBody {
         let mut cut = std::mem::take(&mut self.cut);
         for (edge, share) in step {
             let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
-            if !is_edge || !self.add(*edge, *share, &mut cut) {
+            if !is_edge || cut.insert(*edge, *share).is_some() {
                 return Err(format!("body.{}: its cut is that of another body", self.whole.name));
             }
         }

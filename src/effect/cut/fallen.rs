@@ -92,6 +92,12 @@ impl Fallen {
         Fallen { nodes, drawn, middle, solid: Solid { corners, inertia }, motion }
     }
 
+    /// kg; 0 without gravity.
+    #[cfg(test)]
+    pub fn mass(&self) -> f64 {
+        self.solid.inertia.map_or(0.0, |inertia| inertia.mass)
+    }
+
     pub fn node(&self) -> u32 {
         self.nodes.first().copied().unwrap_or(u32::MAX)
     }

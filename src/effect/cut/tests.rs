@@ -1,3 +1,4 @@
+use super::fallen::Fallen;
 use super::opened::{Cuttable, Known, Shape, Tables};
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4, tet4};
@@ -112,14 +113,7 @@ fn a_cut_body_is_the_body_solved_anew() {
             x.y > middle.y + deep * 0.5 && x.x < high.x - 0.05
         });
         for (edge, share) in more {
-            let had = cut.insert(edge, share);
-            let around = cuttable.splitter.tets_around(edge[0]);
-            if around.iter().any(|tet| cuttable.splitter.shatters(*tet, &cut)) {
-                match had {
-                    Some(share) => cut.insert(edge, share),
-                    None => cut.remove(&edge),
-                };
-            }
+            cut.insert(edge, share);
         }
         let split = cuttable.split(&cut);
         let points = cuttable.splitter.surface(&split, &cut);
@@ -404,4 +398,34 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
         assert!(new.triangles.len() > 100 && taking.nodes().len() > 50);
         known = opened.known;
     }
+}
+
+/// A corner of the block that a single tetrahedron has: it comes off with a part of the tetrahedron's volume, and the rest hardly changes.
+#[test]
+fn a_piece_of_one_tetrahedron_comes_off() {
+    let mut volume = bar([8, 4, 3]);
+    volume.held.truncate(1);
+    volume.density = vec![1000.0; volume.mesh.tets.len()];
+    volume.forces = DMatrix::zeros(3 * volume.mesh.nodes.len(), 3);
+    let (stiffness, _) = anew(&volume.mesh, &volume.lame, &volume.held, &controls(&volume));
+    let weight = Some([DMatrix::zeros(FIELDS, 3), DMatrix::zeros(3, 3)]);
+    let tables = Tables { stiffness: stiffness.clone(), weight, takes_points: true };
+    let cuttable = Cuttable::new(volume.clone(), &["a"], V3::zeros(), tables).unwrap();
+    let splitter = &cuttable.splitter;
+    let is_corner = |node: &u32| splitter.tets_around(*node).len() == 1 && !volume.held[0].contains(node);
+    let node = (0..volume.mesh.nodes.len() as u32).find(is_corner).unwrap();
+    let tet = splitter.tets_around(node)[0];
+    let share = |other: u32| if node < other { 0.3 } else { 0.7 };
+    let others = volume.mesh.tets[tet as usize].into_iter().filter(|other| *other != node);
+    let cut: CutEdges = others.map(|other| (edge([node, other]), share(other))).collect();
+    let split = cuttable.split(&cut);
+    let points = splitter.surface(&split, &cut);
+    let opened = cuttable.open(&Known::default(), &split, &points).unwrap();
+    let changed = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
+    let pieces = Fallen::all(&cuttable, (&split, &cut), &Split::default());
+    let mass = cuttable.mass(tet) * 0.3_f64.powi(3);
+    println!("{} copies, stiffness changed by {changed:e}, {mass} kg", split.copies.len());
+    assert!(pieces.len() == 1 && pieces[0].nodes == [node] && changed < 0.01);
+    assert!((pieces[0].mass() / mass - 1.0).abs() < 1e-12, "{} kg of {mass} kg", pieces[0].mass());
+    assert!(opened.error < 1e-12, "{:e}", opened.error);
 }

@@ -120,9 +120,14 @@ impl Splitter {
         group
     }
 
-    /// Whether a tetrahedron would fall into four pieces: its four corners, without what lies between them.
-    pub fn shatters(&self, tet: u32, cut: &CutEdges) -> bool {
-        self.groups(tet, cut) == [0, 1, 2, 3]
+    /// Where all four corners of a tetrahedron are cut off, the one with which the middle goes: the one that would be the largest.
+    pub(super) fn middle_of(&self, tet: u32, group: &[usize; 4], cut: &CutEdges) -> Option<usize> {
+        let nodes = self.mesh.tets[tet as usize];
+        let size = |a: &usize| -> f64 {
+            (0..4).filter(|b| b != a).map(|b| share(cut, [nodes[*a], nodes[b]])).product()
+        };
+        let larger = |a: usize, b: usize| if size(&b) > size(&a) { b } else { a };
+        (0..4).reduce(larger).filter(|_| *group == [0, 1, 2, 3])
     }
 
     /// The mesh after these cuts, with the control element that holds each node. A piece with nodes of its own that an element holds goes
@@ -172,12 +177,13 @@ impl Splitter {
             return shares.map(Into::into);
         }
         let mut rest = whole;
-        for a in (0..4).filter(|a| is_single(group, *a)) {
+        let with_middle = self.middle_of(tet, group, cut);
+        for a in (0..4).filter(|a| is_single(group, *a) && with_middle != Some(*a)) {
             let around: Vec<usize> = (0..4).filter(|other| *other != a).collect();
             shares[a] = share_of(&[corner(a), on(a, around[0]), on(a, around[1]), on(a, around[2])]);
             rest -= shares[a];
         }
-        if let Some(other) = (0..4).find(|node| !is_single(group, *node)) {
+        if let Some(other) = with_middle.or_else(|| (0..4).find(|node| !is_single(group, *node))) {
             shares[group[other]] = rest;
         }
         shares.map(Into::into)

@@ -72,6 +72,8 @@ impl Splitter {
     fn face_of(&self, piece: &Piece, face: [usize; 3], cut: &CutEdges, points: &mut Points) -> Vec<u32> {
         let nodes = self.mesh.tets[piece.tet as usize];
         let group = self.groups(piece.tet, cut);
+        let middle = self.middle_of(piece.tet, &group, cut);
+        let is_rest = is_rest(piece, &group, middle);
         let mut polygon = Vec::new();
         for k in 0..3 {
             let (a, b) = (face[k], face[(k + 1) % 3]);
@@ -88,11 +90,12 @@ impl Splitter {
                 }
                 (false, true) => point(points),
                 // Between two corners that are cut off what is left of the face reaches to the cut.
-                (false, false) if group[a] != group[b] && self.is_rest(piece, &group) => point(points),
+                (false, false) if group[a] != group[b] && is_rest => point(points),
                 (false, false) => {}
             }
         }
-        if face.iter().any(|corner| piece.own[*corner]) { polygon } else { Vec::new() }
+        let has_middle = is_rest && polygon.len() == 3 && middle.is_some();
+        if has_middle || face.iter().any(|corner| piece.own[*corner]) { polygon } else { Vec::new() }
     }
 
     /// The triangle between the cuts of all three edges of a face, with the points of the piece to which it belongs; `None` where an edge is
@@ -113,19 +116,14 @@ impl Splitter {
         }
         // It belongs to what is left when the corners are cut off.
         let group = self.groups(tet, cut);
-        let rest = (0..3).find(|k| {
-            !is_single(&group, face[*k]) || (0..3).any(|o| o != *k && group[face[o]] == group[face[*k]])
+        let rest = face.into_iter().find(|corner| {
+            !is_single(&group, *corner) || face.iter().any(|o| o != corner && group[*o] == group[*corner])
         });
-        let piece = split.pieces[own].iter().find(|piece| piece.own[face[rest.unwrap_or(0)]])?;
+        let rest = self.middle_of(tet, &group, cut).or(rest).unwrap_or(face[0]);
+        let piece = split.pieces[own].iter().find(|piece| piece.own[rest])?;
         Some(
             sides.map(|[a, b]| points.at([piece.nodes[a], piece.nodes[b]], share(cut, [nodes[a], nodes[b]]))),
         )
-    }
-
-    /// Whether a piece is what two cut-off corners leave of a tetrahedron.
-    fn is_rest(&self, piece: &Piece, group: &[usize; 4]) -> bool {
-        let groups = (0..4).filter(|node| group[*node] == *node).count();
-        groups == 3 && piece.own.iter().filter(|own| **own).count() == 2
     }
 
     /// Adds the sides of a piece towards the other pieces of its tetrahedron.
@@ -141,11 +139,12 @@ impl Splitter {
             triangles.extend(if piece.own[a] { sides } else { sides.map(turned) });
             return;
         }
-        for alone in (0..4).filter(|node| is_single(&group, *node)) {
+        let middle = self.middle_of(piece.tet, &group, cut);
+        for alone in (0..4).filter(|node| is_single(&group, *node) && middle != Some(*node)) {
             let others: Vec<usize> = (0..4).filter(|node| *node != alone).collect();
             let [a, b, c, d] = seen_from_outside([alone, others[0], others[1], others[2]]);
             let own = piece.own[a];
-            if own || piece.own.iter().filter(|own| **own).count() > 1 {
+            if own || is_rest(piece, &group, middle) || piece.own.iter().filter(|own| **own).count() > 1 {
                 let side = [at(a, b), at(a, c), at(a, d)];
                 triangles.push(if own { side } else { turned(side) });
             }
@@ -169,13 +168,21 @@ impl Splitter {
             let others: Vec<usize> = (0..4).filter(|node| *node != alone).collect();
             area([0, 1, 2].map(|k| at(alone, others[k])))
         };
-        (0..4).filter(|node| is_single(&group, *node)).map(corner).sum()
+        let middle = self.middle_of(tet, &group, cut);
+        (0..4).filter(|node| is_single(&group, *node) && middle != Some(*node)).map(corner).sum()
     }
 
     /// Place of a node or copy at rest.
     pub fn place(&self, split: &Split, node: u32) -> Vector3<f64> {
         self.mesh.nodes[split.original(node, self.mesh.nodes.len()) as usize]
     }
+}
+
+/// Whether a piece is what two or three cut-off corners leave of a tetrahedron.
+fn is_rest(piece: &Piece, group: &[usize; 4], middle: Option<usize>) -> bool {
+    let groups = (0..4).filter(|node| group[*node] == *node).count();
+    let of_pair = groups == 3 && piece.own.iter().filter(|own| **own).count() == 2;
+    of_pair || middle.is_some_and(|node| piece.own[node])
 }
 
 /// Points of the cut surface as they are found.
